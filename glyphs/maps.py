@@ -1,0 +1,157 @@
+"""Value types of a surface and of what touch makes of it.
+
+The *plate frame*, used everywhere a surface is meant::
+
+      +----------> x_mm   (columns; trace direction 0 deg runs this way)
+      |
+      |    row 0 is the top of the part as a reader sees it
+      v
+     y_mm                 (rows;    trace direction 90 deg runs this way)
+
+    z_mm points out of the plate, towards the reader; a sunk groove is negative, the land is about zero.
+
+Pixel (row r, column c) has its centre at x = c * pitch, y = r * pitch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAX_PIXELS = 64_000_000
+"""Largest map accepted anywhere: 8000 x 8000, a quarter of a gigabyte as float32."""
+
+
+class MapError(ValueError):
+    """A map that cannot be one: its message says what is wrong and how to mend it."""
+
+
+class TraceDirection(IntEnum):
+    """Direction in which a whisker is dragged, in degrees of the plate frame (0 = +x, 90 = +y)."""
+
+    FORWARD_X = 0
+    FORWARD_Y = 90
+    BACK_X = 180
+    BACK_Y = 270
+
+    @property
+    def along_x(self) -> bool:
+        """Whether the trace runs along the rows (x), either way."""
+        return self in (TraceDirection.FORWARD_X, TraceDirection.BACK_X)
+
+    @property
+    def backward(self) -> bool:
+        """Whether the trace runs towards smaller coordinates."""
+        return self in (TraceDirection.BACK_X, TraceDirection.BACK_Y)
+
+
+def _read_only(array: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
+    """A contiguous read-only array of the dtype; copied unless it is one already."""
+    out = np.ascontiguousarray(array, dtype=dtype)
+    if out.flags.writeable:
+        out = out.copy() if out is array else out
+        out.flags.writeable = False
+    return out
+
+
+def _check_pitch(pitch_mm: float) -> float:
+    pitch = float(pitch_mm)
+    if not np.isfinite(pitch) or pitch <= 0.0:
+        raise MapError(f"pitch_mm is {pitch_mm}; it must be a positive number of millimetres")
+    return pitch
+
+
+@dataclass(frozen=True, eq=False)
+class HeightMap:
+    """Heights of a surface on a square grid.
+
+    Attributes:
+        z_mm: (rows, cols) float32, mm, read-only; NaN marks a dropout. At least 2 x 2, some of it finite.
+        pitch_mm: distance of neighbouring samples, mm, both axes.
+
+    Raises:
+        MapError: wrong shape or type, no finite height, infinite heights, pitch not positive, too large.
+    """
+
+    z_mm: NDArray[np.float32]
+    pitch_mm: float
+
+    def __post_init__(self) -> None:
+        array = np.asarray(self.z_mm)
+        if array.dtype.kind not in "fiu":
+            raise MapError(f"heights are of type {array.dtype}; they must be real numbers in mm")
+        if array.ndim != 2 or min(array.shape) < 2:
+            raise MapError(f"heights have shape {array.shape}; a map has rows and columns, at least 2 x 2")
+        if array.size > MAX_PIXELS:
+            raise MapError(
+                f"{array.shape[0]} x {array.shape[1]} samples exceed the limit of {MAX_PIXELS:,}; crop or thin the map"
+            )
+        z = _read_only(array, np.float32)
+        if np.isinf(z).any():
+            raise MapError("heights contain infinities; mark bad points as NaN")
+        if not np.isfinite(z).any():
+            raise MapError("no finite height in the map; every point is a dropout")
+        object.__setattr__(self, "z_mm", z)
+        object.__setattr__(self, "pitch_mm", _check_pitch(self.pitch_mm))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols)."""
+        return (self.z_mm.shape[0], self.z_mm.shape[1])
+
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """Extent (width along x, height along y), mm, from first to last sample."""
+        rows, cols = self.shape
+        return ((cols - 1) * self.pitch_mm, (rows - 1) * self.pitch_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeMap:
+    """Signed edge enhancement, one layer per trace direction: m / m_land - 1 on a square grid.
+
+    A land sample is 0; +0.16 means that the moment stood 16 % above the land's. By physics.md the value is
+    (1 + h/d0) * F(slope, mu) - 1: the profile and the step of the paper's eq. (16) together.
+
+    Attributes:
+        enhancement: (directions, rows, cols) float32, dimensionless, read-only; 0 where not valid.
+        directions: trace direction of each layer, no duplicates.
+        valid: (rows, cols) bool: every layer felt this place.
+        pitch_mm: grid pitch, mm.
+        origin_mm: plate-frame (x, y) of pixel (0, 0), mm.
+
+    Raises:
+        MapError: shapes that do not agree, values not finite, pitch not positive.
+    """
+
+    enhancement: NDArray[np.float32]
+    directions: tuple[TraceDirection, ...]
+    valid: NDArray[np.bool_]
+    pitch_mm: float
+    origin_mm: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        e = _read_only(np.asarray(self.enhancement), np.float32)
+        valid = _read_only(np.asarray(self.valid), np.bool_)
+        directions = tuple(TraceDirection(d) for d in self.directions)
+        if e.ndim != 3 or e.shape[0] != len(directions) or e.shape[1:] != valid.shape:
+            raise MapError(
+                f"enhancement {e.shape}, {len(directions)} directions and validity {valid.shape} do not agree"
+            )
+        if len(set(directions)) != len(directions) or not directions:
+            raise MapError("an edge map has at least one trace direction, each at most once")
+        if not np.isfinite(e).all():
+            raise MapError("enhancement must be finite; clear `valid` where nothing was felt")
+        object.__setattr__(self, "enhancement", e)
+        object.__setattr__(self, "valid", valid)
+        object.__setattr__(self, "directions", directions)
+        object.__setattr__(self, "pitch_mm", _check_pitch(self.pitch_mm))
+        object.__setattr__(self, "origin_mm", (float(self.origin_mm[0]), float(self.origin_mm[1])))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols) of one layer."""
+        return (self.valid.shape[0], self.valid.shape[1])

@@ -1,0 +1,1 @@
+"""Composition and the outside world: files, settings, batch runs and the command line."""

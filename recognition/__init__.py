@@ -1,0 +1,1 @@
+"""Meaning: predicted templates, localisation, matching and the reading of a serial."""

@@ -1,0 +1,140 @@
+"""What a reader says of one part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Flag, StrEnum, auto
+from types import MappingProxyType
+
+
+class Decision(StrEnum):
+    """What to do with a reading."""
+
+    ACCEPT = "accept"
+    REVIEW = "review"
+    REJECT = "reject"
+
+
+class ReadingFlag(Flag):
+    """What a person should know about a reading; none set is an untroubled one."""
+
+    NONE = 0
+    NO_CHARACTERS = auto()
+    FORMAT_NOT_MET = auto()
+    LOW_CONFIDENCE = auto()
+    AMBIGUOUS = auto()
+    CONTACT_LOST = auto()
+    JAMMED = auto()
+    OUT_OF_RANGE = auto()
+    DROPOUTS = auto()
+
+    def messages(self) -> tuple[str, ...]:
+        """The flags in words."""
+        return tuple(text for flag, text in _MESSAGES.items() if flag in self)
+
+
+_MESSAGES = {
+    ReadingFlag.NO_CHARACTERS: "no characters were found",
+    ReadingFlag.FORMAT_NOT_MET: "the line does not fit the format given",
+    ReadingFlag.LOW_CONFIDENCE: "a character is uncertain",
+    ReadingFlag.AMBIGUOUS: "two characters answer a place almost equally well",
+    ReadingFlag.CONTACT_LOST: "the tip left the surface in places (raise the preload)",
+    ReadingFlag.JAMMED: "the tip jammed on walls in places (lower k = l2/l1)",
+    ReadingFlag.OUT_OF_RANGE: "the moment left the converter's range in places",
+    ReadingFlag.DROPOUTS: "parts of the map are dropouts",
+}
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of the plate frame, mm."""
+
+    x0_mm: float
+    y0_mm: float
+    x1_mm: float
+    y1_mm: float
+
+    def __post_init__(self) -> None:
+        if self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm:
+            raise ValueError(f"box {self} runs backwards")
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One answer for one place: the character, its correlation with the template, its share of belief."""
+
+    char: str
+    score: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class CharacterReading:
+    """One place of the line.
+
+    Attributes:
+        candidates: best first, at least one.
+        box: where it stands (axis-parallel hull of the possibly rotated cell), mm.
+    """
+
+    candidates: tuple[Candidate, ...]
+    box: Box
+
+    def __post_init__(self) -> None:
+        if not self.candidates:
+            raise ValueError("a character has at least one candidate")
+
+    @property
+    def char(self) -> str:
+        """The best candidate."""
+        return self.candidates[0].char
+
+    @property
+    def confidence(self) -> float:
+        """Belief in the best candidate, 0 to 1."""
+        return self.candidates[0].probability
+
+    @property
+    def margin(self) -> float:
+        """Belief in the first less belief in the second candidate."""
+        if len(self.candidates) < 2:
+            return self.candidates[0].probability
+        return self.candidates[0].probability - self.candidates[1].probability
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The reading of one part.
+
+    Attributes:
+        characters: left to right as read; empty when none were found.
+        decision: accept, review or reject.
+        confidence: probability that the whole text is right, 0 to 1.
+        flags: what to know about it.
+        font: font whose templates answered best.
+        height_mm: character height found.
+        rotation_deg: of the line, from +x towards +y.
+        raised: raised marks rather than sunk.
+        box: the whole line; None when none was found.
+        source: "tactile", "vision" or "fused".
+        seconds: where the time went, by step.
+    """
+
+    characters: tuple[CharacterReading, ...]
+    decision: Decision
+    confidence: float
+    flags: ReadingFlag = ReadingFlag.NONE
+    font: str = ""
+    height_mm: float = 0.0
+    rotation_deg: float = 0.0
+    raised: bool = False
+    box: Box | None = None
+    source: str = "tactile"
+    spaces_after: frozenset[int] = frozenset()
+    seconds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def text(self) -> str:
+        """The serial; a space where the line has a word gap."""
+        return "".join(c.char + (" " if i in self.spaces_after else "") for i, c in enumerate(self.characters))

@@ -1,0 +1,324 @@
+"""What a whisker is made of: its material and its cross-section.
+
+Directions of a section, looking along the whisker (the whisker bends in the vertical plane, y is up)::
+
+            ^ vertical
+            |              Rectangle: thickness_mm is the vertical side (thin, the soft direction),
+       +---------+                    width_mm the lateral side (wide, the stiff direction):
+       |    +----|--> lateral (z)     a ribbon lying flat, as soft up and down as it is stiff sideways.
+       +---------+
+
+Units are mm and N: moduli are in MPa = N/mm^2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+_SUM_ODD_FIFTH_POWERS = 1.0045237627951384
+"""1 + 1/3^5 + 1/5^5 + ... = 31/32 zeta(5)."""
+
+
+class SectionError(ValueError):
+    """A material or section that cannot be one: its message says what is wrong and how to mend it."""
+
+
+def _positive(name: str, value: float) -> float:
+    number = float(value)
+    if not math.isfinite(number) or number <= 0.0:
+        raise SectionError(f"{name} is {value}; it must be a positive number")
+    return number
+
+
+@dataclass(frozen=True)
+class Material:
+    """An isotropic, linearly elastic material.
+
+    Attributes:
+        name: what it is called.
+        e_mpa: Young's modulus, MPa.
+        poisson: Poisson's ratio, 0 <= nu < 0.5.
+        density_g_cm3: density, g/cm^3.
+        yield_mpa: yield stress in bending, MPa.
+
+    Raises:
+        SectionError: a constant that is not positive, or a Poisson's ratio outside 0 to 0.5.
+    """
+
+    name: str
+    e_mpa: float
+    poisson: float
+    density_g_cm3: float
+    yield_mpa: float
+
+    def __post_init__(self) -> None:
+        for field in ("e_mpa", "density_g_cm3", "yield_mpa"):
+            object.__setattr__(self, field, _positive(field, getattr(self, field)))
+        if not 0.0 <= self.poisson < 0.5:
+            raise SectionError(f"poisson is {self.poisson}; it must lie between 0 and 0.5 (steel: 0.29)")
+
+    @property
+    def g_mpa(self) -> float:
+        """Shear modulus G = E / (2 (1 + nu)), MPa."""
+        return self.e_mpa / (2.0 * (1.0 + self.poisson))
+
+    @property
+    def density_t_mm3(self) -> float:
+        """Density in tonne/mm^3, the mass unit that goes with N, mm and s."""
+        return self.density_g_cm3 * 1e-9
+
+
+MUSIC_WIRE = Material("music wire", e_mpa=200_000.0, poisson=0.29, density_g_cm3=7.8, yield_mpa=2000.0)
+"""Patented spring steel wire (physics.md: E 190 to 210 GPa, nu 0.29, 7.8 g/cm^3, about 2000 MPa)."""
+
+
+class Section(Protocol):
+    """What the beam needs to know of a cross-section; any frozen class with these members will do."""
+
+    @property
+    def area_mm2(self) -> float:
+        """Area, mm^2."""
+
+    @property
+    def i_vertical_mm4(self) -> float:
+        """Second moment for bending in the vertical plane of the whisker (about the lateral axis), mm^4."""
+
+    @property
+    def i_lateral_mm4(self) -> float:
+        """Second moment for bending sideways (about the in-plane axis across the beam), mm^4."""
+
+    @property
+    def j_mm4(self) -> float:
+        """St. Venant torsion constant, mm^4."""
+
+    @property
+    def c_vertical_mm(self) -> float:
+        """Distance from the lateral axis to the outer fibre, mm."""
+
+    @property
+    def c_lateral_mm(self) -> float:
+        """Half of the lateral extent, mm."""
+
+    def scaled(self, factor: float) -> Section:
+        """The same shape with every dimension multiplied by the factor."""
+
+    def blend(self, other: Section, t: float) -> Section:
+        """Linear mixture of the dimensions: self at t = 0, the other section (of the same kind) at t = 1."""
+
+
+def _mix(a: float, b: float, t: float) -> float:
+    return (1.0 - t) * a + t * b
+
+
+def _kinds_differ(a: Section, b: Section) -> SectionError:
+    return SectionError(
+        f"cannot taper from {type(a).__name__} to {type(b).__name__}; both ends must be of the same kind"
+    )
+
+
+@dataclass(frozen=True)
+class Round:
+    """Solid round wire.
+
+    Attributes:
+        diameter_mm: wire diameter, mm.
+    """
+
+    diameter_mm: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "diameter_mm", _positive("diameter_mm", self.diameter_mm))
+
+    @property
+    def area_mm2(self) -> float:
+        """pi d^2 / 4, mm^2."""
+        return math.pi * self.diameter_mm**2 / 4.0
+
+    @property
+    def i_vertical_mm4(self) -> float:
+        """pi d^4 / 64, mm^4."""
+        return math.pi * self.diameter_mm**4 / 64.0
+
+    @property
+    def i_lateral_mm4(self) -> float:
+        """The same as vertical: round wire is as soft sideways as it is up and down."""
+        return self.i_vertical_mm4
+
+    @property
+    def j_mm4(self) -> float:
+        """pi d^4 / 32, mm^4."""
+        return 2.0 * self.i_vertical_mm4
+
+    @property
+    def c_vertical_mm(self) -> float:
+        """d / 2, mm."""
+        return self.diameter_mm / 2.0
+
+    @property
+    def c_lateral_mm(self) -> float:
+        """d / 2, mm."""
+        return self.diameter_mm / 2.0
+
+    def scaled(self, factor: float) -> Round:
+        """Wire of factor times the diameter."""
+        return Round(self.diameter_mm * factor)
+
+    def blend(self, other: Section, t: float) -> Round:
+        """Diameter mixed linearly; SectionError if the other is no Round."""
+        if not isinstance(other, Round):
+            raise _kinds_differ(self, other)
+        return Round(_mix(self.diameter_mm, other.diameter_mm, t))
+
+
+@dataclass(frozen=True)
+class Tube:
+    """Round tube, e.g. hypodermic tubing.
+
+    Attributes:
+        outer_mm: outer diameter, mm.
+        inner_mm: inner diameter, mm, 0 <= inner < outer.
+    """
+
+    outer_mm: float
+    inner_mm: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outer_mm", _positive("outer_mm", self.outer_mm))
+        if not 0.0 <= self.inner_mm < self.outer_mm:
+            raise SectionError(
+                f"inner_mm is {self.inner_mm}; it must be at least 0 and below outer_mm = {self.outer_mm}"
+            )
+
+    @property
+    def area_mm2(self) -> float:
+        """pi (D^2 - d^2) / 4, mm^2."""
+        return math.pi * (self.outer_mm**2 - self.inner_mm**2) / 4.0
+
+    @property
+    def i_vertical_mm4(self) -> float:
+        """pi (D^4 - d^4) / 64, mm^4."""
+        return math.pi * (self.outer_mm**4 - self.inner_mm**4) / 64.0
+
+    @property
+    def i_lateral_mm4(self) -> float:
+        """The same as vertical."""
+        return self.i_vertical_mm4
+
+    @property
+    def j_mm4(self) -> float:
+        """pi (D^4 - d^4) / 32, mm^4."""
+        return 2.0 * self.i_vertical_mm4
+
+    @property
+    def c_vertical_mm(self) -> float:
+        """D / 2, mm."""
+        return self.outer_mm / 2.0
+
+    @property
+    def c_lateral_mm(self) -> float:
+        """D / 2, mm."""
+        return self.outer_mm / 2.0
+
+    def scaled(self, factor: float) -> Tube:
+        """Tube of factor times both diameters."""
+        return Tube(self.outer_mm * factor, self.inner_mm * factor)
+
+    def blend(self, other: Section, t: float) -> Tube:
+        """Both diameters mixed linearly; SectionError if the other is no Tube."""
+        if not isinstance(other, Tube):
+            raise _kinds_differ(self, other)
+        return Tube(_mix(self.outer_mm, other.outer_mm, t), _mix(self.inner_mm, other.inner_mm, t))
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """Rectangular section; with width_mm well above thickness_mm it is a ribbon.
+
+    Attributes:
+        thickness_mm: side in the bending plane of the whisker (vertical), mm.
+        width_mm: lateral side, mm.
+    """
+
+    thickness_mm: float
+    width_mm: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "thickness_mm", _positive("thickness_mm", self.thickness_mm))
+        object.__setattr__(self, "width_mm", _positive("width_mm", self.width_mm))
+
+    @property
+    def area_mm2(self) -> float:
+        """t w, mm^2."""
+        return self.thickness_mm * self.width_mm
+
+    @property
+    def i_vertical_mm4(self) -> float:
+        """w t^3 / 12, mm^4."""
+        return self.width_mm * self.thickness_mm**3 / 12.0
+
+    @property
+    def i_lateral_mm4(self) -> float:
+        """t w^3 / 12, mm^4."""
+        return self.thickness_mm * self.width_mm**3 / 12.0
+
+    @property
+    def j_mm4(self) -> float:
+        """Torsion constant by St. Venant's series (Timoshenko and Goodier, Theory of Elasticity, art. 109).
+
+        J = a b^3 / 3 [1 - 192 b / (pi^5 a) sum over odd n of tanh(n pi a / 2b) / n^5], a >= b, mm^4. The sum is
+        taken as its limit for a long section minus a remainder falling as exp(-n pi a / b): exact to rounding.
+        """
+        a = max(self.thickness_mm, self.width_mm)
+        b = min(self.thickness_mm, self.width_mm)
+        remainder = sum(
+            2.0 / (math.exp(min(n * math.pi * a / b, 700.0)) + 1.0) / n**5 for n in range(1, 16, 2)
+        )
+        total = _SUM_ODD_FIFTH_POWERS - remainder
+        return a * b**3 / 3.0 * (1.0 - 192.0 * b / (math.pi**5 * a) * total)
+
+    @property
+    def c_vertical_mm(self) -> float:
+        """t / 2, mm."""
+        return self.thickness_mm / 2.0
+
+    @property
+    def c_lateral_mm(self) -> float:
+        """w / 2, mm."""
+        return self.width_mm / 2.0
+
+    def scaled(self, factor: float) -> Rectangle:
+        """Rectangle of factor times both sides."""
+        return Rectangle(self.thickness_mm * factor, self.width_mm * factor)
+
+    def blend(self, other: Section, t: float) -> Rectangle:
+        """Both sides mixed linearly; SectionError if the other is no Rectangle."""
+        if not isinstance(other, Rectangle):
+            raise _kinds_differ(self, other)
+        return Rectangle(
+            _mix(self.thickness_mm, other.thickness_mm, t), _mix(self.width_mm, other.width_mm, t)
+        )
+
+
+@dataclass(frozen=True)
+class Taper:
+    """A section whose dimensions vary linearly along a segment.
+
+    Attributes:
+        start: section at the end nearer the base.
+        end: section at the end nearer the tip, of the same kind.
+
+    Raises:
+        SectionError: the two ends are of different kinds.
+    """
+
+    start: Section
+    end: Section
+
+    def __post_init__(self) -> None:
+        self.start.blend(self.end, 0.5)
+
+
+SectionLike: TypeAlias = Section | Taper
+"""A constant section or a tapering one."""

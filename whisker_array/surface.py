@@ -1,0 +1,258 @@
+"""The surface as a ball tip feels it: dropouts filled, dilated by the tip, with slopes and friction beside.
+
+A ball of radius r resting on z(x) has its lowest point at the *dilated* height (ISO 16610-41, the tip's
+morphological closing of valleys)::
+
+            ___                h_d(x) = max over |u| <= r of  z(x + u) + sqrt(r^2 - u^2) - r
+           /   \\
+    ------(  r  )------        a groove narrower than the ball is felt shallower than it is,
+          .\\_._/.              a ridge wider by the ball.
+    _____/  h_d  \\____
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from glyphs.maps import HeightMap, MapError, TraceDirection
+
+
+@dataclass(frozen=True, eq=False)
+class TouchSurface:
+    """What a trace needs of a surface, sample by sample, in the plate frame.
+
+    Attributes:
+        fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, friction coefficient.
+        dropout: (rows, cols) bool: the height there was measured by nobody and filled from around.
+        pitch_mm: grid pitch, mm.
+    """
+
+    fields: NDArray[np.float32]
+    dropout: NDArray[np.bool_]
+    pitch_mm: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols)."""
+        return (self.fields.shape[0], self.fields.shape[1])
+
+
+def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Fill NaN from the nearest measured neighbours; returns the filled heights and where they were filled.
+
+    The nearest value, then a few local averages inside the holes only, so that a hole has no step at its rim.
+    """
+    dropout = np.isnan(z_mm)
+    if not dropout.any():
+        return z_mm, dropout
+    from scipy import ndimage
+
+    rows, cols = ndimage.distance_transform_edt(dropout, return_distances=False, return_indices=True)
+    filled = z_mm[rows, cols]
+    for _ in range(4):
+        smooth = ndimage.uniform_filter(filled, size=5, mode="nearest")
+        filled = np.where(dropout, smooth, filled)
+    return np.ascontiguousarray(filled, dtype=np.float32), dropout
+
+
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+def _dilate(z, drow, dcol, lift):  # type: ignore[no-untyped-def]
+    rows, cols = z.shape
+    out = np.empty_like(z)
+    for r in prange(rows):
+        for c in range(cols):
+            best = z[r, c]
+            for k in range(drow.size):
+                rr = min(max(r + drow[k], 0), rows - 1)
+                cc = min(max(c + dcol[k], 0), cols - 1)
+                value = z[rr, cc] + lift[k]
+                if value > best:
+                    best = value
+            out[r, c] = best
+    return out
+
+
+def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
+    """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
+
+    A radius below half a pitch leaves the surface as it is. The ball is evaluated at the grid's own offsets, so
+    its bottom is exact and its flank is sampled.
+    """
+    if radius_mm < 0.0 or not np.isfinite(radius_mm):
+        raise ValueError(f"tip radius_mm is {radius_mm}; it must be zero or positive")
+    reach = int(np.floor(radius_mm / pitch_mm))
+    if reach < 1:
+        return z_mm
+    if reach > 60:
+        raise ValueError(
+            f"a tip of {radius_mm} mm spans {reach} samples of {pitch_mm} mm; thin the map or use a finer tip"
+        )
+    offsets = np.arange(-reach, reach + 1)
+    drow, dcol = (a.ravel() for a in np.meshgrid(offsets, offsets, indexing="ij"))
+    square = radius_mm**2 - (drow**2 + dcol**2) * pitch_mm**2
+    inside = (square >= 0.0) & ((drow != 0) | (dcol != 0))
+    lift = (np.sqrt(square[inside]) - radius_mm).astype(np.float32)
+    result: NDArray[np.float32] = _dilate(z_mm, drow[inside], dcol[inside], lift)
+    return result
+
+
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+def _interleave(z, friction, inv_two_pitch, fields):  # type: ignore[no-untyped-def]
+    rows, cols = z.shape
+    for r in prange(rows):
+        up, down = max(r - 1, 0), min(r + 1, rows - 1)
+        for c in range(cols):
+            left, right = max(c - 1, 0), min(c + 1, cols - 1)
+            fields[r, c, 0] = z[r, c]
+            along_cols = (z[r, right] - z[r, left]) * inv_two_pitch
+            along_rows = (z[down, c] - z[up, c]) * inv_two_pitch
+            # one-sided at the rim of the map
+            fields[r, c, 1] = along_cols if right - left == 2 else along_cols + along_cols
+            fields[r, c, 2] = along_rows if down - up == 2 else along_rows + along_rows
+            fields[r, c, 3] = friction[r % friction.shape[0], c % friction.shape[1]]
+
+
+def prepare_surface(
+    height_map: HeightMap, *, tip_radius_mm: float = 0.0, friction: float | NDArray[np.float32] = 0.2
+) -> TouchSurface:
+    """Make a height map ready to be traced: fill, dilate by the tip, take slopes, lay the friction beside.
+
+    Args:
+        height_map: the surface, (rows, cols).
+        tip_radius_mm: ball radius at the whisker's tip, mm.
+        friction: Coulomb coefficient, one number or a (rows, cols) map (oil lowers it in patches).
+
+    Raises:
+        MapError: a friction map of another shape, negative or not finite.
+    """
+    mu = np.atleast_2d(np.asarray(friction, dtype=np.float32))
+    if mu.shape != (1, 1) and mu.shape != height_map.shape:
+        raise MapError(f"friction map {mu.shape} does not fit the height map {height_map.shape}")
+    if not np.isfinite(mu).all() or (mu < 0.0).any():
+        raise MapError("friction must be finite and not negative everywhere")
+    filled, dropout = fill_dropouts(height_map.z_mm)
+    dilated = dilate_by_ball(filled, pitch_mm=height_map.pitch_mm, radius_mm=tip_radius_mm)
+    fields = np.empty((*height_map.shape, 4), dtype=np.float32)
+    _interleave(dilated, mu, np.float32(0.5 / height_map.pitch_mm), fields)
+    return TouchSurface(fields=fields, dropout=dropout, pitch_mm=height_map.pitch_mm)
+
+
+def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
+    """The surface in the *trace frame* of a direction: columns run the way the whisker is dragged.
+
+    Rows are then the lateral coordinate, in its plate order. A kernel written for +x serves all directions.
+    """
+    fields, dropout = surface.fields, surface.dropout
+    if not direction.along_x:
+        fields = fields.transpose(1, 0, 2)[:, :, [0, 2, 1, 3]]
+        dropout = dropout.T
+    if direction.backward:
+        fields = fields[:, ::-1] * np.array([1.0, -1.0, 1.0, 1.0], dtype=np.float32)
+        dropout = dropout[:, ::-1]
+    return replace(
+        surface,
+        fields=np.ascontiguousarray(fields, dtype=np.float32),
+        dropout=np.ascontiguousarray(dropout),
+    )
+
+
+def fit_pitch(
+    height_map: HeightMap, friction: float | NDArray[np.float32], *, target_mm: float
+) -> tuple[HeightMap, float | NDArray[np.float32]]:
+    """Bring a map to a grid that suits a step of `target_mm`: interpolated if coarser, averaged if much finer.
+
+    Coarser maps are interpolated (bicubic) to the step itself: slopes of a coarse grid would be steps of their own. Maps finer
+    than half the step are averaged in blocks. The top left sample's centre stays where it was.
+    """
+    pitch = height_map.pitch_mm
+    ratio = pitch / target_mm
+    if ratio > 1.0 + 1e-6:
+        factor = int(np.ceil(ratio - 1e-6))
+        filled, dropout = fill_dropouts(height_map.z_mm)
+        z = _interpolate(filled, factor)
+        z[_repeat(dropout, factor)[: z.shape[0], : z.shape[1]]] = np.nan
+        mu = friction if np.isscalar(friction) else _interpolate(np.asarray(friction, dtype=np.float32), factor)
+        return HeightMap(z, pitch / factor), mu
+    block = int(np.floor(0.5 / ratio + 1e-6))
+    if block < 2:
+        return height_map, friction
+    # an odd block keeps its centre on a sample; shift by padding so that sample 0 stays the centre of block 0
+    block -= 1 - block % 2
+    if block < 2:
+        return height_map, friction
+    z = _average(height_map.z_mm, block)
+    mu = friction if np.isscalar(friction) else _average(np.asarray(friction, dtype=np.float32), block)
+    return HeightMap(z, pitch * block), mu
+
+
+def _interpolate(values: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+    from scipy import ndimage
+
+    rows, cols = values.shape
+    shape = ((rows - 1) * factor + 1, (cols - 1) * factor + 1)
+    # grid_mode=False maps first and last samples onto each other, so the pitch divides exactly
+    out: NDArray[np.float32] = ndimage.zoom(
+        values, (shape[0] / rows, shape[1] / cols), order=3, mode="nearest", grid_mode=False
+    ).astype(np.float32)
+    return out
+
+
+def _repeat(mask: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
+    """Each sample's mask on the interpolated grid, centred on it."""
+    half = factor // 2
+    return np.repeat(np.repeat(mask, factor, axis=0), factor, axis=1)[half:, half:]
+
+
+def _average(values: NDArray[np.float32], block: int) -> NDArray[np.float32]:
+    """Mean over odd blocks centred on samples 0, block, 2 block ...; NaN only where a whole block is NaN."""
+    half = block // 2
+    rows, cols = values.shape
+    n_rows, n_cols = (rows - 1) // block + 1, (cols - 1) // block + 1
+    padded = np.pad(
+        values,
+        ((half, max(0, n_rows * block - rows - half)), (half, max(0, n_cols * block - cols - half))),
+        mode="edge",
+    )[: n_rows * block, : n_cols * block]
+    blocks = padded.reshape(n_rows, block, n_cols, block)
+    known = np.isfinite(blocks)
+    count = known.sum(axis=(1, 3))
+    total = np.where(known, blocks, 0.0).sum(axis=(1, 3), dtype=np.float64)
+    with np.errstate(invalid="ignore"):
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
+
+
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+def _sample_lines(fields, dropout, inv_pitch, lines, start, step, height, mu, missing):  # type: ignore[no-untyped-def]
+    rows, cols = fields.shape[0], fields.shape[1]
+    for i in prange(lines.size):
+        v = min(max(lines[i] * inv_pitch, 0.0), rows - 1.001)
+        r = int(v)
+        fv = v - r
+        for j in range(height.shape[1]):
+            u = min(max((start + j * step) * inv_pitch, 0.0), cols - 1.001)
+            c = int(u)
+            fu = u - c
+            w00, w01 = (1.0 - fu) * (1.0 - fv), fu * (1.0 - fv)
+            w10, w11 = (1.0 - fu) * fv, fu * fv
+            a, b, e, g = fields[r, c], fields[r, c + 1], fields[r + 1, c], fields[r + 1, c + 1]
+            height[i, j] = w00 * a[0] + w01 * b[0] + w10 * e[0] + w11 * g[0]
+            mu[i, j] = w00 * a[3] + w01 * b[3] + w10 * e[3] + w11 * g[3]
+            missing[i, j] = dropout[r, c] or dropout[r, c + 1] or dropout[r + 1, c] or dropout[r + 1, c + 1]
+
+
+def sample_lines(
+    surface: TouchSurface, *, lines_mm: NDArray[np.float64], start_mm: float, step_mm: float, n_samples: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Height, friction and dropout under every sample of parallel lines, each (lines, samples), bilinear."""
+    shape = (lines_mm.size, n_samples)
+    height, mu = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
+    missing = np.empty(shape, dtype=np.bool_)
+    _sample_lines(
+        surface.fields, surface.dropout, 1.0 / surface.pitch_mm, np.ascontiguousarray(lines_mm, dtype=np.float64),
+        float(start_mm), float(step_mm), height, mu, missing,
+    )  # fmt: skip
+    return height, mu, missing

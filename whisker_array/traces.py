@@ -1,0 +1,54 @@
+"""What one trace gives, whatever the fidelity that made it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag, StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Fidelity(StrEnum):
+    """How the touch is simulated (physics.md)."""
+
+    POINTWISE = "pointwise"
+    CONTACT = "contact"
+
+
+class SampleFlag(IntFlag):
+    """What is wrong with one sample; 0 is a good one. Flagged moments are never used as if measured."""
+
+    CONTACT_LOST = 1
+    JAMMED = 2
+    OUT_OF_RANGE = 4
+    OUTSIDE = 8
+    DROPOUT = 16
+    NOT_CONVERGED = 32
+
+    def describe(self) -> str:
+        """The message for a person."""
+        return "; ".join(text for flag, text in _MESSAGES.items() if flag in self) or "good"
+
+
+_MESSAGES = {
+    SampleFlag.CONTACT_LOST: "the tip left the surface (raise the preload)",
+    SampleFlag.JAMMED: "the tip jams on a wall (lower k = l2/l1, or the friction)",
+    SampleFlag.OUT_OF_RANGE: "the moment left the converter's range (lower the gain or the preload)",
+    SampleFlag.OUTSIDE: "the trace ran beyond the measured surface",
+    SampleFlag.DROPOUT: "the height there is a dropout, filled from around",
+    SampleFlag.NOT_CONVERGED: "the contact solver did not settle",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Traces:
+    """Moments of a bundle of parallel traces.
+
+    Attributes:
+        moment_n_mm: (lines, samples) float32; 0 where contact is lost or the tip jams.
+        flags: (lines, samples) uint8 of SampleFlag.
+    """
+
+    moment_n_mm: NDArray[np.float32]
+    flags: NDArray[np.uint8]
