@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 _CHUNK = 1024  # points handled together: three float64 buffers of this length stay in the first-level cache
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
 def segment_distance(
     x: NDArray[np.float64], y: NDArray[np.float64], segments: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -37,10 +37,12 @@ def segment_distance(
                 t = min(max((px * dx + py * dy) * inverse, 0.0), 1.0)
                 ex, ey = px - t * dx, py - t * dy
                 out[i] = min(out[i], ex * ex + ey * ey)
-    return np.sqrt(out)
+    for i in range(n):
+        out[i] = np.sqrt(out[i])
+    return out
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
 def winding_number(
     x: NDArray[np.float64], y: NDArray[np.float64], segments: NDArray[np.float64]
 ) -> NDArray[np.int32]:

@@ -65,7 +65,9 @@ def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, 
             continue
         pen = _PolygonPen(glyph_set, flatness * cap)
         glyph_set[name].draw(pen)
-        polygons = tuple(q for p in pen.polygons if len(q := _distinct(np.array(p, dtype=np.float64) / cap)) >= 3)
+        polygons = tuple(
+            q for p in pen.polygons if len(q := _distinct(np.array(p, dtype=np.float64) / cap)) >= 3
+        )
         out[char] = (polygons, float(glyph_set[name].width) / cap)
     face = file["name"].getDebugName(4) if "name" in file else None
     return str(face or ""), out
@@ -74,7 +76,7 @@ def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, 
 def _distinct(points: Points) -> Points:
     """The closed polygon without points that repeat their predecessor."""
     keep = np.hypot(*(points - np.roll(points, 1, axis=0)).T) > 1e-7
-    return points[keep]
+    return np.asarray(points[keep], dtype=np.float64)
 
 
 def _cap_height(file: Any, cmap: dict[int, str], glyph_set: Any) -> float:

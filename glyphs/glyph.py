@@ -69,9 +69,13 @@ class Glyph:
         object.__setattr__(self, "strokes", _point_arrays("a stroke", self.char, tuple(self.strokes), 1))
         object.__setattr__(self, "contours", _point_arrays("a contour", self.char, tuple(self.contours), 3))
         if not np.isfinite(self.advance) or self.advance < 0.0:
-            raise FontError(f"advance of {self.char!r} is {self.advance}; it must be zero or more cap heights")
+            raise FontError(
+                f"advance of {self.char!r} is {self.advance}; it must be zero or more cap heights"
+            )
         if not 0.0 <= self.stroke < 1.0:
-            raise FontError(f"stroke of {self.char!r} is {self.stroke}; it must be at least 0 and below 1 cap height")
+            raise FontError(
+                f"stroke of {self.char!r} is {self.stroke}; it must be at least 0 and below 1 cap height"
+            )
 
     @property
     def inked(self) -> bool:
@@ -93,7 +97,7 @@ class Glyph:
 
     @cached_property
     def segments(self) -> Points:
-        """(m, 4) directed segments x0, y0, x1, y1 of all strokes or contours; a dot is a segment of no length."""
+        """(m, 4) directed segments x0, y0, x1, y1 of strokes or contours; a dot is a segment of no length."""
         parts = [np.hstack([c, np.roll(c, -1, axis=0)]) for c in self.contours]
         for s in self.strokes:
             parts.append(np.hstack([s[:-1], s[1:]]) if len(s) > 1 else np.hstack([s, s]))
@@ -133,7 +137,9 @@ class Font:
         if wrong:
             raise FontError(f"font {self.name!r} files other characters' glyphs under {wrong}")
         if not 0.0 <= self.stroke_ratio < 1.0:
-            raise FontError(f"stroke_ratio of {self.name!r} is {self.stroke_ratio}; it must be at least 0 and below 1")
+            raise FontError(
+                f"stroke_ratio of {self.name!r} is {self.stroke_ratio}; it must be at least 0 and below 1"
+            )
         object.__setattr__(self, "glyphs", MappingProxyType(dict(self.glyphs)))
 
     def glyph(self, char: str) -> Glyph:
@@ -160,7 +166,9 @@ def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
     if glyph.contours or stroke == glyph.stroke:
         return glyph
     if not 0.0 <= stroke < 1.0:
-        raise FontError(f"a stroke of {stroke:.3g} cap heights leaves no letter; use a narrower stroke or larger type")
+        raise FontError(
+            f"a stroke of {stroke:.3g} cap heights leaves no letter; use a narrower stroke or larger type"
+        )
     scale = (1.0 - stroke) / (1.0 - glyph.stroke)
 
     def refit(values: Points) -> Points:
@@ -175,7 +183,7 @@ def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
 
 
 def transformed(glyph: Glyph, *, x_scale: float = 1.0, shear: float = 0.0) -> Glyph:
-    """The glyph with its points widened by `x_scale` and leaned right by `shear` (x per y) about mid cap height.
+    """The glyph with its points widened by `x_scale` and leaned right by `shear` (x per y) about mid cap.
 
     Points move, the stroke width stays, so walls keep their bevel.
     """
@@ -204,8 +212,8 @@ def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) 
 
     Returns:
         float32 of the broadcast shape, cap heights, exact outside and inside contours and outside strokes;
-        inside a stroke it is the distance to the centre line less half the stroke, so it bottoms at -stroke/2.
-        +inf where the glyph has no ink.
+        inside a stroke it is the distance to the centre line less half the stroke, so it bottoms at
+        -stroke/2. +inf where the glyph has no ink.
     """
     from glyphs.distance import segment_distance, winding_number
 
@@ -227,8 +235,6 @@ def _ink_boundary(segments: Points) -> Points:
     Contours that overlap (variable fonts, composites) have edges buried in the ink; a distance to those would
     raise a ridge along the seam.
     """
-    from glyphs.distance import winding_number
-
     p, d = segments[:, :2], segments[:, 2:] - segments[:, :2]
     cross = d[:, None, 0] * d[None, :, 1] - d[:, None, 1] * d[None, :, 0]
     gap = p[None, :, :] - p[:, None, :]
@@ -248,6 +254,14 @@ def _ink_boundary(segments: Points) -> Points:
     cut, run, length = cut[length > tiny], run[length > tiny], length[length > tiny]
     middle = (cut[:, :2] + cut[:, 2:]) / 2
     side = np.column_stack([-run[:, 1], run[:, 0]]) / length[:, None] * 1e-6
-    left = winding_number(*np.ascontiguousarray((middle + side).T), segments) != 0
-    right = winding_number(*np.ascontiguousarray((middle - side).T), segments) != 0
+    left = _winding(middle + side, segments) != 0
+    right = _winding(middle - side, segments) != 0
     return np.ascontiguousarray(cut[left != right])
+
+
+def _winding(points: Points, segments: Points) -> NDArray[np.int32]:
+    """Winding number about points (n, 2)."""
+    from glyphs.distance import winding_number
+
+    x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+    return np.asarray(winding_number(x, y, segments), dtype=np.int32)

@@ -7,7 +7,7 @@ strokes as `futural`, `futuram` and `timesrb` for every letter and figure.
 from __future__ import annotations
 
 import string
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -62,12 +62,14 @@ def load_font(name_or_path: str | Path) -> Font:
             "anything else must be the path of a .ttf, .otf or .ttc file"
         )
     if not path.is_file():
-        raise FontError(f"font file {name!r} is missing; check the path or use a built-in: {', '.join(BUILTIN_FONTS)}")
+        raise FontError(
+            f"font file {name!r} is missing; check the path or use a built-in: {', '.join(BUILTIN_FONTS)}"
+        )
     stat = path.stat()
     return _from_file(str(path.resolve()), stat.st_mtime_ns, stat.st_size)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _builtin(name: str) -> Font:
     return _gothic_font() if name == "gothic" else _hershey_font(name)
 
@@ -79,18 +81,20 @@ def _flatten(stroke: gothic.Stroke) -> Points:
         if isinstance(step, gothic.Arc):
             count = max(2, int(np.ceil(abs(step.end_deg - step.start_deg) / _ARC_STEP_DEG)) + 1)
             angle = np.radians(np.linspace(step.start_deg, step.end_deg, count))
-            parts.append(np.column_stack([step.cx + step.rx * np.cos(angle), step.cy + step.ry * np.sin(angle)]))
+            parts.append(
+                np.column_stack([step.cx + step.rx * np.cos(angle), step.cy + step.ry * np.sin(angle)])
+            )
         else:
             parts.append(np.array([step], dtype=np.float64))
     points = np.concatenate(parts)
     fresh = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-9)
-    return points[fresh]
+    return np.asarray(points[fresh], dtype=np.float64)
 
 
 def _gothic_font() -> Font:
     glyphs = {}
     for char, (width, strokes) in gothic.GOTHIC.items():
-        lines = tuple(_flatten(s) + (gothic.BEARING, 0.0) for s in strokes)
+        lines = tuple(_flatten(s) + np.array([gothic.BEARING, 0.0]) for s in strokes)
         plain = Glyph(char, strokes=lines, advance=width + 2 * gothic.BEARING)
         glyphs[char] = with_stroke(plain, gothic.STROKE_RATIO)
     return Font("gothic", glyphs, gothic.STROKE_RATIO, "built in, after ISO 3098 type B and DIN 1451")

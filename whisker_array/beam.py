@@ -1,14 +1,14 @@
 """Compliance of a chain of straight beam segments: D of the paper's eqs. (1) and (2) for any whisker shape.
 
     base                                   r(u) = tip - p(u), the arm of the tip force at the section u
-     |=====o===== p(u) ====o               M(u) = r x f + m, the moment in the section (clamped base, free tip)
+     |=====o===== p(u) ====o               M(u) = r x f + m, the moment in the section (clamped base)
                  \\         |               kappa(u) = C(u) M(u), its bending and twist per length
                    \\ r(u)  |               delta = integral of kappa x r du,  theta = integral of kappa du
                      \\     |
                         `->o tip, f, m
 
-so that D = sum over the segments of the integral of G^T C G du with G = ([r]x, I), plus the axial L/(EA) a a^T.
-Euler-Bernoulli: shear, rotary and warping terms are left out. Units: N, mm, rad.
+so that D = sum over the segments of the integral of G^T C G du with G = ([r]x, I), plus the axial term
+L/(EA) a a^T. Euler-Bernoulli: shear, rotary and warping terms are left out. Units: N, mm, rad.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Matrix = NDArray[np.float64]
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(8)
 _TAPER_TOLERANCE = 1e-12
 """Panels are doubled until D changes by less than this share; what is left is far below 1e-10."""
-_MAX_PANELS = 2048
+_MAX_PANELS = 512
 _WORLD_Z = np.array([0.0, 0.0, 1.0])
 _WORLD_X = np.array([1.0, 0.0, 0.0])
 
@@ -114,7 +114,7 @@ class Segment:
                 self.material.e_mpa * section.i_lateral_mm4,
             ]
         )
-        return axes.T @ (axes / about[:, None])
+        return np.asarray(axes.T @ (axes / about[:, None]))
 
 
 def split(segment: Segment, parts: int) -> tuple[Segment, ...]:
@@ -208,12 +208,12 @@ def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matr
 
     Args:
         segments: base to tip, each beginning where the one before ends.
-        axial: keep the stretching term L/(EA) a a^T. The paper's closed forms leave it out, but without it a straight
-            whisker's D11 is singular.
+        axial: keep the stretching term L/(EA) a a^T. The paper's closed forms leave it out, but without it a
+            straight whisker's D11 is singular.
 
     Returns:
-        (6, 6) float64, symmetric: [delta; theta] = D [f; m] in world axes. Blocks D11 mm/N, D12 1/N (mm per N mm),
-        D21 rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers.
+        (6, 6) float64, symmetric: [delta; theta] = D [f; m] in world axes. Blocks D11 mm/N, D12 1/N (mm per
+        N mm), D21 rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers.
 
     Raises:
         BeamError: an empty or broken chain, or a taper too steep to integrate.

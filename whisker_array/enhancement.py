@@ -31,7 +31,7 @@ class EnhancementError(ValueError):
 def _check(alpha_rad: float, mu: float) -> None:
     if not abs(alpha_rad) < math.pi / 2.0:
         raise EnhancementError(
-            f"alpha_rad is {alpha_rad}; a surface under a whisker lies between -pi/2 and pi/2 (radians, not degrees)"
+            f"alpha_rad is {alpha_rad}; it must lie between -pi/2 and pi/2 (radians, not degrees)"
         )
     _check_mu(mu)
 
@@ -76,7 +76,8 @@ def moment_n_mm(force_n: ArrayLike, tip_model: TipModel) -> float:
 def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.0, mu: float) -> float:
     """Eqs. (7) and (11): the normal force at which the tip height is what the surface imposes, N.
 
-    f_n = (d0 + h) / (e_y . D11 R a), where lift_mm = d0 + h is how far the surface holds the tip above its free path.
+    f_n = (d0 + h) / (e_y . D11 R a), where lift_mm = d0 + h is how far the surface holds the tip above its
+    free path.
 
     Raises:
         EnhancementError: the whisker jams: no force within the friction cone lifts the tip.
@@ -85,8 +86,8 @@ def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.
     give = float(tip_model.compliance_mm_per_n[1] @ rotation(alpha_rad) @ contact_direction(mu))
     if give <= 0.0:
         raise EnhancementError(
-            f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force cannot lift the tip; "
-            "take a smaller k, or a surface less steep"
+            f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force cannot lift the "
+            "tip; take a smaller k, or a surface less steep"
         )
     return lift_mm / give
 
@@ -98,7 +99,9 @@ def land_moment_n_mm(tip_model: TipModel, *, preload_mm: float, mu: float) -> fl
 
 
 def enhancement_factor(tip_model: TipModel, *, alpha_rad: float, mu: float) -> float:
-    """Eq. (16), any whisker: F = [e_y.D11 R a / e_y.D11 R'a] [s3.T1 R'a / s3.T1 R a], R = R(0), R' = R(alpha).
+    """Eq. (16), any whisker: F = [e_y.D11 R a / e_y.D11 R'a] [s3.T1 R'a / s3.T1 R a].
+
+    R = R(0) is the land, R' = R(alpha) the slope.
 
     Raises:
         EnhancementError: one of the two denominators vanishes (the singular angle, or no moment on the land).
@@ -109,7 +112,7 @@ def enhancement_factor(tip_model: TipModel, *, alpha_rad: float, mu: float) -> f
     row = tip_model.compliance_mm_per_n[1]
     arm = tip_model.moment_arm_mm
     lift = _divide(float(row @ land), float(row @ slope), "the force on this slope cannot lift the tip")
-    turn = _divide(float(arm @ slope), float(arm @ land), "the force on the land makes no moment at the sensor")
+    turn = _divide(float(arm @ slope), float(arm @ land), "the force on the land makes no moment")
     return lift * turn
 
 
@@ -133,12 +136,12 @@ def enhancement_l_shaped(
     g, g0 = friction_slope(alpha_rad, mu), friction_slope(0.0, mu)
     c, s = math.cos(beta_rad), math.sin(beta_rad)
     turn = _divide(c - (s + arm_offset) * g, c - (s + arm_offset) * g0, "no moment on the land")
-    lift = _divide(c - (s + 1.5 * k) * g0, c - (s + 1.5 * k) * g, "the force on this slope cannot lift the tip")
+    lift = _divide(c - (s + 1.5 * k) * g0, c - (s + 1.5 * k) * g, "the force cannot lift the tip")
     return turn * lift
 
 
 def friction_slope(alpha_rad: float, mu: float) -> float:
-    """Eq. (23): g = (tan(alpha) - mu) / (1 + mu tan(alpha)) = tan(alpha - atan(mu)), how the contact force leans.
+    """Eq. (23): g = (tan(alpha) - mu) / (1 + mu tan(alpha)) = tan(alpha - atan(mu)), the lean of the force.
 
     Raises:
         EnhancementError: 1 + mu tan(alpha) = 0, a rising wall on the edge of the friction cone.
@@ -164,13 +167,14 @@ def enhancement_level(*, alpha_rad: float, mu: float, k: float) -> float:
 def enhancement_level_with_h(*, alpha_rad: float, mu: float, k: float) -> float:
     """Eq. (25): F = (1 + 1.5 k mu) / (1 + 1.5 k h(alpha, mu)).
 
-    The print is right: h = -g exactly, so that (25) is (24). But (26) is 0/0 in form at alpha = 0 and loses digits near it;
-    compute with (24).
+    The print is right: h = -g exactly, so that (25) is (24). But (26) is 0/0 in form at alpha = 0
+    and loses digits near it; compute with (24).
 
     Raises:
         EnhancementError: alpha is 0 or the singular angle.
     """
-    return _divide(1.0 + 1.5 * k * mu, 1.0 + 1.5 * k * h_of_paper(alpha_rad, mu), "alpha is the singular angle")
+    h = h_of_paper(alpha_rad, mu)
+    return _divide(1.0 + 1.5 * k * mu, 1.0 + 1.5 * k * h, "alpha is the singular angle")
 
 
 def h_of_paper(alpha_rad: float, mu: float) -> float:
@@ -200,8 +204,8 @@ def enhancement_frictionless(*, alpha_rad: float, k: float) -> float:
 def singular_angle_rad(k: float, *, mu: float = 0.0) -> float:
     """Where F of (24) is singular, rad: alpha_1 = atan(2 / (3 k)) of the paper, plus atan(mu) with friction.
 
-    The paper gives the frictionless angle; with g = tan(alpha - atan mu) friction moves it up. At pi/2 or beyond no slope is
-    singular. k = 0 (straight) gives pi/2 + atan(mu).
+    The paper gives the frictionless angle; with g = tan(alpha - atan mu) friction moves it up. At pi/2 or
+    beyond no slope is singular. k = 0 (straight) gives pi/2 + atan(mu).
 
     Raises:
         EnhancementError: k or mu negative or not finite.
@@ -215,7 +219,7 @@ def singular_angle_rad(k: float, *, mu: float = 0.0) -> float:
 def _lift_and_turn(
     slope: ArrayLike, mu: float, tip_model: TipModel
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """e_y.D11 R'a and s3.T1 R'a over cos(alpha), for tan(alpha) = -slope: R'a = cos(alpha) (-mu - p, 1 - mu p, 0)."""
+    """e_y.D11 R'a and s3.T1 R'a, both over cos(alpha): R'a = cos(alpha) (-mu - p, 1 - mu p, 0), p = slope."""
     _check_mu(mu)
     p = np.asarray(slope, dtype=np.float64)
     along, up = -mu - p, 1.0 - mu * p
@@ -232,7 +236,8 @@ def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np
         tip_model: the whisker.
 
     Returns:
-        float64 of the same shape; 1 on the land, NaN where the whisker jams (see is_jammed) or the slope is NaN.
+        float64 of the same shape; 1 on the land, NaN where the whisker jams (see is_jammed) or the
+        slope is NaN.
 
     Raises:
         EnhancementError: the whisker jams on the land already, or the land makes no moment.

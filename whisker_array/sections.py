@@ -267,8 +267,9 @@ class Rectangle:
     def j_mm4(self) -> float:
         """Torsion constant by St. Venant's series (Timoshenko and Goodier, Theory of Elasticity, art. 109).
 
-        J = a b^3 / 3 [1 - 192 b / (pi^5 a) sum over odd n of tanh(n pi a / 2b) / n^5], a >= b, mm^4. The sum is
-        taken as its limit for a long section minus a remainder falling as exp(-n pi a / b): exact to rounding.
+        J = a b^3 / 3 [1 - 192 b / (pi^5 a) sum over odd n of tanh(n pi a / 2b) / n^5], a >= b, mm^4.
+        The sum is taken as its limit for a long section less a remainder that falls as exp(-n pi a / b):
+        exact to rounding.
         """
         a = max(self.thickness_mm, self.width_mm)
         b = min(self.thickness_mm, self.width_mm)

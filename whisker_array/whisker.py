@@ -11,7 +11,7 @@ World frame of the paper: x tracing direction, y up, z lateral. The base is ahea
         |                  o tip  ---> traced in +x
         +-------------------------------> x
 
-(The printed D11 and T1 agree with this reading only: (18) is the arm from the sensor to a tip behind and below.)
+(The printed D11 and T1 agree with this reading only: (18) is the arm to a tip behind and below.)
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _positive(name: str, value: float) -> float:
 
 def _check_beta(beta_rad: float) -> None:
     if not abs(beta_rad) < math.pi / 2.0:
-        raise WhiskerError(f"beta_rad is {beta_rad}; it must lie between -pi/2 and pi/2 (radians, not degrees)")
+        raise WhiskerError(f"beta_rad is {beta_rad}; it must be within -pi/2 to pi/2 (radians, not degrees)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +68,11 @@ class TipModel:
         d = np.array(self.compliance_mm_per_n, dtype=np.float64)
         arm = np.array(self.moment_arm_mm, dtype=np.float64)
         if d.shape != (3, 3) or arm.shape != (3,):
-            raise WhiskerError(f"D11 has shape {d.shape} and the arm {arm.shape}; they must be (3, 3) and (3,)")
+            raise WhiskerError(f"D11 is {d.shape} and the arm {arm.shape}; they must be (3, 3) and (3,)")
         if not (np.isfinite(d).all() and np.isfinite(arm).all()):
             raise WhiskerError("D11 and the moment arm must be finite")
         if np.abs(d - d.T).max() > 1e-9 * np.abs(d).max():
-            raise WhiskerError("D11 is not symmetric, so it would make energy out of nothing; check its terms")
+            raise WhiskerError("D11 is not symmetric, so it would make energy of nothing; check its terms")
         d = (d + d.T) / 2.0
         eigen = np.linalg.eigvalsh(d)
         if not eigen[0] > 1e-14 * abs(eigen[-1]):
@@ -127,7 +127,7 @@ class Straight:
         return (Segment(np.zeros(3), tip, self.section, self.material),)
 
     def tip_model(self, *, axial: bool = True) -> TipModel:
-        """D11 and moment arm. axial=False raises WhiskerError: an inextensible straight whisker is singular."""
+        """D11 and moment arm. axial=False raises WhiskerError: inextensible, D11 is singular."""
         return _model(self.segments(), 0.0, axial)
 
     @property
@@ -157,7 +157,7 @@ class LShaped:
         l2_mm: tip-arm length, mm, >= 0; hangs vertically down from the end of l1 whatever beta is.
         l3_mm: how far the sensor base is lowered towards the tip, mm; None means l3 = l2.
         beta_rad: setting angle of l1 from the horizontal, rad.
-        section: constant section of both arms, or a Taper over l1 (the tip arm then has the taper's end section).
+        section: constant section of both arms, or a Taper over l1 (the tip arm then has its end section).
         material: what it is made of.
 
     Raises:
@@ -188,9 +188,9 @@ class LShaped:
         """l1 and the tip arm, base at the origin."""
         elbow = -self.l1_mm * np.array([math.cos(self.beta_rad), math.sin(self.beta_rad), 0.0])
         beam = Segment(np.zeros(3), elbow, self.section, self.material)
-        if self.l2_mm == 0.0:
-            return (beam,)
         tip = elbow - np.array([0.0, self.l2_mm, 0.0])
+        if self.l2_mm <= 1e-12 * self.l1_mm:  # no tip arm, or one lost in rounding
+            return (beam,)
         return (beam, Segment(elbow, tip, beam.section_at(1.0), self.material))
 
     def tip_model(self, *, axial: bool = True) -> TipModel:
@@ -211,7 +211,8 @@ class LShaped:
         """One line for people."""
         return (
             f"L-shaped whisker: l1 {self.l1_mm:g} mm, l2 {self.l2_mm:g} mm (k = {self.k:.3f}), "
-            f"l3 {self.lowered_mm:g} mm, beta {math.degrees(self.beta_rad):g} deg, {self.section}, {self.material.name}"
+            f"l3 {self.lowered_mm:g} mm, beta {math.degrees(self.beta_rad):g} deg, "
+            f"{self.section}, {self.material.name}"
         )
 
 
@@ -220,7 +221,7 @@ class Chain:
     """A whisker of any shape: straight segments between points (a curve is many short ones).
 
     Attributes:
-        points_mm: (n + 1, 3) float64, base to tip, world frame (tip behind and below the base), mm; read-only.
+        points_mm: (n + 1, 3) float64, base to tip, world frame (tip behind the base), mm; read-only.
         sections: one section (or Taper) for every segment: n of them; a single one is used throughout.
         material: what it is made of.
         l3_mm: how far the sensor base is lowered below the first point, mm.
@@ -236,16 +237,16 @@ class Chain:
 
     def __post_init__(self) -> None:
         points = np.array(self.points_mm, dtype=np.float64)
-        if points.ndim != 2 or points.shape[0] < 2 or points.shape[1:] != (3,) or not np.isfinite(points).all():
-            raise WhiskerError(f"points_mm has shape {points.shape}; it needs at least two finite points (x, y, z)")
+        if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise WhiskerError(f"points_mm is {points.shape}; it needs at least two finite points (x, y, z)")
         n = len(points) - 1
         sections = self.sections
         if isinstance(sections, Sequence):
             sections = tuple(sections)
             if len(sections) != n:
-                raise WhiskerError(f"{len(sections)} sections for {n} segments; give one for each, or a single one")
+                raise WhiskerError(f"{len(sections)} sections for {n} segments; give one for each, or one")
         if not points[-1, 0] < points[0, 0]:
-            raise WhiskerError("the tip must lie behind the base (smaller x): the whisker is dragged, not pushed")
+            raise WhiskerError("the tip must lie behind the base (smaller x): a whisker is dragged along")
         if not math.isfinite(self.l3_mm):
             raise WhiskerError(f"l3_mm is {self.l3_mm}; it must be finite")
         points.flags.writeable = False
@@ -272,8 +273,8 @@ class Chain:
     def k(self) -> float:
         """The l2 / l1 of an L-shaped whisker with l3 = l2 that has the same F as this one.
 
-        By (16) F depends on A = -Dyx / Dyy and B = -arm_x / arm_y only; for the L with l3 = l2 they are tan(beta) + 1.5 k / c
-        and tan(beta). Negative: this whisker dulls falling edges.
+        By (16) F depends on A = -Dyx / Dyy and B = -arm_x / arm_y only; for the L with l3 = l2 they are
+        tan(beta) + 1.5 k / c and tan(beta). Negative: this whisker dulls falling edges.
         """
         model = self.tip_model()
         row, arm = model.compliance_mm_per_n[1], model.moment_arm_mm
@@ -288,7 +289,7 @@ class Chain:
     def describe(self) -> str:
         """One line for people."""
         return (
-            f"chain of {len(self.points_mm) - 1} segments: reach {self.reach_mm:g} mm, k as felt {self.k:.3f}, "
+            f"chain of {len(self.points_mm) - 1} segments: reach {self.reach_mm:g} mm, felt k {self.k:.3f}, "
             f"{self.material.name}"
         )
 
@@ -319,17 +320,19 @@ def straight_moment_arm(length_mm: float, beta_rad: float) -> Vector:
 def l_shaped_compliance(
     l1_mm: float, l2_mm: float, beta_rad: float, section: Section, material: Material
 ) -> Matrix:
-    """Eqs. (19) and (20), corrected: D11 = l1^3 / (3 E I) A of an inextensible L-shaped whisker, (3, 3), mm/N.
+    """Eqs. (19) and (20), corrected: D11 = l1^3 / (3 E I) A, inextensible L-shaped whisker, (3, 3), mm/N.
 
-    The print is wrong in two terms (physics.md). Castigliano, with k = l2 / l1 and I, I' for vertical and lateral bending::
+    The print is wrong in two terms (physics.md). Castigliano, with k = l2 / l1 and I, I' for
+    vertical and lateral bending::
 
         A11 = s^2 + 3 k s + 3 k^2 + k^3                              printed: s^2 + 1.5 k s + k^3
         A12 = -s c - 1.5 k c                                         as printed
         A22 = c^2                                                    as printed
         A33 = I/I' (1 + 3 k s + 3 k^2 s^2 + k^3) + 3 k^2 c^2 EI/GJ   printed: without the two s terms, I = I'
 
-    A lateral force at the tip has the arm u + l2 s about the in-plane axis across l1 and twists l1 by l2 c: hence the s terms.
-    With the printed A11 the matrix is not positive definite at beta = 0. F is untouched: it uses row y only.
+    A lateral force at the tip has the arm u + l2 s about the in-plane axis across l1 and twists l1 by l2 c:
+    hence the s terms. With the printed A11 the matrix is not positive definite at beta = 0. F is
+    untouched: it uses row y only.
     """
     c, s = math.cos(beta_rad), math.sin(beta_rad)
     k = l2_mm / l1_mm
@@ -344,7 +347,7 @@ def l_shaped_compliance(
 
 
 def l_shaped_moment_arm(l1_mm: float, l2_mm: float, l3_mm: float, beta_rad: float) -> Vector:
-    """Eq. (21), third row of T1: (l1 s + l2 - l3, -l1 c, 0), (3,) float64, mm; base ahead of and above the tip."""
+    """Eq. (21), third row of T1: (l1 s + l2 - l3, -l1 c, 0), (3,) float64, mm; frame as in eq. (18)."""
     return np.array([l1_mm * math.sin(beta_rad) + l2_mm - l3_mm, -l1_mm * math.cos(beta_rad), 0.0])
 
 
@@ -355,9 +358,10 @@ DEFAULT_K = 0.117
 def default_whisker(character_height_mm: float) -> LShaped:
     """A ribbon L-shaped whisker for characters of this height H, every dimension in proportion to H.
 
-    l1 = 6 H, k = 0.117, beta = 0, l3 = l2; music-wire ribbon 0.06 H thick and 0.9 H wide. The width is set by the lateral
-    stiffness: what counts sideways is I/I' + 3 k^2 EI/GJ, and the twist of l1 under the tip arm leaves a ratio Dyy/Dzz of
-    at most 38 however wide the ribbon (17 at 6 thicknesses, 32 at 15). Stress is far below yield.
+    l1 = 6 H, k = 0.117, beta = 0, l3 = l2; music-wire ribbon 0.06 H thick and 0.9 H wide. The width
+    is set by the lateral stiffness: what counts sideways is I/I' (1 + k^3) + 3 k^2 EI/GJ, and the twist of l1
+    under the tip arm leaves a ratio Dyy/Dzz of at most 38 however wide the ribbon (17 at 6 thicknesses, 31 at
+    15). Stress on the land is about 5 % of yield at every H; natural frequency goes as 1/H, moment as H^3.
 
     Raises:
         WhiskerError: a height that is not positive.
@@ -387,8 +391,9 @@ def land_force_n(whisker: Whisker, *, preload_mm: float, mu: float) -> Vector:
 def preload_stress_mpa(whisker: Whisker, *, preload_mm: float, mu: float) -> float:
     """Peak bending stress M c / I on the land at this preload, MPa.
 
-    Vertical and lateral bending are added (exact at the corners of a rectangle, on the safe side for round wire; a planar
-    whisker has no lateral part). Ends of every segment are looked at, and a taper in 32 places.
+    Vertical and lateral bending are added (exact at the corners of a rectangle, on the safe side for round
+    wire; a planar whisker has no lateral part). Looked at are both ends of every segment and 33 places of a
+    taper.
     """
     force = land_force_n(whisker, preload_mm=preload_mm, mu=mu)
     segments = whisker.segments()
@@ -408,17 +413,25 @@ def preload_stress_mpa(whisker: Whisker, *, preload_mm: float, mu: float) -> flo
 
 
 def deflection_ratio(whisker: Whisker, *, preload_mm: float, mu: float) -> float:
-    """Tip deflection |D11 f| on the land over l1 (the reach of other whiskers): Assumption 1 wants it small."""
+    """Tip deflection |D11 f| on the land over l1 (other whiskers: their reach), for Assumption 1."""
     force = land_force_n(whisker, preload_mm=preload_mm, mu=mu)
     return float(np.linalg.norm(whisker.tip_model().compliance_mm_per_n @ force)) / whisker.reach_mm
 
 
-def first_bending_frequency_hz(whisker: Whisker, *, tip_mass_g: float = 0.0, parts: int = 24) -> float:
-    """Lowest natural frequency of the free whisker, Hz, in any plane.
+def first_bending_frequency_hz(
+    whisker: Whisker, *, tip_mass_g: float = 0.0, tip_held: bool = False, parts: int = 24
+) -> float:
+    """Lowest natural frequency of the whisker in any direction, Hz, for Assumption 5.
 
-    Mass is lumped at the joints of `parts` pieces a segment, the flexibility between the joints is exact for the constant
-    piece: within 0.2 % of 3.516 / (2 pi l^2) sqrt(EI / rho A) for a straight one. Rotary inertia is left out. A tip held
-    by contact vibrates faster (a straight whisker 4.4 times), so as a limit for Assumption 5 it is on the safe side.
+    Mass is lumped at the joints of `parts` pieces a segment; the flexibility between the joints is exact.
+    Within 0.2 % of 3.516 / (2 pi l^2) sqrt(EI / rho A) for a straight whisker. Rotary inertia is left out.
+
+    Args:
+        whisker: the whisker, clamped at its base.
+        tip_mass_g: mass of a ball at the tip, g.
+        tip_held: the tip is held in height by contact, which is 4.4 times faster for a straight whisker. The
+            free whisker is on the safe side.
+        parts: pieces a segment.
 
     Raises:
         WhiskerError: a negative tip mass.
@@ -439,6 +452,9 @@ def first_bending_frequency_hz(whisker: Whisker, *, tip_mass_g: float = 0.0, par
             strain[2 * e + g, :, e:, :] = np.moveaxis(root @ cross_matrix(joints[e:] - point), 0, 1)
     mass[-1] += tip_mass_g * 1e-6
     weighted = (strain * np.sqrt(mass[1:])[:, None]).reshape(6 * n, 3 * n)
+    if tip_held:
+        reaction = strain[:, :, -1, 1].ravel()
+        weighted -= np.outer(reaction, reaction @ weighted) / (reaction @ reaction)
     slowest = float(np.linalg.norm(weighted, 2)) ** 2
     return 1.0 / (2.0 * math.pi * math.sqrt(slowest))
 
@@ -474,12 +490,12 @@ _MESSAGES = {
         "lower the preload, or take a thinner or longer whisker"
     ),
     Validity.PRELOAD_BELOW_MARK_DEPTH: (
-        "the preload is less than 1.2 times the mark depth, so the tip may leave the groove floor (Assumption 3): "
-        "raise the preload"
+        "the preload is less than 1.2 times the mark depth, so the tip may leave the groove floor "
+        "(Assumption 3): raise the preload"
     ),
     Validity.NOT_QUASI_STATIC: (
-        "the finest detail passes at more than a tenth of the whisker's first natural frequency (Assumption 5): "
-        "scan slower, or take a shorter or thicker whisker"
+        "the finest detail passes at more than a tenth of the whisker's first natural frequency "
+        "(Assumption 5): scan slower, or take a shorter or thicker whisker"
     ),
     Validity.JAMMING: (
         "on the steepest bevel, or on the land, the contact force cannot lift the tip and the whisker jams: "
@@ -510,8 +526,8 @@ def check_validity(
         steepest_bevel_rad: steepest groove wall, falling or rising, rad.
 
     Returns:
-        Flags of all that is violated. Where the whisker jams on the land itself, stress and deflection have no value and are
-        not flagged.
+        Flags of all that is violated. Where the whisker jams on the land itself, stress and deflection have
+        no value and are not flagged.
 
     Raises:
         WhiskerError: a length or speed that is not positive (mark depth may be 0).

@@ -1,0 +1,61 @@
+"""Serial masks: which characters may stand where, and random serials that obey them."""
+
+from __future__ import annotations
+
+import string
+
+import numpy as np
+
+_CLASSES = {
+    "A": string.ascii_uppercase,
+    "9": string.digits,
+    "*": string.ascii_uppercase + string.digits,
+}
+
+
+class MaskError(ValueError):
+    """A mask that no serial can obey: the message says what is wrong and how to mend it."""
+
+
+def allowed_characters(mask: str, *, exclude: str = "") -> tuple[str, ...]:
+    """The characters allowed at each position.
+
+    Args:
+        mask: `A` stands for A-Z, `9` for 0-9, `*` for either, any other character for itself.
+        exclude: characters that `A`, `9` and `*` leave out (a VIN excludes "IOQ"); literals stay.
+
+    Returns:
+        One string of characters per position, in order.
+
+    Raises:
+        MaskError: the mask is empty, holds a control character, or exclusion leaves a position without any.
+    """
+    if not mask:
+        raise MaskError("the mask is empty; write one character a position: A letter, 9 figure, * either")
+    if not mask.isprintable():
+        raise MaskError(f"mask {mask!r} holds characters that cannot be printed; remove them")
+    allowed = tuple(
+        "".join(c for c in _CLASSES[place] if c not in exclude) if place in _CLASSES else place
+        for place in mask
+    )
+    for k, characters in enumerate(allowed):
+        if not characters:
+            raise MaskError(
+                f"nothing is left for {mask[k]!r} at position {k + 1} of {mask!r}; "
+                f"exclude less than {exclude!r}"
+            )
+    return allowed
+
+
+def random_text(mask: str, *, rng: np.random.Generator, exclude: str = "") -> str:
+    """A serial drawn evenly from all that obey the mask.
+
+    Args:
+        mask: as `allowed_characters`.
+        rng: the only source of randomness.
+        exclude: as `allowed_characters`.
+
+    Raises:
+        MaskError: as `allowed_characters`.
+    """
+    return "".join(c[int(rng.integers(len(c)))] for c in allowed_characters(mask, exclude=exclude))

@@ -1,0 +1,87 @@
+"""The command `tactile-marks`. Nothing heavy is imported until a command needs it, so that help comes at once."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+PROGRAM = "tactile-marks"
+FAILED = 1
+USAGE = 2
+INTERRUPTED = 130
+BROKEN_PIPE = 141
+
+
+class CommandError(Exception):
+    """A command that cannot go on: one line for the person, and the status to leave with."""
+
+    def __init__(self, message: str, *, status: int = FAILED) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(PROGRAM)
+    except PackageNotFoundError:
+        return "0 (not installed)"
+
+
+app = App(
+    name=PROGRAM,
+    version=_version,
+    help="Read die-stamped serials by touch, from height maps and whisker scans.",
+)
+_LIBRARY = App(name="glyphs", help="List, show and collect the fonts of steel stamps.")
+
+app.command("pipeline.commands.read:read", name="read", help="Read the serials of parts.")
+app.command("pipeline.commands.inspect:inspect", name="inspect", help="Draw how one part was felt and read.")
+app.command("pipeline.commands.synth:synth", name="synth", help="Make stamped parts and their truth.")
+app.command("pipeline.commands.scan:scan", name="scan", help="Feel a height map with the virtual array.")
+app.command("pipeline.commands.scan:calibrate", name="calibrate", help="Calibrate a scan from its lead-in.")
+app.command("pipeline.commands.demo:demo", name="demo", help="Make, scan and read a few parts.")
+_LIBRARY.command("pipeline.commands.glyphs:list_fonts", name="list", help="List the fonts.")
+_LIBRARY.command("pipeline.commands.glyphs:show", name="show", help="Draw a sheet of fonts.")
+_LIBRARY.command("pipeline.commands.glyphs:build", name="build", help="Write a glyph database.")
+app.command(_LIBRARY)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Returns:
+        0; 1 where something failed; 2 for bad usage; 130 when interrupted.
+    """
+    try:
+        status = app(
+            sys.argv[1:] if arguments is None else list(arguments),
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
+        )
+        sys.stdout.flush()
+        return status if isinstance(status, int) else 0
+    except CycloptsError as error:
+        return _complain(f"{error} (see {PROGRAM} --help)", USAGE)
+    except CommandError as error:
+        return _complain(str(error), error.status)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # the reader of our output has gone; give the interpreter somewhere to flush to
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+
+
+def _complain(message: str, status: int) -> int:
+    print(f"{PROGRAM}: {' '.join(message.split())}", file=sys.stderr)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

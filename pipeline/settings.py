@@ -1,0 +1,123 @@
+"""How to read: from a TOML file, the environment and the flags of the command line, the later over the former.
+
+    tactile-marks.toml      font = ["gothic"]               (in the working folder, or the file after --config)
+                            height_mm = 5.0
+    environment             TACTILE_MARKS_HEIGHT_MM=5       (fonts separated by commas)
+    flags                   --height-mm 5
+
+A key that is not known is an error wherever it stands.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError, field_validator
+from pydantic_settings import (
+    BaseSettings,
+    InitSettingsSource,
+    NoDecode,
+    PydanticBaseSettingsSource,
+    SettingsConfigDict,
+)
+
+ENV_PREFIX = "TACTILE_MARKS_"
+DEFAULT_FILE = "tactile-marks.toml"
+
+
+class SettingsError(Exception):
+    """A setting that cannot be: names the key, where it stands, and the mend."""
+
+
+class ReadSettings(BaseSettings):
+    """Settings of reading, checked.
+
+    Attributes:
+        font: names of built-in fonts or paths of font files; none: every built-in font competes.
+        format: mask of the serial: A letter, 9 digit, * either, any other character itself.
+        height_mm: character height; found out if not given.
+        mode: sense that reads.
+        fidelity: how touch is simulated, for height maps and templates.
+        database: glyph database to take the fonts from.
+    """
+
+    model_config = SettingsConfigDict(env_prefix=ENV_PREFIX, extra="forbid", frozen=True)
+
+    font: Annotated[tuple[str, ...], NoDecode] = ()
+    format: str | None = Field(default=None, min_length=1)
+    height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
+    mode: Literal["tactile"] = "tactile"
+    fidelity: Literal["pointwise", "contact"] = "contact"
+    database: Path | None = None
+
+    @field_validator("font", mode="before")
+    @classmethod
+    def _one_or_many(cls, value: Any) -> Any:
+        if isinstance(value, str):
+            return tuple(name.strip() for name in value.split(",") if name.strip())
+        return value
+
+
+def load_settings(*, config: Path | None = None, folder: Path | None = None, **flags: Any) -> ReadSettings:
+    """The settings in force.
+
+    Args:
+        config: TOML file; without it `tactile-marks.toml` in the folder, if there is one.
+        folder: working folder, the current one unless given.
+        flags: by field name; None is not given.
+
+    Raises:
+        SettingsError: unknown keys, values that cannot be, a file that cannot be read.
+    """
+    file = config if config is not None else (folder or Path()) / DEFAULT_FILE
+    written = _read_toml(file) if config is not None or file.is_file() else {}
+    given = {key: value for key, value in flags.items() if value is not None}
+    environment = {
+        key.removeprefix(ENV_PREFIX).lower(): key for key in os.environ if key.upper().startswith(ENV_PREFIX)
+    }
+    for keys, where in ((written, str(file)), (environment, "the environment"), (given, "the flags")):
+        for key in keys:
+            _check_known(key, where, shown=environment[key] if keys is environment else key)
+
+    class Sources(ReadSettings):
+        @classmethod
+        def settings_customise_sources(
+            cls,
+            settings_cls: type[BaseSettings],
+            init_settings: PydanticBaseSettingsSource,
+            env_settings: PydanticBaseSettingsSource,
+            dotenv_settings: PydanticBaseSettingsSource,
+            file_secret_settings: PydanticBaseSettingsSource,
+        ) -> tuple[PydanticBaseSettingsSource, ...]:
+            return init_settings, env_settings, InitSettingsSource(settings_cls, written)
+
+    try:
+        return Sources(**given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = str(first["loc"][0])
+        where = "the flags" if key in given else environment.get(key, str(file))
+        raise SettingsError(f"{key} in {where} is {first.get('input')!r}: {first['msg'].lower()}") from error
+
+
+def _check_known(key: str, where: str, *, shown: str) -> None:
+    known = list(ReadSettings.model_fields)
+    if key not in known:
+        near = difflib.get_close_matches(key.lower(), known, n=2)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"the keys are {', '.join(known)}"
+        raise SettingsError(f"unknown key {shown} in {where}; {hint}")
+
+
+def _read_toml(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(
+            f"{file} cannot be read ({error.strerror}); check the name after --config"
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{file} is no TOML ({error}); mend that line") from error

@@ -1,0 +1,137 @@
+"""From scores to a reading: beliefs, confidence, and accept, review or reject."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.refine import Cell
+from recognition.search import LineFit
+from recognition.templates import TemplateSet
+
+INDEPENDENT_SAMPLES = 40.0
+"""Independent values in a cell: residuals of neighbouring pixels go together."""
+MIN_LINE_SCORE = 0.58
+"""Lines whose characters correlate less on average are no text."""
+MIN_CONTRAST = 1.8
+"""Activity in the characters over that beside them, at least, for a line to be text."""
+TRUST_SCORE = 0.62
+TRUST_WIDTH = 0.04
+CANDIDATES = 5
+WORD_GAP_HEIGHTS = 0.6
+
+
+class Thresholds(Protocol):
+    """What `decide` needs of the settings."""
+
+    @property
+    def accept_confidence(self) -> float:
+        """Least confidence for acceptance."""
+
+    @property
+    def accept_margin(self) -> float:
+        """Least margin for acceptance."""
+
+
+Judged = tuple[LineFit, TemplateSet, tuple[Cell, ...]]
+
+
+def beliefs(scores: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Probabilities of candidates from their correlations, (T,) -> (T,), if one of them is the truth.
+
+    A template with correlation r leaves the share 1 - r^2 of the cell's energy as residual; for n independent
+    Gaussian residuals the likelihood goes as (1 - r^2)^(-n/2).
+    """
+    residual = np.log(np.maximum(1.0 - np.clip(scores, 0.0, 0.9999) ** 2, 1e-6))
+    exponent = -0.5 * INDEPENDENT_SAMPLES * (residual - residual.min())
+    weight = np.exp(exponent)
+    return np.asarray(weight / weight.sum())
+
+
+def decide(
+    judged: Sequence[Judged],
+    *,
+    places: Sequence[str] | None,
+    gaps: frozenset[int],
+    settings: Thresholds,
+    flags: ReadingFlag = ReadingFlag.NONE,
+) -> Reading:
+    """The reading of the line that its cells support best."""
+    line, templates, cells = max(judged, key=lambda j: _support(j, places))
+    chars = np.array(templates.chars)
+    results, confidence, margin = [], 1.0, 1.0
+    mean_score = 0.0
+    for k, cell in enumerate(cells):
+        allowed = np.array([c in places[k] for c in chars]) if places is not None else np.ones(chars.size, dtype=bool)
+        scores = np.where(allowed, cell.scores, -1.0)
+        belief = beliefs(scores)
+        order = np.argsort(-scores)[: min(CANDIDATES, int(allowed.sum()))]
+        best = float(scores[order[0]])
+        trust = 1.0 / (1.0 + math.exp(-(best - TRUST_SCORE) / TRUST_WIDTH))
+        shared = trust * belief
+        candidates = tuple(Candidate(str(chars[i]), float(scores[i]), float(shared[i])) for i in order)
+        half, tall = cell.half_width_mm, 0.5 * line.hypothesis.height_mm
+        box = line.image.plate_box(cell.u_mm - half, cell.v_mm - tall, cell.u_mm + half, cell.v_mm + tall)
+        character = CharacterReading(candidates=candidates, box=box)
+        results.append(character)
+        confidence *= character.confidence
+        margin = min(margin, character.margin)
+        mean_score += best / len(cells)
+    if mean_score < MIN_LINE_SCORE or not results:
+        return Reading(
+            characters=(), decision=Decision.REJECT, confidence=0.0, flags=flags | ReadingFlag.NO_CHARACTERS
+        )
+    sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin
+    if confidence < settings.accept_confidence:
+        flags |= ReadingFlag.LOW_CONFIDENCE
+    if margin < settings.accept_margin:
+        flags |= ReadingFlag.AMBIGUOUS
+    tall = 0.5 * line.hypothesis.height_mm
+    whole = line.image.plate_box(
+        cells[0].u_mm - cells[0].half_width_mm,
+        min(c.v_mm for c in cells) - tall,
+        cells[-1].u_mm + cells[-1].half_width_mm,
+        max(c.v_mm for c in cells) + tall,
+    )
+    return Reading(
+        characters=tuple(results),
+        decision=Decision.ACCEPT if sure else Decision.REVIEW,
+        confidence=confidence,
+        flags=flags,
+        font=templates.font,
+        height_mm=line.hypothesis.height_mm,
+        rotation_deg=line.hypothesis.rotation_deg,
+        raised=line.raised,
+        box=whole,
+        spaces_after=gaps if places is not None else word_gaps(cells, line.hypothesis.height_mm),
+    )
+
+
+def _support(judged: Judged, places: Sequence[str] | None) -> float:
+    """Length of line explained, weighted by the squared correlations of the second look."""
+    line, templates, cells = judged
+    total = 0.0
+    for k, cell in enumerate(cells):
+        scores = cell.scores
+        if places is not None:
+            scores = scores[[c in places[k] for c in templates.chars]]
+        best = float(scores.max(initial=0.0))
+        total += (2.0 * cell.half_width_mm + 0.1 * line.hypothesis.height_mm) * (best * abs(best) - 0.25)
+    return total
+
+
+def word_gaps(cells: Sequence[Cell], height_mm: float) -> frozenset[int]:
+    """Places after which a gap stands out: wide in itself and against the line's usual one."""
+    if len(cells) < 2:
+        return frozenset()
+    gap = np.array(
+        [b.u_mm - b.half_width_mm - a.u_mm - a.half_width_mm for a, b in zip(cells, cells[1:], strict=False)]
+    )
+    usual = float(np.median(gap))
+    wide = (gap > WORD_GAP_HEIGHTS * height_mm) & (gap > usual + 0.35 * height_mm)
+    return frozenset(int(i) for i in np.flatnonzero(wide))

@@ -1,0 +1,114 @@
+"""From scores at all places to a line of characters: the best chain of non-overlapping windows.
+
+Every placed character earns its width times (score^2 - threshold^2): what it explains beyond chance. A stroke
+taken for an I earns little; the H that explains both stems and the bar earns all of it. A format fixes the count
+and what each place may hold, inside the search, not afterwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+MAX_CHARACTERS = 64
+_NONE = -1e9
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A template placed on the line: index, pixel column of its reference point, and what it earned."""
+
+    template: int
+    column: int
+    reward: float
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def _chain(reward, half, allowed, free, overlap, reach, gap_free, gap_cost, best, from_end, by_template):  # type: ignore[no-untyped-def]
+    """best[k, e]: most earned by k + 1 characters whose last ink ends at column e."""
+    n_places, n_templates = allowed.shape
+    cols = reward.shape[1]
+    top = _NONE
+    for k in range(n_places):
+        improved = False
+        for t in range(n_templates):
+            if not allowed[k, t]:
+                continue
+            for c in range(half[t], cols - half[t]):
+                gain = reward[t, c]
+                if gain <= 0.0 and free:
+                    continue
+                start, end = c - half[t], c + half[t]
+                before, at = 0.0, -1
+                if k > 0:
+                    before = _NONE
+                    low = max(0, start - reach)
+                    for e in range(low, min(cols, start + overlap)):
+                        gap = start - e
+                        value = best[k - 1, e] - gap_cost * max(0, gap - gap_free)
+                        if value > before:
+                            before, at = value, e
+                    if at < 0:
+                        continue
+                value = before + gain
+                if value > best[k, end]:
+                    best[k, end] = value
+                    from_end[k, end] = at
+                    by_template[k, end] = t
+                    improved = improved or value > top
+        for e in range(cols):
+            top = max(top, best[k, e])
+        if not improved and free:
+            return k
+    return n_places
+
+
+def best_chain(
+    reward: NDArray[np.float32],
+    half_cols: NDArray[np.int64],
+    *,
+    allowed: NDArray[np.bool_] | None,
+    overlap: int,
+    reach: int,
+    gap_free: int,
+    gap_cost: float,
+) -> tuple[float, tuple[Placed, ...]]:
+    """The chain that earns most.
+
+    Args:
+        reward: (T, cols) earned by each template at each column.
+        half_cols: (T,) half width of each template's ink, pixels.
+        allowed: (places, T) which templates may stand where; None for any number of any of them.
+        overlap: columns by which neighbours may intrude on each other.
+        reach: columns of land allowed between neighbours.
+        gap_free: columns of land that cost nothing; each further one costs `gap_cost`.
+
+    Returns:
+        What it earned and the characters, left to right; (0, ()) when nothing earns anything, or when a fixed
+        format finds no room.
+    """
+    free = allowed is None
+    table = np.ones((MAX_CHARACTERS, reward.shape[0]), dtype=np.bool_) if allowed is None else allowed
+    cols = reward.shape[1]
+    best = np.full((table.shape[0], cols), _NONE)
+    from_end = np.full((table.shape[0], cols), -1, dtype=np.int64)
+    by_template = np.full((table.shape[0], cols), -1, dtype=np.int64)
+    _chain(
+        np.ascontiguousarray(reward), np.ascontiguousarray(half_cols), table, free,
+        overlap, reach, gap_free, float(gap_cost), best, from_end, by_template,
+    )  # fmt: skip
+    k = int(np.unravel_index(int(np.argmax(best)), best.shape)[0]) if free else table.shape[0] - 1
+    end = int(np.argmax(best[k]))
+    total = float(best[k, end])
+    if total <= _NONE / 2:
+        return 0.0, ()
+    placed = []
+    while k >= 0:
+        t = int(by_template[k, end])
+        column = end - int(half_cols[t])
+        placed.append(Placed(template=t, column=column, reward=float(reward[t, column])))
+        end, k = int(from_end[k, end]), k - 1
+    return total, tuple(reversed(placed))

@@ -1,0 +1,125 @@
+"""Where a line of characters may lie: its rotation and its band, from where something is felt at all.
+
+Only hypotheses are made here; matching judges them. The *activity* is the square of the edge channels (of a
+height map: of its slope), clipped so that one chip does not outweigh a character.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAX_ROTATION_DEG = 10.0
+ROTATION_STEP_DEG = 0.5
+ROTATION_DEAD_BAND_DEG = 0.6
+"""Lines turned less than this are read as they lie: a template tolerates it."""
+MIN_BAND_ROWS = 7
+
+
+@dataclass(frozen=True)
+class Band:
+    """A band that may hold one line.
+
+    Attributes:
+        middle_mm: of the band across the line, in the frame of the activity given.
+        height_mm: character height it would mean.
+    """
+
+    middle_mm: float
+    height_mm: float
+
+
+def activity_of(layers: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Clipped sum of squares of edge channels, (rows, cols)."""
+    activity = (layers.astype(np.float64) ** 2).sum(axis=0)
+    top = float(np.percentile(activity, 97.0))
+    floor = float(np.median(activity))
+    return np.clip(activity - floor, 0.0, max(top - floor, 1e-300))
+
+
+def line_rotation_deg(activity: NDArray[np.float64]) -> float:
+    """Rotation at which the activity gathers most sharply into rows, from +x towards +y; 0 when none stands out."""
+    rows, cols = activity.shape
+    strong = activity > 0.35 * activity.max()
+    v, u = np.nonzero(strong)
+    if v.size < 50:
+        return 0.0
+    if v.size > 6000:
+        pick = np.linspace(0, v.size - 1, 6000).astype(np.int64)
+        v, u = v[pick], u[pick]
+    weight = activity[v, u]
+    x, y = u - 0.5 * (cols - 1), v - 0.5 * (rows - 1)
+    # the sweep across: a rotation moves the ends of the line by this many rows
+    angles = np.arange(-MAX_ROTATION_DEG, MAX_ROTATION_DEG + 1e-9, ROTATION_STEP_DEG)
+    sharp = np.array([_sharpness(x, y, weight, math.radians(a)) for a in angles])
+    best = int(np.argmax(sharp))
+    level = sharp[len(angles) // 2]
+    if sharp[best] < 1.06 * level:
+        return 0.0
+    if 0 < best < len(angles) - 1:
+        before, at, after = sharp[best - 1 : best + 2]
+        curve = before - 2.0 * at + after
+        shift = 0.5 * (before - after) / curve if curve < 0.0 else 0.0
+        return float(angles[best] + shift * ROTATION_STEP_DEG)
+    return float(angles[best])
+
+
+def _sharpness(x: NDArray[np.float64], y: NDArray[np.float64], weight: NDArray[np.float64], angle: float) -> float:
+    v = -math.sin(angle) * x + math.cos(angle) * y
+    low = v.min()
+    at = v - low
+    first = at.astype(np.int64)
+    part = at - first
+    profile = np.bincount(first, weight * (1.0 - part), minlength=first.max() + 2)
+    profile += np.bincount(first + 1, weight * part, minlength=profile.size)[: profile.size]
+    return float((profile**2).sum())
+
+
+def bands(activity: NDArray[np.float64], *, pitch_mm: float, most: int = 5) -> tuple[Band, ...]:
+    """Bands of rows in which something is felt, most promising first.
+
+    The profile of row sums is cut at several levels; each run of rows above a level is a band. Bands that differ
+    by less than a tenth are one.
+    """
+    profile = activity.mean(axis=1)
+    rows = profile.size
+    width = max(1, rows // 60)
+    smooth = np.convolve(np.pad(profile, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), mode="valid")
+    background = float(np.percentile(smooth, 5))
+    typical = float(np.percentile(smooth, 75)) - background
+    if typical <= 0.0:
+        return ()
+    found: list[tuple[float, Band]] = []
+    for level in (0.15, 0.3, 0.5, 0.7):
+        above = smooth - background > level * typical
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], above.astype(np.int8), [0]])))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            if stop - start < max(MIN_BAND_ROWS, rows // 30):
+                continue
+            first = _crossing(smooth - background, start, level * typical)
+            last = _crossing((smooth - background)[::-1], rows - stop, level * typical)
+            height = (rows - 1 - last) - first
+            band = Band(
+                middle_mm=float(0.5 * (first + rows - 1 - last) * pitch_mm), height_mm=float(max(height, 1.0) * pitch_mm)
+            )
+            merit = float(np.minimum(smooth[start:stop] - background, typical).sum())
+            if not any(_alike(band, other) for _, other in found):
+                found.append((merit, band))
+    found.sort(key=lambda item: -item[0])
+    return tuple(band for _, band in found[:most])
+
+
+def _crossing(values: NDArray[np.float64], index: int, level: float) -> float:
+    """Row, with fraction, where the values first rise through the level, just before `index`."""
+    if index == 0:
+        return 0.0
+    low, high = values[index - 1], values[index]
+    return float(index - (high - level) / max(high - low, 1e-300))
+
+
+def _alike(a: Band, b: Band) -> bool:
+    near = abs(a.middle_mm - b.middle_mm) < 0.1 * max(a.height_mm, b.height_mm)
+    return near and abs(math.log(a.height_mm / b.height_mm)) < 0.1

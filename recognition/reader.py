@@ -1,0 +1,278 @@
+"""The one composition: how a scan becomes a reading.
+
+    scan --edge_map--> EdgeMap --localise--> hypotheses --search--> line --refine--> cells --decide--> Reading
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from glyphs.glyph import Font
+from glyphs.maps import EdgeMap, HeightMap, MapError
+from glyphs.outlines import BUILTIN_FONTS, load_font
+from glyphs.serials import allowed_characters
+from recognition.decide import decide
+from recognition.frames import is_edge_channel
+from recognition.localise import activity_of, bands, line_rotation_deg
+from recognition.mounting import first_look, level
+from recognition.reading import Decision, Reading, ReadingFlag
+from recognition.refine import refine_cells
+from recognition.search import FINE_STEP, Hypothesis, LineFit, LineSearch, refine_height, refine_width, template_set
+from recognition.templates import TemplateCache
+from whisker_array.array import default_plan
+from whisker_array.edges import edge_map
+from whisker_array.scan import Scan, Touch, default_touch, trace_scan
+from whisker_array.traces import Fidelity, SampleFlag
+
+ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+GOOD_SCORE = 0.86
+"""Mean correlation above which a line is not searched for other widths of its characters."""
+
+
+@dataclass(frozen=True)
+class ReaderSettings:
+    """What a reader is told.
+
+    Attributes:
+        fonts: names of built-in fonts or paths of TTF/OTF files; empty for all built-ins.
+        mask: format of the serial (`A` letter, `9` digit, `*` either, others themselves; blanks are word gaps).
+        height_mm: character height, if known.
+        fidelity: how the virtual array feels a height map.
+        accept_confidence: readings at least so sure, and with every margin above `accept_margin`, are accepted.
+        accept_margin: least lead of the first over the second candidate for acceptance.
+    """
+
+    fonts: tuple[str, ...] = ()
+    mask: str | None = None
+    height_mm: float | None = None
+    fidelity: Fidelity = Fidelity.CONTACT
+    accept_confidence: float = 0.9
+    accept_margin: float = 0.3
+
+    def __post_init__(self) -> None:
+        if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
+            raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
+        for name in ("accept_confidence", "accept_margin"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} is {getattr(self, name)}; it lies between 0 and 1")
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingWithEvidence:
+    """A reading and what it was made from.
+
+    Attributes:
+        reading: the answer.
+        edge_map: what matching worked on, if it came to that.
+        scan: the moments, if it came to that.
+        height_map: the levelled height map, if one was given.
+    """
+
+    reading: Reading
+    edge_map: EdgeMap | None = None
+    scan: Scan | None = None
+    height_map: HeightMap | None = None
+
+
+class _Clock:
+    """Where the time goes, by step."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+class Reader:
+    """Reads parts one after the other; keeps fonts and predicted templates between them."""
+
+    def __init__(self, settings: ReaderSettings | None = None, *, fonts: tuple[Font, ...] = ()) -> None:
+        """Load the fonts.
+
+        Args:
+            settings: what to read with.
+            fonts: fonts already loaded (from a glyph database), beside those the settings name.
+
+        Raises:
+            FontError: a font that cannot be loaded, or that lacks what the format needs.
+            MaskError: a format that cannot be met.
+        """
+        self.settings = settings if settings is not None else ReaderSettings()
+        names = self.settings.fonts if self.settings.fonts or fonts else BUILTIN_FONTS
+        self.fonts = (*fonts, *(load_font(name) for name in names))
+        mask = self.settings.mask
+        self.places: tuple[str, ...] | None = None
+        self.gaps: frozenset[int] = frozenset()
+        chars = ALPHABET
+        if mask is not None:
+            every = allowed_characters(mask)
+            self.places = tuple(place for place in every if place != " ")
+            inked = [i for i, place in enumerate(every) if place != " "]
+            self.gaps = frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
+            chars = "".join(sorted(set("".join(self.places))))
+            allowed_characters("".join("A" if not self.places else "A" for _ in (0,)))
+        self.chars = chars
+        self.cache = TemplateCache()
+
+    def read_height_map(self, height_map: HeightMap, *, part_id: str = "") -> ReadingWithEvidence:
+        """Mount, scan with the virtual array at the scale of the characters, and read.
+
+        Of several plausible character heights each is scanned, until one reads well.
+        """
+        clock = _Clock()
+        with clock.step("mount"):
+            levelled = level(height_map)
+            look = first_look(levelled)
+        heights = (self.settings.height_mm,) if self.settings.height_mm else look.heights_mm
+        if not look.heights_mm or not heights:
+            return ReadingWithEvidence(_nothing(clock), height_map=levelled)
+        best: ReadingWithEvidence | None = None
+        for height in heights[:3]:
+            touch = default_touch(height)
+            with clock.step("scan"):
+                plan = default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height)
+                scan = trace_scan(levelled, touch=touch, plan=plan, fidelity=self.settings.fidelity, part_id=part_id)
+            tried = self._read(scan, clock, height_map=levelled)
+            if best is None or _merit(tried.reading) > _merit(best.reading):
+                best = tried
+            if best.reading.decision is Decision.ACCEPT:
+                break
+        assert best is not None
+        return best
+
+    def read_scan(self, scan: Scan) -> ReadingWithEvidence:
+        """Read a recorded or simulated scan."""
+        return self._read(scan, _Clock(), height_map=None)
+
+    def _read(self, scan: Scan, clock: _Clock, *, height_map: HeightMap | None) -> ReadingWithEvidence:
+        with clock.step("edge map"):
+            try:
+                edges = edge_map(scan)
+            except MapError:
+                return ReadingWithEvidence(_nothing(clock, _scan_flags(scan)), scan=scan, height_map=height_map)
+        reading = self.read_edge_map(edges, scan.touch, clock=clock, flags=_scan_flags(scan))
+        return ReadingWithEvidence(reading, edge_map=edges, scan=scan, height_map=height_map)
+
+    def read_edge_map(
+        self, edges: EdgeMap, touch: Touch, *, clock: _Clock | None = None, flags: ReadingFlag = ReadingFlag.NONE
+    ) -> Reading:
+        """Read an edge map felt with the given touch."""
+        clock = clock if clock is not None else _Clock()
+        search = LineSearch(edges, touch, self.cache, chars=self.chars, places=self.places)
+        with clock.step("localise"):
+            hypotheses = self._hypotheses(search)
+        if not hypotheses:
+            return _nothing(clock, flags)
+        with clock.step("search"):
+            lines = self._search(search, hypotheses)
+        if not lines:
+            return _nothing(clock, flags)
+        with clock.step("match"):
+            judged = []
+            for line in lines:
+                templates = template_set(
+                    self.cache, edges, touch, line.hypothesis, chars=self.chars, raised=line.raised, step=FINE_STEP
+                )
+                image = search.image(line.hypothesis.rotation_deg)
+                cells = refine_cells(line, image, templates, edges.directions)
+                judged.append((line, templates, cells))
+        with clock.step("decide"):
+            reading = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
+        return _timed(reading, clock)
+
+    def _hypotheses(self, search: LineSearch) -> list[Hypothesis]:
+        """Heights and rotation to try, from where edges are felt."""
+        edges = search.edges
+        upright = search.image(0.0)
+        keep = is_edge_channel(edges.directions)
+        activity = activity_of(upright.channels[keep])
+        if float(np.abs(edges.enhancement).max()) < 1e-3:
+            return []
+        rotation = line_rotation_deg(activity)
+        if rotation:
+            activity = activity_of(search.image(rotation).channels[keep])
+        if self.settings.height_mm:
+            heights = [self.settings.height_mm]
+        else:
+            heights = []
+            for band in bands(activity, pitch_mm=edges.pitch_mm, most=3):
+                heights.extend(band.height_mm * factor for factor in (1.0, 0.88))
+        return [Hypothesis(font, h, 1.0, rotation) for font in self.fonts for h in _distinct(heights)]
+
+    def _search(self, search: LineSearch, hypotheses: list[Hypothesis]) -> list[LineFit]:
+        """The lines of the best fonts, best first."""
+        by_font: dict[str, LineFit] = {}
+        for hypothesis in hypotheses:
+            fit = search.fit(hypothesis)
+            held = by_font.get(hypothesis.font.name)
+            if held is None or fit.value_mm > held.value_mm:
+                by_font[hypothesis.font.name] = fit
+        leaders = sorted(by_font.values(), key=lambda f: -f.value_mm)[:3]
+        spans = (0.03,) if self.settings.height_mm else (0.06, 0.03)
+        refined = []
+        for leader in leaders:
+            if not leader.placed or leader.value_mm < 0.6 * leaders[0].value_mm:
+                continue
+            line = refine_height(search, leader, spans=spans)
+            if line.mean_score < GOOD_SCORE:
+                line = refine_width(search, line, scales=(0.8, 0.9, 1.12, 1.25))
+                line = refine_height(search, line, spans=(0.05,))
+            refined.append(line)
+        return refined
+
+
+def _distinct(heights: list[float]) -> list[float]:
+    kept: list[float] = []
+    for height in heights:
+        if all(abs(np.log(height / other)) > 0.05 for other in kept):
+            kept.append(height)
+    return kept
+
+
+def _scan_flags(scan: Scan) -> ReadingFlag:
+    """Flags of the samples that are common enough (0.5 %) to matter."""
+    table = (
+        (SampleFlag.CONTACT_LOST, ReadingFlag.CONTACT_LOST),
+        (SampleFlag.JAMMED, ReadingFlag.JAMMED),
+        (SampleFlag.OUT_OF_RANGE, ReadingFlag.OUT_OF_RANGE),
+        (SampleFlag.DROPOUT, ReadingFlag.DROPOUTS),
+    )
+    flags = ReadingFlag.NONE
+    for sample, reading in table:
+        bad = sum(int(np.count_nonzero(s.flags & np.uint8(sample))) for s in scan.sweeps)
+        if bad > 0.005 * scan.n_samples:
+            flags |= reading
+    return flags
+
+
+def _nothing(clock: _Clock, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
+    return Reading(
+        characters=(),
+        decision=Decision.REJECT,
+        confidence=0.0,
+        flags=flags | ReadingFlag.NO_CHARACTERS,
+        seconds=MappingProxyType(dict(clock.seconds)),
+    )
+
+
+def _timed(reading: Reading, clock: _Clock) -> Reading:
+    from dataclasses import replace
+
+    return replace(reading, seconds=MappingProxyType(dict(clock.seconds)))
+
+
+def _merit(reading: Reading) -> tuple[int, float]:
+    order = {Decision.REJECT: 0, Decision.REVIEW: 1, Decision.ACCEPT: 2}
+    return (order[reading.decision], reading.confidence)

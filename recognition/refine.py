@@ -1,0 +1,169 @@
+"""The second look: every candidate in the same cell, at the scan's full resolution.
+
+In the search a narrow template is judged on its own narrow window. Here all candidates of a place answer for the
+same *cell*, from halfway to the one neighbour to halfway to the other, over small shifts and rotations: one
+product (shifts x pixels) (pixels x templates) a cell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.maps import TraceDirection
+from recognition.frames import LineImage, channels, resampled
+from recognition.search import LineFit
+from recognition.templates import TemplateSet
+
+PIXELS = 40
+"""Pixels to a character height in the second look."""
+SHIFT_PIXELS = 3
+TURNS_DEG = (-3.0, 3.0)
+TURNED_BEST = 5
+"""Candidates that are tried turned as well."""
+CELL_ROWS_HEIGHTS = 0.58
+"""Half height of a cell, in character heights."""
+MAX_SIDE_HEIGHTS = 0.14
+"""Land beside the placed character's ink that a cell takes in, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """Scores of one place.
+
+    Attributes:
+        scores: (T,) best correlation of each template in this cell.
+        u_mm, v_mm: where the best template's reference point lies, line frame.
+        turn_deg: its turn against the line.
+        half_width_mm: half the ink width of the best template.
+    """
+
+    scores: NDArray[np.float64]
+    u_mm: float
+    v_mm: float
+    turn_deg: float
+    half_width_mm: float
+
+
+def fine_templates(
+    templates: TemplateSet, directions: tuple[TraceDirection, ...]
+) -> dict[float, NDArray[np.float32]]:
+    """(T, channels, rows, cols) of the set, straight and turned; kept in the set's work space."""
+    kept = templates.work.get("fine")
+    if isinstance(kept, dict):
+        return kept
+    from scipy import ndimage
+
+    straight = channels(templates.patches, directions, axis=1)
+    made = {0.0: straight}
+    for turn in TURNS_DEG:
+        # positive turns from +u to +v, clockwise as seen; ndimage.rotate turns the other way
+        made[turn] = ndimage.rotate(straight, -turn, axes=(3, 2), reshape=False, order=1, mode="constant")
+    templates.work["fine"] = made
+    return made
+
+
+def refine_cells(
+    fit: LineFit, image: LineImage, templates: TemplateSet, directions: tuple[TraceDirection, ...]
+) -> tuple[Cell, ...]:
+    """Score every template in the cell of every character that the search placed.
+
+    Args:
+        fit: what the search found.
+        image: the line image at the edge map's own pitch.
+        templates: predicted at the line's own height, widening and polarity.
+        directions: of the edge map.
+    """
+    height, widen = fit.hypothesis.height_mm, fit.hypothesis.x_scale
+    pixel = height / PIXELS
+    fine = resampled(image, pitch_u_mm=pixel, pitch_v_mm=pixel)
+    made = fine_templates(templates, directions)
+    u0, v0 = fine.origin_mm
+    found = fit.image
+    u_mm = [u0 + p.column * found.pitch_u_mm for p in fit.placed]
+    v_mm = [v0 + r * found.pitch_v_mm for r in fit.rows]
+    half = [float(fit.templates.half_width_mm[p.template]) / fit.templates.height_mm * height * widen for p in fit.placed]
+    cells = []
+    for i in range(len(fit.placed)):
+        side = MAX_SIDE_HEIGHTS * height
+        left = right = half[i] + side
+        if i > 0:
+            left = min(left, half[i] + 0.5 * (u_mm[i] - half[i] - u_mm[i - 1] - half[i - 1]))
+        if i + 1 < len(fit.placed):
+            right = min(right, half[i] + 0.5 * (u_mm[i + 1] - half[i + 1] - u_mm[i] - half[i]))
+        cells.append(
+            _score_cell(
+                fine, made, templates,
+                column=round((u_mm[i] - u0) / pixel), row=round((v_mm[i] - v0) / pixel),
+                left=max(4, round(left / pixel)), right=max(4, round(right / pixel)), pixel=pixel,
+            )
+        )  # fmt: skip
+    return tuple(cells)
+
+
+def _score_cell(
+    fine: LineImage,
+    made: dict[float, NDArray[np.float32]],
+    templates: TemplateSet,
+    *,
+    column: int,
+    row: int,
+    left: int,
+    right: int,
+    pixel: float,
+) -> Cell:
+    straight = made[0.0]
+    mid_row, mid_col = straight.shape[2] // 2, straight.shape[3] // 2
+    up = min(mid_row, math.ceil(CELL_ROWS_HEIGHTS * PIXELS))
+    left, right = min(left, mid_col), min(right, mid_col)
+    s = SHIFT_PIXELS
+    n_channels = fine.channels.shape[0]
+    rows, cols = fine.channels.shape[1:]
+    # cut with room for the shifts; land beyond the map
+    cut = np.zeros((n_channels, 2 * (up + s) + 1, left + right + 2 * s + 1), dtype=np.float32)
+    r0, c0 = row - up - s, column - left - s
+    rr = slice(max(0, r0), min(rows, r0 + cut.shape[1]))
+    cc = slice(max(0, c0), min(cols, c0 + cut.shape[2]))
+    if rr.stop > rr.start and cc.stop > cc.start:
+        cut[:, rr.start - r0 : rr.stop - r0, cc.start - c0 : cc.stop - c0] = fine.channels[:, rr, cc]
+    windows = np.lib.stride_tricks.sliding_window_view(cut, (2 * up + 1, left + right + 1), axis=(1, 2))
+    shifts = _standard(np.ascontiguousarray(windows.transpose(1, 2, 0, 3, 4)).reshape((2 * s + 1) ** 2, n_channels, -1))
+    window = (slice(mid_row - up, mid_row + up + 1), slice(mid_col - left, mid_col + right + 1))
+
+    def correlate(patches: NDArray[np.float32]) -> NDArray[np.float32]:
+        seen = patches[:, :, window[0], window[1]]
+        flat = _standard(np.ascontiguousarray(seen).reshape(seen.shape[0], n_channels, -1))
+        return np.asarray(shifts @ flat.T)
+
+    table = correlate(straight)
+    scores = table.max(axis=0).astype(np.float64)
+    best_shift = table.argmax(axis=0)
+    turn = np.zeros(scores.size)
+    leaders = np.argsort(-scores)[:TURNED_BEST]
+    for angle in TURNS_DEG:
+        turned = correlate(made[angle][leaders])
+        top = turned.max(axis=0)
+        better = top > scores[leaders]
+        scores[leaders[better]] = top[better]
+        best_shift[leaders[better]] = turned.argmax(axis=0)[better]
+        turn[leaders[better]] = angle
+    winner = int(np.argmax(scores))
+    dv, du = divmod(int(best_shift[winner]), 2 * s + 1)
+    u0, v0 = fine.origin_mm
+    return Cell(
+        scores=scores,
+        u_mm=u0 + (column + du - s) * pixel,
+        v_mm=v0 + (row + dv - s) * pixel,
+        turn_deg=float(turn[winner]),
+        half_width_mm=float(templates.half_width_mm[winner]),
+    )
+
+
+def _standard(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(n, channels, pixels) -> (n, channels * pixels), mean-free by channel, of unit length."""
+    centred = values - values.mean(axis=2, keepdims=True)
+    flat = centred.reshape(values.shape[0], -1)
+    return flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.float32(1e-12))

@@ -1,0 +1,238 @@
+"""The search: which font, height, polarity and row make a line of characters out of an edge map, and which one.
+
+Templates are predicted once near the height; hypotheses differ in how the image is sampled, 16 pixels to the
+supposed height, so that template spectra are shared by all of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.glyph import Font
+from glyphs.maps import EdgeMap
+from recognition.decode import Placed, best_chain
+from recognition.frames import LineImage, line_image, resampled
+from recognition.match import SEARCH_PIXELS, dense_scores
+from recognition.templates import TemplateCache, TemplateKey, TemplateSet, ideal_die
+from whisker_array.scan import Touch
+
+SCORE_FLOOR = 0.5
+"""Correlation that earns nothing: what a wrong character typically reaches."""
+ROW_REACH = 2
+"""Rows, of 16 to the height, by which characters may leave the common line."""
+HEIGHT_STEP = 0.12
+"""Template sets for the search are predicted at heights rounded to steps of 12 %."""
+FINE_STEP = 0.02
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One way the line may lie."""
+
+    font: Font
+    height_mm: float
+    x_scale: float
+    rotation_deg: float
+
+
+@dataclass(frozen=True, eq=False)
+class LineFit:
+    """What a hypothesis explains.
+
+    Attributes:
+        hypothesis: font, height, widening, rotation.
+        raised: polarity that explained more.
+        value_mm: length of line explained, weighted by how well; 0 when nothing is.
+        placed: characters, left to right, by template index and column of the search image.
+        rows: row of each character in the search image.
+        scores: correlation of each character.
+        image: the search image.
+        templates: the set whose templates were placed.
+    """
+
+    hypothesis: Hypothesis
+    raised: bool
+    value_mm: float
+    placed: tuple[Placed, ...]
+    rows: tuple[int, ...]
+    scores: tuple[float, ...]
+    image: LineImage
+    templates: TemplateSet
+
+    @property
+    def text(self) -> str:
+        """Characters as the search has them."""
+        return "".join(self.templates.chars[p.template] for p in self.placed)
+
+    @property
+    def mean_score(self) -> float:
+        """Mean correlation of the characters, 0 without any."""
+        return float(np.mean(self.scores)) if self.scores else 0.0
+
+    def slope_deg(self) -> float:
+        """Rotation of the line that is left, from the rows of its characters."""
+        if len(self.placed) < 3:
+            return 0.0
+        columns = np.array([p.column for p in self.placed], dtype=np.float64)
+        slope = np.polyfit(columns - columns.mean(), np.array(self.rows, dtype=np.float64), 1)[0]
+        return math.degrees(math.atan(slope * self.image.pitch_v_mm / self.image.pitch_u_mm))
+
+
+def rounded(value: float, step: float) -> float:
+    """Value rounded to a geometric ladder of the given step."""
+    ladder = math.log1p(step)
+    return float(math.exp(round(math.log(value) / ladder) * ladder))
+
+
+def template_set(
+    cache: TemplateCache,
+    edges: EdgeMap,
+    touch: Touch,
+    hypothesis: Hypothesis,
+    *,
+    chars: str,
+    raised: bool,
+    step: float,
+) -> TemplateSet:
+    """The templates of a hypothesis, predicted at its height rounded to the step, at the scan's own resolution."""
+    height = rounded(hypothesis.height_mm, step)
+    key = TemplateKey(
+        height_mm=height,
+        pitch_mm=height / 40.0,
+        directions=edges.directions,
+        rotation_deg=float(round(hypothesis.rotation_deg)) if abs(hypothesis.rotation_deg) >= 0.75 else 0.0,
+        raised=raised,
+        x_scale=rounded(hypothesis.x_scale, 0.05),
+        touch=touch.key(),
+        die=ideal_die(hypothesis.font, height),
+    )
+    available = "".join(c for c in chars if c in hypothesis.font.glyphs)
+    return cache.get(hypothesis.font, available, key, touch)
+
+
+class LineSearch:
+    """Fits hypotheses to one edge map; holds the line-frame images that they share."""
+
+    def __init__(
+        self, edges: EdgeMap, touch: Touch, cache: TemplateCache, *, chars: str, places: Sequence[str] | None
+    ) -> None:
+        """Prepare.
+
+        Args:
+            edges: the map to be read.
+            touch: how it was felt.
+            cache: of template sets.
+            chars: characters that may occur.
+            places: characters allowed at each place of a known format, or None.
+        """
+        self.edges, self.touch, self.cache = edges, touch, cache
+        self.chars, self.places = chars, places
+        self._images: dict[float, LineImage] = {}
+
+    def image(self, rotation_deg: float) -> LineImage:
+        """The channels in the frame of a line so rotated."""
+        key = round(rotation_deg, 2)
+        if key not in self._images:
+            self._images[key] = line_image(self.edges, rotation_deg=key)
+        return self._images[key]
+
+    def fit(self, hypothesis: Hypothesis, *, raised: bool | None = None) -> LineFit:
+        """The best chain of characters under a hypothesis, of either polarity unless it is known."""
+        base = self.image(hypothesis.rotation_deg)
+        pixel = hypothesis.height_mm / SEARCH_PIXELS
+        image = resampled(base, pitch_u_mm=pixel * hypothesis.x_scale, pitch_v_mm=pixel)
+        shared = Hypothesis(hypothesis.font, hypothesis.height_mm, 1.0, hypothesis.rotation_deg)
+        # sunk templates serve both polarities here: a raised mark answers with the opposite sign
+        templates = template_set(
+            self.cache, self.edges, self.touch, shared, chars=self.chars, raised=False, step=HEIGHT_STEP
+        )
+        dense = dense_scores(image, templates, self.edges.directions)
+        width = 2.0 * templates.half_width_mm / templates.height_mm + 0.1
+        half = np.maximum(1, np.round(templates.half_width_mm / templates.height_mm * SEARCH_PIXELS)).astype(np.int64)
+        allowed = self._allowed(templates)
+        typical = float(np.percentile(dense.energy.max(axis=(0, 1)), 80.0))
+        weight = width[:, None, None].astype(np.float32) * np.clip(2.0 * dense.energy / max(typical, 1e-30), 0.0, 1.0)
+        best: LineFit | None = None
+        for polarity in (False, True) if raised is None else (raised,):
+            score = -dense.score if polarity else dense.score
+            reward = weight * (np.sign(score) * score**2 - SCORE_FLOOR**2)
+            total, placed, rows = _best_row(reward, half, allowed)
+            length = total * hypothesis.height_mm * hypothesis.x_scale
+            if best is None or length > best.value_mm:
+                at = tuple(float(score[p.template, r, p.column]) for p, r in zip(placed, rows, strict=True))
+                best = LineFit(hypothesis, polarity, length, placed, rows, at, image, templates)
+        assert best is not None
+        return best
+
+    def _allowed(self, templates: TemplateSet) -> NDArray[np.bool_] | None:
+        if self.places is None:
+            return None
+        return np.array([[c in place for c in templates.chars] for place in self.places], dtype=np.bool_)
+
+
+def _best_row(
+    reward: NDArray[np.float32], half: NDArray[np.int64], allowed: NDArray[np.bool_] | None
+) -> tuple[float, tuple[Placed, ...], tuple[int, ...]]:
+    """The row whose neighbourhood earns most, its chain and the row of each of its characters."""
+    rows = reward.shape[1]
+    promise = np.maximum(reward, 0.0).max(axis=0).sum(axis=1)
+    window = np.ones(2 * ROW_REACH + 1)
+    pooled = np.convolve(promise, window, mode="same")
+    row = int(np.argmax(pooled))
+    low, high = max(0, row - ROW_REACH), min(rows, row + ROW_REACH + 1)
+    near = reward[:, low:high]
+    total, placed = best_chain(
+        near.max(axis=1),
+        half,
+        allowed=allowed,
+        overlap=2,
+        reach=int(1.5 * SEARCH_PIXELS),
+        gap_free=SEARCH_PIXELS // 2,
+        gap_cost=0.01,
+    )
+    at = tuple(low + int(np.argmax(near[p.template, :, p.column])) for p in placed)
+    return total, placed, at
+
+
+def refine_height(search: LineSearch, start: LineFit, *, spans: Sequence[float]) -> LineFit:
+    """Vary height by shrinking steps, and take up the rotation that is left, while the fit improves."""
+    best = start
+    slope = best.slope_deg()
+    if abs(slope) > 0.25:
+        turned = search.fit(_varied(best, rotation_deg=best.hypothesis.rotation_deg + slope), raised=best.raised)
+        if turned.value_mm > best.value_mm:
+            best = turned
+    for span in spans:
+        for factor in (1.0 + span, 1.0 / (1.0 + span)):
+            fit = search.fit(_varied(best, height_mm=best.hypothesis.height_mm * factor), raised=best.raised)
+            if fit.value_mm > best.value_mm:
+                best = fit
+                break
+    return best
+
+
+def refine_width(search: LineSearch, start: LineFit, *, scales: Sequence[float]) -> LineFit:
+    """Vary the widening of the characters against their font while the fit improves."""
+    best = start
+    for scale in scales:
+        fit = search.fit(_varied(start, x_scale=scale), raised=start.raised)
+        if fit.value_mm > best.value_mm:
+            best = fit
+    return best
+
+
+def _varied(
+    fit: LineFit, *, height_mm: float | None = None, x_scale: float | None = None, rotation_deg: float | None = None
+) -> Hypothesis:
+    h = fit.hypothesis
+    return Hypothesis(
+        h.font,
+        h.height_mm if height_mm is None else height_mm,
+        h.x_scale if x_scale is None else x_scale,
+        h.rotation_deg if rotation_deg is None else rotation_deg,
+    )

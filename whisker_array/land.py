@@ -1,0 +1,145 @@
+"""Where the land lies in a sweep: the moment of undisturbed surface under every sample.
+
+The land is the level that most samples share; marks stand out from it on one side or the other. A quadratic over
+the plate (the mounting's tilt, a slight dome) is fitted robustly to all lines of a sweep, then each whisker's gain
+and each line's drift are read off against it. Nothing here looks at edges.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+LAND_SHARE = 0.35
+"""Share of samples that must agree for a level to count as land: below the land left by a full line of text."""
+TUKEY_CUT = 0.05
+"""Samples further than this from the expected land, relative to it, have no say: marks are 10 % and more."""
+MIN_INLIERS = 0.15
+"""A line with fewer land samples than this takes its land from the neighbours alone."""
+
+
+def shorth(values: NDArray[np.float64], *, share: float = LAND_SHARE) -> NDArray[np.float64]:
+    """Centre of the shortest interval that holds a share of the samples, along the last axis; NaN are left out.
+
+    A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one side.
+    Rows without any sample give NaN.
+    """
+    ordered = np.sort(values, axis=-1)
+    count = np.isfinite(ordered).sum(axis=-1)
+    flat, n = ordered.reshape(-1, ordered.shape[-1]), count.reshape(-1)
+    out = np.full(flat.shape[0], np.nan)
+    for size in np.unique(n[n > 0]):
+        rows = np.flatnonzero(n == size)
+        width = max(1, int(share * size))
+        block = flat[rows, :size]
+        gaps = block[:, width - 1 :] - block[:, : size - width + 1]
+        first = np.argmin(gaps, axis=1)
+        out[rows] = 0.5 * (block[np.arange(rows.size), first] + block[np.arange(rows.size), first + width - 1])
+    return out.reshape(values.shape[:-1])
+
+
+def _quadratic(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+
+
+def _solve(design: NDArray[np.float64], target: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weighted least squares, slightly damped so that unseen terms stay zero."""
+    weighted = design * weight[:, None]
+    normal = weighted.T @ design
+    normal += 1e-9 * np.trace(normal) * np.eye(normal.shape[0])
+    solution: NDArray[np.float64] = np.linalg.solve(normal, weighted.T @ target)
+    return solution
+
+
+def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Land of a whole sweep, (lines, samples): a robust quadratic in both directions; NaN samples are left out.
+
+    The start is the most common level along lines and across them (a product of two robust profiles), so a tilt
+    of many times the mark's depth does no harm; the fit is then tightened around it.
+    """
+    lines, samples = moment.shape
+    u, v = np.linspace(-1.0, 1.0, samples), np.linspace(-1.0, 1.0, lines)
+    level = float(shorth(moment[np.isfinite(moment)][None, :])[0])
+    best, best_inliers = np.full(moment.shape, level), -1.0
+    # Two starts: flat, and tilted as the levels of lines and of columns say; the better explains more samples.
+    step_l, step_s = max(1, lines // 50), max(1, samples // 100)
+    thin = moment[::step_l, ::step_s]
+    uu, vv = np.meshgrid(u[::step_s], v[::step_l])
+    design = _quadratic(uu.ravel(), vv.ravel())
+    target = thin.ravel()
+    known = np.isfinite(target)
+    design, target = design[known], target[known]
+    full = _quadratic(*np.meshgrid(u, v)).reshape(-1, 6)
+    for start in (np.full(target.shape, level), design @ _tilted_start(thin, uu[0], vv[:, 0], level)):
+        expected = start
+        coefficients = np.array([level, 0, 0, 0, 0, 0], dtype=np.float64)
+        for cut in (0.2, 0.1, 0.07, TUKEY_CUT, TUKEY_CUT, TUKEY_CUT):
+            residual = (target - expected) / (cut * abs(level))
+            weight = np.clip(1.0 - residual**2, 0.0, None) ** 2
+            if weight.sum() < 12:
+                break
+            coefficients = _solve(design, target, weight)
+            expected = design @ coefficients
+        inliers = float((np.abs(target - expected) < 0.5 * TUKEY_CUT * abs(level)).mean())
+        if inliers > best_inliers + 1e-9:
+            best_inliers, best = inliers, (full @ coefficients).reshape(moment.shape)
+    return best
+
+
+def _tilted_start(
+    thin: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64], level: float
+) -> NDArray[np.float64]:
+    """Quadratic coefficients from the robust level of each line (across) and of each column (along)."""
+    coefficients = np.zeros(6)
+    coefficients[0] = level
+    across, along = shorth(thin), shorth(thin.T)
+    for levels, at, linear, square in ((along, u, 1, 3), (across, v, 2, 5)):
+        known = np.isfinite(levels)
+        if known.sum() < 8:
+            continue
+        # the slope of most neighbours (Theil-Sen on a few pairs), then no curvature to begin with
+        k = max(1, int(known.sum()) // 3)
+        y, x = levels[known], at[known]
+        slope = float(np.median((y[k:] - y[:-k]) / (x[k:] - x[:-k])))
+        coefficients[linear] = slope
+        coefficients[square] = 0.0
+    return coefficients
+
+
+def whisker_gain(ratio: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Relative gain of each line's whisker, (lines,), from moment / plate land: the level most samples share."""
+    gain = np.ones(ratio.shape[0])
+    for w in np.unique(whisker):
+        mine = ratio[whisker == w]
+        near = mine[np.isfinite(mine) & (np.abs(mine - 1.0) < 0.35)]
+        if near.size >= 20:
+            gain[whisker == w] = float(shorth(near[None, :])[0])
+    return gain
+
+
+def line_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Land of each line relative to the plate's, (lines, samples): a robust straight line along each trace.
+
+    Lines that run mostly in a mark keep 1: what they share with the plate is not land enough to judge a drift.
+    """
+    samples = ratio.shape[1]
+    t = np.linspace(-1.0, 1.0, samples)
+    known = np.isfinite(ratio)
+    value = np.where(known, ratio, 1.0)
+    offset, slope = np.ones(ratio.shape[0]), np.zeros(ratio.shape[0])
+    weight = np.zeros_like(value)
+    for _ in range(4):
+        expected = offset[:, None] + slope[:, None] * t
+        residual = (value - expected) / TUKEY_CUT
+        weight = np.where(known, np.clip(1.0 - residual**2, 0.0, None) ** 2, 0.0)
+        total = weight.sum(axis=1) + 1e-9
+        # ridge on the slope: a line with land at one end only must not tilt
+        mean_t = (weight * t).sum(axis=1) / total
+        mean_v = (weight * value).sum(axis=1) / total
+        spread = (weight * (t - mean_t[:, None]) ** 2).sum(axis=1) + 0.05 * samples
+        slope = (weight * (t - mean_t[:, None]) * (value - mean_v[:, None])).sum(axis=1) / spread
+        offset = mean_v - slope * mean_t
+        few = total < MIN_INLIERS * samples
+        offset[few], slope[few] = 1.0, 0.0
+    drift: NDArray[np.float64] = offset[:, None] + slope[:, None] * t
+    return drift
