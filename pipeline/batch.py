@@ -18,9 +18,8 @@ from pipeline.parts import Part
 from pipeline.problems import FileProblem
 
 if TYPE_CHECKING:
-    from recognition.reader import ReadingWithEvidence
-
     from glyphs.maps import HeightMap
+    from recognition.reader import ReadingWithEvidence
     from recognition.reading import Reading
     from whisker_array.scan import Scan
 

@@ -1,4 +1,4 @@
-"""The command `tactile-marks`. Nothing heavy is imported until a command needs it, so that help comes at once."""
+"""The command `tactile-marks`. What is heavy is imported when a command needs it, so help comes at once."""
 
 from __future__ import annotations
 
@@ -8,19 +8,9 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError
 
+from pipeline.commands.failing import BROKEN_PIPE, INTERRUPTED, USAGE, CommandError
+
 PROGRAM = "tactile-marks"
-FAILED = 1
-USAGE = 2
-INTERRUPTED = 130
-BROKEN_PIPE = 141
-
-
-class CommandError(Exception):
-    """A command that cannot go on: one line for the person, and the status to leave with."""
-
-    def __init__(self, message: str, *, status: int = FAILED) -> None:
-        super().__init__(message)
-        self.status = status
 
 
 def _version() -> str:

@@ -20,8 +20,8 @@ def square_map(path: Path, z_mm: NDArray[np.float64], *, x_pitch_mm: float, y_pi
     """A height map from heights (rows, cols), row 0 at the top, whose pitches may differ.
 
     The coarser axis is resampled linearly to the finer pitch; where one pitch is more than four times the
-    other, the finer axis is resampled to the coarser pitch instead. What touches a dropout stays one. Heights beyond
-    a metre are the bad points of some instrument and become dropouts.
+    other, the finer axis is resampled to the coarser pitch instead. What touches a dropout stays one. Heights
+    beyond a metre are the bad points of some instrument and become dropouts.
 
     Raises:
         FileProblem: sizes, pitches or heights that cannot be used.

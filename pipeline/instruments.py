@@ -7,7 +7,7 @@ Which way is up. A HeightMap has row 0 at the top of the part as a reader sees i
   mirrored. Some writers, mostly of X3P files after ISO 5436-2:2000, put the top row first all the same:
   `RowOrder.TOP_FIRST` reads those.
 - SurfaceTopography hands out `heights()[x, y]` so that its transpose, seen as an image, stands upright with
-  the top row first, whatever the format; except for X3P and SDF, whose rows it hands on in the order of the file.
+  the top row first, whatever the format; except for X3P and SDF, whose rows it hands on in the file's order.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""How to read: from a TOML file, the environment and the flags of the command line, the later over the former.
+"""How to read: from a TOML file, the environment and the flags, the later over the former.
 
-    tactile-marks.toml      font = ["gothic"]               (in the working folder, or the file after --config)
+    tactile-marks.toml      font = ["gothic"]               (working folder, or the file after --config)
                             height_mm = 5.0
     environment             TACTILE_MARKS_HEIGHT_MM=5       (fonts separated by commas)
     flags                   --height-mm 5

@@ -1,8 +1,8 @@
 """How right the readings are, against a table of what was stamped.
 
 *Character accuracy* is 1 - (sum of edit distances) / (sum of true lengths), not below 0: an edit is one
-character wrong, missing or too many (Levenshtein). *Serial accuracy* is the share of parts whose whole text is
-right. Spaces count for neither: they are not stamped. A part with an error counts as read empty.
+character wrong, missing or too many (Levenshtein). *Serial accuracy* is the share of parts whose whole text
+is right. Spaces count for neither: they are not stamped. A part with an error counts as read empty.
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ def _template_spectra(templates: TemplateSet, search: SearchTemplates, shape: tu
     placed[:, :, :rows, :cols] = search.patches
     placed = np.roll(placed, (-(rows // 2), -(cols // 2)), axis=(2, 3))
     spectra: NDArray[np.complex64] = np.conj(fft.rfft2(placed)).astype(np.complex64)
-    for old in [k for k in templates.work if isinstance(k, tuple) and k[0] == "spectra"][:-3]:
+    for old in [k for k in templates.work if isinstance(k, tuple) and k[0] == "spectra"][:-4]:
         del templates.work[old]
     templates.work[key] = spectra
     return spectra
@@ -115,9 +115,10 @@ def dense_scores(image: LineImage, templates: TemplateSet, directions: tuple[Tra
 
     search = search_templates(templates, directions)
     _, rows, cols = image.channels.shape
-    shape = tuple(
-        fft.next_fast_len(-(-(n + m) // 24) * 24, real=True)
-        for n, m in zip((rows, cols), search.patches.shape[2:], strict=True)
+    # few sizes, so that spectra of the templates are found again
+    shape = (
+        -(-(rows + search.patches.shape[2]) // 32) * 32,
+        fft.next_fast_len(-(-(cols + search.patches.shape[3]) // 64) * 64, real=True),
     )
     spectra = _template_spectra(templates, search, (shape[0], shape[1]))
     seen = fft.rfft2(image.channels, shape)

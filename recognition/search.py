@@ -23,6 +23,8 @@ from whisker_array.scan import Touch
 
 SCORE_FLOOR = 0.5
 """Correlation that earns nothing: what a wrong character typically reaches."""
+CHARACTER_COST = 0.03
+"""Height-widths a character must explain before it earns: a stroke of a neighbour taken for an I does not."""
 ROW_REACH = 2
 """Rows, of 16 to the height, by which characters may leave the common line."""
 HEIGHT_STEP = 0.12
@@ -156,11 +158,11 @@ class LineSearch:
         half = np.maximum(1, np.round(templates.half_width_mm / templates.height_mm * SEARCH_PIXELS)).astype(np.int64)
         allowed = self._allowed(templates)
         typical = float(np.percentile(dense.energy.max(axis=(0, 1)), 80.0))
-        weight = width[:, None, None].astype(np.float32) * np.clip(2.0 * dense.energy / max(typical, 1e-30), 0.0, 1.0)
+        weight = width[:, None, None].astype(np.float32) * np.clip(dense.energy / max(typical, 1e-30), 0.0, 1.0)
         best: LineFit | None = None
         for polarity in (False, True) if raised is None else (raised,):
             score = -dense.score if polarity else dense.score
-            reward = weight * (np.sign(score) * score**2 - SCORE_FLOOR**2)
+            reward = weight * (np.sign(score) * score**2 - SCORE_FLOOR**2) - CHARACTER_COST
             total, placed, rows = _best_row(reward, half, allowed)
             length = total * hypothesis.height_mm * hypothesis.x_scale
             if best is None or length > best.value_mm:
@@ -190,7 +192,7 @@ def _best_row(
         near.max(axis=1),
         half,
         allowed=allowed,
-        overlap=2,
+        overlap=1,
         reach=int(1.5 * SEARCH_PIXELS),
         gap_free=SEARCH_PIXELS // 2,
         gap_cost=0.01,

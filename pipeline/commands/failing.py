@@ -1,11 +1,22 @@
-"""What a command may meet, as one line and a status."""
+"""Exit statuses, and what a command may meet as one line and a status."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
 
-from pipeline.cli import FAILED, USAGE, CommandError
+FAILED = 1
+USAGE = 2
+INTERRUPTED = 130
+BROKEN_PIPE = 141
+
+
+class CommandError(Exception):
+    """A command that cannot go on: one line for the person, and the status to leave with."""
+
+    def __init__(self, message: str, *, status: int = FAILED) -> None:
+        super().__init__(message)
+        self.status = status
 
 
 @contextlib.contextmanager

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from pipeline.commands.failing import failures_told
+from pipeline.commands.failing import USAGE, CommandError, failures_told
 
 if TYPE_CHECKING:
-    from pipeline.batch import PartReader, Row
-    from pipeline.settings import ReadSettings
+    from pipeline.batch import Row
 
 Mode = Literal["tactile"]
 FidelityName = Literal["pointwise", "contact"]
@@ -32,7 +31,7 @@ def read(
     out: Path | None = None,
     config: Path | None = None,
 ) -> int:
-    """Read the serials of parts: height maps (.npz, .x3p, .sdf, .sur ...), scans (.h5), folders or globs of them.
+    """Read the serials of parts: height maps (.npz, .x3p, .sdf, .sur ...), scans (.h5), folders or globs.
 
     Files of one stem are one part. The exit status is 1 if any part could not be read.
 
@@ -60,8 +59,8 @@ def read(
         TOML file with settings; tactile-marks.toml in the working folder is read by itself.
     """
     from pipeline.batch import read_parts
-    from pipeline.cli import USAGE, CommandError
     from pipeline.parts import discover
+    from pipeline.readers import open_reader
     from pipeline.settings import load_settings
     from pipeline.tables import check_output, write_rows
     from pipeline.truth import load_truth, score
@@ -82,7 +81,7 @@ def read(
             check_output(out)
         stamped = load_truth(truth) if truth is not None else None
         parts = discover(inputs)
-        reader = make_reader(settings)
+        reader = open_reader(settings)
         with _progress(len(parts)) as advance:
             rows = read_parts(parts, reader, on_row=advance)
         _print_table(rows)
@@ -92,26 +91,6 @@ def read(
         if stamped is not None:
             print(score(rows, stamped).describe())
     return 1 if any(row.error for row in rows) else 0
-
-
-def make_reader(settings: ReadSettings) -> PartReader:
-    """The reader for these settings.
-
-    Raises:
-        ValueError: a font, mask or database that cannot be used.
-    """
-    from recognition.reader import Reader, ReaderSettings
-
-    from whisker_array.traces import Fidelity
-
-    return Reader(
-        ReaderSettings(
-            fonts=settings.font,
-            mask=settings.format,
-            height_mm=settings.height_mm,
-            fidelity=Fidelity(settings.fidelity),
-        )
-    )
 
 
 class _Progress:

@@ -1,0 +1,73 @@
+"""`tactile-marks inspect`: one part as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from pipeline.commands.failing import FAILED, CommandError, failures_told
+
+FidelityName = Literal["pointwise", "contact"]
+
+
+def inspect(
+    file: Path,
+    *,
+    out: Path | None = None,
+    font: Annotated[list[str] | None, Parameter(negative="")] = None,
+    format: str | None = None,
+    height_mm: float | None = None,
+    fidelity: FidelityName | None = None,
+    database: Path | None = None,
+    config: Path | None = None,
+) -> int:
+    """Draw how one part was felt and read: height map, moment map, edge maps, boxes and candidates.
+
+    Parameters
+    ----------
+    file
+        A height map or a scan.
+    out
+        Picture to write, .png, .svg or .pdf; FILE-inspect.png in the working folder unless given.
+    font
+        Built-in name or TTF/OTF file; may be repeated.
+    format
+        Mask of the serial: A letter, 9 digit, * either, any other character itself.
+    height_mm
+        Character height in mm.
+    fidelity
+        How touch is simulated.
+    database
+        Glyph database to take the fonts from.
+    config
+        TOML file with settings.
+    """
+    with failures_told():
+        from pipeline.batch import evidence_of
+        from pipeline.parts import discover
+        from pipeline.pictures import check_picture, headline, inspect_figure, save_figure
+        from pipeline.readers import open_reader
+        from pipeline.settings import load_settings
+
+        picture = out if out is not None else Path(f"{file.stem}-inspect.png")
+        check_picture(picture)
+        settings = load_settings(
+            config=config,
+            font=tuple(font) if font else None,
+            format=format,
+            height_mm=height_mm,
+            fidelity=fidelity,
+            database=database,
+        )
+        parts = discover([file])
+        if len(parts) > 1:
+            raise CommandError(
+                f"{file}: holds {len(parts)} parts; inspect draws one, name its file", status=FAILED
+            )
+        evidence = evidence_of(parts[0], open_reader(settings))
+        save_figure(inspect_figure(evidence, title=parts[0].name), picture)
+    print(f"{parts[0].name}: {headline(evidence.reading)}")
+    print(f"wrote {picture}")
+    return 0

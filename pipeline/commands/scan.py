@@ -1,0 +1,106 @@
+"""`tactile-marks scan` and `tactile-marks calibrate`: recordings made and calibrated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pipeline.commands.failing import USAGE, CommandError, failures_told
+
+FidelityName = Literal["pointwise", "contact"]
+
+
+def scan(
+    height_map: Path,
+    *,
+    out: Path,
+    height_mm: float | None = None,
+    fidelity: FidelityName = "contact",
+    noise: bool = True,
+    sensor_seed: int = 0,
+) -> int:
+    """Feel a height map with the virtual whisker array and record the raw moments.
+
+    Parameters
+    ----------
+    height_map
+        .npz, .x3p, .sdf, .sur ...
+    out
+        Recording to write, .h5.
+    height_mm
+        Character height, which sets the scale of array and raster; found out if not given.
+    fidelity
+        How touch is simulated.
+    noise
+        Sensors as they come from the bench: gains, offsets, noise, drift, 16 bits.
+    sensor_seed
+        Of gains, offsets and noise.
+    """
+    with failures_told():
+        from pipeline.atomic import check_writable
+        from pipeline.feel import feel, plan_for
+        from pipeline.files import is_scan, read_height_map
+        from whisker_array.recording import save_scan
+        from whisker_array.traces import Fidelity
+
+        if not is_scan(out):
+            raise CommandError(f"{out}: a recording ends in .h5", status=USAGE)
+        if height_mm is not None and not 0.0 < height_mm < 1000.0:
+            raise CommandError(f"--height-mm is {height_mm}; it lies between 0 and 1000 mm", status=USAGE)
+        check_writable(out)
+        surface = read_height_map(height_map)
+        plan, height = plan_for(surface, height_mm=height_mm)
+        print(plan.describe())
+        felt = feel(
+            surface,
+            plan=plan,
+            height_mm=height,
+            fidelity=Fidelity(fidelity),
+            noise=noise,
+            sensor_seed=sensor_seed,
+            part_id=height_map.stem,
+        )
+        save_scan(felt, out)
+    print(
+        f"wrote {out}: characters {height:.2f} mm, preload {felt.touch.preload_mm:.2f} mm, "
+        f"{plan.n_samples:,} samples at {plan.sample_rate_hz:,.0f} Hz, scan time {plan.scan_time_s:.0f} s"
+    )
+    return 0
+
+
+def calibrate(recording: Path, *, out: Path | None = None) -> int:
+    """Find gain and offset of each whisker from the lifted and lead-in samples of a scan, and write them in.
+
+    Parameters
+    ----------
+    recording
+        The scan, .h5.
+    out
+        Write a calibrated copy instead.
+    """
+    with failures_told():
+        from pipeline.lead_in import calibrate_scan
+        from pipeline.problems import FileProblem
+        from whisker_array.recording import RecordingError, load_scan, save_calibration
+        from whisker_array.sensor import SensorError
+
+        try:
+            lead_in = calibrate_scan(load_scan(recording, raw=True))
+            save_calibration(recording, lead_in.calibration, out=out)
+        except RecordingError as error:
+            raise FileProblem(error.path, error.problem, error.mend) from error
+        except SensorError as error:
+            raise FileProblem(recording, "cannot be calibrated", str(error)) from error
+    print("whisker      gain    offset   air  land")
+    rows = zip(
+        lead_in.calibration.gain,
+        lead_in.calibration.offset_n_mm,
+        lead_in.air_samples,
+        lead_in.land_samples,
+        strict=True,
+    )
+    for whisker, (gain, offset, air, land) in enumerate(rows):
+        note = "" if land else "  never ran in on the part: gain left at 1"
+        print(f"{whisker:7d}  {gain:8.4f}  {offset:+8.4f}  {air:4d}  {land:4d}{note}")
+    print(f"wrote the calibration into {out or recording}")
+    return 0
