@@ -87,12 +87,14 @@ def read_parts(
 
 def read_part(part: Part, reader: PartReader) -> Row:
     """Read one part."""
+    from glyphs.maps import MapError
+
     started = time.perf_counter()
     try:
         reading = evidence_of(part, reader).reading
     except FileProblem as problem:
         return Row(part.name, seconds=_since(started), error=str(problem))
-    except ValueError as error:
+    except MapError as error:
         return Row(part.name, seconds=_since(started), error=f"{_file(part)}: {_one_line(error)}")
     # A fault of the program in one part may not cost a night's run the other parts; the row tells its kind.
     except Exception as error:

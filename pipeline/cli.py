@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from cyclopts import App, CycloptsError
 
-from pipeline.commands.failing import BROKEN_PIPE, INTERRUPTED, USAGE, CommandError
+from pipeline.failing import BROKEN_PIPE, INTERRUPTED, USAGE, CommandError
 
 PROGRAM = "tactile-marks"
 
@@ -26,18 +26,19 @@ app = App(
     name=PROGRAM,
     version=_version,
     help="Read die-stamped serials by touch, from height maps and whisker scans.",
+    suppress_keyboard_interrupt=False,
 )
 _LIBRARY = App(name="glyphs", help="List, show and collect the fonts of steel stamps.")
 
-app.command("pipeline.commands.read:read", name="read", help="Read the serials of parts.")
-app.command("pipeline.commands.inspect:inspect", name="inspect", help="Draw how one part was felt and read.")
-app.command("pipeline.commands.synth:synth", name="synth", help="Make stamped parts and their truth.")
-app.command("pipeline.commands.scan:scan", name="scan", help="Feel a height map with the virtual array.")
-app.command("pipeline.commands.scan:calibrate", name="calibrate", help="Calibrate a scan from its lead-in.")
-app.command("pipeline.commands.demo:demo", name="demo", help="Make, scan and read a few parts.")
-_LIBRARY.command("pipeline.commands.glyphs:list_fonts", name="list", help="List the fonts.")
-_LIBRARY.command("pipeline.commands.glyphs:show", name="show", help="Draw a sheet of fonts.")
-_LIBRARY.command("pipeline.commands.glyphs:build", name="build", help="Write a glyph database.")
+app.command("pipeline.command_read:read", name="read", help="Read the serials of parts.")
+app.command("pipeline.command_inspect:inspect", name="inspect", help="Draw how one part was felt and read.")
+app.command("pipeline.command_synth:synth", name="synth", help="Make stamped parts and their truth.")
+app.command("pipeline.command_scan:scan", name="scan", help="Feel a height map with the virtual array.")
+app.command("pipeline.command_scan:calibrate", name="calibrate", help="Calibrate a scan from its lead-in.")
+app.command("pipeline.command_demo:demo", name="demo", help="Make, scan and read a few parts.")
+_LIBRARY.command("pipeline.command_glyphs:list_fonts", name="list", help="List the fonts.")
+_LIBRARY.command("pipeline.command_glyphs:show", name="show", help="Draw a sheet of fonts.")
+_LIBRARY.command("pipeline.command_glyphs:build", name="build", help="Write a glyph database.")
 app.command(_LIBRARY)
 
 

@@ -12,11 +12,14 @@ Which way is up. A HeightMap has row 0 at the top of the part as a reader sees i
 
 from __future__ import annotations
 
+import contextlib
+import io
 import logging
 import re
 import struct
 import warnings
 import zipfile
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -172,9 +175,7 @@ def read_with_surface_topography(path: Path, *, row_order: RowOrder = RowOrder.S
             f"is of a format ({path.suffix or 'no suffix'}) that needs the extra `formats`",
             "install it with: pip install 'tactile-marks[formats]'",
         )
-    with damage_reported(path, kind="height map"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        logging.getLogger("SurfaceTopography").setLevel(logging.CRITICAL)
+    with damage_reported(path, kind="height map"), _silence():
         from SurfaceTopography.IO import open_topography
 
         with open_topography(str(path)) as reader:
@@ -182,6 +183,20 @@ def read_with_surface_topography(path: Path, *, row_order: RowOrder = RowOrder.S
             _check_channel(path, channel)
             surface = reader.topography(channel_index=channel.index)
         return _from_surface_topography(path, surface, row_order)
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Keep a parser that warns, logs or prints what it meets from doing so in the middle of a table."""
+    before = logging.root.manager.disable
+    nowhere = io.StringIO()
+    with warnings.catch_warnings(), contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
+        warnings.simplefilter("ignore")
+        logging.disable(logging.CRITICAL)
+        try:
+            yield
+        finally:
+            logging.disable(before)
 
 
 def _check_channel(path: Path, channel: Any) -> None:

@@ -96,7 +96,7 @@ def load_settings(*, config: Path | None = None, folder: Path | None = None, **f
             return init_settings, env_settings, InitSettingsSource(settings_cls, written)
 
     try:
-        return Sources(**given)
+        return ReadSettings(**Sources(**given).model_dump())
     except ValidationError as error:
         first = error.errors()[0]
         key = str(first["loc"][0])

@@ -60,9 +60,10 @@ def decide(
     gaps: frozenset[int],
     settings: Thresholds,
     flags: ReadingFlag = ReadingFlag.NONE,
-) -> Reading:
-    """The reading of the line that its cells support best."""
+) -> tuple[Reading, float]:
+    """The reading of the line that its cells support best, and that support: mm of line, weighted by how well."""
     line, templates, cells = max(judged, key=lambda j: _support(j, places))
+    support = _support((line, templates, cells), places)
     chars = np.array(templates.chars)
     results, confidence, margin = [], 1.0, 1.0
     mean_score = 0.0
@@ -83,9 +84,8 @@ def decide(
         margin = min(margin, character.margin)
         mean_score += best / len(cells)
     if mean_score < MIN_LINE_SCORE or not results:
-        return Reading(
-            characters=(), decision=Decision.REJECT, confidence=0.0, flags=flags | ReadingFlag.NO_CHARACTERS
-        )
+        none = flags | ReadingFlag.NO_CHARACTERS
+        return Reading(characters=(), decision=Decision.REJECT, confidence=0.0, flags=none), 0.0
     sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin
     if confidence < settings.accept_confidence:
         flags |= ReadingFlag.LOW_CONFIDENCE
@@ -98,7 +98,7 @@ def decide(
         cells[-1].u_mm + cells[-1].half_width_mm,
         max(c.v_mm for c in cells) + tall,
     )
-    return Reading(
+    reading = Reading(
         characters=tuple(results),
         decision=Decision.ACCEPT if sure else Decision.REVIEW,
         confidence=confidence,
@@ -110,6 +110,7 @@ def decide(
         box=whole,
         spaces_after=gaps if places is not None else word_gaps(cells, line.hypothesis.height_mm),
     )
+    return reading, support
 
 
 def _support(judged: Judged, places: Sequence[str] | None) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from glyphs.maps import TraceDirection
 from recognition.frames import LineImage, channels
-from recognition.templates import TemplateSet
+from recognition.templates import PIXELS, TemplateSet
 from whisker_array.edges import averaging
 
 SEARCH_PIXELS = 16
@@ -61,20 +61,20 @@ def search_templates(templates: TemplateSet, directions: tuple[TraceDirection, .
         return kept
     fine = channels(templates.patches, directions, axis=1)
     count, n_channels, rows, cols = fine.shape
-    pitch = templates.height_mm / SEARCH_PIXELS
+    ratio = PIXELS / SEARCH_PIXELS
 
     def weights(n: int) -> NDArray[np.float32]:
-        half = int((n - 1) // 2 * templates.pitch_mm / pitch)
-        at = (np.arange(n) - (n - 1) // 2) * templates.pitch_mm
-        w = averaging(at, np.arange(-half, half + 1) * pitch, pitch).toarray()
+        half = int((n - 1) // 2 / ratio)
+        at = np.arange(n, dtype=np.float64) - (n - 1) // 2
+        w = averaging(at, np.arange(-half, half + 1) * ratio, ratio).toarray()
         return np.asarray(w / w.sum(axis=1, keepdims=True), dtype=np.float32)
 
     down, across = weights(rows), weights(cols)
     coarse = np.einsum("rR,tkRC,cC->tkrc", down, fine, across, optimize=True)
     mid_row, mid_col = coarse.shape[2] // 2, coarse.shape[3] // 2
-    rim = RIM_HEIGHTS * templates.height_mm
-    half_rows = min(mid_row, math.ceil((0.5 * templates.height_mm + rim) / pitch))
-    half_cols = np.minimum(mid_col, np.ceil((templates.half_width_mm + rim) / pitch).astype(np.int64))
+    half_rows = min(mid_row, math.ceil((0.5 + RIM_HEIGHTS) * SEARCH_PIXELS))
+    half_cols = np.ceil((templates.half_width + RIM_HEIGHTS) * SEARCH_PIXELS).astype(np.int64)
+    half_cols = np.minimum(mid_col, half_cols)
     patches = np.zeros_like(coarse)
     for t in range(count):
         window = (slice(mid_row - half_rows, mid_row + half_rows + 1), _around(mid_col, half_cols[t]))
@@ -97,12 +97,7 @@ def _template_spectra(templates: TemplateSet, search: SearchTemplates, shape: tu
     kept = templates.work.get(key)
     if isinstance(kept, np.ndarray):
         return kept
-    count, n_channels, rows, cols = search.patches.shape
-    # placed so that the patch's middle pixel lies at index 0: the product then peaks at the glyph's own place
-    placed = np.zeros((count, n_channels, *shape), dtype=np.float32)
-    placed[:, :, :rows, :cols] = search.patches
-    placed = np.roll(placed, (-(rows // 2), -(cols // 2)), axis=(2, 3))
-    spectra: NDArray[np.complex64] = np.conj(fft.rfft2(placed)).astype(np.complex64)
+    spectra: NDArray[np.complex64] = np.conj(fft.rfft2(search.patches, shape))
     for old in [k for k in templates.work if isinstance(k, tuple) and k[0] == "spectra"][:-4]:
         del templates.work[old]
     templates.work[key] = spectra
@@ -123,7 +118,11 @@ def dense_scores(image: LineImage, templates: TemplateSet, directions: tuple[Tra
     spectra = _template_spectra(templates, search, (shape[0], shape[1]))
     seen = fft.rfft2(image.channels, shape)
     product = np.einsum("khw,tkhw->thw", seen, spectra)
-    raw = fft.irfft2(product, shape)[:, :rows, :cols]
+    corner = fft.irfft2(product, shape)
+    # the product is indexed by the patch's corner; the score belongs to its middle
+    mid_row, mid_col = (n // 2 for n in search.patches.shape[2:])
+    raw = np.zeros((corner.shape[0], rows, cols), dtype=np.float32)
+    raw[:, mid_row:, mid_col:] = corner[:, : rows - mid_row, : cols - mid_col]
     score = np.zeros(raw.shape, dtype=np.float32)
     energy = np.zeros(raw.shape, dtype=np.float32)
     for half in np.unique(search.half_cols):
@@ -152,7 +151,8 @@ def window_energy(layers: NDArray[np.float32], half_rows: int, half_cols: int) -
         h, w = 2 * half_rows + 1, 2 * half_cols + 1
         return np.asarray(total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w])
 
-    spread = np.zeros((rows, cols))
-    for layer in layers.astype(np.float64):
-        spread += box(layer**2) - box(layer) ** 2 / count
+    values = layers.astype(np.float64)
+    spread = box((values**2).sum(axis=0))
+    for layer in values:
+        spread -= box(layer) ** 2 / count
     return np.maximum(spread, 0.0), count * layers.shape[0]

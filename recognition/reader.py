@@ -23,7 +23,7 @@ from recognition.localise import activity_of, bands, line_rotation_deg
 from recognition.mounting import first_look, level
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_cells
-from recognition.search import FINE_STEP, Hypothesis, LineFit, LineSearch, refine_height, refine_width, template_set
+from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape
 from recognition.templates import TemplateCache
 from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
@@ -72,12 +72,14 @@ class ReadingWithEvidence:
         edge_map: what matching worked on, if it came to that.
         scan: the moments, if it came to that.
         height_map: the levelled height map, if one was given.
+        support_mm: length of line that the templates explain, weighted by how well.
     """
 
     reading: Reading
     edge_map: EdgeMap | None = None
     scan: Scan | None = None
     height_map: HeightMap | None = None
+    support_mm: float = 0.0
 
 
 class _Clock:
@@ -122,7 +124,6 @@ class Reader:
             inked = [i for i, place in enumerate(every) if place != " "]
             self.gaps = frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
             chars = "".join(sorted(set("".join(self.places))))
-            allowed_characters("".join("A" if not self.places else "A" for _ in (0,)))
         self.chars = chars
         self.cache = TemplateCache()
 
@@ -145,7 +146,7 @@ class Reader:
                 plan = default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height)
                 scan = trace_scan(levelled, touch=touch, plan=plan, fidelity=self.settings.fidelity, part_id=part_id)
             tried = self._read(scan, clock, height_map=levelled)
-            if best is None or _merit(tried.reading) > _merit(best.reading):
+            if best is None or _merit(tried) > _merit(best):
                 best = tried
             if best.reading.decision is Decision.ACCEPT:
                 break
@@ -162,35 +163,33 @@ class Reader:
                 edges = edge_map(scan)
             except MapError:
                 return ReadingWithEvidence(_nothing(clock, _scan_flags(scan)), scan=scan, height_map=height_map)
-        reading = self.read_edge_map(edges, scan.touch, clock=clock, flags=_scan_flags(scan))
-        return ReadingWithEvidence(reading, edge_map=edges, scan=scan, height_map=height_map)
+        reading, support = self.read_edge_map(edges, scan.touch, clock=clock, flags=_scan_flags(scan))
+        return ReadingWithEvidence(reading, edge_map=edges, scan=scan, height_map=height_map, support_mm=support)
 
     def read_edge_map(
         self, edges: EdgeMap, touch: Touch, *, clock: _Clock | None = None, flags: ReadingFlag = ReadingFlag.NONE
-    ) -> Reading:
-        """Read an edge map felt with the given touch."""
+    ) -> tuple[Reading, float]:
+        """Read an edge map felt with the given touch; also the length of line explained, mm, weighted by how well."""
         clock = clock if clock is not None else _Clock()
         search = LineSearch(edges, touch, self.cache, chars=self.chars, places=self.places)
         with clock.step("localise"):
             hypotheses = self._hypotheses(search)
         if not hypotheses:
-            return _nothing(clock, flags)
+            return _nothing(clock, flags), 0.0
         with clock.step("search"):
             lines = self._search(search, hypotheses)
         if not lines:
-            return _nothing(clock, flags)
+            return _nothing(clock, flags), 0.0
         with clock.step("match"):
             judged = []
             for line in lines:
-                templates = template_set(
-                    self.cache, edges, touch, line.hypothesis, chars=self.chars, raised=line.raised, step=FINE_STEP
-                )
+                templates = search.templates(line.hypothesis, raised=line.raised)
                 image = search.image(line.hypothesis.rotation_deg)
                 cells = refine_cells(line, image, templates, edges.directions)
                 judged.append((line, templates, cells))
         with clock.step("decide"):
-            reading = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
-        return _timed(reading, clock)
+            reading, support_mm = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
+        return _timed(reading, clock), support_mm
 
     def _hypotheses(self, search: LineSearch) -> list[Hypothesis]:
         """Heights and rotation to try, from where edges are felt."""
@@ -225,10 +224,10 @@ class Reader:
         for leader in leaders:
             if not leader.placed or leader.value_mm < 0.6 * leaders[0].value_mm:
                 continue
-            line = refine_height(search, leader, spans=spans)
+            line = refine_geometry(search, leader, spans=spans)
             if line.mean_score < GOOD_SCORE:
-                line = refine_width(search, line, scales=(0.8, 0.9, 1.12, 1.25))
-                line = refine_height(search, line, spans=(0.05,))
+                line = refine_shape(search, line, x_scales=(0.8, 0.9, 1.12, 1.25))
+                line = refine_geometry(search, line, spans=(0.05,))
             refined.append(line)
         return refined
 
@@ -273,6 +272,5 @@ def _timed(reading: Reading, clock: _Clock) -> Reading:
     return replace(reading, seconds=MappingProxyType(dict(clock.seconds)))
 
 
-def _merit(reading: Reading) -> tuple[int, float]:
-    order = {Decision.REJECT: 0, Decision.REVIEW: 1, Decision.ACCEPT: 2}
-    return (order[reading.decision], reading.confidence)
+def _merit(tried: ReadingWithEvidence) -> tuple[bool, float]:
+    return (tried.reading.decision is not Decision.REJECT, tried.support_mm)

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 from glyphs.maps import TraceDirection
 from recognition.frames import LineImage, channels, resampled
 from recognition.search import LineFit
-from recognition.templates import TemplateSet
+from recognition.templates import PIXELS, TemplateSet
 
-PIXELS = 40
-"""Pixels to a character height in the second look."""
 SHIFT_PIXELS = 3
 TURNS_DEG = (-3.0, 3.0)
 TURNED_BEST = 5
@@ -74,21 +72,21 @@ def refine_cells(
     Args:
         fit: what the search found.
         image: the line image at the edge map's own pitch.
-        templates: predicted at the line's own height, widening and polarity.
+        templates: of the line's own hypothesis and polarity.
         directions: of the edge map.
     """
     height, widen = fit.hypothesis.height_mm, fit.hypothesis.x_scale
     pixel = height / PIXELS
-    fine = resampled(image, pitch_u_mm=pixel, pitch_v_mm=pixel)
+    fine = resampled(image, pitch_u_mm=pixel * widen, pitch_v_mm=pixel)
     made = fine_templates(templates, directions)
     u0, v0 = fine.origin_mm
     found = fit.image
     u_mm = [u0 + p.column * found.pitch_u_mm for p in fit.placed]
     v_mm = [v0 + r * found.pitch_v_mm for r in fit.rows]
-    half = [float(fit.templates.half_width_mm[p.template]) / fit.templates.height_mm * height * widen for p in fit.placed]
+    half = [float(fit.templates.half_width[p.template]) * height * widen for p in fit.placed]
     cells = []
     for i in range(len(fit.placed)):
-        side = MAX_SIDE_HEIGHTS * height
+        side = MAX_SIDE_HEIGHTS * height * widen
         left = right = half[i] + side
         if i > 0:
             left = min(left, half[i] + 0.5 * (u_mm[i] - half[i] - u_mm[i - 1] - half[i - 1]))
@@ -97,8 +95,8 @@ def refine_cells(
         cells.append(
             _score_cell(
                 fine, made, templates,
-                column=round((u_mm[i] - u0) / pixel), row=round((v_mm[i] - v0) / pixel),
-                left=max(4, round(left / pixel)), right=max(4, round(right / pixel)), pixel=pixel,
+                column=round((u_mm[i] - u0) / (pixel * widen)), row=round((v_mm[i] - v0) / pixel),
+                left=max(4, round(left / (pixel * widen))), right=max(4, round(right / (pixel * widen))),
             )
         )  # fmt: skip
     return tuple(cells)
@@ -113,7 +111,6 @@ def _score_cell(
     row: int,
     left: int,
     right: int,
-    pixel: float,
 ) -> Cell:
     straight = made[0.0]
     mid_row, mid_col = straight.shape[2] // 2, straight.shape[3] // 2
@@ -155,10 +152,10 @@ def _score_cell(
     u0, v0 = fine.origin_mm
     return Cell(
         scores=scores,
-        u_mm=u0 + (column + du - s) * pixel,
-        v_mm=v0 + (row + dv - s) * pixel,
+        u_mm=u0 + (column + du - s) * fine.pitch_u_mm,
+        v_mm=v0 + (row + dv - s) * fine.pitch_v_mm,
         turn_deg=float(turn[winner]),
-        half_width_mm=float(templates.half_width_mm[winner]),
+        half_width_mm=float(templates.half_width[winner]) * PIXELS * fine.pitch_u_mm,
     )
 
 

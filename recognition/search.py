@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +18,17 @@ from glyphs.maps import EdgeMap
 from recognition.decode import Placed, best_chain
 from recognition.frames import LineImage, line_image, resampled
 from recognition.match import SEARCH_PIXELS, dense_scores
-from recognition.templates import TemplateCache, TemplateKey, TemplateSet, ideal_die
+from recognition.templates import TemplateCache, TemplateSet, template_key
 from whisker_array.scan import Touch
 
 SCORE_FLOOR = 0.5
 """Correlation that earns nothing: what a wrong character typically reaches."""
 CHARACTER_COST = 0.03
 """Height-widths a character must explain before it earns: a stroke of a neighbour taken for an I does not."""
+SOFT_HANDS = ((0.03, 0.02), (0.05, 0.03), (0.03, 0.05), (0.05, 0.06))
+"""Softening and growth tried on marks that no crisp template fits, character heights."""
 ROW_REACH = 2
 """Rows, of 16 to the height, by which characters may leave the common line."""
-HEIGHT_STEP = 0.12
-"""Template sets for the search are predicted at heights rounded to steps of 12 %."""
-FINE_STEP = 0.02
 
 
 @dataclass(frozen=True)
@@ -40,6 +39,8 @@ class Hypothesis:
     height_mm: float
     x_scale: float
     rotation_deg: float
+    grow: float = 0.0
+    soften: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,38 +86,6 @@ class LineFit:
         return math.degrees(math.atan(slope * self.image.pitch_v_mm / self.image.pitch_u_mm))
 
 
-def rounded(value: float, step: float) -> float:
-    """Value rounded to a geometric ladder of the given step."""
-    ladder = math.log1p(step)
-    return float(math.exp(round(math.log(value) / ladder) * ladder))
-
-
-def template_set(
-    cache: TemplateCache,
-    edges: EdgeMap,
-    touch: Touch,
-    hypothesis: Hypothesis,
-    *,
-    chars: str,
-    raised: bool,
-    step: float,
-) -> TemplateSet:
-    """The templates of a hypothesis, predicted at its height rounded to the step, at the scan's own resolution."""
-    height = rounded(hypothesis.height_mm, step)
-    key = TemplateKey(
-        height_mm=height,
-        pitch_mm=height / 40.0,
-        directions=edges.directions,
-        rotation_deg=float(round(hypothesis.rotation_deg)) if abs(hypothesis.rotation_deg) >= 0.75 else 0.0,
-        raised=raised,
-        x_scale=rounded(hypothesis.x_scale, 0.05),
-        touch=touch.key(),
-        die=ideal_die(hypothesis.font, height),
-    )
-    available = "".join(c for c in chars if c in hypothesis.font.glyphs)
-    return cache.get(hypothesis.font, available, key, touch)
-
-
 class LineSearch:
     """Fits hypotheses to one edge map; holds the line-frame images that they share."""
 
@@ -143,19 +112,31 @@ class LineSearch:
             self._images[key] = line_image(self.edges, rotation_deg=key)
         return self._images[key]
 
+    def templates(self, hypothesis: Hypothesis, *, raised: bool) -> TemplateSet:
+        """The templates of a hypothesis, felt as the scan was."""
+        key = template_key(
+            hypothesis.font,
+            self.touch,
+            self.edges.directions,
+            height_mm=hypothesis.height_mm,
+            rotation_deg=hypothesis.rotation_deg,
+            raised=raised,
+            grow=hypothesis.grow,
+            soften=hypothesis.soften,
+        )
+        available = "".join(c for c in self.chars if c in hypothesis.font.glyphs)
+        return self.cache.get(hypothesis.font, available, key)
+
     def fit(self, hypothesis: Hypothesis, *, raised: bool | None = None) -> LineFit:
         """The best chain of characters under a hypothesis, of either polarity unless it is known."""
         base = self.image(hypothesis.rotation_deg)
         pixel = hypothesis.height_mm / SEARCH_PIXELS
         image = resampled(base, pitch_u_mm=pixel * hypothesis.x_scale, pitch_v_mm=pixel)
-        shared = Hypothesis(hypothesis.font, hypothesis.height_mm, 1.0, hypothesis.rotation_deg)
         # sunk templates serve both polarities here: a raised mark answers with the opposite sign
-        templates = template_set(
-            self.cache, self.edges, self.touch, shared, chars=self.chars, raised=False, step=HEIGHT_STEP
-        )
+        templates = self.templates(hypothesis, raised=False)
         dense = dense_scores(image, templates, self.edges.directions)
-        width = 2.0 * templates.half_width_mm / templates.height_mm + 0.1
-        half = np.maximum(1, np.round(templates.half_width_mm / templates.height_mm * SEARCH_PIXELS)).astype(np.int64)
+        width = 2.0 * templates.half_width + 0.1
+        half = np.maximum(1, np.round(templates.half_width * SEARCH_PIXELS)).astype(np.int64)
         allowed = self._allowed(templates)
         typical = float(np.percentile(dense.energy.max(axis=(0, 1)), 80.0))
         weight = width[:, None, None].astype(np.float32) * np.clip(dense.energy / max(typical, 1e-30), 0.0, 1.0)
@@ -201,40 +182,32 @@ def _best_row(
     return total, placed, at
 
 
-def refine_height(search: LineSearch, start: LineFit, *, spans: Sequence[float]) -> LineFit:
+def refine_geometry(search: LineSearch, start: LineFit, *, spans: Sequence[float]) -> LineFit:
     """Vary height by shrinking steps, and take up the rotation that is left, while the fit improves."""
     best = start
     slope = best.slope_deg()
     if abs(slope) > 0.25:
-        turned = search.fit(_varied(best, rotation_deg=best.hypothesis.rotation_deg + slope), raised=best.raised)
-        if turned.value_mm > best.value_mm:
-            best = turned
+        best = _better(search, best, rotation_deg=best.hypothesis.rotation_deg + slope)
     for span in spans:
         for factor in (1.0 + span, 1.0 / (1.0 + span)):
-            fit = search.fit(_varied(best, height_mm=best.hypothesis.height_mm * factor), raised=best.raised)
-            if fit.value_mm > best.value_mm:
-                best = fit
+            tried = _better(search, best, height_mm=best.hypothesis.height_mm * factor)
+            if tried is not best:
+                best = tried
                 break
     return best
 
 
-def refine_width(search: LineSearch, start: LineFit, *, scales: Sequence[float]) -> LineFit:
-    """Vary the widening of the characters against their font while the fit improves."""
+def refine_shape(search: LineSearch, start: LineFit, *, x_scales: Sequence[float]) -> LineFit:
+    """Vary softness, boldness and width of the characters: marks of a hand or a font we have not got."""
     best = start
-    for scale in scales:
-        fit = search.fit(_varied(start, x_scale=scale), raised=start.raised)
-        if fit.value_mm > best.value_mm:
-            best = fit
+    for soften, grow in SOFT_HANDS:
+        best = _better(search, best, soften=soften, grow=grow)
+    for scale in x_scales:
+        best = _better(search, best, x_scale=scale)
     return best
 
 
-def _varied(
-    fit: LineFit, *, height_mm: float | None = None, x_scale: float | None = None, rotation_deg: float | None = None
-) -> Hypothesis:
-    h = fit.hypothesis
-    return Hypothesis(
-        h.font,
-        h.height_mm if height_mm is None else height_mm,
-        h.x_scale if x_scale is None else x_scale,
-        h.rotation_deg if rotation_deg is None else rotation_deg,
-    )
+def _better(search: LineSearch, held: LineFit, **changes: float) -> LineFit:
+    """The fit of the changed hypothesis if it explains more, else the one held."""
+    fit = search.fit(replace(held.hypothesis, **changes), raised=held.raised)
+    return fit if fit.value_mm > held.value_mm else held

@@ -17,41 +17,96 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.die import Die, default_die, die_glyph, ink_points_mm, shape_relief_mm, to_plate
-from glyphs.glyph import Font, transformed
+from glyphs.die import Die, default_depth_mm, default_die, die_glyph, relief_mm, shape_relief_mm, to_plate
+from glyphs.glyph import Font, Glyph, signed_distance
 from glyphs.maps import HeightMap, TraceDirection
 from whisker_array.array import RasterPlan, WhiskerArray
 from whisker_array.edges import edge_map
 from whisker_array.scan import Touch, trace_scan
 from whisker_array.traces import Fidelity
+from whisker_array.whisker import TipModel
 
 CELL_MARGIN_HEIGHTS = 0.16
 """Land kept around a glyph in its cell, in character heights."""
+CANONICAL_HEIGHT_MM = 5.0
+"""Touch is free of scale when whisker, tip, preload and mark shrink together: one set serves every height."""
+PIXELS = 40
+"""Template pixels to a character height."""
 
 
 @dataclass(frozen=True)
 class TemplateKey:
-    """All that decides what a template set looks like.
+    """All that decides what a template set looks like, free of scale.
 
     Attributes:
-        height_mm: character height.
-        pitch_mm: grid of the maps.
         directions: layers.
         rotation_deg: of the glyphs in the plate frame.
         raised: raised marks.
-        x_scale: widening of the glyphs against the font's own shape.
-        touch: `Touch.key()` of the whisker.
-        die: the die; its depth and stroke matter.
+        grow: outline moved outwards by this, character heights: a bolder hand of the same font.
+        soften: standard deviation of a Gaussian that rounds the relief, character heights: cast, coined or worn marks.
+        compliance: D11 over its yy element, row by row.
+        arm: third row of T1 over its length.
+        preload, tip_radius: over the character height.
+        friction: nominal.
+        die: at the canonical height.
     """
 
-    height_mm: float
-    pitch_mm: float
     directions: tuple[TraceDirection, ...]
     rotation_deg: float
     raised: bool
-    x_scale: float
-    touch: tuple[float, ...]
+    grow: float
+    soften: float
+    compliance: tuple[float, ...]
+    arm: tuple[float, ...]
+    preload: float
+    tip_radius: float
+    friction: float
     die: Die
+
+    def touch(self) -> Touch:
+        """The whisker scaled to the canonical height."""
+        return Touch(
+            tip=TipModel(np.array(self.compliance).reshape(3, 3), np.array(self.arm)),
+            preload_mm=self.preload * CANONICAL_HEIGHT_MM,
+            tip_radius_mm=self.tip_radius * CANONICAL_HEIGHT_MM,
+            friction=self.friction,
+        )
+
+
+def template_key(
+    font: Font,
+    touch: Touch,
+    directions: tuple[TraceDirection, ...],
+    *,
+    height_mm: float,
+    rotation_deg: float = 0.0,
+    raised: bool = False,
+    grow: float = 0.0,
+    soften: float = 0.0,
+) -> TemplateKey:
+    """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set."""
+    compliance = touch.tip.compliance_mm_per_n / touch.tip.compliance_mm_per_n[1, 1]
+    arm = touch.tip.moment_arm_mm / np.linalg.norm(touch.tip.moment_arm_mm)
+    depth = rounded(default_depth_mm(height_mm) / height_mm, 0.1)
+    return TemplateKey(
+        directions=directions,
+        rotation_deg=2.0 * round(rotation_deg / 2.0) if abs(rotation_deg) > 1.2 else 0.0,
+        raised=raised,
+        grow=round(grow, 3),
+        soften=round(soften, 3),
+        compliance=tuple(float(f"{c:.4g}") for c in compliance.ravel()),
+        arm=tuple(float(f"{a:.4g}") for a in arm),
+        preload=rounded(touch.preload_mm / height_mm, 0.1),
+        tip_radius=rounded(touch.tip_radius_mm / height_mm, 0.2) if touch.tip_radius_mm else 0.0,
+        friction=round(touch.friction, 2),
+        die=default_die(CANONICAL_HEIGHT_MM, font=font, depth_mm=depth * CANONICAL_HEIGHT_MM),
+    )
+
+
+def rounded(value: float, step: float) -> float:
+    """Value rounded to a geometric ladder of the given relative step."""
+    ladder = math.log1p(step)
+    return float(math.exp(round(math.log(value) / ladder) * ladder))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,80 +116,79 @@ class TemplateSet:
     Attributes:
         font: name of the font.
         chars: (T,) characters.
-        patches: (T, directions, rows, cols) float32, the glyph's reference point in the middle pixel; rows and
-            cols odd. In the *line frame*: a rotated set has been turned back upright.
-        half_width_mm: (T,) half the ink's width.
-        pitch_mm: grid.
-        height_mm: character height.
+        patches: (T, directions, rows, cols) float32, PIXELS to the height, the glyph's reference point in the
+            middle pixel; rows and cols odd. In the *line frame*: a rotated set has been turned back upright.
+        half_width: (T,) half the ink's width, character heights.
         work: place for what matching derives from the patches (spectra, norms), kept as long as the set.
     """
 
     font: str
     chars: tuple[str, ...]
     patches: NDArray[np.float32]
-    half_width_mm: NDArray[np.float64]
-    pitch_mm: float
-    height_mm: float
+    half_width: NDArray[np.float64]
     work: dict[object, object] = field(default_factory=dict)
 
 
-def predict_templates(font: Font, chars: str, key: TemplateKey, touch: Touch) -> TemplateSet:
+def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
     """Scan the ideal plate of a font's characters and cut out the cells.
 
     Raises:
         FontError: a character that the font has not got.
         DieError, MapError: a die or a scale that cannot be.
     """
-    shapes = [
-        transformed(die_glyph(font.glyph(c), key.die, height_mm=key.height_mm), x_scale=key.x_scale) for c in chars
-    ]
+    height, pitch = CANONICAL_HEIGHT_MM, CANONICAL_HEIGHT_MM / PIXELS
+    shapes = [die_glyph(font.glyph(c), key.die, height_mm=height) for c in chars]
     boxes = [shape.ink_box for shape in shapes]
-    half = 0.5 * key.height_mm * np.array([b[2] - b[0] for b in boxes])
-    tall = key.height_mm * max(max(abs(b[1] - 0.5), abs(b[3] - 0.5)) for b in boxes)
-    margin = CELL_MARGIN_HEIGHTS * key.height_mm
+    half = 0.5 * np.array([b[2] - b[0] for b in boxes])
+    half = half * (1.0 - 2.0 * key.grow) + key.grow
+    tall = max(max(abs(b[1] - 0.5), abs(b[3] - 0.5)) for b in boxes)
     cos, sin = abs(math.cos(math.radians(key.rotation_deg))), abs(math.sin(math.radians(key.rotation_deg)))
     wide = float(half.max())
-    # cells are cut at the line pitch; the plate is drawn at half of it
-    n_cols = math.ceil((wide * cos + tall * sin + margin) / key.pitch_mm)
-    n_rows = math.ceil((tall * cos + wide * sin + margin) / key.pitch_mm)
-    fine = 0.5 * key.pitch_mm
+    n_cols = math.ceil((wide * cos + tall * sin + CELL_MARGIN_HEIGHTS) * PIXELS)
+    n_rows = math.ceil((tall * cos + wide * sin + CELL_MARGIN_HEIGHTS) * PIXELS)
+    # cells are felt at the template's pitch; the plate is drawn at half of it
+    fine = 0.5 * pitch
     cell_cols, cell_rows = 2 * n_cols + 1, 2 * n_rows + 1
     z = np.zeros((2 * cell_rows, 2 * cell_cols * len(chars)), dtype=np.float32)
     gx = (np.arange(2 * cell_cols) - 2 * n_cols) * fine
     gy = (np.arange(2 * cell_rows) - 2 * n_rows) * fine
+    u, v = to_plate(gx[None, :], gy[:, None], rotation_deg=key.rotation_deg)
     for i, (shape, box) in enumerate(zip(shapes, boxes, strict=True)):
-        u, v = to_plate(gx[None, :], gy[:, None], rotation_deg=key.rotation_deg)
-        middle = 0.5 * (box[0] + box[2]) * key.height_mm, 0.5 * key.height_mm
-        points = ink_points_mm(shape, height_mm=key.height_mm)
-        if points.size:
-            z[:, 2 * cell_cols * i : 2 * cell_cols * (i + 1)] = shape_relief_mm(
-                shape, key.die, u + middle[0], v + middle[1], height_mm=key.height_mm
-            )
-    if key.raised:
-        z = -z
-    plate = HeightMap(z, fine)
+        middle = (0.5 * (box[0] + box[2]) * height, 0.5 * height)
+        z[:, 2 * cell_cols * i : 2 * cell_cols * (i + 1)] = _relief(shape, key, u, v, middle)
+    if key.soften:
+        from scipy import ndimage
+
+        z = ndimage.gaussian_filter(z, 2.0 * PIXELS * key.soften)
+    plate = HeightMap(-z if key.raised else z, fine)
     plan = RasterPlan(
-        array=WhiskerArray(n_whiskers=1, pitch_mm=key.pitch_mm),
-        region_mm=(0.0, 0.0, (cell_cols * len(chars) - 1) * key.pitch_mm, (cell_rows - 1) * key.pitch_mm),
-        line_pitch_mm=key.pitch_mm,
+        array=WhiskerArray(n_whiskers=1, pitch_mm=pitch),
+        region_mm=(0.0, 0.0, (cell_cols * len(chars) - 1) * pitch, (cell_rows - 1) * pitch),
+        line_pitch_mm=pitch,
         sample_pitch_mm=fine,
         directions=key.directions,
-        lead_mm=0.2 * key.height_mm,
+        lead_mm=0.2 * height,
         air_samples=0,
     )
-    felt = edge_map(trace_scan(plate, touch=touch, plan=plan, fidelity=Fidelity.CONTACT), ideal=True)
+    felt = edge_map(trace_scan(plate, touch=key.touch(), plan=plan, fidelity=Fidelity.CONTACT), ideal=True)
     layers = felt.enhancement.reshape(len(key.directions), cell_rows, len(chars), cell_cols)
     patches = np.ascontiguousarray(layers.transpose(2, 0, 1, 3))
     if key.rotation_deg:
         patches = _upright(patches, key.rotation_deg)
-    return TemplateSet(
-        font=font.name,
-        chars=tuple(chars),
-        patches=patches,
-        half_width_mm=half,
-        pitch_mm=key.pitch_mm,
-        height_mm=key.height_mm,
-    )
+    return TemplateSet(font=font.name, chars=tuple(chars), patches=patches, half_width=half)
+
+
+def _relief(
+    shape: Glyph, key: TemplateKey, u: NDArray[np.float64], v: NDArray[np.float64], middle: tuple[float, float]
+) -> NDArray[np.float32]:
+    """Sunk relief of one glyph at offsets (u, v) from its middle, its outline grown but no taller."""
+    height = CANONICAL_HEIGHT_MM
+    if not key.grow:
+        return shape_relief_mm(shape, key.die, u + middle[0], v + middle[1], height_mm=height)
+    shrink = 1.0 - 2.0 * key.grow
+    x, y = (u / shrink + middle[0]) / height, (v / shrink + middle[1]) / height
+    distance = signed_distance(shape, x, y, stroke=shape.stroke)
+    return relief_mm((distance * shrink - key.grow) * height, key.die)
 
 
 def _upright(patches: NDArray[np.float32], rotation_deg: float) -> NDArray[np.float32]:
@@ -156,34 +210,20 @@ def _upright(patches: NDArray[np.float32], rotation_deg: float) -> NDArray[np.fl
 
 
 class TemplateCache:
-    """Keeps the template sets last used; a reader owns one.
-
-    Heights and rotations are rounded before they become keys, so near-equal parts share a set.
-    """
+    """Keeps the template sets last used; a reader owns one."""
 
     def __init__(self, *, keep: int = 64) -> None:
         self._keep = keep
         self._sets: OrderedDict[object, TemplateSet] = OrderedDict()
 
-    def get(self, font: Font, chars: str, key: TemplateKey, touch: Touch) -> TemplateSet:
+    def get(self, font: Font, chars: str, key: TemplateKey) -> TemplateSet:
         """The set for a key, predicted on first use."""
         full = (font.name, font.source, chars, key)
         found = self._sets.get(full)
         if found is None:
-            found = predict_templates(font, chars, key, touch)
+            found = predict_templates(font, chars, key)
             self._sets[full] = found
             while len(self._sets) > self._keep:
                 self._sets.popitem(last=False)
         self._sets.move_to_end(full)
         return found
-
-
-def rounded_height_mm(height_mm: float) -> float:
-    """Height rounded to steps of 2 %: templates of one step serve all heights within it."""
-    step = math.log(1.02)
-    return float(math.exp(round(math.log(height_mm) / step) * step))
-
-
-def ideal_die(font: Font, height_mm: float, *, depth_mm: float | None = None) -> Die:
-    """The die a template is predicted for when nobody says which: flat face, usual bevel and depth."""
-    return default_die(height_mm, font=font, depth_mm=depth_mm)

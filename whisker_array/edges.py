@@ -85,12 +85,11 @@ def _land_ratio(
     position = sweep.plan.position_mm()[core]
     if ideal:
         return lines / scan.touch.land_moment_n_mm() - 1.0, place, position
+    if scan.calibration is None:
+        lines = lines / whisker_gain(lines, whisker)[:, None]
     land = plate_land(lines)
     if not np.isfinite(land).all() or np.median(np.abs(land)) == 0.0:
         raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
-    gain = whisker_gain(lines / land, whisker)
-    if np.ptp(gain) > 0.004:
-        land = plate_land(lines / gain[:, None]) * gain[:, None]
     ratio = lines / land
     return ratio / line_drift(ratio) - 1.0, place, position
 

@@ -16,6 +16,9 @@ TUKEY_CUT = 0.05
 """Samples further than this from the expected land, relative to it, have no say: marks are 10 % and more."""
 MIN_INLIERS = 0.15
 """A line with fewer land samples than this takes its land from the neighbours alone."""
+NEIGHBOUR_LINES = 9
+MAX_DRIFT = 0.03
+"""Drift of one line against its neighbours, at most: more is surface."""
 
 
 def shorth(values: NDArray[np.float64], *, share: float = LAND_SHARE) -> NDArray[np.float64]:
@@ -62,7 +65,7 @@ def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
     level = float(shorth(moment[np.isfinite(moment)][None, :])[0])
     best, best_inliers = np.full(moment.shape, level), -1.0
     # Two starts: flat, and tilted as the levels of lines and of columns say; the better explains more samples.
-    step_l, step_s = max(1, lines // 50), max(1, samples // 100)
+    step_l, step_s = max(1, lines // 40), max(1, samples // 80)
     thin = moment[::step_l, ::step_s]
     uu, vv = np.meshgrid(u[::step_s], v[::step_l])
     design = _quadratic(uu.ravel(), vv.ravel())
@@ -73,7 +76,7 @@ def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
     for start in (np.full(target.shape, level), design @ _tilted_start(thin, uu[0], vv[:, 0], level)):
         expected = start
         coefficients = np.array([level, 0, 0, 0, 0, 0], dtype=np.float64)
-        for cut in (0.2, 0.1, 0.07, TUKEY_CUT, TUKEY_CUT, TUKEY_CUT):
+        for cut in (0.2, 0.1, 0.07, TUKEY_CUT, TUKEY_CUT):
             residual = (target - expected) / (cut * abs(level))
             weight = np.clip(1.0 - residual**2, 0.0, None) ** 2
             if weight.sum() < 12:
@@ -106,40 +109,71 @@ def _tilted_start(
     return coefficients
 
 
-def whisker_gain(ratio: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Relative gain of each line's whisker, (lines,), from moment / plate land: the level most samples share."""
-    gain = np.ones(ratio.shape[0])
-    for w in np.unique(whisker):
-        mine = ratio[whisker == w]
-        near = mine[np.isfinite(mine) & (np.abs(mine - 1.0) < 0.35)]
-        if near.size >= 20:
-            gain[whisker == w] = float(shorth(near[None, :])[0])
+def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Relative gain of each line's whisker, (lines,), from neighbouring lines that different whiskers felt.
+
+    Two whiskers that meet at a border feel nearly the same surface there, mark or land, so the median ratio of
+    their samples is the ratio of their gains; the surface's own slope across the border is read off the lines
+    next to it and taken away. All borders are reconciled by least squares, with mean gain 1.
+    """
+    names = np.unique(whisker)
+    border = np.flatnonzero(whisker[1:] != whisker[:-1])
+    if names.size < 2 or border.size == 0:
+        return np.ones(whisker.size)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        step = np.log(np.abs(lines[1:] / lines[:-1]))
+    step = np.where(np.isfinite(step), step, np.nan)
+    known = np.isfinite(step).sum(axis=1) >= 20
+    middle = np.zeros(step.shape[0])
+    middle[known] = np.nanmedian(step[known], axis=1)
+    index = np.searchsorted(names, whisker)
+    rows, target = [np.full(names.size, 1.0 / names.size)], [0.0]
+    for i in border:
+        if not known[i]:
+            continue
+        beside = [j for j in (i - 1, i + 1) if 0 <= j < step.shape[0] and known[j] and whisker[j] == whisker[j + 1]]
+        slope = float(np.mean(middle[beside])) if beside else 0.0
+        row = np.zeros(names.size)
+        row[index[i + 1]] += 1.0
+        row[index[i]] -= 1.0
+        rows.append(row)
+        target.append(middle[i] - slope)
+    solution = np.linalg.lstsq(np.array(rows), np.array(target), rcond=None)[0]
+    gain: NDArray[np.float64] = np.exp(solution[index])
     return gain
 
 
 def line_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Land of each line relative to the plate's, (lines, samples): a robust straight line along each trace.
+    """What each line's land departs from its neighbours', (lines, samples): a robust straight line along the trace.
 
-    Lines that run mostly in a mark keep 1: what they share with the plate is not land enough to judge a drift.
+    A surface is alike from line to line; a sensor's drift is not. So only the departure from the median of the
+    lines around is drift, the rest is form. Lines that run mostly in a mark say nothing of their land.
     """
+    from scipy import ndimage
+
     samples = ratio.shape[1]
     t = np.linspace(-1.0, 1.0, samples)
     known = np.isfinite(ratio)
     value = np.where(known, ratio, 1.0)
     offset, slope = np.ones(ratio.shape[0]), np.zeros(ratio.shape[0])
-    weight = np.zeros_like(value)
-    for _ in range(4):
-        expected = offset[:, None] + slope[:, None] * t
-        residual = (value - expected) / TUKEY_CUT
+    few = np.zeros(ratio.shape[0], dtype=np.bool_)
+    for _ in range(3):
+        residual = (value - offset[:, None] - slope[:, None] * t) / TUKEY_CUT
         weight = np.where(known, np.clip(1.0 - residual**2, 0.0, None) ** 2, 0.0)
         total = weight.sum(axis=1) + 1e-9
-        # ridge on the slope: a line with land at one end only must not tilt
-        mean_t = (weight * t).sum(axis=1) / total
+        mean_t = weight @ t / total
         mean_v = (weight * value).sum(axis=1) / total
-        spread = (weight * (t - mean_t[:, None]) ** 2).sum(axis=1) + 0.05 * samples
-        slope = (weight * (t - mean_t[:, None]) * (value - mean_v[:, None])).sum(axis=1) / spread
+        # ridge on the slope: a line with land at one end only must not tilt
+        spread = weight @ t**2 - total * mean_t**2 + 0.05 * samples
+        slope = ((weight * value) @ t - total * mean_t * mean_v) / spread
         offset = mean_v - slope * mean_t
         few = total < MIN_INLIERS * samples
         offset[few], slope[few] = 1.0, 0.0
-    drift: NDArray[np.float64] = offset[:, None] + slope[:, None] * t
+
+    def departure(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        own = values - ndimage.median_filter(values, size=min(NEIGHBOUR_LINES, values.size), mode="nearest")
+        own[few] = 0.0
+        return np.asarray(np.clip(own, -MAX_DRIFT, MAX_DRIFT))
+
+    drift: NDArray[np.float64] = 1.0 + departure(offset)[:, None] + departure(slope)[:, None] * t
     return drift

@@ -1,4 +1,4 @@
-"""Every reader of files: what is good is read with the right scale and the right way up, all else is refused."""
+"""Readers of files: what is good is read with the right scale and the right way up, all else is refused."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_files_of_instruments_are_read(
     loaded = read_height_map(INSTRUMENTS / name)
     assert loaded.shape == shape
     assert loaded.pitch_mm == pytest.approx(pitch_mm, rel=1e-4)
-    assert np.nanmax(loaded.z_mm) - np.nanmin(loaded.z_mm) == pytest.approx(range_mm, rel=1e-3)
+    assert np.nanmax(loaded.z_mm) - np.nanmin(loaded.z_mm) == pytest.approx(range_mm, rel=3e-3)
 
 
 @needs_data
@@ -232,7 +232,11 @@ PITCH = 0.05
 BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "npz empty": (".npz", lambda: b"", "is empty"),
     "npz no archive": (".npz", lambda: b"hello, this is text", "damaged"),
-    "npz truncated": (".npz", lambda: npz_bytes(z_mm=np.random.default_rng(0).random((90, 90)), pitch_mm=1.0)[:900], "damaged"),
+    "npz truncated": (
+        ".npz",
+        lambda: npz_bytes(z_mm=np.random.default_rng(0).random((90, 90)), pitch_mm=1.0)[:900],
+        "damaged",
+    ),
     "npz without heights": (".npz", lambda: npz_bytes(pitch_mm=PITCH), "no z_mm"),
     "npz without pitch": (".npz", lambda: npz_bytes(z_mm=Z), "no pitch_mm"),
     "npz nothing in it": (".npz", lambda: npz_bytes(), "no z_mm"),
@@ -243,27 +247,51 @@ BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "npz two pitches": (".npz", lambda: npz_bytes(z_mm=Z, pitch_mm=[0.1, 0.1]), "shape (2,)"),
     "npz pitch a word": (".npz", lambda: npz_bytes(z_mm=Z, pitch_mm="0.05"), "of type <U4"),
     "npz NaN only": (".npz", lambda: npz_bytes(z_mm=Z * np.nan, pitch_mm=PITCH), "no finite height"),
-    "npz infinite": (".npz", lambda: npz_bytes(z_mm=Z + [0, 0, 0, 0, np.inf], pitch_mm=PITCH), "infinite"),
+    "npz infinite": (".npz", lambda: npz_bytes(z_mm=np.diag([0.0, np.inf]), pitch_mm=PITCH), "infinite"),
     "npz heights in other units": (".npz", lambda: npz_bytes(z_mm=Z + 5000.0, pitch_mm=PITCH), "5e+03 mm"),
     "npz complex": (".npz", lambda: npz_bytes(z_mm=Z.astype(complex), pitch_mm=PITCH), "of type complex"),
     "npz words": (".npz", lambda: npz_bytes(z_mm=np.array([["a", "b"]] * 2), pitch_mm=PITCH), "of type <U1"),
     "npz bools": (".npz", lambda: npz_bytes(z_mm=Z > 0, pitch_mm=PITCH), "of type bool"),
-    "npz pickle": (".npz", lambda: npz_bytes(z_mm=np.array([[{}, {}]] * 2), pitch_mm=PITCH), "of type object"),
+    "npz pickle": (
+        ".npz",
+        lambda: npz_bytes(z_mm=np.array([[{}, {}]] * 2), pitch_mm=PITCH),
+        "of type object",
+    ),
     "npz flat": (".npz", lambda: npz_bytes(z_mm=np.zeros(9), pitch_mm=PITCH), "shape (9,)"),
     "npz stack": (".npz", lambda: npz_bytes(z_mm=np.zeros((3, 3, 3)), pitch_mm=PITCH), "shape (3, 3, 3)"),
     "npz one row": (".npz", lambda: npz_bytes(z_mm=np.zeros((1, 9)), pitch_mm=PITCH), "shape (1, 9)"),
     "npz no samples": (".npz", lambda: npz_bytes(z_mm=np.zeros((0, 9)), pitch_mm=PITCH), "shape (0, 9)"),
-    "npz 20000 declared": (".npz", lambda: zip_of(z_mm=npy_header((20_000, 20_000)), pitch_mm=npy_header(())), "20,000 x 20,000"),
-    "npz shorter than declared": (".npz", lambda: zip_of(z_mm=npy_header((90, 90)), pitch_mm=npy_header(())), "shorter"),
-    "npz negative shape": (".npz", lambda: zip_of(z_mm=npy_header((-5, 7)), pitch_mm=npy_header(())), "shape (-5, 7)"),
-    "npz header of another age": (".npz", lambda: zip_of(z_mm=b"\x93NUMPY\x09\x00", pitch_mm=npy_header(())), "version"),
+    "npz 20000 declared": (
+        ".npz",
+        lambda: zip_of(z_mm=npy_header((20_000, 20_000)), pitch_mm=npy_header(())),
+        "20,000 x 20,000",
+    ),
+    "npz shorter than declared": (
+        ".npz",
+        lambda: zip_of(z_mm=npy_header((90, 90)), pitch_mm=npy_header(())),
+        "shorter",
+    ),
+    "npz negative shape": (
+        ".npz",
+        lambda: zip_of(z_mm=npy_header((-5, 7)), pitch_mm=npy_header(())),
+        "shape (-5, 7)",
+    ),
+    "npz header of another age": (
+        ".npz",
+        lambda: zip_of(z_mm=b"\x93NUMPY\x09\x00", pitch_mm=npy_header(())),
+        "version",
+    ),
     "npz header no header": (".npz", lambda: zip_of(z_mm=b"GIF89a", pitch_mm=b""), "damaged"),
     "x3p empty": (".x3p", lambda: b"", "is empty"),
     "x3p text": (".x3p", lambda: b"hello", "damaged"),
     "x3p truncated": (".x3p", lambda: x3p_bytes()[:400], "damaged"),
     "x3p an npz": (".x3p", lambda: npz_bytes(z_mm=Z, pitch_mm=PITCH), "damaged"),
     "x3p NaN only": (".x3p", lambda: x3p_bytes(np.full((6, 8), np.nan)), "no finite height"),
-    "x3p 20000 declared": (".x3p", lambda: x3p_bytes(edit=(b"<SizeX>8</SizeX>", b"<SizeX>20000</SizeX>")).replace(b"", b""), "damaged"),
+    "x3p more declared than held": (
+        ".x3p",
+        lambda: x3p_bytes(edit=(b"<SizeX>8</SizeX>", b"<SizeX>20000</SizeX>")),
+        "damaged",
+    ),
     "x3p zero pitch": (".x3p", lambda: x3p_bytes(edit=(b"<Increment>1e-05<", b"<Increment>0.0<")), ""),
     "sdf empty": (".sdf", lambda: b"", "is empty"),
     "sdf text": (".sdf", lambda: b"hello, this is text", "damaged"),
@@ -273,7 +301,11 @@ BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "sdf 20000 declared": (".sdf", lambda: sdf_declaring(20_000, 20_000), "20,000 x 20,000"),
     "sdf text 20000 declared": (
         ".sdf",
-        lambda: sdf_bytes(ascii_text=True).replace(b"NumProfiles = 6", b"NumProfiles = 20000").replace(b"NumPoints = 8", b"NumPoints = 20000"),
+        lambda: (
+            sdf_bytes(ascii_text=True)
+            .replace(b"NumProfiles = 6", b"NumProfiles = 20000")
+            .replace(b"NumPoints = 8", b"NumPoints = 20000")
+        ),
         "20,000 x 20,000",
     ),
     "sdf text truncated": (".sdf", lambda: sdf_bytes(ascii_text=True)[:-200], "damaged"),
@@ -350,10 +382,12 @@ def sparse_sdf_of_few(path: Path) -> None:
 
 
 def x3p_bomb(path: Path) -> None:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        with archive.open("main.xml", "w", force_zip64=True) as stream:
-            for _ in range(40):
-                stream.write(b" " * 16_000_000)
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        archive.open("main.xml", "w", force_zip64=True) as stream,
+    ):
+        for _ in range(40):
+            stream.write(b" " * 16_000_000)
 
 
 def sparse_scan(path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.commands.failing import FAILED, CommandError, failures_told
+from pipeline.failing import FAILED, CommandError, failures_told
 
 
 def demo(out: Path = Path("demo-out")) -> int:

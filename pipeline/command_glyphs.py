@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pipeline.commands.failing import USAGE, CommandError, failures_told
+from pipeline.failing import USAGE, CommandError, failures_told
 
 FaceName = Literal["sharp", "flat", "round", "dotted"]
 

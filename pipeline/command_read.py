@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from pipeline.commands.failing import USAGE, CommandError, failures_told
+from pipeline.failing import USAGE, CommandError, failures_told
 
 if TYPE_CHECKING:
     from pipeline.batch import Row

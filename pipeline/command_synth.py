@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from pipeline.commands.failing import failures_told
+from pipeline.failing import failures_told
 
 FaceName = Literal["sharp", "flat", "round", "dotted"]
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from pipeline.commands.failing import FAILED, CommandError, failures_told
+from pipeline.failing import FAILED, CommandError, failures_told
 
 FidelityName = Literal["pointwise", "contact"]
 

@@ -1,0 +1,154 @@
+"""The command line as a person meets it."""
+
+from __future__ import annotations
+
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.cli import main
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in [n for n in os.environ if n.startswith("TACTILE_MARKS_")]:
+        monkeypatch.delenv(name)
+
+
+def save_map(path: Path, z: np.ndarray, pitch_mm: float = 0.05) -> None:
+    np.savez(path, z_mm=z.astype(np.float32), pitch_mm=pitch_mm)
+
+
+def test_help_needs_nothing_heavy() -> None:
+    program = (
+        "import sys; from pipeline.cli import main; status = main(['--help']); "
+        "heavy = {'numpy', 'scipy', 'numba', 'h5py', 'matplotlib', 'pyarrow', 'pydantic', 'glyphs'}; "
+        "print(status, sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "0 []"
+    for command in ("read", "synth", "scan", "calibrate", "inspect", "demo", "glyphs"):
+        assert command in done.stdout
+
+
+@pytest.mark.parametrize("command", ["read", "synth", "scan", "calibrate", "inspect", "demo", "glyphs"])
+def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "--help"]) == 0
+    assert "Usage: tactile-marks" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["raed"], "raed"),
+        (["read"], "name a height map"),
+        (["read", "a.npz", "--hight-mm", "5"], "--hight-mm"),
+        (["read", "a.npz", "--height-mm", "tall"], "tall"),
+        (["read", "a.npz", "--height-mm", "-5"], "height_mm"),
+        (["read", "a.npz", "--mode", "smell"], "smell"),
+        (["read", "a.npz", "--fidelity", "exact"], "exact"),
+        (["read", "a.npz", "--font", "comic"], "comic"),
+        (["read", "a.npz", "--config", "none.toml"], "none.toml"),
+        (["read", "a.npz", "--database", "none.db"], "none.db"),
+        (["synth", "out", "--parts", "2"], "--format"),
+        (["synth", "out", "--parts", "0", "--format", "9"], "number of parts"),
+        (["synth", "out", "--parts", "1", "--format", "9", "--font", "comic"], "comic"),
+        (["scan", "a.npz", "--out", "a.tdms"], ".h5"),
+        (["scan", "a.npz", "--out", "a.h5", "--height-mm", "-1"], "--height-mm"),
+        (["glyphs", "build", "f.db"], "font"),
+    ],
+)
+def test_bad_usage_is_one_line_and_status_2(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save_map(Path("a.npz"), np.zeros((9, 9)))
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.startswith("tactile-marks: ")
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["read", "empty"], "no height map"),
+        (["read", "a.npz", "--out", "t.xlsx"], "t.xlsx"),
+        (["read", "a.npz", "--out", "none/t.csv"], "none/t.csv"),
+        (["read", "a.npz", "--truth", "none.csv"], "none.csv"),
+        (["scan", "none.npz", "--out", "a.h5", "--height-mm", "3"], "none.npz"),
+        (["scan", "a.npz", "--out", "none/a.h5"], "none/a.h5"),
+        (["calibrate", "none.h5"], "none.h5"),
+        (["inspect", "none.npz"], "none.npz"),
+        (["inspect", "a.npz", "--out", "a.jpg"], "a.jpg"),
+        (["glyphs", "show", "gothic", "--out", "a.jpg"], "a.jpg"),
+        (["demo", "--out", "a.npz/deeper"], "a.npz/deeper"),
+    ],
+)
+def test_files_that_fail_are_one_line_and_status_1(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("empty").mkdir()
+    save_map(Path("a.npz"), np.zeros((9, 9)))
+    assert main(arguments) == 1
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    save_map(Path("a.npz"), np.zeros((9, 9)))
+    monkeypatch.setattr("pipeline.batch.read_part", interrupted)
+    assert main(["read", "a.npz"]) == 130
+    assert capsys.readouterr().err == "tactile-marks: interrupted\n"
+
+
+def test_bad_files_are_rows_and_the_rest_is_read(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("parts").mkdir()
+    rng = np.random.default_rng(0)
+    save_map(Path("parts/bare.npz"), rng.normal(0.0, 0.0005, (120, 300)))
+    save_map(Path("parts/dropouts.npz"), np.full((20, 30), np.nan))
+    save_map(Path("parts/pitch.npz"), np.zeros((20, 30)), 0.0)
+    Path("parts/rubbish.npz").write_bytes(b"rubbish")
+    Path("parts/scan.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
+    assert main(["read", "parts", "parts/none.npz", "--font", "gothic", "--out", "t.csv"]) == 1
+    shown = capsys.readouterr()
+    assert "Traceback" not in shown.out + shown.err
+    assert "6 parts, 1 reject, 5 with an error" in shown.out
+    with Path("t.csv").open(newline="") as stream:
+        rows = {r["part"]: r for r in csv.DictReader(stream)}
+    assert rows["bare"]["decision"] == "reject"
+    assert rows["bare"]["text"] == ""
+    assert "no characters" in rows["bare"]["flags"]
+    for name, file in (
+        ("dropouts", "parts/dropouts.npz"),
+        ("pitch", "parts/pitch.npz"),
+        ("rubbish", "parts/rubbish.npz"),
+        ("scan", "parts/scan.h5"),
+        ("none", "parts/none.npz"),
+    ):
+        assert rows[name]["error"].startswith(f"{file}: ")
+
+
+def test_fonts_are_listed_shown_and_kept(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["glyphs", "list"]) == 0
+    listed = capsys.readouterr().out
+    assert listed.splitlines()[0].startswith("gothic")
+    assert main(["glyphs", "build", "fonts.db", "gothic", "futural"]) == 0
+    assert main(["glyphs", "list", "--database", "fonts.db"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:3]] == ["gothic", "futural"]
+    assert main(["glyphs", "show", "gothic", "--out", "sheet.png"]) == 0
+    assert Path("sheet.png").read_bytes().startswith(b"\x89PNG")

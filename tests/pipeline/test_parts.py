@@ -1,0 +1,76 @@
+"""Which parts a command line means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.parts import NothingFoundError, discover
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    names = ("b.npz", "b.png", "a.h5", "a.npz", "c.png", "truth.csv", "d.SUR", ".hidden.npz", "notes.txt")
+    for name in names:
+        (tmp_path / name).write_bytes(b"x")
+    (tmp_path / "deeper").mkdir()
+    (tmp_path / "deeper" / "a.npz").write_bytes(b"x")
+    return tmp_path
+
+
+def test_files_of_one_stem_are_one_part(folder: Path) -> None:
+    a, b, d = discover([folder])
+    assert (a.name, a.scan, a.height_map, a.photo) == ("a", folder / "a.h5", folder / "a.npz", None)
+    assert (b.name, b.scan, b.height_map, b.photo) == ("b", None, folder / "b.npz", folder / "b.png")
+    assert d.height_map == folder / "d.SUR"
+    assert not any(p.problem for p in (a, b, d))
+
+
+def test_globs_and_files_keep_their_order_and_stand_once(folder: Path) -> None:
+    parts = discover([folder / "d.SUR", str(folder / "*.npz"), folder / "b.npz", folder / "b.png"])
+    assert [p.name for p in parts] == ["d", "a", "b"]
+    assert parts[2].photo == folder / "b.png"
+    assert not any(p.problem for p in parts)
+
+
+def test_one_stem_in_two_folders_is_two_parts(folder: Path) -> None:
+    names = [p.name for p in discover([folder / "a.npz", folder / "deeper"])]
+    assert names == [f"{folder.name}/a", "deeper/a"]
+
+
+def test_two_maps_of_one_stem_are_a_problem(folder: Path) -> None:
+    (folder / "a.x3p").write_bytes(b"x")
+    a = discover([folder])[0]
+    assert a.problem is not None
+    assert "a.x3p" in str(a.problem)
+    assert "a.npz" in str(a.problem)
+
+
+def test_a_photograph_alone_is_a_problem_only_when_named(folder: Path) -> None:
+    assert "c" not in [p.name for p in discover([folder])]
+    (c,) = discover([folder / "c.png"])
+    assert c.problem is not None
+    assert "photograph" in str(c.problem)
+    first_the_photo = discover([folder / "b.png", folder / "b.npz"])
+    assert len(first_the_photo) == 1
+    assert first_the_photo[0].problem is None
+
+
+def test_a_missing_or_unknown_file_is_a_part_to_be_refused_later(folder: Path) -> None:
+    missing, notes = discover([folder / "none.npz", folder / "notes.txt"])
+    assert missing.height_map == folder / "none.npz"
+    assert notes.height_map == folder / "notes.txt"
+
+
+def test_a_name_that_no_file_can_have_is_a_problem() -> None:
+    (part,) = discover(["x" * 5000 + ".npz"])
+    assert part.problem is not None
+    assert "name" in part.problem.mend
+
+
+@pytest.mark.parametrize("given", [[], ["*.npz"], ["."]])
+def test_nothing_found_is_said(given: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(NothingFoundError, match="no height map"):
+        discover(given)

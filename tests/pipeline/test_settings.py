@@ -1,0 +1,82 @@
+"""Settings from file, environment and flags."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.settings import ReadSettings, SettingsError, load_settings
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_defaults() -> None:
+    assert load_settings() == ReadSettings()
+    assert ReadSettings().fidelity == "contact"
+
+
+def test_the_later_goes_over_the_former(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "tactile-marks.toml").write_text(
+        'font = ["gothic", "futural"]\nheight_mm = 3\nfidelity = "pointwise"\nformat = "A9"\n',
+        encoding="utf-8",
+    )
+    monkeypatch.setenv("TACTILE_MARKS_HEIGHT_MM", "4")
+    monkeypatch.setenv("TACTILE_MARKS_FIDELITY", "contact")
+    settings = load_settings(height_mm=5.0, format=None)
+    assert settings.font == ("gothic", "futural")
+    assert settings.height_mm == 5.0
+    assert settings.fidelity == "contact"
+    assert settings.format == "A9"
+    assert load_settings().height_mm == 4.0
+
+
+def test_another_file_by_name_and_fonts_by_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = tmp_path / "other.toml"
+    other.write_text('height_mm = 7\nfont = "gothic"\n', encoding="utf-8")
+    assert load_settings(config=other).font == ("gothic",)
+    monkeypatch.setenv("TACTILE_MARKS_FONT", "futural, my font.ttf")
+    settings = load_settings(config=other)
+    assert (settings.height_mm, settings.font) == (7.0, ("futural", "my font.ttf"))
+
+
+@pytest.mark.parametrize(
+    ("toml", "message"),
+    [
+        ("hight_mm = 5", "hight_mm.*did you mean height_mm"),
+        ("[read]\nheight_mm = 5", "unknown key read"),
+        ("height_mm = -5", "height_mm in .*tactile-marks.toml is -5"),
+        ("height_mm = nan", "height_mm"),
+        ('height_mm = "tall"', "height_mm"),
+        ('fidelity = "exact"', "fidelity"),
+        ('mode = "smell"', "mode"),
+        ("font = 5", "font"),
+        ("format = ''", "format"),
+        ("height_mm = ", "no TOML"),
+    ],
+)
+def test_a_bad_file_is_told_by_key(toml: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "tactile-marks.toml").write_text(toml, encoding="utf-8")
+    with pytest.raises(SettingsError, match=message):
+        load_settings()
+
+
+def test_a_bad_environment_is_told_by_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TACTILE_MARKS_HEIGHT_MM", "0")
+    with pytest.raises(SettingsError, match="TACTILE_MARKS_HEIGHT_MM"):
+        load_settings()
+    monkeypatch.delenv("TACTILE_MARKS_HEIGHT_MM")
+    monkeypatch.setenv("TACTILE_MARKS_FIDELTY", "contact")
+    with pytest.raises(SettingsError, match=r"TACTILE_MARKS_FIDELTY.*did you mean fidelity"):
+        load_settings()
+
+
+def test_a_missing_file_is_an_error_only_when_named(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=r"none\.toml"):
+        load_settings(config=tmp_path / "none.toml")
+    assert load_settings().height_mm is None
