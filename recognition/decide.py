@@ -22,6 +22,11 @@ MIN_CONTRAST = 1.8
 """Activity in the characters over that beside them, at least, for a line to be text."""
 TRUST_SCORE = 0.62
 TRUST_WIDTH = 0.04
+ACCEPT_MEAN_SCORE = 0.88
+ACCEPT_WORST_SCORE = 0.76
+"""A line that its templates fit less well is of another font or hand; it is never accepted unseen."""
+END_SHARE = 0.82
+"""Of the median score, which the first and last character of a line of unknown length must reach."""
 CANDIDATES = 5
 WORD_GAP_HEIGHTS = 0.6
 
@@ -62,14 +67,18 @@ def decide(
     flags: ReadingFlag = ReadingFlag.NONE,
 ) -> tuple[Reading, float]:
     """The reading of the line that its cells support best, and that support: mm of line, weighted by how well."""
+    if places is None:
+        judged = [(line, templates, trimmed(cells)) for line, templates, cells in judged]
     line, templates, cells = max(judged, key=lambda j: _support(j, places))
     support = _support((line, templates, cells), places)
-    chars = np.array(templates.chars)
+    chars = np.array(sorted(set(templates.chars)))
+    of_char = [np.flatnonzero(np.array(templates.chars) == c) for c in chars]
     results, confidence, margin = [], 1.0, 1.0
-    mean_score = 0.0
+    mean_score, worst = 0.0, 1.0
     for k, cell in enumerate(cells):
         allowed = np.array([c in places[k] for c in chars]) if places is not None else np.ones(chars.size, dtype=bool)
-        scores = np.where(allowed, cell.scores, -1.0)
+        best_copy = np.array([cell.scores[copies].max() for copies in of_char])
+        scores = np.where(allowed, best_copy, -1.0)
         belief = beliefs(scores)
         order = np.argsort(-scores)[: min(CANDIDATES, int(allowed.sum()))]
         best = float(scores[order[0]])
@@ -83,10 +92,13 @@ def decide(
         confidence *= character.confidence
         margin = min(margin, character.margin)
         mean_score += best / len(cells)
+        worst = min(worst, best)
     if mean_score < MIN_LINE_SCORE or not results:
         none = flags | ReadingFlag.NO_CHARACTERS
         return Reading(characters=(), decision=Decision.REJECT, confidence=0.0, flags=none), 0.0
     sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin
+    if mean_score < ACCEPT_MEAN_SCORE or worst < ACCEPT_WORST_SCORE:
+        sure, flags = False, flags | ReadingFlag.FOREIGN_SHAPES
     if confidence < settings.accept_confidence:
         flags |= ReadingFlag.LOW_CONFIDENCE
     if margin < settings.accept_margin:
@@ -124,6 +136,21 @@ def _support(judged: Judged, places: Sequence[str] | None) -> float:
         best = float(scores.max(initial=0.0))
         total += (2.0 * cell.half_width_mm + 0.1 * line.hypothesis.height_mm) * (best * abs(best) - 0.25)
     return total
+
+
+def trimmed(cells: tuple[Cell, ...]) -> tuple[Cell, ...]:
+    """Without the cells at either end that fit far worse than the line: what lies beside it, taken for a character."""
+    kept = list(cells)
+    while len(kept) > 1:
+        best = [float(c.scores.max()) for c in kept]
+        floor = END_SHARE * float(np.median(best))
+        if best[0] < floor:
+            kept.pop(0)
+        elif best[-1] < floor:
+            kept.pop()
+        else:
+            break
+    return tuple(kept)
 
 
 def word_gaps(cells: Sequence[Cell], height_mm: float) -> frozenset[int]:

@@ -11,7 +11,7 @@ The line frame is the plate frame turned so that the line of characters runs alo
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,4 +132,13 @@ def resampled(image: LineImage, *, pitch_u_mm: float, pitch_v_mm: float) -> Line
         (u0, v0),
         image.rotation_deg,
         image.centre_mm,
+    )
+
+
+def padded(image: LineImage, pixels: int) -> LineImage:
+    """The image with land, which is zero, around it."""
+    wide = np.pad(image.channels, ((0, 0), (pixels, pixels), (pixels, pixels)))
+    u0, v0 = image.origin_mm
+    return replace(
+        image, channels=wide, origin_mm=(u0 - pixels * image.pitch_u_mm, v0 - pixels * image.pitch_v_mm)
     )

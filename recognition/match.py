@@ -122,7 +122,8 @@ def dense_scores(image: LineImage, templates: TemplateSet, directions: tuple[Tra
     # the product is indexed by the patch's corner; the score belongs to its middle
     mid_row, mid_col = (n // 2 for n in search.patches.shape[2:])
     raw = np.zeros((corner.shape[0], rows, cols), dtype=np.float32)
-    raw[:, mid_row:, mid_col:] = corner[:, : rows - mid_row, : cols - mid_col]
+    if rows > mid_row and cols > mid_col:
+        raw[:, mid_row:, mid_col:] = corner[:, : rows - mid_row, : cols - mid_col]
     score = np.zeros(raw.shape, dtype=np.float32)
     energy = np.zeros(raw.shape, dtype=np.float32)
     for half in np.unique(search.half_cols):
@@ -134,7 +135,7 @@ def dense_scores(image: LineImage, templates: TemplateSet, directions: tuple[Tra
         # windows must lie in the image
         hr, hc = search.half_rows, int(half)
         outside = np.ones((rows, cols), dtype=np.bool_)
-        outside[hr : rows - hr, hc : cols - hc] = False
+        outside[hr : max(hr, rows - hr), hc : max(hc, cols - hc)] = False
         score[these] = np.where(outside, 0.0, score[these])
     return DenseScores(score=score, energy=energy)
 

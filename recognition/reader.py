@@ -31,6 +31,8 @@ from whisker_array.scan import Scan, Touch, default_touch, trace_scan
 from whisker_array.traces import Fidelity, SampleFlag
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+MOST_SCANS = 2
+"""Scales at which a height map is scanned in search of a reading that is accepted."""
 GOOD_SCORE = 0.86
 """Mean correlation above which a line is not searched for other widths of its characters."""
 
@@ -140,7 +142,7 @@ class Reader:
         if not look.heights_mm or not heights:
             return ReadingWithEvidence(_nothing(clock), height_map=levelled)
         best: ReadingWithEvidence | None = None
-        for height in heights[:3]:
+        for height in heights[:MOST_SCANS]:
             touch = default_touch(height)
             with clock.step("scan"):
                 plan = default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height)
@@ -200,15 +202,17 @@ class Reader:
         if float(np.abs(edges.enhancement).max()) < 1e-3:
             return []
         rotation = line_rotation_deg(activity)
-        if rotation:
-            activity = activity_of(search.image(rotation).channels[keep])
-        if self.settings.height_mm:
-            heights = [self.settings.height_mm]
-        else:
-            heights = []
-            for band in bands(activity, pitch_mm=edges.pitch_mm, most=3):
-                heights.extend(band.height_mm * factor for factor in (1.0, 0.88))
-        return [Hypothesis(font, h, 1.0, rotation) for font in self.fonts for h in _distinct(heights)]
+        hypotheses = []
+        for turn in (rotation, 0.0) if rotation else (0.0,):
+            turned = activity_of(search.image(turn).channels[keep])
+            if self.settings.height_mm:
+                heights = [self.settings.height_mm]
+            else:
+                heights = []
+                for band in bands(turned, pitch_mm=edges.pitch_mm, most=3):
+                    heights.extend(band.height_mm * factor for factor in (1.0, 0.88))
+            hypotheses += [Hypothesis(font, h, 1.0, turn) for font in self.fonts for h in _distinct(heights)]
+        return hypotheses
 
     def _search(self, search: LineSearch, hypotheses: list[Hypothesis]) -> list[LineFit]:
         """The lines of the best fonts, best first."""

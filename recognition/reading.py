@@ -28,6 +28,7 @@ class ReadingFlag(Flag):
     JAMMED = auto()
     OUT_OF_RANGE = auto()
     DROPOUTS = auto()
+    FOREIGN_SHAPES = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -43,6 +44,7 @@ _MESSAGES = {
     ReadingFlag.JAMMED: "the tip jammed on walls in places (lower k = l2/l1)",
     ReadingFlag.OUT_OF_RANGE: "the moment left the converter's range in places",
     ReadingFlag.DROPOUTS: "parts of the map are dropouts",
+    ReadingFlag.FOREIGN_SHAPES: "the characters differ in shape from the font's (name the right font)",
 }
 
 

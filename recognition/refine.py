@@ -81,8 +81,8 @@ def refine_cells(
     made = fine_templates(templates, directions)
     u0, v0 = fine.origin_mm
     found = fit.image
-    u_mm = [u0 + p.column * found.pitch_u_mm for p in fit.placed]
-    v_mm = [v0 + r * found.pitch_v_mm for r in fit.rows]
+    u_mm = [found.origin_mm[0] + p.column * found.pitch_u_mm for p in fit.placed]
+    v_mm = [found.origin_mm[1] + r * found.pitch_v_mm for r in fit.rows]
     half = [float(fit.templates.half_width[p.template]) * height * widen for p in fit.placed]
     cells = []
     for i in range(len(fit.placed)):

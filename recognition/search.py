@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,9 @@ from numpy.typing import NDArray
 from glyphs.glyph import Font
 from glyphs.maps import EdgeMap
 from recognition.decode import Placed, best_chain
-from recognition.frames import LineImage, line_image, resampled
+from recognition.frames import LineImage, line_image, padded, resampled
 from recognition.match import SEARCH_PIXELS, dense_scores
-from recognition.templates import TemplateCache, TemplateSet, template_key
+from recognition.templates import TemplateCache, TemplateSet, stretched, template_key
 from whisker_array.scan import Touch
 
 SCORE_FLOOR = 0.5
@@ -27,6 +28,10 @@ CHARACTER_COST = 0.03
 """Height-widths a character must explain before it earns: a stroke of a neighbour taken for an I does not."""
 SOFT_HANDS = ((0.03, 0.02), (0.05, 0.03), (0.03, 0.05), (0.05, 0.06))
 """Softening and growth tried on marks that no crisp template fits, character heights."""
+FREE_WIDTHS = (0.84, 1.18)
+"""Widths tried for every character by itself when the font is not the mark's own."""
+MARGIN_PIXELS = 3
+"""Land assumed around the map, so that a window may lean over its rim."""
 ROW_REACH = 2
 """Rows, of 16 to the height, by which characters may leave the common line."""
 
@@ -41,6 +46,7 @@ class Hypothesis:
     rotation_deg: float
     grow: float = 0.0
     soften: float = 0.0
+    free_widths: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,13 +131,14 @@ class LineSearch:
             soften=hypothesis.soften,
         )
         available = "".join(c for c in self.chars if c in hypothesis.font.glyphs)
-        return self.cache.get(hypothesis.font, available, key)
+        found = self.cache.get(hypothesis.font, available, key)
+        return stretched(found, FREE_WIDTHS) if hypothesis.free_widths else found
 
     def fit(self, hypothesis: Hypothesis, *, raised: bool | None = None) -> LineFit:
         """The best chain of characters under a hypothesis, of either polarity unless it is known."""
         base = self.image(hypothesis.rotation_deg)
         pixel = hypothesis.height_mm / SEARCH_PIXELS
-        image = resampled(base, pitch_u_mm=pixel * hypothesis.x_scale, pitch_v_mm=pixel)
+        image = padded(resampled(base, pitch_u_mm=pixel * hypothesis.x_scale, pitch_v_mm=pixel), MARGIN_PIXELS)
         # sunk templates serve both polarities here: a raised mark answers with the opposite sign
         templates = self.templates(hypothesis, raised=False)
         dense = dense_scores(image, templates, self.edges.directions)
@@ -204,10 +211,10 @@ def refine_shape(search: LineSearch, start: LineFit, *, x_scales: Sequence[float
         best = _better(search, best, soften=soften, grow=grow)
     for scale in x_scales:
         best = _better(search, best, x_scale=scale)
-    return best
+    return _better(search, best, free_widths=True)
 
 
-def _better(search: LineSearch, held: LineFit, **changes: float) -> LineFit:
+def _better(search: LineSearch, held: LineFit, **changes: Any) -> LineFit:
     """The fit of the changed hypothesis if it explains more, else the one held."""
     fit = search.fit(replace(held.hypothesis, **changes), raised=held.raised)
     return fit if fit.value_mm > held.value_mm else held

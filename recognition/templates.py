@@ -209,6 +209,43 @@ def _upright(patches: NDArray[np.float32], rotation_deg: float) -> NDArray[np.fl
     return out
 
 
+def stretched(templates: TemplateSet, scales: tuple[float, ...]) -> TemplateSet:
+    """The set with narrower and wider copies of every template beside it, for a font we have not got.
+
+    Characters then stand several times in `chars`; the best copy speaks for a character.
+    """
+    kept = templates.work.get(("stretched", scales))
+    if isinstance(kept, TemplateSet):
+        return kept
+    from scipy import ndimage
+
+    middle = templates.patches.shape[3] // 2
+    out = math.ceil(middle * max(1.0, *scales))
+    at = np.arange(-out, out + 1, dtype=np.float64)
+    copies = []
+    for scale in (1.0, *scales):
+        columns = at / scale + middle
+        copy = ndimage.map_coordinates(
+            templates.patches.reshape(-1, templates.patches.shape[3]),
+            np.stack(
+                np.broadcast_arrays(
+                    np.arange(int(np.prod(templates.patches.shape[:3])))[:, None], columns[None, :]
+                )
+            ),
+            order=1,
+            mode="constant",
+        )
+        copies.append(copy.reshape(*templates.patches.shape[:3], at.size))
+    made = TemplateSet(
+        font=templates.font,
+        chars=templates.chars * (1 + len(scales)),
+        patches=np.ascontiguousarray(np.concatenate(copies), dtype=np.float32),
+        half_width=np.concatenate([templates.half_width * scale for scale in (1.0, *scales)]),
+    )
+    templates.work[("stretched", scales)] = made
+    return made
+
+
 class TemplateCache:
     """Keeps the template sets last used; a reader owns one."""
 
