@@ -50,7 +50,7 @@ class TraceDirection(IntEnum):
 
 def _read_only(array: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
     """A contiguous read-only array of the dtype; copied unless it is one already."""
-    out = np.ascontiguousarray(array, dtype=dtype)
+    out: NDArray[np.generic] = np.ascontiguousarray(array, dtype=dtype)
     if out.flags.writeable:
         out = out.copy() if out is array else out
         out.flags.writeable = False

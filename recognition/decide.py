@@ -22,8 +22,8 @@ MIN_CONTRAST = 1.8
 """Activity in the characters over that beside them, at least, for a line to be text."""
 TRUST_SCORE = 0.62
 TRUST_WIDTH = 0.04
-ACCEPT_MEAN_SCORE = 0.88
-ACCEPT_WORST_SCORE = 0.76
+ACCEPT_MEAN_SCORE = 0.84
+ACCEPT_WORST_SCORE = 0.72
 """A line that its templates fit less well is of another font or hand; it is never accepted unseen."""
 END_SHARE = 0.82
 """Of the median score, which the first and last character of a line of unknown length must reach."""
@@ -97,7 +97,8 @@ def decide(
         none = flags | ReadingFlag.NO_CHARACTERS
         return Reading(characters=(), decision=Decision.REJECT, confidence=0.0, flags=none), 0.0
     sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin
-    if mean_score < ACCEPT_MEAN_SCORE or worst < ACCEPT_WORST_SCORE:
+    foreign = line.hypothesis.soften > 0.0 or line.hypothesis.free_widths
+    if foreign or mean_score < ACCEPT_MEAN_SCORE or worst < ACCEPT_WORST_SCORE:
         sure, flags = False, flags | ReadingFlag.FOREIGN_SHAPES
     if confidence < settings.accept_confidence:
         flags |= ReadingFlag.LOW_CONFIDENCE

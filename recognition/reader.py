@@ -22,7 +22,7 @@ from recognition.frames import is_edge_channel
 from recognition.localise import activity_of, bands, line_rotation_deg
 from recognition.mounting import first_look, level
 from recognition.reading import Decision, Reading, ReadingFlag
-from recognition.refine import refine_cells
+from recognition.refine import refine_line
 from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape
 from recognition.templates import TemplateCache
 from whisker_array.array import default_plan
@@ -33,7 +33,9 @@ from whisker_array.traces import Fidelity, SampleFlag
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 MOST_SCANS = 2
 """Scales at which a height map is scanned in search of a reading that is accepted."""
-GOOD_SCORE = 0.86
+SETTLED_SCORE = 0.78
+"""Mean correlation in the search from which a rotation is taken as found."""
+GOOD_SCORE = 0.84
 """Mean correlation above which a line is not searched for other widths of its characters."""
 
 
@@ -187,8 +189,8 @@ class Reader:
             for line in lines:
                 templates = search.templates(line.hypothesis, raised=line.raised)
                 image = search.image(line.hypothesis.rotation_deg)
-                cells = refine_cells(line, image, templates, edges.directions)
-                judged.append((line, templates, cells))
+                settled, cells = refine_line(line, image, templates, edges.directions)
+                judged.append((settled, templates, cells))
         with clock.step("decide"):
             reading, support_mm = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
         return _timed(reading, clock), support_mm
@@ -217,13 +219,17 @@ class Reader:
     def _search(self, search: LineSearch, hypotheses: list[Hypothesis]) -> list[LineFit]:
         """The lines of the best fonts, best first."""
         by_font: dict[str, LineFit] = {}
+        turn: float | None = None
         for hypothesis in hypotheses:
+            if turn is not None and hypothesis.rotation_deg != turn and _settled(by_font):
+                break  # the first rotation explains the line; the other need not be tried
+            turn = hypothesis.rotation_deg
             fit = search.fit(hypothesis)
             held = by_font.get(hypothesis.font.name)
             if held is None or fit.value_mm > held.value_mm:
                 by_font[hypothesis.font.name] = fit
         leaders = sorted(by_font.values(), key=lambda f: -f.value_mm)[:3]
-        spans = (0.03,) if self.settings.height_mm else (0.06, 0.03)
+        spans = (0.04,) if self.settings.height_mm else (0.06,)
         refined = []
         for leader in leaders:
             if not leader.placed or leader.value_mm < 0.6 * leaders[0].value_mm:
@@ -234,6 +240,10 @@ class Reader:
                 line = refine_geometry(search, line, spans=(0.05,))
             refined.append(line)
         return refined
+
+
+def _settled(fits: dict[str, LineFit]) -> bool:
+    return max((f.mean_score for f in fits.values() if len(f.placed) > 2), default=0.0) > SETTLED_SCORE
 
 
 def _distinct(heights: list[float]) -> list[float]:

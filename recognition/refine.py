@@ -8,7 +8,7 @@ product (shifts x pixels) (pixels x templates) a cell.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,10 @@ from recognition.frames import LineImage, channels, resampled
 from recognition.search import LineFit
 from recognition.templates import PIXELS, TemplateSet
 
-SHIFT_PIXELS = 3
+SHIFT_ROWS = 3
+SHIFT_COLUMNS = 7
+"""Shifts tried: a stem may lie far from the middle of the ink, as in a 1 with a long flag."""
+HEIGHT_FACTORS = (0.955, 0.978, 1.022, 1.045)
 TURNS_DEG = (-3.0, 3.0)
 TURNED_BEST = 5
 """Candidates that are tried turned as well."""
@@ -64,21 +67,46 @@ def fine_templates(
     return made
 
 
-def refine_cells(
+def refine_line(
     fit: LineFit, image: LineImage, templates: TemplateSet, directions: tuple[TraceDirection, ...]
-) -> tuple[Cell, ...]:
-    """Score every template in the cell of every character that the search placed.
+) -> tuple[LineFit, tuple[Cell, ...]]:
+    """Settle the height on the characters found, then score every template in every cell.
 
     Args:
         fit: what the search found.
         image: the line image at the edge map's own pitch.
         templates: of the line's own hypothesis and polarity.
         directions: of the edge map.
+
+    Returns:
+        The fit with its height settled, and a cell a character.
     """
+    made = fine_templates(templates, directions)
+    cells = _score_line(fit, image, templates, made)
+    winners = [int(np.argmax(c.scores)) for c in cells]
+    same = _score_line(fit, image, templates, made, only=list(zip(winners, cells, strict=True)))
+    best, best_mean = fit, float(np.mean([c.scores[0] for c in same]))
+    for factor in HEIGHT_FACTORS:
+        varied = replace(fit, hypothesis=replace(fit.hypothesis, height_mm=fit.hypothesis.height_mm * factor))
+        scored = _score_line(varied, image, templates, made, only=list(zip(winners, cells, strict=True)))
+        mean = float(np.mean([c.scores[0] for c in scored]))
+        if mean > best_mean + 1e-4:
+            best, best_mean = varied, mean
+    return best, cells if best is fit else _score_line(best, image, templates, made)
+
+
+def _score_line(
+    fit: LineFit,
+    image: LineImage,
+    templates: TemplateSet,
+    made: dict[float, NDArray[np.float32]],
+    *,
+    only: list[tuple[int, Cell]] | None = None,
+) -> tuple[Cell, ...]:
+    """All templates in every cell, or in each cell only the one named, about where it stood before."""
     height, widen = fit.hypothesis.height_mm, fit.hypothesis.x_scale
     pixel = height / PIXELS
     fine = resampled(image, pitch_u_mm=pixel * widen, pitch_v_mm=pixel)
-    made = fine_templates(templates, directions)
     u0, v0 = fine.origin_mm
     found = fit.image
     u_mm = [found.origin_mm[0] + p.column * found.pitch_u_mm for p in fit.placed]
@@ -92,10 +120,11 @@ def refine_cells(
             left = min(left, half[i] + 0.5 * (u_mm[i] - half[i] - u_mm[i - 1] - half[i - 1]))
         if i + 1 < len(fit.placed):
             right = min(right, half[i] + 0.5 * (u_mm[i + 1] - half[i + 1] - u_mm[i] - half[i]))
+        u, v = (u_mm[i], v_mm[i]) if only is None else (only[i][1].u_mm, only[i][1].v_mm)
         cells.append(
             _score_cell(
-                fine, made, templates,
-                column=round((u_mm[i] - u0) / (pixel * widen)), row=round((v_mm[i] - v0) / pixel),
+                fine, made, templates.half_width, only=None if only is None else only[i][0],
+                column=round((u - u0) / (pixel * widen)), row=round((v - v0) / pixel),
                 left=max(4, round(left / (pixel * widen))), right=max(4, round(right / (pixel * widen))),
             )
         )  # fmt: skip
@@ -105,57 +134,64 @@ def refine_cells(
 def _score_cell(
     fine: LineImage,
     made: dict[float, NDArray[np.float32]],
-    templates: TemplateSet,
+    half_width: NDArray[np.float64],
     *,
+    only: int | None,
     column: int,
     row: int,
     left: int,
     right: int,
 ) -> Cell:
-    straight = made[0.0]
+    pick = slice(None) if only is None else slice(only, only + 1)
+    half_width = half_width[pick]
+    straight = made[0.0][pick]
     mid_row, mid_col = straight.shape[2] // 2, straight.shape[3] // 2
     up = min(mid_row, math.ceil(CELL_ROWS_HEIGHTS * PIXELS))
     left, right = min(left, mid_col), min(right, mid_col)
-    s = SHIFT_PIXELS
+    sv, su = (SHIFT_ROWS, SHIFT_COLUMNS) if only is None else (1, 1)
     n_channels = fine.channels.shape[0]
     rows, cols = fine.channels.shape[1:]
     # cut with room for the shifts; land beyond the map
-    cut = np.zeros((n_channels, 2 * (up + s) + 1, left + right + 2 * s + 1), dtype=np.float32)
-    r0, c0 = row - up - s, column - left - s
+    cut = np.zeros((n_channels, 2 * (up + sv) + 1, left + right + 2 * su + 1), dtype=np.float32)
+    r0, c0 = row - up - sv, column - left - su
     rr = slice(max(0, r0), min(rows, r0 + cut.shape[1]))
     cc = slice(max(0, c0), min(cols, c0 + cut.shape[2]))
     if rr.stop > rr.start and cc.stop > cc.start:
         cut[:, rr.start - r0 : rr.stop - r0, cc.start - c0 : cc.stop - c0] = fine.channels[:, rr, cc]
     windows = np.lib.stride_tricks.sliding_window_view(cut, (2 * up + 1, left + right + 1), axis=(1, 2))
-    shifts = _standard(np.ascontiguousarray(windows.transpose(1, 2, 0, 3, 4)).reshape((2 * s + 1) ** 2, n_channels, -1))
+    count = (2 * sv + 1) * (2 * su + 1)
+    shifts = np.ascontiguousarray(windows.transpose(1, 2, 0, 3, 4)).reshape(count, n_channels, -1)
+    spread = _spread(shifts)[:, None]
+    flat_shifts = shifts.reshape(count, -1)
     window = (slice(mid_row - up, mid_row + up + 1), slice(mid_col - left, mid_col + right + 1))
 
     def correlate(patches: NDArray[np.float32]) -> NDArray[np.float32]:
         seen = patches[:, :, window[0], window[1]]
         flat = _standard(np.ascontiguousarray(seen).reshape(seen.shape[0], n_channels, -1))
-        return np.asarray(shifts @ flat.T)
+        # the templates are mean-free, so the means of the shifts drop out of the product
+        return np.asarray(flat_shifts @ flat.T / spread)
 
     table = correlate(straight)
     scores = table.max(axis=0).astype(np.float64)
     best_shift = table.argmax(axis=0)
     turn = np.zeros(scores.size)
     leaders = np.argsort(-scores)[:TURNED_BEST]
-    for angle in TURNS_DEG:
-        turned = correlate(made[angle][leaders])
+    for angle in TURNS_DEG if only is None else ():
+        turned = correlate(made[angle][pick][leaders])
         top = turned.max(axis=0)
         better = top > scores[leaders]
         scores[leaders[better]] = top[better]
         best_shift[leaders[better]] = turned.argmax(axis=0)[better]
         turn[leaders[better]] = angle
     winner = int(np.argmax(scores))
-    dv, du = divmod(int(best_shift[winner]), 2 * s + 1)
+    dv, du = divmod(int(best_shift[winner]), 2 * su + 1)
     u0, v0 = fine.origin_mm
     return Cell(
         scores=scores,
-        u_mm=u0 + (column + du - s) * fine.pitch_u_mm,
-        v_mm=v0 + (row + dv - s) * fine.pitch_v_mm,
+        u_mm=u0 + (column + du - su) * fine.pitch_u_mm,
+        v_mm=v0 + (row + dv - sv) * fine.pitch_v_mm,
         turn_deg=float(turn[winner]),
-        half_width_mm=float(templates.half_width[winner]) * PIXELS * fine.pitch_u_mm,
+        half_width_mm=float(half_width[winner]) * PIXELS * fine.pitch_u_mm,
     )
 
 
@@ -164,3 +200,11 @@ def _standard(values: NDArray[np.float32]) -> NDArray[np.float32]:
     centred = values - values.mean(axis=2, keepdims=True)
     flat = centred.reshape(values.shape[0], -1)
     return flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.float32(1e-12))
+
+
+def _spread(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(n, channels, pixels) -> (n,) root of the sum of squares about each channel's mean."""
+    square = np.einsum("ncp,ncp->n", values, values)
+    mean = values.sum(axis=2)
+    inside = square - (mean * mean).sum(axis=1) / np.float32(values.shape[2])
+    return np.sqrt(np.maximum(inside, np.float32(1e-12)))

@@ -90,7 +90,7 @@ def template_key(
     depth = rounded(default_depth_mm(height_mm) / height_mm, 0.1)
     return TemplateKey(
         directions=directions,
-        rotation_deg=2.0 * round(rotation_deg / 2.0) if abs(rotation_deg) > 1.2 else 0.0,
+        rotation_deg=float(round(rotation_deg)) if abs(rotation_deg) > 0.8 else 0.0,
         raised=raised,
         grow=round(grow, 3),
         soften=round(soften, 3),

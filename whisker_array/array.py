@@ -1,7 +1,7 @@
 """The array of whiskers and its raster plan: which lines are traced, how often, how long that takes.
 
-An array of W whiskers P apart lays lines only P apart; *interlaced* passes, each shifted by one line pitch, fill
-the gaps, and the array then moves on by W P to the next block::
+An array of W whiskers P apart lays lines only P apart; *interlaced* passes, each shifted by one line pitch,
+fill the gaps, and the array then moves on by W P to the next block::
 
       whisker   0         1         2            0: first pass, 1: second pass, shifted by one line pitch
       pass 0    |         |         |            P = interlace * line_pitch
@@ -28,6 +28,8 @@ ALL_DIRECTIONS = (
 LINES_PER_HEIGHT = 40
 """Traced lines across one character height by default: a stroke of h/10 is four lines wide."""
 SAMPLES_PER_LINE_PITCH = 2
+PITCH_TOLERANCE = 1e-3
+"""Whisker pitch over line pitch may miss a whole number by so much: a comb is not made better."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,10 @@ class SweepPlan:
 
     Attributes:
         direction: the way the whiskers are dragged.
-        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270 deg).
+        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270).
         start_mm: plate coordinate along the trace of the first sample that touches.
-        step_mm: distance of samples, mm, positive; positions decrease from start_mm when the direction is backward.
+        step_mm: distance of samples, mm, positive; positions decrease from start_mm when the direction is
+            backward.
         n_samples: samples that touch, lead-in and lead-out included.
         n_lead: of these, how many run in on land before the region, and as many out behind it.
     """
@@ -72,7 +75,7 @@ class SweepPlan:
     def position_mm(self) -> NDArray[np.float64]:
         """(samples,) plate coordinate along the trace of each touching sample."""
         sign = -1.0 if self.direction.backward else 1.0
-        return self.start_mm + sign * self.step_mm * np.arange(self.n_samples)
+        return self.start_mm + sign * self.step_mm * np.arange(self.n_samples, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -110,9 +113,19 @@ class RasterPlan:
             raise ValueError("lead_mm, air_samples and turnaround_s cannot be negative")
         x0, y0, x1, y1 = self.region_mm
         if not (x1 > x0 and y1 > y0):
-            raise ValueError(f"region_mm {self.region_mm} is empty; give (x0, y0, x1, y1) with x1 > x0, y1 > y0")
+            raise ValueError(
+                f"region_mm {self.region_mm} is empty; give (x0, y0, x1, y1) with x1 > x0, y1 > y0"
+            )
+        if not all(math.isfinite(v) for v in self.region_mm):
+            raise ValueError(f"region_mm {self.region_mm} is not finite")
         if not self.directions or len(set(self.directions)) != len(self.directions):
             raise ValueError("give at least one trace direction, each at most once")
+        lines = self.array.pitch_mm / self.line_pitch_mm
+        if self.array.n_whiskers > 1 and abs(lines - self.interlace) > PITCH_TOLERANCE:
+            raise ValueError(
+                f"whiskers {self.array.pitch_mm} mm apart cannot lay lines {self.line_pitch_mm} mm apart; "
+                f"it must divide the whisker pitch, as {self.array.pitch_mm / self.interlace:.6g} does"
+            )
 
     @property
     def interlace(self) -> int:
@@ -130,7 +143,8 @@ class RasterPlan:
 
     def _sweep(self, direction: TraceDirection) -> SweepPlan:
         x0, y0, x1, y1 = self.region_mm
-        (along0, along1), (across0, across1) = ((x0, x1), (y0, y1)) if direction.along_x else ((y0, y1), (x0, x1))
+        spans = ((x0, x1), (y0, y1))
+        (along0, along1), (across0, across1) = spans if direction.along_x else spans[::-1]
         n_lines = math.floor((across1 - across0) / self.line_pitch_mm + 1e-6) + 1
         per_block = self.array.n_whiskers * self.interlace
         blocks = math.ceil(n_lines / per_block)
@@ -138,7 +152,7 @@ class RasterPlan:
             np.arange(blocks), np.arange(self.interlace), np.arange(self.array.n_whiskers), indexing="ij"
         )
         index = block * per_block + whisker * self.interlace + shift
-        line_mm = across0 + self.line_pitch_mm * index.reshape(-1, self.array.n_whiskers)
+        line_mm = across0 + self.line_pitch_mm * index.reshape(-1, self.array.n_whiskers).astype(np.float64)
         n_lead = round(self.lead_mm / self.sample_pitch_mm)
         n_core = math.floor((along1 - along0) / self.sample_pitch_mm + 1e-6) + 1
         lead = n_lead * self.sample_pitch_mm
@@ -165,7 +179,7 @@ class RasterPlan:
     @property
     def scan_time_s(self) -> float:
         """Time of the whole scan: all passes at tracing speed, and a turnaround after each."""
-        return sum(
+        return math.fsum(
             s.line_mm.shape[0] * ((s.n_samples + self.air_samples) / self.sample_rate_hz + self.turnaround_s)
             for s in self.sweeps()
         )
@@ -175,7 +189,8 @@ class RasterPlan:
         x0, y0, x1, y1 = self.region_mm
         ways = "/".join(f"{int(d)}°" for d in self.directions)
         return (
-            f"{x1 - x0:.1f} x {y1 - y0:.1f} mm, {self.array.n_whiskers} whiskers {self.array.pitch_mm:.2f} mm apart, "
+            f"{x1 - x0:.1f} x {y1 - y0:.1f} mm, "
+            f"{self.array.n_whiskers} whiskers {self.array.pitch_mm:.2f} mm apart, "
             f"lines {self.line_pitch_mm:.3f} mm, {ways}, {self.n_passes} passes, {self.n_samples:,} samples, "
             f"{self.scan_time_s:.0f} s at {self.speed_mm_s:g} mm/s"
         )
@@ -189,7 +204,7 @@ def default_plan(
     directions: tuple[TraceDirection, ...] = ALL_DIRECTIONS,
     speed_mm_s: float | None = None,
 ) -> RasterPlan:
-    """A raster whose scale follows the character height: 40 lines to a character, whiskers half a height apart.
+    """A raster scaled to the character height: 40 lines to a character, whiskers half a height apart.
 
     The speed is 10 character heights a second unless given: quasi-static with margin for the default whisker.
     """

@@ -1,4 +1,4 @@
-r"""The contact fidelity: rate-independent frictional contact of the tip with the surface, in three dimensions.
+r"""The contact fidelity: rate-independent frictional contact of tip and surface, in three dimensions.
 
 At every sample the base advances by dx. The tip q = (x, z) on the dilated surface h minimises
 
@@ -39,7 +39,7 @@ SMOOTHING_STEPS = 1e-3
 """|q - q_prev| is rounded at this fraction of a step: a stick-slip corner the solver can pass."""
 
 
-@njit(cache=True, fastmath=True, inline="always")  # type: ignore[untyped-decorator]
+@njit(cache=True, fastmath=True, inline="always")  # type: ignore[untyped-decorator,unused-ignore]
 def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
     """Height, both slopes and friction at (x, z), bilinear, clamped at the rim."""
     rows, cols = fields.shape[0], fields.shape[1]
@@ -59,7 +59,7 @@ def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
 def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
     """One whisker's line; the state (previous tip) lives here, so that lines run in parallel."""
     inv_pitch = 1.0 / pitch
@@ -82,8 +82,8 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
             f0 = k00 * d0x + k01 * d1 + k02 * d2
             f1 = k01 * d0x + k11 * d1 + k12 * d2
             f2 = k02 * d0x + k12 * d1 + k22 * d2
-            # K J, J = d(d)/d(x, z), for Hessian and normal force
-            a0, a1, a2 = k00 + k01 * p, k01 + k11 * p, k02 + k12 * p
+            # K J, J = d(d)/d(x, z): what the Hessian J^T K J needs of it
+            a0, a1 = k00 + k01 * p, k01 + k11 * p
             b0, b1, b2 = k02 + k01 * q, k12 + k11 * q, k22 + k12 * q
             inv_norm = 1.0 / math.sqrt(1.0 + p * p + q * q)
             push = mu * max((f1 - p * f0 - q * f2) * inv_norm, 0.0)
@@ -138,14 +138,14 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
         xp, zp = x, z
 
 
-@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
 def _trace_lines(fields, pitch, lines, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
     for i in prange(lines.size):
         _trace_line(fields, pitch, lines[i], start, step, lag, d0, K, D, arm, moment[i], flags[i])
 
 
 def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
-    """How far the tip is displaced along x on flat land, e_x.D11 f with e_y.D11 f = d0; negative: dragged behind.
+    """How far the tip is displaced along x on flat land, e_x.D11 f with e_y.D11 f = d0; negative: behind.
 
     A stage is set up with the tip, not the base, over the commanded place, so traces are labelled by the
     commanded position and this displacement is taken off, at the nominal friction.
@@ -166,7 +166,7 @@ def trace_contact(
     preload_mm: float,
     nominal_friction: float,
 ) -> Traces:
-    """Trace parallel lines over an oriented surface (see `surface.orient`), each whisker from rest on its start.
+    """Trace parallel lines over an oriented surface (see `surface.orient`), each whisker from rest.
 
     Args:
         surface: in the trace frame: columns run along the trace.

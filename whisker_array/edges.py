@@ -34,7 +34,8 @@ REGISTRATION_DEAD_BAND_PIXELS = 0.75
 def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
     """Moments (passes, whiskers, samples) with offset and, if known, gain removed, N mm.
 
-    The offset is that of the pass's own air samples where there are any, so slow drift between passes goes too.
+    The offset is that of the pass's own air samples where there are any, so slow drift between passes goes
+    too.
     """
     raw = np.asarray(sweep.moment_n_mm, dtype=np.float64)
     air = sweep.air_n_mm
@@ -66,7 +67,7 @@ def averaging(position: NDArray[np.float64], pixel: NDArray[np.float64], pitch: 
 def _land_ratio(
     scan: Scan, sweep: Sweep, *, ideal: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Enhancement of the usable lines in ascending order, (lines, samples) with NaN, their place and positions."""
+    """Enhancement of the usable lines, ascending, (lines, samples) with NaN, their places and positions."""
     moment = calibrated_moments(scan, sweep)
     moment = np.where(sweep.flags & UNUSABLE, np.nan, moment)
     lines = moment.reshape(-1, moment.shape[2])
@@ -146,7 +147,9 @@ def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeM
     x = x0 + pitch * np.arange(int((x1 - x0) / pitch + 1e-6) + 1)
     y = y0 + pitch * np.arange(int((y1 - y0) / pitch + 1e-6) + 1)
 
-    def grid(shift: dict[TraceDirection, tuple[float, float]]) -> tuple[list[NDArray[np.float64]], NDArray[np.bool_]]:
+    def grid(
+        shift: dict[TraceDirection, tuple[float, float]],
+    ) -> tuple[list[NDArray[np.float64]], NDArray[np.bool_]]:
         layers, valid = [], np.ones((y.size, x.size), dtype=np.bool_)
         for sweep, enhancement, place, along in felt:
             dx, dy = shift.get(sweep.plan.direction, (0.0, 0.0))
@@ -179,7 +182,7 @@ def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeM
 
 
 def _shift_pixels(reference: NDArray[np.float64], moved: NDArray[np.float64]) -> tuple[float, float]:
-    """(rows, cols) by which `moved` must be shifted to lie on `reference`, from their circular correlation."""
+    """(rows, cols) by which `moved` must be shifted to lie on `reference`, by circular correlation."""
     from scipy import fft
 
     shape = [fft.next_fast_len(n + 16, real=True) for n in reference.shape]
@@ -205,10 +208,11 @@ def _shift_pixels(reference: NDArray[np.float64], moved: NDArray[np.float64]) ->
 def registration_mm(
     layers: list[NDArray[np.float64]], directions: tuple[TraceDirection, ...], *, pitch_mm: float
 ) -> dict[TraceDirection, tuple[float, float]]:
-    """Plate shift (dx, dy) of each direction that lays its map on the common one; empty when there is no play.
+    """Plate shift (dx, dy) of each direction that lays its map on the common one; empty without play.
 
-    Where something is felt at all is alike in every direction, which wall answers how is not: so the magnitudes
-    are correlated. Back-and-forth partners share their play equally; the crossed pair is laid on the first.
+    Where something is felt at all is alike in every direction, which wall answers how is not: so the
+    magnitudes are correlated. Back-and-forth partners share their play equally; the crossed pair is laid on
+    the first.
     """
     felt = {d: np.abs(layer) for d, layer in zip(directions, layers, strict=True)}
     pairs = [

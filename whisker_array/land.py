@@ -1,8 +1,9 @@
 """Where the land lies in a sweep: the moment of undisturbed surface under every sample.
 
-The land is the level that most samples share; marks stand out from it on one side or the other. A quadratic over
-the plate (the mounting's tilt, a slight dome) is fitted robustly to all lines of a sweep, then each whisker's gain
-and each line's drift are read off against it. Nothing here looks at edges.
+The land is the level that most samples share; marks stand out from it on one side or the other. Each
+whisker's gain is read off where whiskers meet; then a quadratic over the plate (the mounting's tilt, a slight
+dome) is fitted robustly to all lines of a sweep, and each line's drift is read off against it. Nothing here
+looks at edges.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LAND_SHARE = 0.35
-"""Share of samples that must agree for a level to count as land: below the land left by a full line of text."""
+"""Share of samples that must agree on a level to make it land: less than a full line of text leaves."""
 TUKEY_CUT = 0.05
 """Samples further than this from the expected land, relative to it, have no say: marks are 10 % and more."""
 MIN_INLIERS = 0.15
@@ -22,9 +23,10 @@ MAX_DRIFT = 0.03
 
 
 def shorth(values: NDArray[np.float64], *, share: float = LAND_SHARE) -> NDArray[np.float64]:
-    """Centre of the shortest interval that holds a share of the samples, along the last axis; NaN are left out.
+    """Centre of the shortest interval that holds a share of the samples of the last axis; NaN are left out.
 
-    A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one side.
+    A robust mode (Grübel 1988): unlike the median it stays on the land when marks cover half a line on one
+    side.
     Rows without any sample give NaN.
     """
     ordered = np.sort(values, axis=-1)
@@ -37,7 +39,8 @@ def shorth(values: NDArray[np.float64], *, share: float = LAND_SHARE) -> NDArray
         block = flat[rows, :size]
         gaps = block[:, width - 1 :] - block[:, : size - width + 1]
         first = np.argmin(gaps, axis=1)
-        out[rows] = 0.5 * (block[np.arange(rows.size), first] + block[np.arange(rows.size), first + width - 1])
+        each = np.arange(rows.size)
+        out[rows] = 0.5 * (block[each, first] + block[each, first + width - 1])
     return out.reshape(values.shape[:-1])
 
 
@@ -45,26 +48,27 @@ def _quadratic(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.flo
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
 
 
-def _solve(design: NDArray[np.float64], target: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+def _solve(
+    design: NDArray[np.float64], target: NDArray[np.float64], weight: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Weighted least squares, slightly damped so that unseen terms stay zero."""
     weighted = design * weight[:, None]
     normal = weighted.T @ design
-    normal += 1e-9 * np.trace(normal) * np.eye(normal.shape[0])
-    solution: NDArray[np.float64] = np.linalg.solve(normal, weighted.T @ target)
-    return solution
+    normal[np.diag_indices_from(normal)] += 1e-9 * float(np.trace(normal))
+    return np.asarray(np.linalg.solve(normal, weighted.T @ target), dtype=np.float64)
 
 
 def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Land of a whole sweep, (lines, samples): a robust quadratic in both directions; NaN samples are left out.
+    """Land of a whole sweep, (lines, samples): a robust quadratic in both directions; NaN are left out.
 
-    The start is the most common level along lines and across them (a product of two robust profiles), so a tilt
+    The start is flat at the most common level, or tilted as the levels of lines and of columns say, so a tilt
     of many times the mark's depth does no harm; the fit is then tightened around it.
     """
     lines, samples = moment.shape
     u, v = np.linspace(-1.0, 1.0, samples), np.linspace(-1.0, 1.0, lines)
     level = float(shorth(moment[np.isfinite(moment)][None, :])[0])
     best, best_inliers = np.full(moment.shape, level), -1.0
-    # Two starts: flat, and tilted as the levels of lines and of columns say; the better explains more samples.
+    # of the two starts the better explains more samples
     step_l, step_s = max(1, lines // 40), max(1, samples // 80)
     thin = moment[::step_l, ::step_s]
     uu, vv = np.meshgrid(u[::step_s], v[::step_l])
@@ -112,9 +116,9 @@ def _tilted_start(
 def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDArray[np.float64]:
     """Relative gain of each line's whisker, (lines,), from neighbouring lines that different whiskers felt.
 
-    Two whiskers that meet at a border feel nearly the same surface there, mark or land, so the median ratio of
-    their samples is the ratio of their gains; the surface's own slope across the border is read off the lines
-    next to it and taken away. All borders are reconciled by least squares, with mean gain 1.
+    Two whiskers that meet at a border feel nearly the same surface there, mark or land, so the median ratio
+    of their samples is the ratio of their gains; the surface's own slope across the border is read off the
+    lines next to it and taken away. All borders are reconciled by least squares, with mean gain 1.
     """
     names = np.unique(whisker)
     border = np.flatnonzero(whisker[1:] != whisker[:-1])
@@ -131,7 +135,9 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
     for i in border:
         if not known[i]:
             continue
-        beside = [j for j in (i - 1, i + 1) if 0 <= j < step.shape[0] and known[j] and whisker[j] == whisker[j + 1]]
+        beside = [
+            j for j in (i - 1, i + 1) if 0 <= j < step.shape[0] and known[j] and whisker[j] == whisker[j + 1]
+        ]
         slope = float(np.mean(middle[beside])) if beside else 0.0
         row = np.zeros(names.size)
         row[index[i + 1]] += 1.0
@@ -144,10 +150,10 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
 
 
 def line_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What each line's land departs from its neighbours', (lines, samples): a robust straight line along the trace.
+    """What each line's land departs from its neighbours', (lines, samples): a robust line along the trace.
 
-    A surface is alike from line to line; a sensor's drift is not. So only the departure from the median of the
-    lines around is drift, the rest is form. Lines that run mostly in a mark say nothing of their land.
+    A surface is alike from line to line; a sensor's drift is not. So only the departure from the median of
+    the lines around is drift, the rest is form. Lines that run mostly in a mark say nothing of their land.
     """
     from scipy import ndimage
 

@@ -26,7 +26,7 @@ _LOST = np.uint8(SampleFlag.CONTACT_LOST)
 _JAMMED = np.uint8(SampleFlag.JAMMED)
 
 
-@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
 def _kernel(h, mu, d0, inv_two_step, dyx, dyy, tx, ty, moment, flags):  # type: ignore[no-untyped-def]
     lines, samples = h.shape
     one, zero = np.float32(1.0), np.float32(0.0)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from glyphs.maps import TraceDirection
 from whisker_array.array import SweepPlan
-from whisker_array.scan import NOMINAL_FRICTION, Scan, Sweep, Touch
+from whisker_array.defaults import NOMINAL_FRICTION
+from whisker_array.scan import Scan, Sweep, Touch
 from whisker_array.sensor import Calibration, apply_calibration
 from whisker_array.traces import SampleFlag
 from whisker_array.whisker import TipModel

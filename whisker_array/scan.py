@@ -10,16 +10,25 @@ from numpy.typing import NDArray
 from glyphs.maps import HeightMap, MapError, TraceDirection
 from whisker_array.array import RasterPlan, SweepPlan
 from whisker_array.contact import trace_contact
+from whisker_array.defaults import (
+    NOMINAL_FRICTION,
+    TIP_RADIUS_HEIGHTS,
+    default_preload_mm,
+    default_whisker,
+)
 from whisker_array.pointwise import trace_pointwise
+from whisker_array.regrid import fit_pitch
 from whisker_array.sensor import Calibration, SensorChain, measure
-from whisker_array.surface import TouchSurface, fit_pitch, orient, prepare_surface, sample_lines
+from whisker_array.surface import (
+    Friction,
+    TouchSurface,
+    check_friction,
+    orient,
+    prepare_surface,
+    sample_lines,
+)
 from whisker_array.traces import Fidelity, SampleFlag, Traces
-from whisker_array.whisker import TipModel, default_preload_mm, default_whisker
-
-NOMINAL_FRICTION = 0.2
-"""Steel on clean steel is 0.1 to 0.5 (physics.md); the stage is set up at this one."""
-TIP_RADIUS_HEIGHTS = 0.012
-"""Default ball radius in character heights: 0.06 mm at 5 mm, fine enough for a stroke of h/14."""
+from whisker_array.whisker import TipModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +66,9 @@ class Touch:
     def key(self) -> tuple[float, ...]:
         """Numbers that decide what is felt; equal keys feel alike (for caches)."""
         numbers = (*self.tip.compliance_mm_per_n.ravel(), *self.tip.moment_arm_mm)
-        return tuple(float(f"{v:.6g}") for v in (*numbers, self.preload_mm, self.tip_radius_mm, self.friction))
+        return tuple(
+            float(f"{v:.6g}") for v in (*numbers, self.preload_mm, self.tip_radius_mm, self.friction)
+        )
 
 
 def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
@@ -91,7 +102,9 @@ class Sweep:
     def __post_init__(self) -> None:
         shape = (*self.plan.line_mm.shape, self.plan.n_samples)
         if self.moment_n_mm.shape != shape or self.flags.shape != shape:
-            raise MapError(f"moments {self.moment_n_mm.shape} and flags {self.flags.shape} do not fit the plan {shape}")
+            raise MapError(
+                f"moments {self.moment_n_mm.shape} and flags {self.flags.shape} do not fit the plan {shape}"
+            )
         if self.air_n_mm.shape[:2] != shape[:2]:
             raise MapError(f"air samples {self.air_n_mm.shape} do not fit the plan {shape}")
 
@@ -154,7 +167,7 @@ def trace_scan(
     touch: Touch,
     plan: RasterPlan,
     fidelity: Fidelity = Fidelity.CONTACT,
-    friction: float | NDArray[np.float32] | None = None,
+    friction: Friction | None = None,
     sensor: SensorChain | None = None,
     rng: np.random.Generator | None = None,
     part_id: str = "",
@@ -176,13 +189,15 @@ def trace_scan(
         ValueError: a sensor without `rng`, or for another number of whiskers.
     """
     if sensor is not None and rng is None:
-        raise ValueError("a sensor chain draws noise: give it a random generator, rng=numpy.random.default_rng(seed)")
-    mu = touch.friction if friction is None else friction
-    # pad so that lead-in and outermost lines stand on replicated rim, then make the grid no coarser than a line
+        raise ValueError(
+            "a sensor chain draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
+        )
+    mu = check_friction(touch.friction if friction is None else friction, height_map.shape)
+    # pad so that lead-in and outermost lines stand on replicated rim, then make the grid as fine as the steps
     pad = int(np.ceil((plan.lead_mm + 2.0 * plan.line_pitch_mm) / height_map.pitch_mm)) + 1
     padded = HeightMap(np.pad(height_map.z_mm, pad, mode="edge"), height_map.pitch_mm)
-    if not np.isscalar(mu):
-        mu = np.pad(np.asarray(mu, dtype=np.float32), pad, mode="edge")
+    if isinstance(mu, np.ndarray):
+        mu = np.pad(mu, pad, mode="edge")
     fitted, mu = fit_pitch(padded, mu, target_mm=plan.sample_pitch_mm)
     surface = prepare_surface(fitted, tip_radius_mm=touch.tip_radius_mm, friction=mu)
     origin = -pad * height_map.pitch_mm
@@ -195,10 +210,15 @@ def trace_scan(
         air = np.zeros((*shape[:2], plan.air_samples), dtype=np.float32)
         if sensor is not None and rng is not None:
             raw, saturated = measure(
-                np.concatenate([air, moment], axis=2), chain=sensor, sample_rate_hz=plan.sample_rate_hz, rng=rng
+                np.concatenate([air, moment], axis=2),
+                chain=sensor,
+                sample_rate_hz=plan.sample_rate_hz,
+                rng=rng,
             )
             air, moment = raw[..., : plan.air_samples], raw[..., plan.air_samples :]
-            flags = flags | np.where(saturated[..., plan.air_samples :], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
+            flags = flags | np.where(
+                saturated[..., plan.air_samples :], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0)
+            )
         sweeps.append(Sweep(plan=sweep, moment_n_mm=moment, flags=flags, air_n_mm=air))
     return Scan(
         sweeps=tuple(sweeps),
@@ -219,21 +239,30 @@ def _trace_sweep(
     origin_mm: float,
     size_mm: tuple[float, float],
 ) -> Traces:
-    """Trace one sweep; `origin_mm` is the plate coordinate of the padded surface's first sample, both axes."""
+    """Trace one sweep; `origin_mm` is the plate coordinate of the padded surface's first sample, both axes.
+
+    Lead-in and lead-out may run on the replicated rim; any other sample beyond the part is OUTSIDE.
+    """
     oriented = orient(surface, sweep.direction)
     length = (oriented.shape[1] - 1) * surface.pitch_mm
     start = sweep.start_mm - origin_mm
     if sweep.direction.backward:
         start = length - start
     lines = sweep.line_mm.ravel() - origin_mm
-    extent = size_mm[1] if sweep.direction.along_x else size_mm[0]
-    across = sweep.line_mm.ravel()
-    on_part = (across >= -1e-9) & (across <= extent + 1e-9)
+    # half a thousandth of a step: places that rounding puts beyond the rim still stand on it
+    slack = 5e-4 * sweep.step_mm
+    reach_along, reach_across = size_mm if sweep.direction.along_x else size_mm[::-1]
+    across, along = sweep.line_mm.ravel(), sweep.position_mm()
+    on_part = (across >= -slack) & (across <= reach_across + slack)
+    beyond = (along < -slack) | (along > reach_along + slack)
+    beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False
     heights, mu, dropout = sample_lines(
         oriented, lines_mm=lines[on_part], start_mm=start, step_mm=sweep.step_mm, n_samples=sweep.n_samples
     )
     if fidelity is Fidelity.POINTWISE:
-        some = trace_pointwise(heights, touch.tip, step_mm=sweep.step_mm, preload_mm=touch.preload_mm, friction=mu)
+        some = trace_pointwise(
+            heights, touch.tip, step_mm=sweep.step_mm, preload_mm=touch.preload_mm, friction=mu
+        )
     else:
         some = trace_contact(
             oriented,
@@ -249,6 +278,7 @@ def _trace_sweep(
     flags = np.full(moment.shape, np.uint8(SampleFlag.OUTSIDE))
     moment[on_part] = some.moment_n_mm
     flags[on_part] = some.flags | np.where(dropout, np.uint8(SampleFlag.DROPOUT), np.uint8(0))
+    flags[:, beyond] |= np.uint8(SampleFlag.OUTSIDE)
     return Traces(moment_n_mm=moment, flags=flags)
 
 

@@ -13,6 +13,7 @@ morphological closing of valleys)::
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit, prange
@@ -20,13 +21,16 @@ from numpy.typing import NDArray
 
 from glyphs.maps import HeightMap, MapError, TraceDirection
 
+Friction: TypeAlias = float | NDArray[np.float32]
+"""Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
+
 
 @dataclass(frozen=True, eq=False)
 class TouchSurface:
     """What a trace needs of a surface, sample by sample, in the plate frame.
 
     Attributes:
-        fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, friction coefficient.
+        fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, friction.
         dropout: (rows, cols) bool: the height there was measured by nobody and filled from around.
         pitch_mm: grid pitch, mm.
     """
@@ -59,7 +63,7 @@ def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArr
     return np.ascontiguousarray(filled, dtype=np.float32), dropout
 
 
-@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
 def _dilate(z, drow, dcol, lift):  # type: ignore[no-untyped-def]
     rows, cols = z.shape
     out = np.empty_like(z)
@@ -79,8 +83,11 @@ def _dilate(z, drow, dcol, lift):  # type: ignore[no-untyped-def]
 def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
     """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
 
-    A radius below half a pitch leaves the surface as it is. The ball is evaluated at the grid's own offsets, so
-    its bottom is exact and its flank is sampled.
+    The ball is evaluated at the grid's own offsets, so its bottom is exact and its flank is sampled; a radius
+    below one pitch therefore leaves the surface as it is.
+
+    Raises:
+        ValueError: a radius negative, or of more than 60 samples.
     """
     if radius_mm < 0.0 or not np.isfinite(radius_mm):
         raise ValueError(f"tip radius_mm is {radius_mm}; it must be zero or positive")
@@ -100,7 +107,7 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     return result
 
 
-@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
 def _interleave(z, friction, inv_two_pitch, fields):  # type: ignore[no-untyped-def]
     rows, cols = z.shape
     for r in prange(rows):
@@ -116,8 +123,22 @@ def _interleave(z, friction, inv_two_pitch, fields):  # type: ignore[no-untyped-
             fields[r, c, 3] = friction[r % friction.shape[0], c % friction.shape[1]]
 
 
+def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
+    """One coefficient as a float, or a map as float32 of that shape.
+
+    Raises:
+        MapError: a map of another shape; negative or not finite anywhere.
+    """
+    mu = np.asarray(friction, dtype=np.float32)
+    if mu.ndim > 0 and mu.shape != shape:
+        raise MapError(f"friction map {mu.shape} does not fit the height map {shape}")
+    if not np.isfinite(mu).all() or (mu < 0.0).any():
+        raise MapError("friction must be finite and not negative everywhere")
+    return mu if mu.ndim > 0 else float(friction)
+
+
 def prepare_surface(
-    height_map: HeightMap, *, tip_radius_mm: float = 0.0, friction: float | NDArray[np.float32] = 0.2
+    height_map: HeightMap, *, tip_radius_mm: float = 0.0, friction: Friction = 0.2
 ) -> TouchSurface:
     """Make a height map ready to be traced: fill, dilate by the tip, take slopes, lay the friction beside.
 
@@ -129,11 +150,7 @@ def prepare_surface(
     Raises:
         MapError: a friction map of another shape, negative or not finite.
     """
-    mu = np.atleast_2d(np.asarray(friction, dtype=np.float32))
-    if mu.shape != (1, 1) and mu.shape != height_map.shape:
-        raise MapError(f"friction map {mu.shape} does not fit the height map {height_map.shape}")
-    if not np.isfinite(mu).all() or (mu < 0.0).any():
-        raise MapError("friction must be finite and not negative everywhere")
+    mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
     filled, dropout = fill_dropouts(height_map.z_mm)
     dilated = dilate_by_ball(filled, pitch_mm=height_map.pitch_mm, radius_mm=tip_radius_mm)
     fields = np.empty((*height_map.shape, 4), dtype=np.float32)
@@ -160,72 +177,7 @@ def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
     )
 
 
-def fit_pitch(
-    height_map: HeightMap, friction: float | NDArray[np.float32], *, target_mm: float
-) -> tuple[HeightMap, float | NDArray[np.float32]]:
-    """Bring a map to a grid that suits a step of `target_mm`: interpolated if coarser, averaged if much finer.
-
-    Coarser maps are interpolated (bicubic) to the step itself: slopes of a coarse grid would be steps of their own. Maps finer
-    than half the step are averaged in blocks. The top left sample's centre stays where it was.
-    """
-    pitch = height_map.pitch_mm
-    ratio = pitch / target_mm
-    if ratio > 1.0 + 1e-6:
-        factor = int(np.ceil(ratio - 1e-6))
-        filled, dropout = fill_dropouts(height_map.z_mm)
-        z = _interpolate(filled, factor)
-        z[_repeat(dropout, factor)[: z.shape[0], : z.shape[1]]] = np.nan
-        mu = friction if np.isscalar(friction) else _interpolate(np.asarray(friction, dtype=np.float32), factor)
-        return HeightMap(z, pitch / factor), mu
-    block = int(np.floor(0.5 / ratio + 1e-6))
-    if block < 2:
-        return height_map, friction
-    # an odd block keeps its centre on a sample; shift by padding so that sample 0 stays the centre of block 0
-    block -= 1 - block % 2
-    if block < 2:
-        return height_map, friction
-    z = _average(height_map.z_mm, block)
-    mu = friction if np.isscalar(friction) else _average(np.asarray(friction, dtype=np.float32), block)
-    return HeightMap(z, pitch * block), mu
-
-
-def _interpolate(values: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
-    from scipy import ndimage
-
-    rows, cols = values.shape
-    shape = ((rows - 1) * factor + 1, (cols - 1) * factor + 1)
-    # grid_mode=False maps first and last samples onto each other, so the pitch divides exactly
-    out: NDArray[np.float32] = ndimage.zoom(
-        values, (shape[0] / rows, shape[1] / cols), order=3, mode="nearest", grid_mode=False
-    ).astype(np.float32)
-    return out
-
-
-def _repeat(mask: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
-    """Each sample's mask on the interpolated grid, centred on it."""
-    half = factor // 2
-    return np.repeat(np.repeat(mask, factor, axis=0), factor, axis=1)[half:, half:]
-
-
-def _average(values: NDArray[np.float32], block: int) -> NDArray[np.float32]:
-    """Mean over odd blocks centred on samples 0, block, 2 block ...; NaN only where a whole block is NaN."""
-    half = block // 2
-    rows, cols = values.shape
-    n_rows, n_cols = (rows - 1) // block + 1, (cols - 1) // block + 1
-    padded = np.pad(
-        values,
-        ((half, max(0, n_rows * block - rows - half)), (half, max(0, n_cols * block - cols - half))),
-        mode="edge",
-    )[: n_rows * block, : n_cols * block]
-    blocks = padded.reshape(n_rows, block, n_cols, block)
-    known = np.isfinite(blocks)
-    count = known.sum(axis=(1, 3))
-    total = np.where(known, blocks, 0.0).sum(axis=(1, 3), dtype=np.float64)
-    with np.errstate(invalid="ignore"):
-        return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
-
-
-@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator]
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
 def _sample_lines(fields, dropout, inv_pitch, lines, start, step, height, mu, missing):  # type: ignore[no-untyped-def]
     rows, cols = fields.shape[0], fields.shape[1]
     for i in prange(lines.size):
@@ -252,7 +204,8 @@ def sample_lines(
     height, mu = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
     missing = np.empty(shape, dtype=np.bool_)
     _sample_lines(
-        surface.fields, surface.dropout, 1.0 / surface.pitch_mm, np.ascontiguousarray(lines_mm, dtype=np.float64),
+        surface.fields, surface.dropout, 1.0 / surface.pitch_mm,
+        np.ascontiguousarray(lines_mm, dtype=np.float64),
         float(start_mm), float(step_mm), height, mu, missing,
     )  # fmt: skip
     return height, mu, missing

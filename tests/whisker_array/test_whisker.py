@@ -10,29 +10,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, optimize
 
-from whisker_array.enhancement import land_moment_n_mm
-from whisker_array.sections import MUSIC_WIRE, Rectangle, Round, Section, Taper, Tube
-from whisker_array.whisker import (
-    Chain,
-    LShaped,
-    Straight,
-    TipModel,
-    Validity,
-    Whisker,
-    WhiskerError,
-    check_validity,
-    default_preload_mm,
-    default_whisker,
-    deflection_ratio,
-    first_bending_frequency_hz,
+from whisker_array.closed_forms import (
     l_shaped_compliance,
     l_shaped_moment_arm,
-    land_force_n,
-    preload_stress_mpa,
     straight_compliance,
     straight_moment_arm,
+)
+from whisker_array.defaults import default_preload_mm, default_whisker
+from whisker_array.enhancement import land_moment_n_mm
+from whisker_array.sections import MUSIC_WIRE, Rectangle, Round, Section, Taper, Tube
+from whisker_array.validity import (
+    Validity,
+    check_validity,
+    deflection_ratio,
+    first_bending_frequency_hz,
+    land_force_n,
+    preload_stress_mpa,
     validity_messages,
 )
+from whisker_array.whisker import Chain, LShaped, Straight, TipModel, Whisker, WhiskerError
 
 SECTIONS: tuple[Section, ...] = (Round(0.4), Tube(0.6, 0.4), Rectangle(0.3, 1.8), Rectangle(0.9, 0.3))
 BETAS = (-0.4, 0.0, 0.3, 0.9)
