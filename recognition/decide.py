@@ -18,15 +18,15 @@ INDEPENDENT_SAMPLES = 40.0
 """Independent values in a cell: residuals of neighbouring pixels go together."""
 MIN_LINE_SCORE = 0.58
 """Lines whose characters correlate less on average are no text."""
-MIN_CONTRAST = 1.8
-"""Activity in the characters over that beside them, at least, for a line to be text."""
 TRUST_SCORE = 0.62
 TRUST_WIDTH = 0.04
 ACCEPT_MEAN_SCORE = 0.84
 ACCEPT_WORST_SCORE = 0.72
 """A line that its templates fit less well is of another font or hand; it is never accepted unseen."""
-END_SHARE = 0.82
-"""Of the median score, which the first and last character of a line of unknown length must reach."""
+END_SHARE, FOREIGN_END_SHARE = 0.72, 0.86
+"""Of the median score, which the first and last character of a line of unknown length must reach.
+
+Stricter where the font is not the mark's own: there, things beside the line pass for characters more easily."""
 CANDIDATES = 5
 WORD_GAP_HEIGHTS = 0.6
 
@@ -68,7 +68,10 @@ def decide(
 ) -> tuple[Reading, float]:
     """The reading of the line that its cells support best, and that support: mm of line, weighted by how well."""
     if places is None:
-        judged = [(line, templates, trimmed(cells)) for line, templates, cells in judged]
+        judged = [
+            (line, templates, trimmed(cells, share=FOREIGN_END_SHARE if _foreign(line) else END_SHARE))
+            for line, templates, cells in judged
+        ]
     line, templates, cells = max(judged, key=lambda j: _support(j, places))
     support = _support((line, templates, cells), places)
     chars = np.array(sorted(set(templates.chars)))
@@ -76,7 +79,11 @@ def decide(
     results, confidence, margin = [], 1.0, 1.0
     mean_score, worst = 0.0, 1.0
     for k, cell in enumerate(cells):
-        allowed = np.array([c in places[k] for c in chars]) if places is not None else np.ones(chars.size, dtype=bool)
+        allowed = (
+            np.array([c in places[k] for c in chars])
+            if places is not None
+            else np.ones(chars.size, dtype=bool)
+        )
         best_copy = np.array([cell.scores[copies].max() for copies in of_char])
         scores = np.where(allowed, best_copy, -1.0)
         belief = beliefs(scores)
@@ -97,8 +104,7 @@ def decide(
         none = flags | ReadingFlag.NO_CHARACTERS
         return Reading(characters=(), decision=Decision.REJECT, confidence=0.0, flags=none), 0.0
     sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin
-    foreign = line.hypothesis.soften > 0.0 or line.hypothesis.free_widths
-    if foreign or mean_score < ACCEPT_MEAN_SCORE or worst < ACCEPT_WORST_SCORE:
+    if _foreign(line) or mean_score < ACCEPT_MEAN_SCORE or worst < ACCEPT_WORST_SCORE:
         sure, flags = False, flags | ReadingFlag.FOREIGN_SHAPES
     if confidence < settings.accept_confidence:
         flags |= ReadingFlag.LOW_CONFIDENCE
@@ -139,12 +145,17 @@ def _support(judged: Judged, places: Sequence[str] | None) -> float:
     return total
 
 
-def trimmed(cells: tuple[Cell, ...]) -> tuple[Cell, ...]:
+def _foreign(line: LineFit) -> bool:
+    """Whether only templates softened or widened at will fit the line."""
+    return line.hypothesis.soften > 0.0 or line.hypothesis.free_widths
+
+
+def trimmed(cells: tuple[Cell, ...], *, share: float) -> tuple[Cell, ...]:
     """Without the cells at either end that fit far worse than the line: what lies beside it, taken for a character."""
     kept = list(cells)
     while len(kept) > 1:
         best = [float(c.scores.max()) for c in kept]
-        floor = END_SHARE * float(np.median(best))
+        floor = share * float(np.median(best))
         if best[0] < floor:
             kept.pop(0)
         elif best[-1] < floor:

@@ -53,7 +53,9 @@ class LineImage:
         return Box(min(xs), min(ys), max(xs), max(ys))
 
 
-def channels(layers: NDArray[np.float32], directions: tuple[TraceDirection, ...], *, axis: int = 0) -> NDArray[np.float32]:
+def channels(
+    layers: NDArray[np.float32], directions: tuple[TraceDirection, ...], *, axis: int = 0
+) -> NDArray[np.float32]:
     """Profile and edge channels of directional layers: half sums and half differences of opposite traces.
 
     Forward and back see the profile alike and the step of eq. (16) with opposite sign. With all four directions:
@@ -108,7 +110,12 @@ def line_image(edges: EdgeMap, *, rotation_deg: float) -> LineImage:
     turned = np.empty((stack.shape[0], out_rows, out_cols), dtype=np.float32)
     for k in range(stack.shape[0]):
         ndimage.affine_transform(
-            stack[k], matrix, offset=middle_in - matrix @ middle_out, output=turned[k], order=1, mode="constant"
+            stack[k],
+            matrix,
+            offset=middle_in - matrix @ middle_out,
+            output=turned[k],
+            order=1,
+            mode="constant",
         )
     origin = (-middle_out[1] * pitch, -middle_out[0] * pitch)
     return LineImage(turned, pitch, pitch, origin, rotation_deg, centre)

@@ -17,6 +17,8 @@ ROTATION_STEP_DEG = 0.5
 ROTATION_DEAD_BAND_DEG = 0.6
 """Lines turned less than this are read as they lie: a template tolerates it."""
 MIN_BAND_ROWS = 7
+MIN_RELIEF_SHARE = 0.012
+"""Of the character height: marks are 3 to 5 % deep, shallower relief is texture."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,9 @@ def line_rotation_deg(activity: NDArray[np.float64]) -> float:
     return float(angles[best])
 
 
-def _sharpness(x: NDArray[np.float64], y: NDArray[np.float64], weight: NDArray[np.float64], angle: float) -> float:
+def _sharpness(
+    x: NDArray[np.float64], y: NDArray[np.float64], weight: NDArray[np.float64], angle: float
+) -> float:
     v = -math.sin(angle) * x + math.cos(angle) * y
     low = v.min()
     at = v - low
@@ -87,7 +91,9 @@ def bands(activity: NDArray[np.float64], *, pitch_mm: float, most: int = 5) -> t
     profile = activity.mean(axis=1)
     rows = profile.size
     width = max(1, rows // 60)
-    smooth = np.convolve(np.pad(profile, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), mode="valid")
+    smooth = np.convolve(
+        np.pad(profile, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), mode="valid"
+    )
     background = float(np.percentile(smooth, 5))
     typical = float(np.percentile(smooth, 75)) - background
     if typical <= 0.0:
@@ -103,7 +109,8 @@ def bands(activity: NDArray[np.float64], *, pitch_mm: float, most: int = 5) -> t
             last = _crossing((smooth - background)[::-1], rows - stop, level * typical)
             height = (rows - 1 - last) - first
             band = Band(
-                middle_mm=float(0.5 * (first + rows - 1 - last) * pitch_mm), height_mm=float(max(height, 1.0) * pitch_mm)
+                middle_mm=float(0.5 * (first + rows - 1 - last) * pitch_mm),
+                height_mm=float(max(height, 1.0) * pitch_mm),
             )
             merit = float(np.minimum(smooth[start:stop] - background, typical).sum())
             if not any(_alike(band, other) for _, other in found):

@@ -81,7 +81,9 @@ def search_templates(templates: TemplateSet, directions: tuple[TraceDirection, .
         inside = coarse[t][:, window[0], window[1]]
         patches[t][:, window[0], window[1]] = inside - inside.mean(axis=(1, 2), keepdims=True)
     norm = np.sqrt((patches.astype(np.float64) ** 2).sum(axis=(1, 2, 3)))
-    made = SearchTemplates(patches=patches, half_cols=half_cols, half_rows=half_rows, norm=np.maximum(norm, 1e-9))
+    made = SearchTemplates(
+        patches=patches, half_cols=half_cols, half_rows=half_rows, norm=np.maximum(norm, 1e-9)
+    )
     templates.work["search"] = made
     return made
 
@@ -90,7 +92,9 @@ def _around(middle: int, half: int) -> slice:
     return slice(middle - int(half), middle + int(half) + 1)
 
 
-def _template_spectra(templates: TemplateSet, search: SearchTemplates, shape: tuple[int, int]) -> NDArray[np.complex64]:
+def _template_spectra(
+    templates: TemplateSet, search: SearchTemplates, shape: tuple[int, int]
+) -> NDArray[np.complex64]:
     from scipy import fft
 
     key = ("spectra", shape)
@@ -104,7 +108,9 @@ def _template_spectra(templates: TemplateSet, search: SearchTemplates, shape: tu
     return spectra
 
 
-def dense_scores(image: LineImage, templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> DenseScores:
+def dense_scores(
+    image: LineImage, templates: TemplateSet, directions: tuple[TraceDirection, ...]
+) -> DenseScores:
     """Correlate a search image (SEARCH_PIXELS to the character height) with all templates at all places."""
     from scipy import fft
 
@@ -140,7 +146,9 @@ def dense_scores(image: LineImage, templates: TemplateSet, directions: tuple[Tra
     return DenseScores(score=score, energy=energy)
 
 
-def window_energy(layers: NDArray[np.float32], half_rows: int, half_cols: int) -> tuple[NDArray[np.float64], int]:
+def window_energy(
+    layers: NDArray[np.float32], half_rows: int, half_cols: int
+) -> tuple[NDArray[np.float64], int]:
     """Sum of squares about the mean, over channels, in a window around every pixel; and the values in a window."""
     _, rows, cols = layers.shape
     count = (2 * half_rows + 1) * (2 * half_cols + 1)

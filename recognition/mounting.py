@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import HeightMap
-from recognition.localise import Band, activity_of, bands, line_rotation_deg
+from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg
 
-MIN_RELIEF_SHARE = 0.004
-"""Relief below this share of the map's smaller side is texture: marks are 3 to 5 % of their height."""
+MIN_HEIGHT_SHARE = 0.04
+"""Of the map's smaller side: characters lower than this are not looked for unless their height is given."""
 WORK_ROWS = 240
 """Rows at which the first look is taken."""
 
@@ -86,7 +86,8 @@ def first_look(levelled: HeightMap) -> FirstLook:
 
     rows, cols = levelled.shape
     smaller = min(levelled.size_mm)
-    if relief_mm(levelled) < MIN_RELIEF_SHARE * smaller:
+    deepest = relief_mm(levelled)
+    if deepest < MIN_RELIEF_SHARE * MIN_HEIGHT_SHARE * smaller:
         return FirstLook((), 0.0)
     step = max(1, rows // WORK_ROWS)
     z = np.where(np.isfinite(levelled.z_mm), levelled.z_mm, 0.0)
@@ -100,8 +101,5 @@ def first_look(levelled: HeightMap) -> FirstLook:
     if rotation:
         activity = ndimage.rotate(activity, rotation, reshape=True, order=1)
     found = bands(activity, pitch_mm=pitch)
-    return FirstLook(tuple(b.height_mm for b in _plausible(found, smaller)), rotation)
-
-
-def _plausible(found: tuple[Band, ...], smaller_mm: float) -> list[Band]:
-    return [b for b in found if b.height_mm > 0.04 * smaller_mm]
+    heights = [b.height_mm for b in found if b.height_mm > MIN_HEIGHT_SHARE * smaller]
+    return FirstLook(tuple(h for h in heights if deepest > MIN_RELIEF_SHARE * h), rotation)

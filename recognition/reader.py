@@ -1,6 +1,6 @@
 """The one composition: how a scan becomes a reading.
 
-    scan --edge_map--> EdgeMap --localise--> hypotheses --search--> line --refine--> cells --decide--> Reading
+scan --edge_map--> EdgeMap --localise--> hypotheses --search--> line --refine--> cells --decide--> Reading
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from glyphs.outlines import BUILTIN_FONTS, load_font
 from glyphs.serials import allowed_characters
 from recognition.decide import decide
 from recognition.frames import is_edge_channel
-from recognition.localise import activity_of, bands, line_rotation_deg
+from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg
 from recognition.mounting import first_look, level
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_line
@@ -35,6 +35,7 @@ MOST_SCANS = 2
 """Scales at which a height map is scanned in search of a reading that is accepted."""
 SETTLED_SCORE = 0.78
 """Mean correlation in the search from which a rotation is taken as found."""
+HOPELESS_SCORE = 0.52
 GOOD_SCORE = 0.84
 """Mean correlation above which a line is not searched for other widths of its characters."""
 
@@ -148,7 +149,9 @@ class Reader:
             touch = default_touch(height)
             with clock.step("scan"):
                 plan = default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height)
-                scan = trace_scan(levelled, touch=touch, plan=plan, fidelity=self.settings.fidelity, part_id=part_id)
+                scan = trace_scan(
+                    levelled, touch=touch, plan=plan, fidelity=self.settings.fidelity, part_id=part_id
+                )
             tried = self._read(scan, clock, height_map=levelled)
             if best is None or _merit(tried) > _merit(best):
                 best = tried
@@ -166,12 +169,21 @@ class Reader:
             try:
                 edges = edge_map(scan)
             except MapError:
-                return ReadingWithEvidence(_nothing(clock, _scan_flags(scan)), scan=scan, height_map=height_map)
+                return ReadingWithEvidence(
+                    _nothing(clock, _scan_flags(scan)), scan=scan, height_map=height_map
+                )
         reading, support = self.read_edge_map(edges, scan.touch, clock=clock, flags=_scan_flags(scan))
-        return ReadingWithEvidence(reading, edge_map=edges, scan=scan, height_map=height_map, support_mm=support)
+        return ReadingWithEvidence(
+            reading, edge_map=edges, scan=scan, height_map=height_map, support_mm=support
+        )
 
     def read_edge_map(
-        self, edges: EdgeMap, touch: Touch, *, clock: _Clock | None = None, flags: ReadingFlag = ReadingFlag.NONE
+        self,
+        edges: EdgeMap,
+        touch: Touch,
+        *,
+        clock: _Clock | None = None,
+        flags: ReadingFlag = ReadingFlag.NONE,
     ) -> tuple[Reading, float]:
         """Read an edge map felt with the given touch; also the length of line explained, mm, weighted by how well."""
         clock = clock if clock is not None else _Clock()
@@ -192,7 +204,9 @@ class Reader:
                 settled, cells = refine_line(line, image, templates, edges.directions)
                 judged.append((settled, templates, cells))
         with clock.step("decide"):
-            reading, support_mm = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
+            reading, support_mm = decide(
+                judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags
+            )
         return _timed(reading, clock), support_mm
 
     def _hypotheses(self, search: LineSearch) -> list[Hypothesis]:
@@ -201,8 +215,8 @@ class Reader:
         upright = search.image(0.0)
         keep = is_edge_channel(edges.directions)
         activity = activity_of(upright.channels[keep])
-        if float(np.abs(edges.enhancement).max()) < 1e-3:
-            return []
+        # a profile of h is felt as h / d0
+        relief = float(np.percentile(np.abs(edges.enhancement), 99.0)) * search.touch.preload_mm
         rotation = line_rotation_deg(activity)
         hypotheses = []
         for turn in (rotation, 0.0) if rotation else (0.0,):
@@ -213,7 +227,8 @@ class Reader:
                 heights = []
                 for band in bands(turned, pitch_mm=edges.pitch_mm, most=3):
                     heights.extend(band.height_mm * factor for factor in (1.0, 0.88))
-            hypotheses += [Hypothesis(font, h, 1.0, turn) for font in self.fonts for h in _distinct(heights)]
+            heights = [h for h in _distinct(heights) if relief > MIN_RELIEF_SHARE * h]
+            hypotheses += [Hypothesis(font, h, 1.0, turn) for font in self.fonts for h in heights]
         return hypotheses
 
     def _search(self, search: LineSearch, hypotheses: list[Hypothesis]) -> list[LineFit]:
@@ -235,7 +250,7 @@ class Reader:
             if not leader.placed or leader.value_mm < 0.6 * leaders[0].value_mm:
                 continue
             line = refine_geometry(search, leader, spans=spans)
-            if line.mean_score < GOOD_SCORE:
+            if HOPELESS_SCORE < line.mean_score < GOOD_SCORE and len(refined) < 2:
                 line = refine_shape(search, line, x_scales=(0.8, 0.9, 1.12, 1.25))
                 line = refine_geometry(search, line, spans=(0.05,))
             refined.append(line)

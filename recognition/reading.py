@@ -139,4 +139,6 @@ class Reading:
     @property
     def text(self) -> str:
         """The serial; a space where the line has a word gap."""
-        return "".join(c.char + (" " if i in self.spaces_after else "") for i, c in enumerate(self.characters))
+        return "".join(
+            c.char + (" " if i in self.spaces_after else "") for i, c in enumerate(self.characters)
+        )

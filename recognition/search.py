@@ -138,7 +138,9 @@ class LineSearch:
         """The best chain of characters under a hypothesis, of either polarity unless it is known."""
         base = self.image(hypothesis.rotation_deg)
         pixel = hypothesis.height_mm / SEARCH_PIXELS
-        image = padded(resampled(base, pitch_u_mm=pixel * hypothesis.x_scale, pitch_v_mm=pixel), MARGIN_PIXELS)
+        image = padded(
+            resampled(base, pitch_u_mm=pixel * hypothesis.x_scale, pitch_v_mm=pixel), MARGIN_PIXELS
+        )
         # sunk templates serve both polarities here: a raised mark answers with the opposite sign
         templates = self.templates(hypothesis, raised=False)
         dense = dense_scores(image, templates, self.edges.directions)
@@ -146,7 +148,9 @@ class LineSearch:
         half = np.maximum(1, np.round(templates.half_width * SEARCH_PIXELS)).astype(np.int64)
         allowed = self._allowed(templates)
         typical = float(np.percentile(dense.energy.max(axis=(0, 1)), 80.0))
-        weight = width[:, None, None].astype(np.float32) * np.clip(dense.energy / max(typical, 1e-30), 0.0, 1.0)
+        weight = width[:, None, None].astype(np.float32) * np.clip(
+            dense.energy / max(typical, 1e-30), 0.0, 1.0
+        )
         best: LineFit | None = None
         for polarity in (False, True) if raised is None else (raised,):
             score = -dense.score if polarity else dense.score

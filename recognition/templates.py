@@ -179,7 +179,11 @@ def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
 
 
 def _relief(
-    shape: Glyph, key: TemplateKey, u: NDArray[np.float64], v: NDArray[np.float64], middle: tuple[float, float]
+    shape: Glyph,
+    key: TemplateKey,
+    u: NDArray[np.float64],
+    v: NDArray[np.float64],
+    middle: tuple[float, float],
 ) -> NDArray[np.float32]:
     """Sunk relief of one glyph at offsets (u, v) from its middle, its outline grown but no taller."""
     height = CANONICAL_HEIGHT_MM
@@ -204,7 +208,12 @@ def _upright(patches: NDArray[np.float32], rotation_deg: float) -> NDArray[np.fl
     for t in range(patches.shape[0]):
         for d in range(patches.shape[1]):
             ndimage.affine_transform(
-                patches[t, d], matrix, offset=middle - matrix @ middle, output=out[t, d], order=1, mode="constant"
+                patches[t, d],
+                matrix,
+                offset=middle - matrix @ middle,
+                output=out[t, d],
+                order=1,
+                mode="constant",
             )
     return out
 
