@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -169,9 +170,7 @@ def word_gaps(cells: Sequence[Cell], height_mm: float) -> frozenset[int]:
     """Places after which a gap stands out: wide in itself and against the line's usual one."""
     if len(cells) < 2:
         return frozenset()
-    gap = np.array(
-        [b.u_mm - b.half_width_mm - a.u_mm - a.half_width_mm for a, b in zip(cells, cells[1:], strict=False)]
-    )
+    gap = np.array([b.u_mm - b.half_width_mm - a.u_mm - a.half_width_mm for a, b in pairwise(cells)])
     usual = float(np.median(gap))
     wide = (gap > WORD_GAP_HEIGHTS * height_mm) & (gap > usual + 0.35 * height_mm)
     return frozenset(int(i) for i in np.flatnonzero(wide))

@@ -26,7 +26,7 @@ class Placed:
     reward: float
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def _chain(reward, half, allowed, free, overlap, reach, gap_free, gap_cost, best, from_end, by_template):  # type: ignore[no-untyped-def]
     """best[k, e]: most earned by k + 1 characters whose last ink ends at column e."""
     n_places, n_templates = allowed.shape

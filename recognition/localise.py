@@ -39,7 +39,7 @@ def activity_of(layers: NDArray[np.float32]) -> NDArray[np.float64]:
     activity = (layers.astype(np.float64) ** 2).sum(axis=0)
     top = float(np.percentile(activity, 97.0))
     floor = float(np.median(activity))
-    return np.clip(activity - floor, 0.0, max(top - floor, 1e-300))
+    return np.asarray(np.clip(activity - floor, 0.0, max(top - floor, 1e-300)))
 
 
 def line_rotation_deg(activity: NDArray[np.float64]) -> float:

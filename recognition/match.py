@@ -60,7 +60,7 @@ def search_templates(templates: TemplateSet, directions: tuple[TraceDirection, .
     if isinstance(kept, SearchTemplates):
         return kept
     fine = channels(templates.patches, directions, axis=1)
-    count, n_channels, rows, cols = fine.shape
+    count, _, rows, cols = fine.shape
     ratio = PIXELS / SEARCH_PIXELS
 
     def weights(n: int) -> NDArray[np.float32]:

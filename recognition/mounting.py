@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,12 +45,12 @@ def level(height_map: HeightMap, *, degree: int = 2) -> HeightMap:
     )
     known = np.isfinite(thin)
     design, target = _terms(u[known], v[known], degree), thin[known]
-    weight = np.ones(target.size)
+    weight: NDArray[np.floating[Any]] = np.ones(target.size)
     coefficients = np.zeros(design.shape[1])
     for _ in range(12):
         weighted = design * weight[:, None]
         normal = weighted.T @ design + 1e-10 * target.size * np.eye(design.shape[1])
-        coefficients = np.linalg.solve(normal, weighted.T @ target)
+        coefficients = np.asarray(np.linalg.solve(normal, weighted.T @ target))
         residual = target - design @ coefficients
         spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
         if spread <= 0.0:
@@ -84,7 +85,7 @@ def first_look(levelled: HeightMap) -> FirstLook:
     """Rotation and heights worth trying, from the slopes of a levelled map."""
     from scipy import ndimage
 
-    rows, cols = levelled.shape
+    rows = levelled.shape[0]
     smaller = min(levelled.size_mm)
     deepest = relief_mm(levelled)
     if deepest < MIN_RELIEF_SHARE * MIN_HEIGHT_SHARE * smaller:

@@ -23,7 +23,7 @@ from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rota
 from recognition.mounting import first_look, level
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_line
-from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape
+from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape, refine_stroke
 from recognition.templates import TemplateCache
 from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
@@ -245,11 +245,13 @@ class Reader:
                 by_font[hypothesis.font.name] = fit
         leaders = sorted(by_font.values(), key=lambda f: -f.value_mm)[:3]
         spans = (0.04,) if self.settings.height_mm else (0.06,)
-        refined = []
+        refined: list[LineFit] = []
         for leader in leaders:
             if not leader.placed or leader.value_mm < 0.6 * leaders[0].value_mm:
                 continue
             line = refine_geometry(search, leader, spans=spans)
+            if HOPELESS_SCORE < line.mean_score < GOOD_SCORE:
+                line = refine_stroke(search, line)
             if HOPELESS_SCORE < line.mean_score < GOOD_SCORE and len(refined) < 2:
                 line = refine_shape(search, line, x_scales=(0.8, 0.9, 1.12, 1.25))
                 line = refine_geometry(search, line, spans=(0.05,))

@@ -199,7 +199,7 @@ def _standard(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """(n, channels, pixels) -> (n, channels * pixels), mean-free by channel, of unit length."""
     centred = values - values.mean(axis=2, keepdims=True)
     flat = centred.reshape(values.shape[0], -1)
-    return flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.float32(1e-12))
+    return np.asarray(flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.float32(1e-12)))
 
 
 def _spread(values: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -207,4 +207,4 @@ def _spread(values: NDArray[np.float32]) -> NDArray[np.float32]:
     square = np.einsum("ncp,ncp->n", values, values)
     mean = values.sum(axis=2)
     inside = square - (mean * mean).sum(axis=1) / np.float32(values.shape[2])
-    return np.sqrt(np.maximum(inside, np.float32(1e-12)))
+    return np.asarray(np.sqrt(np.maximum(inside, np.float32(1e-12))))

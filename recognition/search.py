@@ -26,8 +26,10 @@ SCORE_FLOOR = 0.5
 """Correlation that earns nothing: what a wrong character typically reaches."""
 CHARACTER_COST = 0.03
 """Height-widths a character must explain before it earns: a stroke of a neighbour taken for an I does not."""
+CRISP_HANDS = ((0.0, -0.035), (0.0, 0.03))
 SOFT_HANDS = ((0.03, 0.02), (0.05, 0.03), (0.03, 0.05), (0.05, 0.06))
-"""Softening and growth tried on marks that no crisp template fits, character heights."""
+"""Softening and growth tried on marks that the font's own stroke does not fit, character heights: first other
+strokes of a stamping die, then cast, coined or worn marks."""
 FREE_WIDTHS = (0.84, 1.18)
 """Widths tried for every character by itself when the font is not the mark's own."""
 MARGIN_PIXELS = 3
@@ -141,8 +143,8 @@ class LineSearch:
         image = padded(
             resampled(base, pitch_u_mm=pixel * hypothesis.x_scale, pitch_v_mm=pixel), MARGIN_PIXELS
         )
-        # sunk templates serve both polarities here: a raised mark answers with the opposite sign
-        templates = self.templates(hypothesis, raised=False)
+        # while the polarity is open, sunk templates serve both: a raised mark answers with about the opposite sign
+        templates = self.templates(hypothesis, raised=bool(raised))
         dense = dense_scores(image, templates, self.edges.directions)
         width = 2.0 * templates.half_width + 0.1
         half = np.maximum(1, np.round(templates.half_width * SEARCH_PIXELS)).astype(np.int64)
@@ -153,7 +155,7 @@ class LineSearch:
         )
         best: LineFit | None = None
         for polarity in (False, True) if raised is None else (raised,):
-            score = -dense.score if polarity else dense.score
+            score = -dense.score if polarity and raised is None else dense.score
             reward = weight * (np.sign(score) * score**2 - SCORE_FLOOR**2) - CHARACTER_COST
             total, placed, rows = _best_row(reward, half, allowed)
             length = total * hypothesis.height_mm * hypothesis.x_scale
@@ -195,7 +197,8 @@ def _best_row(
 
 def refine_geometry(search: LineSearch, start: LineFit, *, spans: Sequence[float]) -> LineFit:
     """Vary height by shrinking steps, and take up the rotation that is left, while the fit improves."""
-    best = start
+    # the polarity is settled now: marks that stand out get templates of their own
+    best = search.fit(start.hypothesis, raised=True) if start.raised else start
     slope = best.slope_deg()
     if abs(slope) > 0.25:
         best = _better(search, best, rotation_deg=best.hypothesis.rotation_deg + slope)
@@ -205,6 +208,14 @@ def refine_geometry(search: LineSearch, start: LineFit, *, spans: Sequence[float
             if tried is not best:
                 best = tried
                 break
+    return best
+
+
+def refine_stroke(search: LineSearch, start: LineFit) -> LineFit:
+    """Vary the stroke against the font's: other faces of a die, struck deeper or less deep."""
+    best = start
+    for soften, grow in CRISP_HANDS:
+        best = _better(search, best, soften=soften, grow=grow)
     return best
 
 

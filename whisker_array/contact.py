@@ -11,8 +11,10 @@ G = (1 + p^2, pq; pq, 1 + q^2) the surface metric and f_n the normal force of th
       land _____                x _______  The elastic force K d, projected on the surface, balances friction;
                 \______________/o d0       sideways the wire may give, which the pointwise map cannot know.
 
-Where the wall's friction leaves the tip no way to rise, e_y.D11 (n - mu t) <= 0, it *jams*; where the normal
-force vanishes, contact is *lost*. Both are flags of the sample.
+Where the wall's friction leaves the tip no way to rise, e_y.D11 (n - mu t) <= 0, it *jams*. Mostly it does not
+come so far but is caught at the wall's foot, where the slope is just short of that: then it is held there, the base
+walks on and the force grows without end, so a force many times the land's is a jam as well. Where the normal
+force vanishes, contact is *lost*. All are flags of the sample.
 """
 
 from __future__ import annotations
@@ -32,9 +34,11 @@ _JAMMED = np.uint8(SampleFlag.JAMMED)
 _OUTSIDE = np.uint8(SampleFlag.OUTSIDE)
 _NOT_CONVERGED = np.uint8(SampleFlag.NOT_CONVERGED)
 
-MAX_ITERATIONS = 25
+MAX_ITERATIONS = 40
 TOLERANCE_STEPS = 5e-4
 """Newton stops when the tip moves less than this fraction of a sample step."""
+JAM_FORCE = 10.0
+"""A tip pushed so many times harder than lifting it straight up takes is jammed: 60 degree walls need up to 5."""
 SMOOTHING_STEPS = 1e-3
 """|q - q_prev| is rounded at this fraction of a step: a stick-slip corner the solver can pass."""
 
@@ -75,7 +79,8 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
         x_free = x_command - lag
         x, z = xp + step, zp
         converged = False
-        f0 = f1 = f2 = p = q = mu = sx = sz = length = 0.0
+        damping, mx_last, mz_last, size2_last = 1.0, 0.0, 0.0, 0.0
+        f0 = f1 = f2 = h = p = q = mu = sx = sz = length = 0.0
         for _ in range(MAX_ITERATIONS):
             h, p, q, mu = _look_up(fields, x, z, inv_pitch)
             d0x, d1, d2 = x - x_free, h + d0, z - z_free
@@ -103,10 +108,14 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
             mx = -(hzz * rx - hxz * rz) / det
             mz = -(hxx * rz - hxz * rx) / det
             size2 = mx * mx + mz * mz
-            if size2 > limit * limit:
-                shrink = limit / math.sqrt(size2)
-                mx, mz = mx * shrink, mz * shrink
-            x, z = x + mx, z + mz
+            # In a valley the slope turns under the tip, which J^T K J knows nothing of: Newton steps to and fro.
+            if mx * mx_last + mz * mz_last < -0.25 * size2_last:
+                damping *= 0.5
+            mx_last, mz_last, size2_last = mx, mz, size2
+            scale = damping
+            if size2 * scale * scale > limit * limit:
+                scale = limit / math.sqrt(size2)
+            x, z = x + scale * mx, z + scale * mz
             if size2 < tol2:
                 converged = True
                 break
@@ -127,7 +136,8 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
             + D[1, 1] * (inv_norm - mu * ty)
             + D[1, 2] * (-q * inv_norm - mu * tz)
         )
-        if rise <= 0.0:
+        push_limit = JAM_FORCE * (d0 + max(h, 0.0)) / D[1, 1]
+        if rise <= 0.0 or f0 * f0 + f1 * f1 + f2 * f2 > push_limit * push_limit:
             flag |= _JAMMED
         if flag & _LOST:
             # the tip hangs free until the surface meets it again

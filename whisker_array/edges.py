@@ -48,7 +48,7 @@ def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
     return raw
 
 
-def averaging(position: NDArray[np.float64], pixel: NDArray[np.float64], pitch: float) -> Any:
+def averaging(position: NDArray[Any], pixel: NDArray[Any], pitch: float) -> Any:
     """Sparse (pixels, samples) weights of a triangle one pixel (or one step, if larger) wide to each side."""
     from scipy import sparse
 
