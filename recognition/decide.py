@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Protocol
 
@@ -28,6 +29,9 @@ END_SHARE, FOREIGN_END_SHARE = 0.72, 0.86
 """Of the median score, which the first and last character of a line of unknown length must reach.
 
 Stricter where the font is not the mark's own: there, things beside the line pass for characters more easily."""
+SWAP = {"0": "O", "O": "0", "1": "I", "I": "1"}
+SWAP_SCORE = 0.08
+"""Characters that fonts tell apart in different ways, and the lead in score within which context decides."""
 CANDIDATES = 5
 WORD_GAP_HEIGHTS = 0.6
 
@@ -104,6 +108,9 @@ def decide(
     if mean_score < MIN_LINE_SCORE or not results:
         none = flags | ReadingFlag.NO_CHARACTERS
         return Reading(characters=(), decision=Decision.REJECT, confidence=0.0, flags=none), 0.0
+    gaps_found = gaps if places is not None else word_gaps(cells, line.hypothesis.height_mm)
+    if places is None and _foreign(line):
+        results = swapped(results, gaps_found)
     sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin
     if _foreign(line) or mean_score < ACCEPT_MEAN_SCORE or worst < ACCEPT_WORST_SCORE:
         sure, flags = False, flags | ReadingFlag.FOREIGN_SHAPES
@@ -128,7 +135,7 @@ def decide(
         rotation_deg=line.hypothesis.rotation_deg,
         raised=line.raised,
         box=whole,
-        spaces_after=gaps if places is not None else word_gaps(cells, line.hypothesis.height_mm),
+        spaces_after=gaps_found,
     )
     return reading, support
 
@@ -144,6 +151,31 @@ def _support(judged: Judged, places: Sequence[str] | None) -> float:
         best = float(scores.max(initial=0.0))
         total += (2.0 * cell.half_width_mm + 0.1 * line.hypothesis.height_mm) * (best * abs(best) - 0.25)
     return total
+
+
+def swapped(characters: list[CharacterReading], gaps: frozenset[int]) -> list[CharacterReading]:
+    """Figures that look like a letter, among letters, and the reverse, in a font we have not got.
+
+    Which of 0 and O, 1 and I is the wider or has the flag differs from font to font, so there the rest of the
+    word decides between the two, if it is all of one kind and the scores are close.
+    """
+    out = list(characters)
+    starts = [0, *(g + 1 for g in sorted(gaps)), len(characters)]
+    for first, last in pairwise(starts):
+        for k in range(first, last):
+            others = [characters[i].char for i in range(first, last) if i != k]
+            partner = SWAP.get(characters[k].char)
+            if (
+                partner is None
+                or len(others) < 2
+                or not all(o.isalpha() == partner.isalpha() for o in others)
+            ):
+                continue
+            rest = [c for c in characters[k].candidates if c.char == partner]
+            if rest and characters[k].candidates[0].score - rest[0].score < SWAP_SCORE:
+                kept = [c for c in characters[k].candidates if c.char != partner]
+                out[k] = replace(characters[k], candidates=(rest[0], *kept))
+    return out
 
 
 def _foreign(line: LineFit) -> bool:

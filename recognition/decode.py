@@ -31,9 +31,8 @@ def _chain(reward, half, allowed, free, overlap, reach, gap_free, gap_cost, best
     """best[k, e]: most earned by k + 1 characters whose last ink ends at column e."""
     n_places, n_templates = allowed.shape
     cols = reward.shape[1]
-    top = _NONE
     for k in range(n_places):
-        improved = False
+        placed = False
         for t in range(n_templates):
             if not allowed[k, t]:
                 continue
@@ -58,12 +57,9 @@ def _chain(reward, half, allowed, free, overlap, reach, gap_free, gap_cost, best
                     best[k, end] = value
                     from_end[k, end] = at
                     by_template[k, end] = t
-                    improved = improved or value > top
-        for e in range(cols):
-            top = max(top, best[k, e])
-        if not improved and free:
-            return k
-    return n_places
+                    placed = True
+        if not placed:
+            return
 
 
 def best_chain(

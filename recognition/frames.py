@@ -79,13 +79,15 @@ def channels(
 
 
 def is_edge_channel(directions: tuple[TraceDirection, ...]) -> NDArray[np.bool_]:
-    """Which of `channels` answer edges alone (differences of opposite traces), not the profile."""
-    pairs = sum(
-        d in directions and TraceDirection((d + 180) % 360) in directions
-        for d in (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y)
-    )
-    single = len(directions) - 2 * pairs
-    return np.array([False] * bool(pairs) + [True] * pairs + [False] * single)[: bool(pairs) + pairs + single]
+    """Which of `channels` answer edges alone (differences of opposite traces), not the profile.
+
+    Directions without a partner answer both; where there is no pair at all, every channel counts.
+    """
+    edge: list[bool] = []
+    for forward in (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y):
+        felt = sum(d in directions for d in (forward, TraceDirection(forward + 180)))
+        edge += {0: [], 1: [False], 2: [True]}[felt]
+    return np.array([False, *edge]) if any(edge) else np.ones(len(edge), dtype=np.bool_)
 
 
 def line_image(edges: EdgeMap, *, rotation_deg: float) -> LineImage:

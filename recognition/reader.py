@@ -31,13 +31,15 @@ from whisker_array.scan import Scan, Touch, default_touch, trace_scan
 from whisker_array.traces import Fidelity, SampleFlag
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+RIVAL_SHARE = 0.8
+"""Of what the best font explains, which another must reach to be looked at closely."""
 MOST_SCANS = 2
 """Scales at which a height map is scanned in search of a reading that is accepted."""
 SETTLED_SCORE = 0.78
 """Mean correlation in the search from which a rotation is taken as found."""
-HOPELESS_SCORE = 0.52
-GOOD_SCORE = 0.84
-"""Mean correlation above which a line is not searched for other widths of its characters."""
+HOPELESS_SCORE, FOREIGN_SCORE, GOOD_SCORE = 0.52, 0.8, 0.9
+"""Mean correlation in the search: below the last other strokes are tried, below the middle other hands and widths,
+below the first nothing more."""
 
 
 @dataclass(frozen=True)
@@ -247,12 +249,12 @@ class Reader:
         spans = (0.04,) if self.settings.height_mm else (0.06,)
         refined: list[LineFit] = []
         for leader in leaders:
-            if not leader.placed or leader.value_mm < 0.6 * leaders[0].value_mm:
+            if not leader.placed or leader.value_mm < RIVAL_SHARE * leaders[0].value_mm:
                 continue
             line = refine_geometry(search, leader, spans=spans)
             if HOPELESS_SCORE < line.mean_score < GOOD_SCORE:
-                line = refine_stroke(search, line)
-            if HOPELESS_SCORE < line.mean_score < GOOD_SCORE and len(refined) < 2:
+                line = refine_geometry(search, refine_stroke(search, line), spans=(0.04,))
+            if HOPELESS_SCORE < line.mean_score < FOREIGN_SCORE and len(refined) < 2:
                 line = refine_shape(search, line, x_scales=(0.8, 0.9, 1.12, 1.25))
                 line = refine_geometry(search, line, spans=(0.05,))
             refined.append(line)

@@ -34,7 +34,7 @@ _JAMMED = np.uint8(SampleFlag.JAMMED)
 _OUTSIDE = np.uint8(SampleFlag.OUTSIDE)
 _NOT_CONVERGED = np.uint8(SampleFlag.NOT_CONVERGED)
 
-MAX_ITERATIONS = 40
+MAX_ITERATIONS = 80
 TOLERANCE_STEPS = 5e-4
 """Newton stops when the tip moves less than this fraction of a sample step."""
 JAM_FORCE = 10.0
@@ -111,6 +111,8 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
             # In a valley the slope turns under the tip, which J^T K J knows nothing of: Newton steps to and fro.
             if mx * mx_last + mz * mz_last < -0.25 * size2_last:
                 damping *= 0.5
+            else:
+                damping = min(1.0, 1.3 * damping)
             mx_last, mz_last, size2_last = mx, mz, size2
             scale = damping
             if size2 * scale * scale > limit * limit:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from glyphs.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.land import line_drift, plate_land, whisker_gain
+from whisker_array.registration import registration_mm
 from whisker_array.scan import Scan, Sweep
 from whisker_array.sensor import apply_calibration
 from whisker_array.traces import SampleFlag
@@ -25,10 +26,6 @@ UNUSABLE = np.uint8(
     | SampleFlag.DROPOUT
     | SampleFlag.NOT_CONVERGED
 )
-REGISTRATION_LIMIT_PIXELS = 6.0
-"""Backlash searched for between directions; more is a fault of the stage, not play."""
-REGISTRATION_DEAD_BAND_PIXELS = 0.75
-"""Shifts below this are the touch itself (the tip leads and lags on walls), which templates have as well."""
 
 
 def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
@@ -168,7 +165,7 @@ def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeM
 
     layers, valid = grid({})
     if register and not ideal and len(felt) > 1:
-        shift = registration_mm(layers, scan.directions, pitch_mm=pitch)
+        shift = registration_mm(layers, scan.directions, touch=scan.touch, pitch_mm=pitch)
         if shift:
             layers, valid = grid(shift)
     stack = np.stack([np.where(valid, layer, 0.0) for layer in layers]).astype(np.float32)
@@ -179,63 +176,3 @@ def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeM
         pitch_mm=pitch,
         origin_mm=(float(x[0]), float(y[0])),
     )
-
-
-def _shift_pixels(reference: NDArray[np.float64], moved: NDArray[np.float64]) -> tuple[float, float]:
-    """(rows, cols) by which `moved` must be shifted to lie on `reference`, by circular correlation."""
-    from scipy import fft
-
-    shape = [fft.next_fast_len(n + 16, real=True) for n in reference.shape]
-    a = fft.rfft2(reference - reference.mean(), shape)
-    b = fft.rfft2(moved - moved.mean(), shape)
-    correlation = fft.irfft2(a * np.conj(b), shape)
-    reach = int(REGISTRATION_LIMIT_PIXELS) + 1
-    window = np.roll(correlation, (reach, reach), (0, 1))[: 2 * reach + 1, : 2 * reach + 1]
-    r, c = np.unravel_index(int(np.argmax(window)), window.shape)
-    if not (0 < r < 2 * reach and 0 < c < 2 * reach):
-        return (0.0, 0.0)
-
-    def vertex(before: float, at: float, after: float) -> float:
-        curve = before - 2.0 * at + after
-        return 0.0 if curve >= 0.0 else 0.5 * (before - after) / curve
-
-    return (
-        float(r - reach + vertex(window[r - 1, c], window[r, c], window[r + 1, c])),
-        float(c - reach + vertex(window[r, c - 1], window[r, c], window[r, c + 1])),
-    )
-
-
-def registration_mm(
-    layers: list[NDArray[np.float64]], directions: tuple[TraceDirection, ...], *, pitch_mm: float
-) -> dict[TraceDirection, tuple[float, float]]:
-    """Plate shift (dx, dy) of each direction that lays its map on the common one; empty without play.
-
-    Where something is felt at all is alike in every direction, which wall answers how is not: so the
-    magnitudes are correlated. Back-and-forth partners share their play equally; the crossed pair is laid on
-    the first.
-    """
-    felt = {d: np.abs(layer) for d, layer in zip(directions, layers, strict=True)}
-    pairs = [
-        (TraceDirection.FORWARD_X, TraceDirection.BACK_X, 1),
-        (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y, 0),
-    ]
-    shift: dict[TraceDirection, tuple[float, float]] = {}
-    for forward, back, axis in pairs:
-        if forward in felt and back in felt:
-            play = _shift_pixels(felt[forward], felt[back])[axis]
-            if abs(play) > REGISTRATION_DEAD_BAND_PIXELS:
-                half = 0.5 * play * pitch_mm
-                shift[forward] = (-half, 0.0) if axis == 1 else (0.0, -half)
-                shift[back] = (half, 0.0) if axis == 1 else (0.0, half)
-    along_x = [d for d in directions if d.along_x]
-    along_y = [d for d in directions if not d.along_x]
-    if along_x and along_y:
-        # the sum of both ways is symmetric: play between them cancels in it
-        first = np.sum([felt[d] for d in along_x], axis=0)
-        second = np.sum([felt[d] for d in along_y], axis=0)
-        rows, cols = _shift_pixels(first, second)
-        if max(abs(rows), abs(cols)) > REGISTRATION_DEAD_BAND_PIXELS:
-            for d in along_y:
-                own = shift.get(d, (0.0, 0.0))
-                shift[d] = (own[0] + cols * pitch_mm, own[1] + rows * pitch_mm)
-    return shift

@@ -67,6 +67,8 @@ def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
     lines, samples = moment.shape
     u, v = np.linspace(-1.0, 1.0, samples), np.linspace(-1.0, 1.0, lines)
     level = float(shorth(moment[np.isfinite(moment)][None, :])[0])
+    if level == 0.0:
+        return np.zeros(moment.shape)  # most samples feel nothing at all: there is no land to fit
     best, best_inliers = np.full(moment.shape, level), -1.0
     # of the two starts the better explains more samples
     step_l, step_s = max(1, lines // 40), max(1, samples // 80)

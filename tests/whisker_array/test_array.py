@@ -75,9 +75,7 @@ def test_samples_cover_the_region_both_ways(plan: RasterPlan) -> None:
         (TraceDirection.FORWARD_X, TraceDirection.BACK_X),
         (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y),
     ):
-        np.testing.assert_allclose(
-            sweeps[there].position_mm(), sweeps[back].position_mm()[::-1], atol=1e-9
-        )
+        np.testing.assert_allclose(sweeps[there].position_mm(), sweeps[back].position_mm()[::-1], atol=1e-9)
 
 
 @settings(max_examples=50, deadline=None)
@@ -109,7 +107,12 @@ def test_the_default_plan_follows_the_character_height(height: float) -> None:
 
 def test_the_plan_says_what_it_does() -> None:
     plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4)
-    for word in ("40.0 x 10.0 mm", "4 whiskers 2.50 mm apart", "0°/90°/180°/270°", f"{plan.n_samples:,} samples"):
+    for word in (
+        "40.0 x 10.0 mm",
+        "4 whiskers 2.50 mm apart",
+        "0°/90°/180°/270°",
+        f"{plan.n_samples:,} samples",
+    ):
         assert word in plan.describe()
 
 

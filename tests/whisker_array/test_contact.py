@@ -31,6 +31,9 @@ D0 = 1.0
 MU = 0.2
 RIBBON = default_whisker(5.0).tip_model()
 WIRE = LShaped(30.0, 3.5, None, 0.0, Round(0.4)).tip_model()
+SETTLED = 4e-4
+"""Relative to the moment. Newton stops when the tip moves less than 5e-4 of a step, here 1e-5 mm; against the
+whisker's stiffness along x, 23 times that in height, this is 1e-4 of the force at d0 = 1, and a few of them."""
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
@@ -65,7 +68,9 @@ def trace(
     )  # fmt: skip
 
 
-def profile(heights: Callable[[NDArray[np.float64]], NDArray[np.float64]], tip: TipModel, mu: float) -> Traces:
+def profile(
+    heights: Callable[[NDArray[np.float64]], NDArray[np.float64]], tip: TipModel, mu: float
+) -> Traces:
     """One trace of 7 mm in steps of 0.02 mm over a surface that is alike across the trace."""
     surface = surface_of(lambda x, z: heights(x), pitch=0.02, size=(8.0, 0.2), friction=mu)
     return trace(surface, tip, lines=np.array([0.1]), start=0.3, step=0.02, n=350, mu=mu)
@@ -141,9 +146,8 @@ def test_steady_on_a_ramp_is_the_closed_form(tip: TipModel, angle: float, mu: fl
     f_n = (D0 + p * (command - lag - 1.0)) / (dy - p * dx)
     steady = slice(20, None)  # 0.4 mm behind the start, the tip has slid from its rest
     assert not felt.flags.any()
-    # heights are float32 and Newton stops at 5e-4 of a step
     np.testing.assert_allclose(
-        felt.moment_n_mm[0, steady], (f_n * float(tip.moment_arm_mm @ a))[steady], rtol=1e-4
+        felt.moment_n_mm[0, steady], (f_n * float(tip.moment_arm_mm @ a))[steady], rtol=SETTLED
     )
 
 
@@ -218,15 +222,17 @@ def test_the_kernel_minimises_the_energy_that_it_states(tip: TipModel) -> None:
         )
 
     surface = surface_of(
-        lambda x, z: 0.15 * np.sin(2.0 * x) + 0.12 * np.sin(1.5 * z), pitch=0.02, size=(6.0, 4.0), friction=0.3
+        lambda x, z: 0.15 * np.sin(2.0 * x) + 0.12 * np.sin(1.5 * z),
+        pitch=0.02,
+        size=(6.0, 4.0),
+        friction=0.3,
     )
-    step, n = 0.08, 30
+    step, n = 0.02, 75
     felt = trace(surface, tip, lines=np.array([1.7]), start=1.0, step=step, n=n, d0=0.6, mu=0.3)
     slow = slow_trace(heights, tip, line=1.7, start=1.0, step=step, n=n, d0=0.6, mu=0.3)
     assert not felt.flags.any()
     assert np.ptp(slow) > 0.3 * abs(slow.mean())
-    # the kernel's bilinear heights are 5e-5 mm off (pitch^2 h'' / 8) at d0 = 0.6, and slopes 4 times that
-    np.testing.assert_allclose(felt.moment_n_mm[0], slow, rtol=5e-4)
+    np.testing.assert_allclose(felt.moment_n_mm[0], slow, rtol=SETTLED)
 
 
 # --- symmetry, friction, sideways
@@ -266,9 +272,11 @@ def test_round_wire_slides_into_a_groove_that_runs_along_the_trace_and_a_ribbon_
         assert h[0, -1] == pytest.approx(-0.15, abs=1e-6)
         assert not felt.flags.any()
         off[name] = float(ratio(felt, tip)[0, -50:].mean() - ratio(ideal, tip)[0, -50:].mean())
-    # the wire lies on the floor, 0.3 deep instead of 0.15; the ribbon gives by about a tenth of that
-    assert off["wire"] == pytest.approx(-0.15, abs=0.02)
-    assert abs(off["ribbon"]) < 0.25 * abs(off["wire"])
+    # the wire lies on the floor, 0.3 deep instead of 0.15
+    assert off["wire"] == pytest.approx(-0.15, abs=0.01)
+    # the ribbon gives by Dzz / Dyy (d0 + h) = 0.030 mm; and the wall, steeper than the trace knows, presses
+    # with sqrt(2) times the friction, which the formula along the trace leaves out: 0.012
+    assert off["ribbon"] == pytest.approx(-0.042, abs=0.006)
 
 
 def test_oil_is_felt_by_an_l_shaped_whisker_and_not_by_a_straight_one() -> None:

@@ -114,7 +114,9 @@ def test_a_trace_of_one_sample_is_flat_and_refusals_speak() -> None:
     tip = default_whisker(5.0).tip_model()
     h = np.full((1, 1), 0.1, dtype=np.float32)
     felt = trace_pointwise(h, tip, step_mm=STEP, preload_mm=D0, friction=0.2)
-    assert felt.moment_n_mm[0, 0] == pytest.approx(1.1 * land_moment_n_mm(tip, preload_mm=D0, mu=0.2), rel=1e-5)
+    assert felt.moment_n_mm[0, 0] == pytest.approx(
+        1.1 * land_moment_n_mm(tip, preload_mm=D0, mu=0.2), rel=1e-5
+    )
     for wrong in (0.0, -1.0, math.nan):
         with pytest.raises(ValueError, match="preload_mm"):
             trace_pointwise(h, tip, step_mm=STEP, preload_mm=wrong, friction=0.2)

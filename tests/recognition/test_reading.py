@@ -1,0 +1,74 @@
+"""The value types of a reading."""
+
+from __future__ import annotations
+
+import pytest
+
+from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+
+BOX = Box(0.0, 0.0, 1.0, 2.0)
+
+
+def character(*beliefs: tuple[str, float]) -> CharacterReading:
+    return CharacterReading(tuple(Candidate(c, 0.9, p) for c, p in beliefs), BOX)
+
+
+@pytest.mark.parametrize("corners", [(1.0, 0.0, 0.5, 1.0), (0.0, 1.0, 1.0, 0.5)])
+def test_a_box_does_not_run_backwards(corners: tuple[float, float, float, float]) -> None:
+    with pytest.raises(ValueError, match="backwards"):
+        Box(*corners)
+
+
+def test_a_box_may_be_a_point() -> None:
+    assert Box(1.0, 1.0, 1.0, 1.0).x1_mm == 1.0
+
+
+def test_a_character_has_a_candidate() -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        CharacterReading((), BOX)
+
+
+def test_confidence_and_margin_are_those_of_the_leaders() -> None:
+    both = character(("A", 0.7), ("4", 0.2), ("H", 0.1))
+    assert both.char == "A"
+    assert both.confidence == 0.7
+    assert both.margin == pytest.approx(0.5)
+    # without a rival the lead is the whole belief
+    alone = character(("A", 0.7))
+    assert alone.margin == alone.confidence == 0.7
+
+
+@pytest.mark.parametrize(
+    ("spaces", "text"), [((), "ABC"), ((0,), "A BC"), ((0, 1), "A B C"), ((2,), "ABC ")]
+)
+def test_word_gaps_are_blanks_in_the_text(spaces: tuple[int, ...], text: str) -> None:
+    reading = Reading(
+        characters=tuple(character((c, 1.0)) for c in "ABC"),
+        decision=Decision.ACCEPT,
+        confidence=1.0,
+        spaces_after=frozenset(spaces),
+    )
+    assert reading.text == text
+
+
+def test_an_empty_reading_has_no_text() -> None:
+    reading = Reading(characters=(), decision=Decision.REJECT, confidence=0.0)
+    assert reading.text == ""
+    assert reading.box is None
+    assert reading.flags.messages() == ()
+
+
+def test_every_flag_has_words_of_its_own() -> None:
+    every = ReadingFlag.NONE
+    for flag in ReadingFlag:
+        assert len(flag.messages()) == 1
+        every |= flag
+    assert len(set(every.messages())) == len(ReadingFlag)
+
+
+def test_a_reading_cannot_be_changed() -> None:
+    reading = Reading(characters=(), decision=Decision.REJECT, confidence=0.0)
+    with pytest.raises(AttributeError):
+        reading.confidence = 1.0  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        reading.seconds["scan"] = 1.0  # type: ignore[index]
