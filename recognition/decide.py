@@ -34,6 +34,7 @@ SWAP_SCORE = 0.08
 """Characters that fonts tell apart in different ways, and the lead in score within which context decides."""
 CANDIDATES = 5
 WORD_GAP_HEIGHTS = 0.6
+WORD_STEP = 1.3
 
 
 class Thresholds(Protocol):
@@ -203,6 +204,8 @@ def word_gaps(cells: Sequence[Cell], height_mm: float) -> frozenset[int]:
     if len(cells) < 2:
         return frozenset()
     gap = np.array([b.u_mm - b.half_width_mm - a.u_mm - a.half_width_mm for a, b in pairwise(cells)])
-    usual = float(np.median(gap))
-    wide = (gap > WORD_GAP_HEIGHTS * height_mm) & (gap > usual + 0.35 * height_mm)
-    return frozenset(int(i) for i in np.flatnonzero(wide))
+    step = np.array([b.u_mm - a.u_mm for a, b in pairwise(cells)])
+    wide = (gap > WORD_GAP_HEIGHTS * height_mm) & (gap > float(np.median(gap)) + 0.35 * height_mm)
+    # between narrow characters the land is wide, but their middles are no further apart than others
+    apart = step > WORD_STEP * float(np.median(step))
+    return frozenset(int(i) for i in np.flatnonzero(wide & apart))

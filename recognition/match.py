@@ -101,7 +101,12 @@ def _template_spectra(
     kept = templates.work.get(key)
     if isinstance(kept, np.ndarray):
         return kept
-    spectra: NDArray[np.complex64] = np.conj(fft.rfft2(search.patches, shape))
+    # middles at the corner of the grid, so that a product is indexed by the middle of the window
+    rows, cols = search.patches.shape[2:]
+    centred = np.zeros((*search.patches.shape[:2], *shape), dtype=np.float32)
+    centred[:, :, :rows, :cols] = search.patches
+    centred = np.roll(centred, (-(rows // 2), -(cols // 2)), (2, 3))
+    spectra: NDArray[np.complex64] = np.conj(fft.rfft2(centred))
     for old in [k for k in templates.work if isinstance(k, tuple) and k[0] == "spectra"][:-4]:
         del templates.work[old]
     templates.work[key] = spectra
@@ -124,12 +129,7 @@ def dense_scores(
     spectra = _template_spectra(templates, search, (shape[0], shape[1]))
     seen = fft.rfft2(image.channels, shape)
     product = np.einsum("khw,tkhw->thw", seen, spectra)
-    corner = fft.irfft2(product, shape)
-    # the product is indexed by the patch's corner; the score belongs to its middle
-    mid_row, mid_col = (n // 2 for n in search.patches.shape[2:])
-    raw = np.zeros((corner.shape[0], rows, cols), dtype=np.float32)
-    if rows > mid_row and cols > mid_col:
-        raw[:, mid_row:, mid_col:] = corner[:, : rows - mid_row, : cols - mid_col]
+    raw = fft.irfft2(product, shape)[:, :rows, :cols]
     score = np.zeros(raw.shape, dtype=np.float32)
     energy = np.zeros(raw.shape, dtype=np.float32)
     for half in np.unique(search.half_cols):

@@ -8,11 +8,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
+from glyphs.die import Face
 from glyphs.glyph import Font
 from glyphs.maps import EdgeMap, HeightMap, MapError
 from glyphs.outlines import BUILTIN_FONTS, load_font
@@ -35,6 +36,8 @@ RIVAL_SHARE = 0.8
 """Of what the best font explains, which another must reach to be looked at closely."""
 MOST_SCANS = 2
 """Scales at which a height map is scanned in search of a reading that is accepted."""
+DOTTED_SCORE = 0.72
+"""Mean correlation in the search below which marks made of dots are tried as well."""
 SETTLED_SCORE = 0.78
 """Mean correlation in the search from which a rotation is taken as found."""
 HOPELESS_SCORE, FOREIGN_SCORE, GOOD_SCORE = 0.52, 0.8, 0.9
@@ -235,21 +238,18 @@ class Reader:
 
     def _search(self, search: LineSearch, hypotheses: list[Hypothesis]) -> list[LineFit]:
         """The lines of the best fonts, best first."""
-        by_font: dict[str, LineFit] = {}
-        turn: float | None = None
-        for hypothesis in hypotheses:
-            if turn is not None and hypothesis.rotation_deg != turn and _settled(by_font):
-                break  # the first rotation explains the line; the other need not be tried
-            turn = hypothesis.rotation_deg
-            fit = search.fit(hypothesis)
-            held = by_font.get(hypothesis.font.name)
-            if held is None or fit.value_mm > held.value_mm:
-                by_font[hypothesis.font.name] = fit
+        by_font = _best_by_font(search, hypotheses)
+        if _score(by_font) < DOTTED_SCORE:
+            dotted = [replace(h, face=Face.DOTTED) for h in hypotheses if h.font.stroke_ratio > 0.0]
+            for name, fit in _best_by_font(search, dotted).items():
+                if fit.value_mm > by_font[name].value_mm:
+                    by_font[name] = fit
         leaders = sorted(by_font.values(), key=lambda f: -f.value_mm)[:3]
         spans = (0.04,) if self.settings.height_mm else (0.06,)
         refined: list[LineFit] = []
         for leader in leaders:
-            if not leader.placed or leader.value_mm < RIVAL_SHARE * leaders[0].value_mm:
+            rival = leader is leaders[0] or leader.value_mm >= RIVAL_SHARE * leaders[0].value_mm
+            if not leader.placed or not rival:
                 continue
             line = refine_geometry(search, leader, spans=spans)
             if HOPELESS_SCORE < line.mean_score < GOOD_SCORE:
@@ -261,8 +261,24 @@ class Reader:
         return refined
 
 
-def _settled(fits: dict[str, LineFit]) -> bool:
-    return max((f.mean_score for f in fits.values() if len(f.placed) > 2), default=0.0) > SETTLED_SCORE
+def _best_by_font(search: LineSearch, hypotheses: list[Hypothesis]) -> dict[str, LineFit]:
+    """The best fit of every font; other rotations are not tried once one explains the line."""
+    best: dict[str, LineFit] = {}
+    turn: float | None = None
+    for hypothesis in hypotheses:
+        if turn is not None and hypothesis.rotation_deg != turn and _score(best) > SETTLED_SCORE:
+            break
+        turn = hypothesis.rotation_deg
+        fit = search.fit(hypothesis)
+        held = best.get(hypothesis.font.name)
+        if held is None or fit.value_mm > held.value_mm:
+            best[hypothesis.font.name] = fit
+    return best
+
+
+def _score(fits: dict[str, LineFit]) -> float:
+    """Best mean correlation of a line of three or more characters."""
+    return max((f.mean_score for f in fits.values() if len(f.placed) > 2), default=0.0)
 
 
 def _distinct(heights: list[float]) -> list[float]:
@@ -300,8 +316,6 @@ def _nothing(clock: _Clock, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
 
 
 def _timed(reading: Reading, clock: _Clock) -> Reading:
-    from dataclasses import replace
-
     return replace(reading, seconds=MappingProxyType(dict(clock.seconds)))
 
 

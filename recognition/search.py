@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.die import Face
 from glyphs.glyph import Font
 from glyphs.maps import EdgeMap
 from recognition.decode import Placed, best_chain
@@ -49,6 +50,7 @@ class Hypothesis:
     grow: float = 0.0
     soften: float = 0.0
     free_widths: bool = False
+    face: Face = Face.FLAT
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +133,7 @@ class LineSearch:
             raised=raised,
             grow=hypothesis.grow,
             soften=hypothesis.soften,
+            face=hypothesis.face,
         )
         available = "".join(c for c in self.chars if c in hypothesis.font.glyphs)
         found = self.cache.get(hypothesis.font, available, key)

@@ -17,7 +17,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.die import Die, default_depth_mm, default_die, die_glyph, relief_mm, shape_relief_mm, to_plate
+from glyphs.die import (
+    Die,
+    Face,
+    default_depth_mm,
+    default_die,
+    die_glyph,
+    relief_mm,
+    shape_relief_mm,
+    to_plate,
+)
 from glyphs.glyph import Font, Glyph, signed_distance
 from glyphs.maps import HeightMap, TraceDirection
 from whisker_array.array import RasterPlan, WhiskerArray
@@ -83,6 +92,7 @@ def template_key(
     raised: bool = False,
     grow: float = 0.0,
     soften: float = 0.0,
+    face: Face = Face.FLAT,
 ) -> TemplateKey:
     """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set."""
     compliance = touch.tip.compliance_mm_per_n / touch.tip.compliance_mm_per_n[1, 1]
@@ -99,7 +109,7 @@ def template_key(
         preload=rounded(touch.preload_mm / height_mm, 0.1),
         tip_radius=rounded(touch.tip_radius_mm / height_mm, 0.2) if touch.tip_radius_mm else 0.0,
         friction=round(touch.friction, 2),
-        die=default_die(CANONICAL_HEIGHT_MM, font=font, depth_mm=depth * CANONICAL_HEIGHT_MM),
+        die=default_die(CANONICAL_HEIGHT_MM, font=font, face=face, depth_mm=depth * CANONICAL_HEIGHT_MM),
     )
 
 

@@ -9,6 +9,7 @@ looks at edges.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 LAND_SHARE = 0.35
@@ -69,7 +70,7 @@ def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
     level = float(shorth(moment[np.isfinite(moment)][None, :])[0])
     if level == 0.0:
         return np.zeros(moment.shape)  # most samples feel nothing at all: there is no land to fit
-    best, best_inliers = np.full(moment.shape, level), -1.0
+    best_coefficients, best_inliers = np.zeros(6), -1.0
     # of the two starts the better explains more samples
     step_l, step_s = max(1, lines // 40), max(1, samples // 80)
     thin = moment[::step_l, ::step_s]
@@ -78,7 +79,6 @@ def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
     target = thin.ravel()
     known = np.isfinite(target)
     design, target = design[known], target[known]
-    full = _quadratic(*np.meshgrid(u, v)).reshape(-1, 6)
     for start in (np.full(target.shape, level), design @ _tilted_start(thin, uu[0], vv[:, 0], level)):
         expected = start
         coefficients = np.array([level, 0, 0, 0, 0, 0], dtype=np.float64)
@@ -91,8 +91,10 @@ def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
             expected = design @ coefficients
         inliers = float((np.abs(target - expected) < 0.5 * TUKEY_CUT * abs(level)).mean())
         if inliers > best_inliers + 1e-9:
-            best_inliers, best = inliers, (full @ coefficients).reshape(moment.shape)
-    return best
+            best_inliers, best_coefficients = inliers, coefficients
+    c = best_coefficients
+    along, across = c[0] + c[1] * u + c[3] * u * u, c[2] * v + c[5] * v * v
+    return np.asarray(along + across[:, None] + c[4] * np.outer(v, u))
 
 
 def _tilted_start(
@@ -126,19 +128,22 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
     border = np.flatnonzero(whisker[1:] != whisker[:-1])
     if names.size < 2 or border.size == 0:
         return np.ones(whisker.size)
+    # the steps across the borders and those beside them; the others are not asked for
+    asked = np.unique(np.clip(border[:, None] + np.array([-1, 0, 1]), 0, whisker.size - 2))
     with np.errstate(invalid="ignore", divide="ignore"):
-        step = np.log(np.abs(lines[1:] / lines[:-1]))
+        step = np.log(np.abs(lines[asked + 1] / lines[asked]))
     step = np.where(np.isfinite(step), step, np.nan)
-    known = np.isfinite(step).sum(axis=1) >= 20
-    middle = np.zeros(step.shape[0])
-    middle[known] = np.nanmedian(step[known], axis=1)
+    known = np.zeros(whisker.size - 1, dtype=np.bool_)
+    known[asked] = np.isfinite(step).sum(axis=1) >= 20
+    middle = np.zeros(whisker.size - 1)
+    middle[known] = np.nanmedian(step[known[asked]], axis=1)
     index = np.searchsorted(names, whisker)
     rows, target = [np.full(names.size, 1.0 / names.size)], [0.0]
     for i in border:
         if not known[i]:
             continue
         beside = [
-            j for j in (i - 1, i + 1) if 0 <= j < step.shape[0] and known[j] and whisker[j] == whisker[j + 1]
+            j for j in (i - 1, i + 1) if 0 <= j < known.size and known[j] and whisker[j] == whisker[j + 1]
         ]
         slope = float(np.mean(middle[beside])) if beside else 0.0
         row = np.zeros(names.size)
@@ -151,6 +156,33 @@ def whisker_gain(lines: NDArray[np.float64], whisker: NDArray[np.int64]) -> NDAr
     return gain
 
 
+@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _robust_lines(ratio, t, cut, least, ridge, offset, slope, few):  # type: ignore[no-untyped-def]
+    """Straight line near 1 through each row by three rounds of Tukey's biweight; rows with too few say 1."""
+    for i in range(ratio.shape[0]):
+        o, s = 1.0, 0.0
+        for _ in range(3):
+            total, sum_t, sum_v, sum_tt, sum_tv = 1e-9, 0.0, 0.0, 0.0, 0.0
+            for j in range(t.size):
+                residual = (ratio[i, j] - o - s * t[j]) / cut
+                weight = 1.0 - residual * residual
+                if weight > 0.0:  # not for NaN either
+                    weight *= weight
+                    total += weight
+                    sum_t += weight * t[j]
+                    sum_v += weight * ratio[i, j]
+                    sum_tt += weight * t[j] * t[j]
+                    sum_tv += weight * t[j] * ratio[i, j]
+            mean_t, mean_v = sum_t / total, sum_v / total
+            # ridge on the slope: a line with land at one end only must not tilt
+            s = (sum_tv - total * mean_t * mean_v) / (sum_tt - total * mean_t * mean_t + ridge)
+            o = mean_v - s * mean_t
+            few[i] = total < least
+            if few[i]:
+                o, s = 1.0, 0.0
+        offset[i], slope[i] = o, s
+
+
 def line_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     """What each line's land departs from its neighbours', (lines, samples): a robust line along the trace.
 
@@ -159,24 +191,10 @@ def line_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     from scipy import ndimage
 
-    samples = ratio.shape[1]
+    lines, samples = ratio.shape
     t = np.linspace(-1.0, 1.0, samples)
-    known = np.isfinite(ratio)
-    value = np.where(known, ratio, 1.0)
-    offset, slope = np.ones(ratio.shape[0]), np.zeros(ratio.shape[0])
-    few = np.zeros(ratio.shape[0], dtype=np.bool_)
-    for _ in range(3):
-        residual = (value - offset[:, None] - slope[:, None] * t) / TUKEY_CUT
-        weight = np.where(known, np.clip(1.0 - residual**2, 0.0, None) ** 2, 0.0)
-        total = weight.sum(axis=1) + 1e-9
-        mean_t = weight @ t / total
-        mean_v = (weight * value).sum(axis=1) / total
-        # ridge on the slope: a line with land at one end only must not tilt
-        spread = weight @ t**2 - total * mean_t**2 + 0.05 * samples
-        slope = ((weight * value) @ t - total * mean_t * mean_v) / spread
-        offset = mean_v - slope * mean_t
-        few = total < MIN_INLIERS * samples
-        offset[few], slope[few] = 1.0, 0.0
+    offset, slope, few = np.empty(lines), np.empty(lines), np.empty(lines, dtype=np.bool_)
+    _robust_lines(ratio, t, TUKEY_CUT, MIN_INLIERS * samples, 0.05 * samples, offset, slope, few)
 
     def departure(values: NDArray[np.float64]) -> NDArray[np.float64]:
         own = values - ndimage.median_filter(values, size=min(NEIGHBOUR_LINES, values.size), mode="nearest")

@@ -110,9 +110,7 @@ def test_no_score_exceeds_one(templates: TemplateSet, seed: int) -> None:
     assert np.abs(score).max() <= 1.0 + FFT32
 
 
-def test_windows_that_leave_the_image_score_nothing(
-    search: SearchTemplates, templates: TemplateSet
-) -> None:
+def test_windows_that_leave_the_image_score_nothing(search: SearchTemplates, templates: TemplateSet) -> None:
     rows, cols = 30, 60
     score = dense_scores(image_of(noise(rows, cols, seed=3)), templates, ALL_DIRECTIONS).score
     for t in range(len(templates.chars)):
@@ -124,9 +122,7 @@ def test_windows_that_leave_the_image_score_nothing(
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 60), (30, 2), (5, 5), (17, 12)])
-def test_images_smaller_than_a_template_score_nothing(
-    shape: tuple[int, int], templates: TemplateSet
-) -> None:
+def test_images_smaller_than_a_template_score_nothing(shape: tuple[int, int], templates: TemplateSet) -> None:
     dense = dense_scores(image_of(noise(*shape, seed=4)), templates, ALL_DIRECTIONS)
     assert dense.score.shape == (len(templates.chars), *shape)
     assert not dense.score.any()

@@ -38,9 +38,7 @@ def test_confidence_and_margin_are_those_of_the_leaders() -> None:
     assert alone.margin == alone.confidence == 0.7
 
 
-@pytest.mark.parametrize(
-    ("spaces", "text"), [((), "ABC"), ((0,), "A BC"), ((0, 1), "A B C"), ((2,), "ABC ")]
-)
+@pytest.mark.parametrize(("spaces", "text"), [((), "ABC"), ((0,), "A BC"), ((0, 1), "A B C"), ((2,), "ABC ")])
 def test_word_gaps_are_blanks_in_the_text(spaces: tuple[int, ...], text: str) -> None:
     reading = Reading(
         characters=tuple(character((c, 1.0)) for c in "ABC"),

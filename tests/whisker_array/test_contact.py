@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -123,7 +124,7 @@ def test_the_limit_of_small_steps_and_stiff_sides_is_pointwise() -> None:
         skip = n // 8  # the tip comes from rest
         errors.append(np.abs(ratio(felt, tip, d0=d0) - ratio(ideal, tip, d0=d0))[:, skip:].max())
     assert errors[0] > 0.02
-    for coarse, fine in zip(errors, errors[1:], strict=False):
+    for coarse, fine in itertools.pairwise(errors):
         assert fine < 0.65 * coarse  # first order in the displacement: halved, and a little for the rest
 
 

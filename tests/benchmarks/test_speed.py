@@ -1,0 +1,136 @@
+"""Speed figures: pytest -m benchmark. The targets hold for the quickest round: other work only adds."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from one_core import TEXT
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from glyphs.die import default_die
+from glyphs.outlines import load_font
+from glyphs.stamping import stamp
+from whisker_array.contact import trace_contact
+from whisker_array.pointwise import trace_pointwise
+from whisker_array.scan import default_touch
+from whisker_array.surface import prepare_surface
+
+pytestmark = pytest.mark.benchmark
+
+CONTACT_SAMPLES_PER_S = 2e6
+POINTWISE_COPIES = 10.0
+READING_S = 0.150
+SIDE = 4000
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before)
+
+
+def test_contact_samples(benchmark: BenchmarkFixture) -> None:
+    """A stamped plate with all its texture, in the steps of the default plan, on two threads."""
+    font = load_font("gothic")
+    part = stamp(TEXT, font, default_die(5.0, font=font), height_mm=5.0, rng=np.random.default_rng(1))
+    touch = default_touch(5.0)
+    surface = prepare_surface(part.height_map, tip_radius_mm=touch.tip_radius_mm, friction=touch.friction)
+    width, height = part.height_map.size_mm
+    lines, step = np.arange(0.2, height - 0.2, 5.0 / 80), 5.0 / 80
+    n = int(width / step)
+
+    def run() -> int:
+        return trace_contact(
+            surface, touch.tip, lines_mm=lines, start_mm=0.0, step_mm=step, n_samples=n,
+            preload_mm=touch.preload_mm, nominal_friction=touch.friction,
+        ).moment_n_mm.size  # fmt: skip
+
+    with threads(2):
+        size = benchmark.pedantic(run, rounds=15, warmup_rounds=2)
+    rate = size / benchmark.stats.stats.min
+    benchmark.extra_info["million_samples_per_s"] = round(rate / 1e6, 2)
+    assert rate >= CONTACT_SAMPLES_PER_S
+
+
+@pytest.mark.parametrize("friction", ["number", "map"])
+def test_pointwise_against_copying(benchmark: BenchmarkFixture, friction: str) -> None:
+    """Moments and flags of 4000 x 4000 samples against a copy of their heights."""
+    slope = np.random.default_rng(2).normal(0.0, 0.02, (SIDE, SIDE)).astype(np.float32)
+    heights = 0.05 * np.cumsum(slope, axis=1, dtype=np.float32)
+    mu: float | np.ndarray = 0.2 if friction == "number" else np.full_like(heights, 0.2)
+    touch = default_touch(5.0)
+
+    def run() -> int:
+        return trace_pointwise(heights, touch.tip, step_mm=0.05, preload_mm=1.0, friction=mu).flags.size
+
+    with threads(2):
+        assert benchmark.pedantic(run, rounds=7, warmup_rounds=1) == SIDE * SIDE
+    copies = []
+    for _ in range(7):
+        start = time.perf_counter()
+        heights.copy()
+        copies.append(time.perf_counter() - start)
+    ratio = benchmark.stats.stats.min / min(copies)
+    benchmark.extra_info["times_a_copy"] = round(ratio, 2)
+    assert ratio <= POINTWISE_COPIES
+
+
+@contextmanager
+def one_core(name: str) -> Iterator[subprocess.Popen[str]]:
+    one = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+    with subprocess.Popen(
+        [sys.executable, str(Path(__file__).with_name("one_core.py")), name],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, **one, "PYTHONPATH": str(Path(__file__).parents[2])},
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline().strip() == "ready"
+            yield process
+        finally:
+            assert process.stdin is not None
+            process.stdin.close()
+            process.wait(timeout=60)
+
+
+def ask(process: subprocess.Popen[str]) -> str:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    process.stdin.write("\n")
+    process.stdin.flush()
+    return process.stdout.readline().strip()
+
+
+@pytest.mark.parametrize("height", ["known", "unknown"])
+def test_reading_a_scan_on_one_core(benchmark: BenchmarkFixture, height: str) -> None:
+    """Eight characters, the scan given, templates warm."""
+    with one_core(f"read_{height}_height") as process:
+        answer = benchmark.pedantic(ask, args=(process,), rounds=9, warmup_rounds=1)
+    text, *steps = answer.split(" ", 1)
+    benchmark.extra_info["steps"] = " ".join(steps)
+    assert text == TEXT
+    assert benchmark.stats.stats.min <= READING_S
+
+
+def test_edge_map_on_one_core(benchmark: BenchmarkFixture) -> None:
+    """From raw moments of four directions to the map of an eight character part; part of the reading's time."""
+    with one_core("edge_map") as process:
+        answer = benchmark.pedantic(ask, args=(process,), rounds=9, warmup_rounds=1)
+    assert answer.count("x") == 1
+    assert benchmark.stats.stats.min <= READING_S / 2
