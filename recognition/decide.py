@@ -33,6 +33,8 @@ SWAP = {"0": "O", "O": "0", "1": "I", "I": "1"}
 SWAP_SCORE = 0.08
 """Characters that fonts tell apart in different ways, and the lead in score within which context decides."""
 CANDIDATES = 5
+UNREAD_WIDTH_HEIGHTS, UNREAD_REACH_HEIGHTS, UNREAD_SHARE = 0.3, 2.0, 0.2
+"""How wide a window is looked at beside the characters, how far, and the energy that counts as a mark."""
 WORD_GAP_HEIGHTS = 0.6
 WORD_STEP = 1.3
 
@@ -115,6 +117,8 @@ def decide(
     sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin
     if _foreign(line) or mean_score < ACCEPT_MEAN_SCORE or worst < ACCEPT_WORST_SCORE:
         sure, flags = False, flags | ReadingFlag.FOREIGN_SHAPES
+    if unread_marks(line, cells):
+        sure, flags = False, flags | ReadingFlag.UNREAD_MARKS
     if confidence < settings.accept_confidence:
         flags |= ReadingFlag.LOW_CONFIDENCE
     if margin < settings.accept_margin:
@@ -197,6 +201,38 @@ def trimmed(cells: tuple[Cell, ...], *, share: float) -> tuple[Cell, ...]:
         else:
             break
     return tuple(kept)
+
+
+def unread_marks(line: LineFit, cells: Sequence[Cell]) -> bool:
+    """Whether the line goes on where nothing was read: a character missed is worse than one in doubt.
+
+    The image's energy in the rows of the line, in windows of a third of a height beside the cells, against the
+    least energy so wide a window has in a cell's middle.
+    """
+    image, height = line.image, line.hypothesis.height_mm
+    _, rows, cols = image.channels.shape
+    v_mm = float(np.median([c.v_mm for c in cells]))
+    row = (v_mm - image.origin_mm[1]) / image.pitch_v_mm
+    half = 0.45 * height / image.pitch_v_mm
+    band = image.channels[:, max(0, round(row - half)) : min(rows, round(row + half) + 1)]
+    energy = (band.astype(np.float64) ** 2).sum(axis=(0, 1))
+    width = max(3, round(UNREAD_WIDTH_HEIGHTS * height / image.pitch_u_mm))
+    if cols <= width:
+        return False
+    window = np.convolve(energy, np.ones(width), mode="same")
+    u = image.origin_mm[0] + np.arange(cols) * image.pitch_u_mm
+    free = np.ones(cols, dtype=np.bool_)
+    weakest = np.inf
+    for c in cells:
+        inside = np.abs(u - c.u_mm) <= c.half_width_mm + 0.1 * height
+        free &= ~(np.abs(u - c.u_mm) <= c.half_width_mm + (0.1 + 0.5 * UNREAD_WIDTH_HEIGHTS) * height)
+        if inside.any():
+            weakest = min(weakest, float(window[inside].max()))
+    near = (u > cells[0].u_mm - UNREAD_REACH_HEIGHTS * height) & (
+        u < cells[-1].u_mm + UNREAD_REACH_HEIGHTS * height
+    )
+    near &= (u > u[0] + 0.3 * height) & (u < u[-1] - 0.3 * height)
+    return bool((free & near).any() and window[free & near].max() > UNREAD_SHARE * weakest)
 
 
 def word_gaps(cells: Sequence[Cell], height_mm: float) -> frozenset[int]:

@@ -14,10 +14,10 @@ from types import MappingProxyType
 import numpy as np
 
 from glyphs.die import Face
-from glyphs.glyph import Font
+from glyphs.glyph import Font, FontError
 from glyphs.maps import EdgeMap, HeightMap, MapError
 from glyphs.outlines import BUILTIN_FONTS, load_font
-from glyphs.serials import allowed_characters
+from glyphs.serials import MaskError, allowed_characters
 from recognition.decide import decide
 from recognition.frames import is_edge_channel
 from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg
@@ -36,7 +36,7 @@ RIVAL_SHARE = 0.8
 """Of what the best font explains, which another must reach to be looked at closely."""
 MOST_SCANS = 2
 """Scales at which a height map is scanned in search of a reading that is accepted."""
-DOTTED_SCORE = 0.72
+DOTTED_SCORE = 0.8
 """Mean correlation in the search below which marks made of dots are tried as well."""
 SETTLED_SCORE = 0.78
 """Mean correlation in the search from which a rotation is taken as found."""
@@ -134,6 +134,22 @@ class Reader:
             inked = [i for i, place in enumerate(every) if place != " "]
             self.gaps = frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
             chars = "".join(sorted(set("".join(self.places))))
+            if not self.places:
+                raise MaskError(
+                    f"the mask {mask!r} is blank; write one character a position: A, 9, * or itself"
+                )
+            lacks = {
+                font.name: next((p for p in self.places if not any(c in font.glyphs for c in p)), "")
+                for font in self.fonts
+            }
+            if not (self.settings.fonts or fonts) and not all(lacks.values()):
+                # of fonts that nobody named, those that can compete
+                self.fonts = tuple(font for font in self.fonts if not lacks[font.name])
+            for font in self.fonts:
+                if lacks[font.name]:
+                    raise FontError(
+                        f"font {font.name!r} has no {lacks[font.name]!r}, which the format {mask!r} needs"
+                    )
         self.chars = chars
         self.cache = TemplateCache()
 
@@ -240,7 +256,13 @@ class Reader:
         """The lines of the best fonts, best first."""
         by_font = _best_by_font(search, hypotheses)
         if _score(by_font) < DOTTED_SCORE:
-            dotted = [replace(h, face=Face.DOTTED) for h in hypotheses if h.font.stroke_ratio > 0.0]
+            # dots answer only templates of nearly their own height
+            dotted = [
+                replace(h, face=Face.DOTTED, height_mm=h.height_mm * factor)
+                for h in hypotheses
+                for factor in (1.0, 0.94)
+                if h.font.stroke_ratio > 0.0
+            ]
             for name, fit in _best_by_font(search, dotted).items():
                 if fit.value_mm > by_font[name].value_mm:
                     by_font[name] = fit

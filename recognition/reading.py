@@ -29,6 +29,7 @@ class ReadingFlag(Flag):
     OUT_OF_RANGE = auto()
     DROPOUTS = auto()
     FOREIGN_SHAPES = auto()
+    UNREAD_MARKS = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -45,6 +46,7 @@ _MESSAGES = {
     ReadingFlag.OUT_OF_RANGE: "the moment left the converter's range in places",
     ReadingFlag.DROPOUTS: "parts of the map are dropouts",
     ReadingFlag.FOREIGN_SHAPES: "the characters differ in shape from the font's (name the right font)",
+    ReadingFlag.UNREAD_MARKS: "something beside the characters read is felt as strongly as they are",
 }
 
 

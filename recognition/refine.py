@@ -23,11 +23,13 @@ SHIFT_COLUMNS = 7
 """Shifts tried: a stem may lie far from the middle of the ink, as in a 1 with a long flag."""
 HEIGHT_FACTORS = (0.955, 0.978, 1.022, 1.045)
 TURNS_DEG = (-3.0, 3.0)
+INK_SHARE, INK_REACH_HEIGHTS = 0.35, 0.35
+"""Of the strongest column, what counts as ink; how far its middle may lie from the one placed, heights."""
 TURNED_BEST = 5
 """Candidates that are tried turned as well."""
 CELL_ROWS_HEIGHTS = 0.58
 """Half height of a cell, in character heights."""
-MAX_SIDE_HEIGHTS = 0.14
+MAX_SIDE_HEIGHTS = 0.35
 """Land beside the placed character's ink that a cell takes in, at most."""
 
 
@@ -121,14 +123,41 @@ def _score_line(
         if i + 1 < len(fit.placed):
             right = min(right, half[i] + 0.5 * (u_mm[i + 1] - half[i + 1] - u_mm[i] - half[i]))
         u, v = (u_mm[i], v_mm[i]) if only is None else (only[i][1].u_mm, only[i][1].v_mm)
+        middle, row = (u - u0) / fine.pitch_u_mm, round((v - v0) / pixel)
+        low, high = (u_mm[i] - left - u0) / fine.pitch_u_mm, (u_mm[i] + right - u0) / fine.pitch_u_mm
+        if only is None:
+            middle = _ink_middle(fine, row, low, high, middle)
         cells.append(
             _score_cell(
-                fine, made, templates.half_width, only=None if only is None else only[i][0],
-                column=round((u - u0) / (pixel * widen)), row=round((v - v0) / pixel),
-                left=max(4, round(left / (pixel * widen))), right=max(4, round(right / (pixel * widen))),
+                fine,
+                made,
+                templates.half_width,
+                only=None if only is None else only[i][0],
+                column=round(middle),
+                row=row,
+                left=max(4, round(middle - low)),
+                right=max(4, round(high - middle)),
             )
-        )  # fmt: skip
+        )
     return tuple(cells)
+
+
+def _ink_middle(fine: LineImage, row: int, low: float, high: float, placed: float) -> float:
+    """Middle column of what is felt between two columns: every template's own reference point.
+
+    The search may have placed a wrong template, whose stem lies elsewhere in its ink than the right one's.
+    """
+    half = PIXELS // 2
+    first, last = max(0, round(low)), min(fine.channels.shape[2], round(high) + 1)
+    if last - first < 4:
+        return placed
+    band = fine.channels[:, max(0, row - half) : row + half + 1, first:last]
+    felt = np.sqrt((band.astype(np.float64) ** 2).sum(axis=(0, 1)))
+    inked = np.flatnonzero(felt > INK_SHARE * felt.max())
+    if inked.size == 0:
+        return placed
+    middle = first + 0.5 * float(inked[0] + inked[-1])
+    return middle if abs(middle - placed) < INK_REACH_HEIGHTS * PIXELS else placed
 
 
 def _score_cell(

@@ -153,9 +153,9 @@ class LineSearch:
         half = np.maximum(1, np.round(templates.half_width * SEARCH_PIXELS)).astype(np.int64)
         allowed = self._allowed(templates)
         typical = float(np.percentile(dense.energy.max(axis=(0, 1)), 80.0))
-        weight = width[:, None, None].astype(np.float32) * np.clip(
-            dense.energy / max(typical, 1e-30), 0.0, 1.0
-        )
+        # shallow characters count less than deep ones, but by their amplitude, not their energy
+        share = np.sqrt(np.clip(dense.energy / max(typical, 1e-30), 0.0, 1.0))
+        weight = width[:, None, None].astype(np.float32) * share
         best: LineFit | None = None
         for polarity in (False, True) if raised is None else (raised,):
             score = -dense.score if polarity and raised is None else dense.score

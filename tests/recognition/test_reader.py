@@ -10,6 +10,7 @@ import pytest
 
 from glyphs.glyph import FontError
 from glyphs.maps import HeightMap, TraceDirection
+from glyphs.outlines import BUILTIN_FONTS
 from glyphs.plate import plate_form, plate_texture
 from glyphs.serials import MaskError
 from glyphs.stamping import PlateVariation, StampedPart
@@ -282,7 +283,7 @@ def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str
         ReaderSettings(**wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("mask", ["", "A\t9"])
+@pytest.mark.parametrize("mask", ["", "  ", "A\t9"])
 def test_masks_that_cannot_be_met_are_refused(mask: str) -> None:
     with pytest.raises(MaskError):
         Reader(ReaderSettings(fonts=("gothic",), mask=mask))
@@ -292,6 +293,29 @@ def test_masks_that_cannot_be_met_are_refused(mask: str) -> None:
 def test_fonts_that_are_not_there_are_refused(name: str) -> None:
     with pytest.raises(FontError, match=name.split("/")[-1].split(".")[0]):
         Reader(ReaderSettings(fonts=(name,)))
+
+
+@pytest.mark.parametrize("mask", ["A9~99", "a9A99", "€"])
+def test_a_font_that_lacks_what_the_format_needs_is_refused(mask: str) -> None:
+    with pytest.raises(FontError, match="gothic"):
+        Reader(ReaderSettings(fonts=("gothic",), mask=mask))
+
+
+def test_of_fonts_that_nobody_named_those_with_the_format_compete() -> None:
+    assert [f.name for f in Reader(ReaderSettings(mask="A-9")).fonts] == list(BUILTIN_FONTS)
+    # the gothic has no plus
+    assert {f.name for f in Reader(ReaderSettings(mask="A+9")).fonts} == set(BUILTIN_FONTS) - {"gothic"}
+    with pytest.raises(FontError, match="€"):
+        Reader(ReaderSettings(mask="A€9"))
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (2, 300), (200, 3)])
+@pytest.mark.parametrize("height_mm", [None, 0.5, 50.0])
+def test_maps_too_small_for_characters_are_rejected(
+    shape: tuple[int, int], height_mm: float | None, reader: Readers
+) -> None:
+    rough = HeightMap(np.random.default_rng(0).normal(size=shape), 0.1)
+    assert reader(height_mm=height_mm).read_height_map(rough).reading.decision is Decision.REJECT
 
 
 def test_a_mask_sets_the_places_and_the_gaps() -> None:

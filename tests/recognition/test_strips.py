@@ -1,0 +1,41 @@
+"""Real coins: raised letters of 1 to 2 mm, of a font that nobody has a file of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+
+from glyphs.maps import HeightMap
+from recognition.reader import Reader, ReaderSettings
+from recognition.reading import Decision, ReadingFlag
+
+ROOT = Path(__file__).parents[2]
+OWN = ROOT / "tests" / "data"
+SHARED = ROOT.parent / "shared" / "data" / "height_maps"
+FONTS = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+
+
+@pytest.mark.parametrize(
+    ("strip", "font", "mask"),
+    [
+        (OWN / "penny_LIBERTY.npz", "DejaVuSans.ttf", None),
+        (OWN / "penny_1997.npz", "DejaVuSans-Bold.ttf", "9999"),
+        (SHARED / "dime_ONE_DIME.npz", "DejaVuSans-Bold.ttf", "AAA AAAA"),
+    ],
+    ids=["LIBERTY", "1997", "ONE DIME"],
+)
+def test_a_coin_is_read_for_review(strip: Path, font: str, mask: str | None) -> None:
+    if not strip.is_file():
+        pytest.skip(f"{strip} is not here: the team's shared data, not in the repository")
+    with np.load(strip) as data:
+        relief, text = HeightMap(data["z_mm"], float(data["pitch_mm"])), str(data["text"])
+    reading = Reader(ReaderSettings(fonts=(str(FONTS / font),), mask=mask)).read_height_map(relief).reading
+    assert reading.text == text
+    assert reading.raised
+    # the font is not the coin's own: never accepted unseen
+    assert reading.decision is Decision.REVIEW
+    assert ReadingFlag.FOREIGN_SHAPES in reading.flags
+    assert 0.6 < reading.height_mm < 2.2
