@@ -32,6 +32,7 @@ Stricter where the font is not the mark's own: there, things beside the line pas
 SWAP = {"0": "O", "O": "0", "1": "I", "I": "1"}
 SWAP_SCORE = 0.08
 """Characters that fonts tell apart in different ways, and the lead in score within which context decides."""
+CROWDED_HEIGHTS = 0.12
 CANDIDATES = 5
 UNREAD_WIDTH_HEIGHTS, UNREAD_REACH_HEIGHTS, UNREAD_SHARE = 0.3, 2.0, 0.2
 """How wide a window is looked at beside the characters, how far, and the energy that counts as a mark."""
@@ -117,6 +118,8 @@ def decide(
     sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin
     if _foreign(line) or mean_score < ACCEPT_MEAN_SCORE or worst < ACCEPT_WORST_SCORE:
         sure, flags = False, flags | ReadingFlag.FOREIGN_SHAPES
+    if crowded(cells, line.hypothesis.height_mm):
+        sure, flags = False, flags | ReadingFlag.AMBIGUOUS
     if unread_marks(line, cells):
         sure, flags = False, flags | ReadingFlag.UNREAD_MARKS
     if confidence < settings.accept_confidence:
@@ -201,6 +204,12 @@ def trimmed(cells: tuple[Cell, ...], *, share: float) -> tuple[Cell, ...]:
         else:
             break
     return tuple(kept)
+
+
+def crowded(cells: Sequence[Cell], height_mm: float) -> bool:
+    """Whether neighbours claim the same ink: one mark read as two characters."""
+    overlap = [a.u_mm + a.half_width_mm - b.u_mm + b.half_width_mm for a, b in pairwise(cells)]
+    return max(overlap, default=0.0) > CROWDED_HEIGHTS * height_mm
 
 
 def unread_marks(line: LineFit, cells: Sequence[Cell]) -> bool:

@@ -95,7 +95,8 @@ def bands(activity: NDArray[np.float64], *, pitch_mm: float, most: int = 5) -> t
         np.pad(profile, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), mode="valid"
     )
     background = float(np.percentile(smooth, 5))
-    typical = float(np.percentile(smooth, 75)) - background
+    # on a wide plate most rows are land: then the strongest rows say what a line is like
+    typical = max(float(np.percentile(smooth, 75)), 0.5 * float(smooth.max())) - background
     if typical <= background:
         return ()  # as busy everywhere: texture, or no land around the line
     found: list[tuple[float, Band]] = []

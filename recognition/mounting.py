@@ -73,11 +73,11 @@ def _terms(u: NDArray[np.float64], v: NDArray[np.float64], degree: int) -> NDArr
 
 
 def relief_mm(height_map: HeightMap) -> float:
-    """Height range that all but the outer percents of a levelled map span, mm."""
+    """Height range that all but the outer 0.2 percents of a levelled map span, mm."""
     finite = height_map.z_mm[np.isfinite(height_map.z_mm)]
     if finite.size > 400_000:
         finite = finite[:: finite.size // 200_000]
-    low, high = np.percentile(finite, [1.0, 99.0])
+    low, high = np.percentile(finite, [0.2, 99.8])
     return float(high - low)
 
 

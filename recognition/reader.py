@@ -163,7 +163,7 @@ class Reader:
             levelled = level(height_map)
             look = first_look(levelled)
         heights = (self.settings.height_mm,) if self.settings.height_mm else look.heights_mm
-        if not look.heights_mm or not heights:
+        if not heights:
             return ReadingWithEvidence(_nothing(clock), height_map=levelled)
         best: ReadingWithEvidence | None = None
         for height in heights[:MOST_SCANS]:

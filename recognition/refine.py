@@ -23,7 +23,7 @@ SHIFT_COLUMNS = 7
 """Shifts tried: a stem may lie far from the middle of the ink, as in a 1 with a long flag."""
 HEIGHT_FACTORS = (0.955, 0.978, 1.022, 1.045)
 TURNS_DEG = (-3.0, 3.0)
-INK_SHARE, INK_REACH_HEIGHTS = 0.35, 0.35
+INK_SHARE, INK_REACH_HEIGHTS = 0.2, 0.35
 """Of the strongest column, what counts as ink; how far its middle may lie from the one placed, heights."""
 TURNED_BEST = 5
 """Candidates that are tried turned as well."""

@@ -27,7 +27,7 @@ SCORE_FLOOR = 0.5
 """Correlation that earns nothing: what a wrong character typically reaches."""
 CHARACTER_COST = 0.03
 """Height-widths a character must explain before it earns: a stroke of a neighbour taken for an I does not."""
-CRISP_HANDS = ((0.0, -0.035), (0.0, 0.03))
+CRISP_HANDS = ((Face.FLAT, -0.035), (Face.FLAT, 0.03), (Face.SHARP, 0.0))
 SOFT_HANDS = ((0.03, 0.02), (0.05, 0.03), (0.03, 0.05), (0.05, 0.06))
 """Softening and growth tried on marks that the font's own stroke does not fit, character heights: first other
 strokes of a stamping die, then cast, coined or worn marks."""
@@ -217,8 +217,8 @@ def refine_geometry(search: LineSearch, start: LineFit, *, spans: Sequence[float
 def refine_stroke(search: LineSearch, start: LineFit) -> LineFit:
     """Vary the stroke against the font's: other faces of a die, struck deeper or less deep."""
     best = start
-    for soften, grow in CRISP_HANDS:
-        best = _better(search, best, soften=soften, grow=grow)
+    for face, grow in CRISP_HANDS:
+        best = _better(search, best, face=face, grow=grow)
     return best
 
 
