@@ -13,18 +13,16 @@ from types import MappingProxyType
 
 import numpy as np
 
-from glyphs.die import Face
 from glyphs.glyph import Font, FontError
 from glyphs.maps import EdgeMap, HeightMap, MapError
 from glyphs.outlines import BUILTIN_FONTS, load_font
 from glyphs.serials import MaskError, allowed_characters
 from recognition.decide import decide
-from recognition.frames import is_edge_channel
-from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg
+from recognition.lines import find_lines, hypotheses
 from recognition.mounting import first_look, level
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_line
-from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape, refine_stroke
+from recognition.search import LineSearch
 from recognition.templates import TemplateCache
 from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
@@ -32,17 +30,8 @@ from whisker_array.scan import Scan, Touch, default_touch, trace_scan
 from whisker_array.traces import Fidelity, SampleFlag
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
-RIVAL_SHARE = 0.8
-"""Of what the best font explains, which another must reach to be looked at closely."""
 MOST_SCANS = 2
 """Scales at which a height map is scanned in search of a reading that is accepted."""
-DOTTED_SCORE = 0.8
-"""Mean correlation in the search below which marks made of dots are tried as well."""
-SETTLED_SCORE = 0.78
-"""Mean correlation in the search from which a rotation is taken as found."""
-HOPELESS_SCORE, FOREIGN_SCORE, GOOD_SCORE = 0.52, 0.8, 0.9
-"""Mean correlation in the search: below the last other strokes are tried, below the middle other hands and widths,
-below the first nothing more."""
 
 
 @dataclass(frozen=True)
@@ -210,11 +199,11 @@ class Reader:
         clock = clock if clock is not None else _Clock()
         search = LineSearch(edges, touch, self.cache, chars=self.chars, places=self.places)
         with clock.step("localise"):
-            hypotheses = self._hypotheses(search)
-        if not hypotheses:
+            tried = hypotheses(search, self.fonts, height_mm=self.settings.height_mm)
+        if not tried:
             return _nothing(clock, flags), 0.0
         with clock.step("search"):
-            lines = self._search(search, hypotheses)
+            lines = find_lines(search, tried, height_known=self.settings.height_mm is not None)
         if not lines:
             return _nothing(clock, flags), 0.0
         with clock.step("match"):
@@ -229,86 +218,6 @@ class Reader:
                 judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags
             )
         return _timed(reading, clock), support_mm
-
-    def _hypotheses(self, search: LineSearch) -> list[Hypothesis]:
-        """Heights and rotation to try, from where edges are felt."""
-        edges = search.edges
-        upright = search.image(0.0)
-        keep = is_edge_channel(edges.directions)
-        activity = activity_of(upright.channels[keep])
-        # a profile of h is felt as h / d0
-        relief = float(np.percentile(np.abs(edges.enhancement), 99.0)) * search.touch.preload_mm
-        rotation = line_rotation_deg(activity)
-        hypotheses = []
-        for turn in (rotation, 0.0) if rotation else (0.0,):
-            turned = activity_of(search.image(turn).channels[keep])
-            if self.settings.height_mm:
-                heights = [self.settings.height_mm]
-            else:
-                heights = []
-                for band in bands(turned, pitch_mm=edges.pitch_mm, most=3):
-                    heights.extend(band.height_mm * factor for factor in (1.0, 0.88))
-            heights = [h for h in _distinct(heights) if relief > MIN_RELIEF_SHARE * h]
-            hypotheses += [Hypothesis(font, h, 1.0, turn) for font in self.fonts for h in heights]
-        return hypotheses
-
-    def _search(self, search: LineSearch, hypotheses: list[Hypothesis]) -> list[LineFit]:
-        """The lines of the best fonts, best first."""
-        by_font = _best_by_font(search, hypotheses)
-        if _score(by_font) < DOTTED_SCORE:
-            # dots answer only templates of nearly their own height
-            dotted = [
-                replace(h, face=Face.DOTTED, height_mm=h.height_mm * factor)
-                for h in hypotheses
-                for factor in (1.0, 0.94)
-                if h.font.stroke_ratio > 0.0
-            ]
-            for name, fit in _best_by_font(search, dotted).items():
-                if fit.value_mm > by_font[name].value_mm:
-                    by_font[name] = fit
-        leaders = sorted(by_font.values(), key=lambda f: -f.value_mm)[:3]
-        spans = (0.04,) if self.settings.height_mm else (0.06,)
-        refined: list[LineFit] = []
-        for leader in leaders:
-            rival = leader is leaders[0] or leader.value_mm >= RIVAL_SHARE * leaders[0].value_mm
-            if not leader.placed or not rival:
-                continue
-            line = refine_geometry(search, leader, spans=spans)
-            if HOPELESS_SCORE < line.mean_score < GOOD_SCORE:
-                line = refine_geometry(search, refine_stroke(search, line), spans=(0.04,))
-            if HOPELESS_SCORE < line.mean_score < FOREIGN_SCORE and len(refined) < 2:
-                line = refine_shape(search, line, x_scales=(0.8, 0.9, 1.12, 1.25))
-                line = refine_geometry(search, line, spans=(0.05,))
-            refined.append(line)
-        return refined
-
-
-def _best_by_font(search: LineSearch, hypotheses: list[Hypothesis]) -> dict[str, LineFit]:
-    """The best fit of every font; other rotations are not tried once one explains the line."""
-    best: dict[str, LineFit] = {}
-    turn: float | None = None
-    for hypothesis in hypotheses:
-        if turn is not None and hypothesis.rotation_deg != turn and _score(best) > SETTLED_SCORE:
-            break
-        turn = hypothesis.rotation_deg
-        fit = search.fit(hypothesis)
-        held = best.get(hypothesis.font.name)
-        if held is None or fit.value_mm > held.value_mm:
-            best[hypothesis.font.name] = fit
-    return best
-
-
-def _score(fits: dict[str, LineFit]) -> float:
-    """Best mean correlation of a line of three or more characters."""
-    return max((f.mean_score for f in fits.values() if len(f.placed) > 2), default=0.0)
-
-
-def _distinct(heights: list[float]) -> list[float]:
-    kept: list[float] = []
-    for height in heights:
-        if all(abs(np.log(height / other)) > 0.05 for other in kept):
-            kept.append(height)
-    return kept
 
 
 def _scan_flags(scan: Scan) -> ReadingFlag:

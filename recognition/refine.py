@@ -125,27 +125,34 @@ def _score_line(
         u, v = (u_mm[i], v_mm[i]) if only is None else (only[i][1].u_mm, only[i][1].v_mm)
         middle, row = (u - u0) / fine.pitch_u_mm, round((v - v0) / pixel)
         low, high = (u_mm[i] - left - u0) / fine.pitch_u_mm, (u_mm[i] + right - u0) / fine.pitch_u_mm
+        anchors = [middle]
         if only is None:
-            middle = _ink_middle(fine, row, low, high, middle)
-        cells.append(
+            inked = _ink_middle(fine, row, low, high, middle)
+            if abs(inked - middle) > SHIFT_COLUMNS / 2:
+                anchors.append(inked)
+        seen = [
             _score_cell(
                 fine,
                 made,
                 templates.half_width,
                 only=None if only is None else only[i][0],
-                column=round(middle),
+                column=round(anchor),
                 row=row,
-                left=max(4, round(middle - low)),
-                right=max(4, round(high - middle)),
+                left=max(4, round(anchor - low)),
+                right=max(4, round(high - anchor)),
             )
-        )
+            for anchor in anchors
+        ]
+        leader = max(seen, key=lambda c: float(c.scores.max()))
+        cells.append(replace(leader, scores=np.max([c.scores for c in seen], axis=0)))
     return tuple(cells)
 
 
 def _ink_middle(fine: LineImage, row: int, low: float, high: float, placed: float) -> float:
-    """Middle column of what is felt between two columns: every template's own reference point.
+    """Middle column of what is felt between two columns: where the right template's reference point should lie.
 
-    The search may have placed a wrong template, whose stem lies elsewhere in its ink than the right one's.
+    The search may have placed a wrong template, whose stem lies elsewhere in its ink than the right one's; and
+    faint ink may not be felt, so the place found by the search is kept as well.
     """
     half = PIXELS // 2
     first, last = max(0, round(low)), min(fine.channels.shape[2], round(high) + 1)
