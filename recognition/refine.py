@@ -25,8 +25,10 @@ HEIGHT_FACTORS = (0.955, 0.978, 1.022, 1.045)
 TURNS_DEG = (-3.0, 3.0)
 INK_SHARE, INK_REACH_HEIGHTS = 0.2, 0.35
 """Of the strongest column, what counts as ink; how far its middle may lie from the one placed, heights."""
-TURNED_BEST = 5
-"""Candidates that are tried turned as well."""
+LEADERS = 6
+"""Candidates that are tried turned and leaning as well."""
+MAX_LEAN = 0.5
+"""Depth gained or lost at the edge of a leaning character, at most, as a share of its depth."""
 CELL_ROWS_HEIGHTS = 0.58
 """Half height of a cell, in character heights."""
 MAX_SIDE_HEIGHTS = 0.35
@@ -211,14 +213,17 @@ def _score_cell(
     scores = table.max(axis=0).astype(np.float64)
     best_shift = table.argmax(axis=0)
     turn = np.zeros(scores.size)
-    leaders = np.argsort(-scores)[:TURNED_BEST]
-    for angle in TURNS_DEG if only is None else ():
-        turned = correlate(made[angle][pick][leaders])
-        top = turned.max(axis=0)
-        better = top > scores[leaders]
-        scores[leaders[better]] = top[better]
-        best_shift[leaders[better]] = turned.argmax(axis=0)[better]
-        turn[leaders[better]] = angle
+    if only is None:
+        leaders = np.argsort(-scores)[:LEADERS]
+        lean = half_width[leaders] * PIXELS
+        for angle in (0.0, *TURNS_DEG):
+            patches = made[angle][pick][leaders][:, :, window[0], window[1]]
+            tilted = _tilted_scores(flat_shifts, spread, patches, up=up, left=left, half_width=lean)
+            top = tilted.max(axis=0)
+            better = top > scores[leaders]
+            scores[leaders[better]] = top[better]
+            best_shift[leaders[better]] = tilted.argmax(axis=0)[better]
+            turn[leaders[better]] = angle
     winner = int(np.argmax(scores))
     dv, du = divmod(int(best_shift[winner]), 2 * su + 1)
     u0, v0 = fine.origin_mm
@@ -229,6 +234,45 @@ def _score_cell(
         turn_deg=float(turn[winner]),
         half_width_mm=float(half_width[winner]) * PIXELS * fine.pitch_u_mm,
     )
+
+
+def _tilted_scores(
+    flat_shifts: NDArray[np.float32],
+    spread: NDArray[np.float32],
+    patches: NDArray[np.float32],
+    *,
+    up: int,
+    left: int,
+    half_width: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """(shifts, templates) correlation with templates whose one side may be struck deeper than the other.
+
+    The die of a hammer blow leans: depth varies over the character as 1 + a u + b v. The template and its two
+    leaning parts are made orthogonal, and each part adds what it explains with a lean of MAX_LEAN at most.
+    """
+    count, n_channels, rows, cols = patches.shape
+    v = np.clip((np.arange(rows) - up) / (0.5 * PIXELS), -1.0, 1.0).astype(np.float32)
+    u = np.clip((np.arange(cols) - left) / np.maximum(half_width, 1.0)[:, None], -1.0, 1.0).astype(np.float32)
+
+    def flat(values: NDArray[np.float32]) -> NDArray[np.float32]:
+        shaped = values.reshape(count, n_channels, -1)
+        return (shaped - shaped.mean(axis=2, keepdims=True)).reshape(count, -1)
+
+    base = flat(patches)
+    size = np.maximum(np.linalg.norm(base, axis=1, keepdims=True), np.float32(1e-12))
+    known = [base / size]
+    upright = np.asarray(flat_shifts @ known[0].T / spread, dtype=np.float64)
+    total = upright**2
+    for part in (flat(patches * u[:, None, None, :]), flat(patches * v[None, None, :, None])):
+        for axis in known:
+            part = part - (part * axis).sum(axis=1, keepdims=True) * axis
+        length = np.maximum(np.linalg.norm(part, axis=1, keepdims=True), np.float32(1e-12))
+        known.append(part / length)
+        found = np.abs(np.asarray(flat_shifts @ known[-1].T / spread, dtype=np.float64))
+        most = MAX_LEAN * np.abs(upright) * (length / size)[:, 0]
+        taken = np.minimum(found, most)
+        total += taken * (2.0 * found - taken)
+    return np.asarray(np.where(upright > 0.0, np.sqrt(np.minimum(total, 1.0)), upright))
 
 
 def _standard(values: NDArray[np.float32]) -> NDArray[np.float32]:
