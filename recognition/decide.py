@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.die import Face
 from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.refine import Cell
 from recognition.search import LineFit
@@ -187,8 +188,12 @@ def swapped(characters: list[CharacterReading], gaps: frozenset[int]) -> list[Ch
 
 
 def _foreign(line: LineFit) -> bool:
-    """Whether only templates softened or widened at will fit the line."""
-    return line.hypothesis.soften > 0.0 or line.hypothesis.free_widths
+    """Whether only templates of dots, or softened or widened at will, fit the line.
+
+    Dots leave the shape between them open: neighbouring strokes can be told apart too seldom to accept unseen.
+    """
+    h = line.hypothesis
+    return h.soften > 0.0 or h.free_widths or h.face is Face.DOTTED
 
 
 def trimmed(cells: tuple[Cell, ...], *, share: float) -> tuple[Cell, ...]:
