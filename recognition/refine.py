@@ -256,7 +256,7 @@ def _tilted_scores(
 
     def flat(values: NDArray[np.float32]) -> NDArray[np.float32]:
         shaped = values.reshape(count, n_channels, -1)
-        return (shaped - shaped.mean(axis=2, keepdims=True)).reshape(count, -1)
+        return np.asarray((shaped - shaped.mean(axis=2, keepdims=True)).reshape(count, -1))
 
     base = flat(patches)
     size = np.maximum(np.linalg.norm(base, axis=1, keepdims=True), np.float32(1e-12))
