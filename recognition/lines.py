@@ -23,7 +23,7 @@ DOTTED_SCORE = 0.8
 """Mean correlation in the search below which marks made of dots are tried as well."""
 SETTLED_SCORE = 0.78
 """Mean correlation in the search from which a rotation is taken as found."""
-HOPELESS_SCORE, FOREIGN_SCORE, GOOD_SCORE = 0.52, 0.8, 0.9
+HOPELESS_SCORE, FOREIGN_SCORE, GOOD_SCORE = 0.52, 0.8, 0.87
 """Mean correlation in the search: below the last other strokes are tried, below the middle other hands and widths,
 below the first nothing more."""
 

@@ -21,12 +21,13 @@ from recognition.templates import PIXELS, TemplateSet
 SHIFT_ROWS = 3
 SHIFT_COLUMNS = 7
 """Shifts tried: a stem may lie far from the middle of the ink, as in a 1 with a long flag."""
-HEIGHT_FACTORS = (0.955, 0.978, 1.022, 1.045)
+HEIGHT_FACTORS = ((0.978, 0.955), (1.022, 1.045))
+"""Heights tried about the one found, smaller and larger, each way as far as it helps."""
 TURNS_DEG = (-3.0, 3.0)
 INK_SHARE, INK_REACH_HEIGHTS = 0.2, 0.35
 """Of the strongest column, what counts as ink; how far its middle may lie from the one placed, heights."""
-LEADERS = 6
-"""Candidates that are tried turned and leaning as well."""
+LEADERS, TURNED_LEADERS = 5, 2
+"""Candidates that are tried leaning as well, and of these the ones tried turned."""
 MAX_LEAN = 0.5
 """Depth gained or lost at the edge of a leaning character, at most, as a share of its depth."""
 CELL_ROWS_HEIGHTS = 0.58
@@ -90,12 +91,19 @@ def refine_line(
     winners = [int(np.argmax(c.scores)) for c in cells]
     same = _score_line(fit, image, templates, made, only=list(zip(winners, cells, strict=True)))
     best, best_mean = fit, float(np.mean([c.scores[0] for c in same]))
-    for factor in HEIGHT_FACTORS:
-        varied = replace(fit, hypothesis=replace(fit.hypothesis, height_mm=fit.hypothesis.height_mm * factor))
-        scored = _score_line(varied, image, templates, made, only=list(zip(winners, cells, strict=True)))
-        mean = float(np.mean([c.scores[0] for c in scored]))
-        if mean > best_mean + 1e-4:
+    found = list(zip(winners, cells, strict=True))
+    for way in HEIGHT_FACTORS:
+        for factor in way:
+            varied = replace(
+                fit, hypothesis=replace(fit.hypothesis, height_mm=fit.hypothesis.height_mm * factor)
+            )
+            scored = _score_line(varied, image, templates, made, only=found)
+            mean = float(np.mean([c.scores[0] for c in scored]))
+            if mean <= best_mean + 1e-4:
+                break
             best, best_mean = varied, mean
+        if best is not fit:
+            break
     return best, cells if best is fit else _score_line(best, image, templates, made)
 
 
@@ -214,9 +222,9 @@ def _score_cell(
     best_shift = table.argmax(axis=0)
     turn = np.zeros(scores.size)
     if only is None:
-        leaders = np.argsort(-scores)[:LEADERS]
-        lean = half_width[leaders] * PIXELS
         for angle in (0.0, *TURNS_DEG):
+            leaders = np.argsort(-scores)[: LEADERS if angle == 0.0 else TURNED_LEADERS]
+            lean = half_width[leaders] * PIXELS
             patches = made[angle][pick][leaders][:, :, window[0], window[1]]
             tilted = _tilted_scores(flat_shifts, spread, patches, up=up, left=left, half_width=lean)
             top = tilted.max(axis=0)
