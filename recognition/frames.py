@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from glyphs.maps import EdgeMap, TraceDirection
 from recognition.reading import Box
-from whisker_array.edges import averaging
+from whisker_array.gridding import averaging
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from glyphs.maps import TraceDirection
 from recognition.frames import LineImage, channels
 from recognition.templates import PIXELS, TemplateSet
-from whisker_array.edges import averaging
+from whisker_array.gridding import averaging
 
 SEARCH_PIXELS = 16
 """Pixels to a character height in the search."""

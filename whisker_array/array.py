@@ -7,6 +7,9 @@ fill the gaps, and the array then moves on by W P to the next block::
       pass 0    |         |         |            P = interlace * line_pitch
       pass 1     |         |         |
       pass 2      |         |         |
+
+A second row of whiskers, of another kind, may run on the same lines behind the first. The return of the stage may be
+used too: the array is then *pushed back* over the line it was dragged along.
 """
 
 from __future__ import annotations
@@ -37,19 +40,24 @@ PITCH_TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class WhiskerArray:
-    """A comb of equal whiskers, side by side across the trace.
+    """A comb of equal whiskers, side by side across the trace, or several such combs one behind the other.
 
     Attributes:
-        n_whiskers: whiskers in the comb.
+        n_whiskers: whiskers in one comb.
         pitch_mm: distance of neighbouring whiskers.
+        rows: combs, each of whiskers of one kind; all run on the same lines, and every sample is labelled with
+            the place of its own tip.
     """
 
     n_whiskers: int
     pitch_mm: float
+    rows: int = 1
 
     def __post_init__(self) -> None:
         if self.n_whiskers < 1:
             raise ValueError(f"n_whiskers is {self.n_whiskers}; an array has at least one whisker")
+        if self.rows < 1:
+            raise ValueError(f"rows is {self.rows}; an array has at least one row of whiskers")
         if not (self.pitch_mm > 0.0 and math.isfinite(self.pitch_mm)):
             raise ValueError(f"whisker pitch_mm is {self.pitch_mm}; it must be positive")
 
@@ -60,12 +68,14 @@ class SweepPlan:
 
     Attributes:
         direction: the way the whiskers are dragged.
-        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270).
+        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); of
+            several rows the whiskers of the first come first.
         start_mm: plate coordinate along the trace of the first sample that touches.
         step_mm: distance of samples, mm, positive; positions decrease from start_mm when the direction is
             backward.
         n_samples: samples that touch, lead-in and lead-out included.
         n_lead: of these, how many run in on land before the region, and as many out behind it.
+        pushed: the base follows the tip, as when a dragged array returns; otherwise it is ahead.
     """
 
     direction: TraceDirection
@@ -74,6 +84,7 @@ class SweepPlan:
     step_mm: float
     n_samples: int
     n_lead: int
+    pushed: bool = False
 
     def position_mm(self) -> NDArray[np.float64]:
         """(samples,) plate coordinate along the trace of each touching sample."""
@@ -95,6 +106,7 @@ class RasterPlan:
         lead_mm: run-in and run-out on land, before and after the region.
         air_samples: samples taken with the array lifted before each pass, for the offsets.
         turnaround_s: time to lift, move and set down between passes.
+        two_way: every pass is felt again on its return, pushed.
     """
 
     array: WhiskerArray
@@ -106,6 +118,7 @@ class RasterPlan:
     lead_mm: float = 1.0
     air_samples: int = 16
     turnaround_s: float = 0.25
+    two_way: bool = False
 
     def __post_init__(self) -> None:
         for name in ("line_pitch_mm", "sample_pitch_mm", "speed_mm_s"):
@@ -141,10 +154,14 @@ class RasterPlan:
         return self.speed_mm_s / self.sample_pitch_mm
 
     def sweeps(self) -> tuple[SweepPlan, ...]:
-        """The passes of every direction."""
-        return tuple(self._sweep(direction) for direction in self.directions)
+        """The passes of every direction, dragged, and then those pushed back."""
+        dragged = tuple(self._sweep(direction) for direction in self.directions)
+        if not self.two_way:
+            return dragged
+        returns = (TraceDirection((int(d) + 180) % 360) for d in self.directions)
+        return (*dragged, *(self._sweep(direction, pushed=True) for direction in returns))
 
-    def _sweep(self, direction: TraceDirection) -> SweepPlan:
+    def _sweep(self, direction: TraceDirection, *, pushed: bool = False) -> SweepPlan:
         x0, y0, x1, y1 = self.region_mm
         spans = ((x0, x1), (y0, y1))
         (along0, along1), (across0, across1) = spans if direction.along_x else spans[::-1]
@@ -156,6 +173,7 @@ class RasterPlan:
         )
         index = block * per_block + whisker * self.interlace + shift
         line_mm = across0 + self.line_pitch_mm * index.reshape(-1, self.array.n_whiskers).astype(np.float64)
+        line_mm = np.tile(line_mm, (1, self.array.rows))
         n_lead = round(self.lead_mm / self.sample_pitch_mm)
         n_core = math.floor((along1 - along0) / self.sample_pitch_mm + 1e-6) + 1
         lead = n_lead * self.sample_pitch_mm
@@ -167,6 +185,7 @@ class RasterPlan:
             step_mm=self.sample_pitch_mm,
             n_samples=n_core + 2 * n_lead,
             n_lead=n_lead,
+            pushed=pushed,
         )
 
     @property
@@ -190,13 +209,17 @@ class RasterPlan:
     def describe(self) -> str:
         """One line for a person."""
         x0, y0, x1, y1 = self.region_mm
-        ways = "/".join(f"{int(d)}°" for d in self.directions)
+        ways = "/".join(f"{int(d)}°" for d in self.directions) + (" and back" if self.two_way else "")
         return (
             f"{x1 - x0:.1f} x {y1 - y0:.1f} mm, "
-            f"{self.array.n_whiskers} whiskers {self.array.pitch_mm:.2f} mm apart, "
+            f"{self._comb()} {self.array.pitch_mm:.2f} mm apart, "
             f"lines {self.line_pitch_mm:.3f} mm, {ways}, {self.n_passes} passes, {self.n_samples:,} samples, "
             f"{self.scan_time_s:.0f} s at {self.speed_mm_s:g} mm/s"
         )
+
+    def _comb(self) -> str:
+        rows = f"{self.array.rows} rows of " if self.array.rows > 1 else ""
+        return f"{rows}{self.array.n_whiskers} whiskers"
 
 
 def default_plan(
@@ -206,6 +229,8 @@ def default_plan(
     n_whiskers: int = 8,
     directions: tuple[TraceDirection, ...] = ALL_DIRECTIONS,
     speed_mm_s: float | None = None,
+    rows: int = 1,
+    two_way: bool = False,
 ) -> RasterPlan:
     """A raster scaled to the character height: 40 lines to a character, whiskers half a height apart.
 
@@ -215,11 +240,12 @@ def default_plan(
         raise ValueError(f"character_height_mm is {character_height_mm}; it must be positive")
     line_pitch = character_height_mm / LINES_PER_HEIGHT
     return RasterPlan(
-        array=WhiskerArray(n_whiskers=n_whiskers, pitch_mm=0.5 * character_height_mm),
+        array=WhiskerArray(n_whiskers=n_whiskers, pitch_mm=0.5 * character_height_mm, rows=rows),
         region_mm=region_mm,
         line_pitch_mm=line_pitch,
         sample_pitch_mm=line_pitch / SAMPLES_PER_LINE_PITCH,
         directions=directions,
         speed_mm_s=speed_mm_s if speed_mm_s is not None else min(10.0 * character_height_mm, SAFE_SPEED_MM_S),
         lead_mm=0.3 * character_height_mm,
+        two_way=two_way,
     )

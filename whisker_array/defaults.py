@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from whisker_array.sections import MUSIC_WIRE, Rectangle
 from whisker_array.whisker import LShaped, require_positive
 
@@ -38,3 +40,18 @@ def default_whisker(character_height_mm: float) -> LShaped:
 def default_preload_mm(character_height_mm: float) -> float:
     """Preload depth d0 = 0.2 H, mm: four to six times the usual mark depth."""
     return 0.2 * require_positive("character_height_mm", character_height_mm)
+
+
+def profiling_whisker(character_height_mm: float) -> LShaped:
+    """The default whisker with its sensor raised by l2 / 2 above the clamp: F = 1, as for a straight one.
+
+    With l3 = -l2 / 2 the two factors of (22) are the same for every slope and friction, so the moment is the
+    profile (Case study 1), and the tip moves exactly as the differentiators' do. A truly straight whisker is a
+    profilometer too but cannot follow steep marks: its shaft clears a rising wall only if beta is above
+    alpha, and it is lifted by a falling one only if alpha + beta is below 90 degrees and the angle of friction.
+
+    Raises:
+        WhiskerError: a height that is not positive.
+    """
+    whisker = default_whisker(character_height_mm)
+    return replace(whisker, l3_mm=-0.5 * whisker.l2_mm)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -15,20 +14,18 @@ from numpy.typing import NDArray
 
 from glyphs.maps import TraceDirection
 from whisker_array.array import SweepPlan
+from whisker_array.checked import CheckedFile, RecordingError, text_attribute
 from whisker_array.defaults import NOMINAL_FRICTION
-from whisker_array.scan import Scan, Sweep, Touch
+from whisker_array.scan import Scan, Sweep
 from whisker_array.sensor import Calibration, apply_calibration
+from whisker_array.touch import Touch
 from whisker_array.traces import SampleFlag
 from whisker_array.whisker import TipModel
 
 FORMAT = "tactile-marks-scan"
 FORMAT_VERSION = 1
 VOLT = "V"
-MAX_SAMPLES = 200_000_000
-"""Largest number of values (instants x channels) read: 0.8 GB as float32."""
 _UNIT_N_MM = {"N*mm": 1.0, "mN*m": 1.0, "N*m": 1000.0}
-_MOST_PACKED = 1100
-"""No deflate stream unpacks to more times its length than this: more is declared, but was never written."""
 _LARGEST_TABLE = 10_000_000
 _DIRECTIONS = tuple(int(d) for d in TraceDirection)
 
@@ -36,39 +33,12 @@ _DIRECTIONS = tuple(int(d) for d in TraceDirection)
 Rows = NDArray[np.intp]
 
 
-class RecordingError(ValueError):
-    """A recording that cannot be used.
-
-    Attributes:
-        path: the file.
-        problem: what is wrong with it.
-        mend: what to do about it.
-    """
-
-    def __init__(self, path: str | Path, problem: str, mend: str) -> None:
-        super().__init__(f"{path}: {problem}; {mend}")
-        self.path = Path(path)
-        self.problem = problem
-        self.mend = mend
-
-
-def text_attribute(attributes: Any, name: str, default: str) -> str:
-    """An attribute as text, whichever way the writer stored it."""
-    value = attributes.get(name, default)
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-
-
-class Recorded:
+class Recorded(CheckedFile):
     """One pass through one open file."""
 
     def __init__(self, path: Path, file: h5py.File, raw: bool) -> None:
-        self.path = path
-        self.file = file
+        super().__init__(path, file)
         self.raw = raw
-
-    def fail(self, problem: str, mend: str = "see docs/recording.md for the layout") -> RecordingError:
-        """The error for this file."""
-        return RecordingError(self.path, problem, mend)
 
     def scan(self) -> Scan:
         """The whole file as a Scan.
@@ -80,30 +50,39 @@ class Recorded:
         units = text_attribute(self.file.attrs, "units", "N*mm")
         if units not in (*_UNIT_N_MM, VOLT):
             raise self.fail(f"units are {units!r}", f"use one of {', '.join([*_UNIT_N_MM, VOLT])}")
-        signal = self._dataset("scan/signal", (None, None))
+        signal = self.dataset("scan/signal", (None, None))
         n_rows, n_channels = signal.shape
-        direction = self._numbers("passes/direction_deg", (None,), most=_LARGEST_TABLE)
+        direction = self.numbers("passes/direction_deg", (None,), most=_LARGEST_TABLE)
         if not np.isin(direction, _DIRECTIONS).all():
             raise self.fail("/passes/direction_deg holds other values than 0, 90, 180 and 270")
-        lines = self._numbers("passes/line_mm", (direction.size, None), most=_LARGEST_TABLE)
+        lines = self.numbers("passes/line_mm", (direction.size, None), most=_LARGEST_TABLE)
         columns = self._columns(n_channels, lines.shape[1])
         calibration = None if self.raw else self._calibration(lines.shape[1], volt=units == VOLT)
-        touch = self._touch()
-        rate = self._attribute(self.file.attrs, "sampling_rate_hz")
+        kind, touches = self._kinds(lines.shape[1])
+        pushed = self._pushed(direction.size)
+        rate = self.attribute(self.file.attrs, "sampling_rate_hz")
         rows = self._rows(n_rows, direction.size)
         moment, flags = self._moments(signal, columns, _UNIT_N_MM.get(units, 1.0))
         if calibration is not None and units == VOLT:
             moment = apply_calibration(moment.T, calibration).T
             calibration = None
         sweeps = tuple(
-            self._sweep(TraceDirection(int(d)), np.flatnonzero(direction == d), lines, rows, moment, flags)
-            for d in dict.fromkeys(direction.tolist())
+            self._sweep(
+                TraceDirection(int(d)),
+                p,
+                np.flatnonzero((direction == d) & (pushed == p)),
+                lines,
+                rows,
+                moment,
+                flags,
+            )
+            for d, p in dict.fromkeys(zip(direction.tolist(), pushed.tolist(), strict=True))
         )
-        pitch = self._attribute(self.file.attrs, "line_pitch_mm", _line_pitch(sweeps))
+        pitch = self.attribute(self.file.attrs, "line_pitch_mm", _line_pitch(sweeps))
         try:
             return Scan(
                 sweeps=sweeps,
-                touch=touch,
+                touch=touches[0],
                 line_pitch_mm=pitch,
                 sample_rate_hz=rate,
                 calibration=calibration,
@@ -111,6 +90,8 @@ class Recorded:
                 start_time=text_attribute(self.file.attrs, "start_time", ""),
                 fidelity=text_attribute(self.file.attrs, "fidelity", "measured"),
                 notes=tuple(str(n) for n in np.atleast_1d(self.file.attrs.get("notes", ()))),
+                others=touches[1:],
+                kind=kind,
             )
         except ValueError as error:
             raise self.fail(str(error)) from error
@@ -118,67 +99,16 @@ class Recorded:
     def _check_format(self) -> None:
         if text_attribute(self.file.attrs, "format", "") != FORMAT:
             raise self.fail(f"is no scan (its attribute `format` is not {FORMAT!r})")
-        version = self._attribute(self.file.attrs, "format_version")
+        version = self.attribute(self.file.attrs, "format_version")
         if version > FORMAT_VERSION:
             raise self.fail(f"is of the newer format version {version:g}", "update tactile-marks to read it")
         if version != FORMAT_VERSION:
             raise self.fail(f"format_version is {version:g}", f"it must be {FORMAT_VERSION}")
 
-    def _dataset(self, name: str, shape: tuple[int | None, ...]) -> h5py.Dataset:
-        """The dataset, checked: numbers of this shape (None: any length), really in the file."""
-        found = self.file.get(name)
-        if not isinstance(found, h5py.Dataset):
-            raise self.fail(f"has no dataset /{name}")
-        if found.dtype.kind not in "fiu":
-            raise self.fail(f"/{name} is of type {found.dtype}, not numbers")
-        actual = found.shape
-        fits = actual is not None and len(actual) == len(shape)
-        if not fits or any(
-            want is not None and want != have for want, have in zip(shape, actual, strict=True)
-        ):
-            wanted = " x ".join("any" if n is None else str(n) for n in shape)
-            raise self.fail(f"/{name} has shape {actual}, not {wanted}")
-        if found.size == 0:
-            raise self.fail(f"/{name} is empty", "record at least one pass")
-        if found.size > MAX_SAMPLES:
-            raise self.fail(
-                f"/{name} holds {found.size:,} values, over the limit of {MAX_SAMPLES:,}", "split it"
-            )
-        if found.is_virtual or found.external:
-            raise self.fail(f"/{name} keeps its data in another file", "copy the data into this one")
-        if found.nbytes > _MOST_PACKED * found.id.get_storage_size():
-            raise self.fail(f"/{name} declares data that was never written", "let the recording end properly")
-        return found
-
-    def _numbers(
-        self, name: str, shape: tuple[int | None, ...], *, most: int = MAX_SAMPLES
-    ) -> NDArray[np.float64]:
-        dataset = self._dataset(name, shape)
-        if dataset.size > most:
-            raise self.fail(
-                f"/{name} holds {dataset.size:,} values, over the limit of {most:,}", "split the scan"
-            )
-        values = np.asarray(dataset[()], dtype=np.float64)
-        if not np.isfinite(values).all():
-            raise self.fail(f"/{name} has values that are not finite")
-        return values
-
-    def _attribute(self, attributes: Any, name: str, default: float | None = None) -> float:
-        value = attributes.get(name, default)
-        if value is None:
-            raise self.fail(f"has no attribute {name}")
-        try:
-            number = float(value)
-        except (TypeError, ValueError) as error:
-            raise self.fail(f"attribute {name} is {value!r}, not a number") from error
-        if not np.isfinite(number):
-            raise self.fail(f"attribute {name} is {number}")
-        return number
-
     def _columns(self, n_channels: int, n_whiskers: int) -> NDArray[np.intp]:
         """Column of each whisker."""
         if "channels/whisker" in self.file:
-            whisker = self._numbers("channels/whisker", (n_channels,)).astype(int)
+            whisker = self.numbers("channels/whisker", (n_channels,)).astype(int)
         else:
             whisker = np.arange(n_channels)
         columns = np.argsort(whisker, kind="stable")[np.sum(whisker < 0) :]
@@ -197,23 +127,39 @@ class Recorded:
                     "is in volts without a calibration", "run `tactile-marks calibrate` on it first"
                 )
             return None
-        gain = self._numbers("calibration/gain", (n_whiskers,))
-        offset = self._numbers("calibration/offset_v" if volt else "calibration/offset_n_mm", (n_whiskers,))
+        gain = self.numbers("calibration/gain", (n_whiskers,))
+        offset = self.numbers("calibration/offset_v" if volt else "calibration/offset_n_mm", (n_whiskers,))
         try:
-            return Calibration(gain=gain, offset_n_mm=offset)
+            from_land = bool(self.file["calibration"].attrs.get("from_land", False))
+            return Calibration(gain=gain, offset_n_mm=offset, from_land=from_land)
         except ValueError as error:
             raise self.fail(f"calibration cannot be used: {error}", "calibrate it again") from error
 
-    def _touch(self) -> Touch:
-        compliance = self._numbers("whisker/compliance_mm_per_n", (3, 3))
-        arm = self._numbers("whisker/moment_arm_mm", (3,))
-        attributes = self.file["whisker"].attrs
+    def _kinds(self, n_whiskers: int) -> tuple[tuple[int, ...], tuple[Touch, ...]]:
+        """Kind of each whisker, and the touch of each kind."""
+        if "whisker/kind" not in self.file:
+            return (), (self._touch("whisker"),)
+        kind = self.integers("whisker/kind", n_whiskers)
+        if kind.min() < 0 or not np.array_equal(np.unique(kind), np.arange(kind.max() + 1)):
+            raise self.fail("/whisker/kind does not number the kinds of whisker 0, 1, 2, ...")
+        names = ["whisker", *(f"whisker_{i}" for i in range(1, int(kind.max()) + 1))]
+        return tuple(int(k) for k in kind), tuple(self._touch(name) for name in names)
+
+    def _pushed(self, n_passes: int) -> NDArray[np.bool_]:
+        if "passes/pushed" not in self.file:
+            return np.zeros(n_passes, dtype=np.bool_)
+        return np.asarray(self.integers("passes/pushed", n_passes) != 0)
+
+    def _touch(self, group: str) -> Touch:
+        compliance = self.numbers(f"{group}/compliance_mm_per_n", (3, 3))
+        arm = self.numbers(f"{group}/moment_arm_mm", (3,))
+        attributes = self.file[group].attrs
         try:
             return Touch(
                 tip=TipModel(compliance_mm_per_n=compliance, moment_arm_mm=arm),
-                preload_mm=self._attribute(attributes, "preload_mm"),
-                tip_radius_mm=self._attribute(attributes, "tip_radius_mm", 0.0),
-                friction=self._attribute(attributes, "friction", NOMINAL_FRICTION),
+                preload_mm=self.attribute(attributes, "preload_mm"),
+                tip_radius_mm=self.attribute(attributes, "tip_radius_mm", 0.0),
+                friction=self.attribute(attributes, "friction", NOMINAL_FRICTION),
                 whisker=text_attribute(attributes, "description", ""),
             )
         except RecordingError:
@@ -221,21 +167,15 @@ class Recorded:
         except ValueError as error:
             raise self.fail(f"its whisker cannot be one: {error}") from error
 
-    def _integers(self, name: str, n_rows: int) -> NDArray[np.integer[Any]]:
-        dataset = self._dataset(name, (n_rows,))
-        if dataset.dtype.kind not in "iu":
-            raise self.fail(f"/{name} is of type {dataset.dtype}, not whole numbers")
-        return np.asarray(dataset[()])
-
     def _rows(self, n_rows: int, n_passes: int) -> list[tuple[Rows, Rows]]:
         """For each pass its rows in the air and its touching rows, in time order."""
-        number = self._integers("stage/pass", n_rows)
+        number = self.integers("stage/pass", n_rows)
         if number.max() >= n_passes:
             raise self.fail(
                 f"/stage/pass speaks of pass {number.max()}, /passes has {n_passes} (0 to {n_passes - 1})"
             )
         phase = (
-            self._integers("stage/phase", n_rows) if "stage/phase" in self.file else np.ones(n_rows, np.uint8)
+            self.integers("stage/phase", n_rows) if "stage/phase" in self.file else np.ones(n_rows, np.uint8)
         )
         order = np.argsort(number, kind="stable")
         ends = np.searchsorted(number[order], np.arange(n_passes + 1))
@@ -246,14 +186,14 @@ class Recorded:
         self, signal: h5py.Dataset, columns: Rows, unit_n_mm: float
     ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """(rows, whiskers) moment and flags; a moment that is not finite is 0 and flagged."""
-        scale = self._attribute(self.file.attrs, "scale_factor", 1.0) * unit_n_mm
-        shift = self._attribute(self.file.attrs, "add_offset", 0.0) * unit_n_mm
+        scale = self.attribute(self.file.attrs, "scale_factor", 1.0) * unit_n_mm
+        shift = self.attribute(self.file.attrs, "add_offset", 0.0) * unit_n_mm
         moment = signal[()].astype(np.float32, copy=False)[:, columns]
         if scale != 1.0 or shift != 0.0:
             moment = (moment * np.float64(scale) + shift).astype(np.float32)
         flags = np.zeros(moment.shape, np.uint8)
         if "scan/flags" in self.file:
-            flags = self._dataset("scan/flags", signal.shape)[()].astype(np.uint8)[:, columns]
+            flags = self.dataset("scan/flags", signal.shape)[()].astype(np.uint8)[:, columns]
         bad = ~np.isfinite(moment)
         moment[bad] = 0.0
         flags[bad] |= np.uint8(SampleFlag.OUT_OF_RANGE)
@@ -262,6 +202,7 @@ class Recorded:
     def _sweep(
         self,
         direction: TraceDirection,
+        pushed: bool,
         members: Rows,
         lines: NDArray[np.float64],
         rows: list[tuple[Rows, Rows]],
@@ -281,7 +222,7 @@ class Recorded:
         start, step = self._along(direction, members, touching)
         n_lead = 0
         if "passes/n_lead" in self.file:
-            n_lead = int(self._numbers("passes/n_lead", (len(rows),))[members].min())
+            n_lead = int(self.numbers("passes/n_lead", (len(rows),))[members].min())
             if not 0 <= 2 * n_lead < counts[0]:
                 raise self.fail(
                     f"/passes/n_lead is {n_lead} of {counts[0]} samples", "it counts those before the marks"
@@ -293,6 +234,7 @@ class Recorded:
             step_mm=step,
             n_samples=counts[0],
             n_lead=n_lead,
+            pushed=pushed,
         )
         return Sweep(
             plan=plan,
@@ -305,12 +247,12 @@ class Recorded:
         """Start and step along the trace, as stated for the passes or else by the stage's positions."""
         n_passes = int(self.file["passes/direction_deg"].shape[0])
         if "passes/start_mm" in self.file and "passes/step_mm" in self.file:
-            starts = self._numbers("passes/start_mm", (n_passes,))[members]
-            steps = self._numbers("passes/step_mm", (n_passes,))[members]
+            starts = self.numbers("passes/start_mm", (n_passes,))[members]
+            steps = self.numbers("passes/step_mm", (n_passes,))[members]
             step = float(steps[0]) if np.ptp(steps) == 0.0 else float(steps.mean())
             uneven = float(np.abs(steps - step).max()) * touching.shape[1]
         elif "stage/position_mm" in self.file:
-            position = self._numbers("stage/position_mm", (self.file["stage/pass"].shape[0], 2))
+            position = self.numbers("stage/position_mm", (self.file["stage/pass"].shape[0], 2))
             along = position[touching, 0 if direction.along_x else 1]
             sign = -1.0 if direction.backward else 1.0
             step = sign * float((along[:, -1] - along[:, 0]).mean()) / (along.shape[1] - 1)

@@ -17,10 +17,13 @@ given::
     /passes/start_mm       (pass,) plate coordinate along the trace of the first touching sample (position_mm)
     /passes/step_mm        (pass,) distance of touching samples, positive (position_mm)
     /passes/n_lead         (pass,) samples that run in on land, and out behind the marks (0)
+    /passes/pushed         (pass,) 1 where the array was pushed back, its base behind the tip (0)
     /channels/whisker      (channel,) whisker of each column; negative: not a whisker (0, 1, 2, ...)
     /channels/{name,axis,units,range}   for people; not used
     /whisker/compliance_mm_per_n*       (3, 3);  /whisker/moment_arm_mm*  (3,)
     /whisker               attributes: preload_mm*, tip_radius_mm (0), friction (0.2), description
+    /whisker/kind          (whisker,) kind of each whisker; those of kind 1 are described in /whisker_1 (0)
+    /calibration           attribute: from_land, gains read off land rather than on a bench (0)
     /calibration/gain      (whisker,) true moment = (moment - offset) / gain; in V per N mm where units is "V"
     /calibration/offset_n_mm            (whisker,); named offset_v, in V, where units is "V"
 """
@@ -39,7 +42,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whisker_array.array import SweepPlan
-from whisker_array.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded, RecordingError, text_attribute
+from whisker_array.checked import RecordingError, text_attribute
+from whisker_array.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded
 from whisker_array.scan import Scan
 from whisker_array.sensor import Calibration
 
@@ -155,22 +159,25 @@ def _write(scan: Scan, file: h5py.File) -> None:
     file["passes/start_mm"] = np.repeat([float(s.plan.start_mm) for s in scan.sweeps], counts)
     file["passes/step_mm"] = np.repeat([float(s.plan.step_mm) for s in scan.sweeps], counts)
     file["passes/n_lead"] = np.repeat([s.plan.n_lead for s in scan.sweeps], counts).astype(np.int32)
+    file["passes/pushed"] = np.repeat([s.plan.pushed for s in scan.sweeps], counts).astype(np.uint8)
     file["channels/name"] = [f"whisker {i}" for i in range(scan.n_whiskers)]
     file["channels/whisker"] = np.arange(scan.n_whiskers, dtype=np.int32)
     file["channels/axis"] = ["z"] * scan.n_whiskers
     file["channels/units"] = ["N*mm"] * scan.n_whiskers
     file["channels/range"] = np.full((scan.n_whiskers, 2), np.nan)
-    touch = scan.touch
-    file["whisker/compliance_mm_per_n"] = touch.tip.compliance_mm_per_n
-    file["whisker/moment_arm_mm"] = touch.tip.moment_arm_mm
-    file["whisker"].attrs.update(
-        {
-            "preload_mm": touch.preload_mm,
-            "tip_radius_mm": touch.tip_radius_mm,
-            "friction": touch.friction,
-            "description": touch.whisker,
-        }
-    )
+    for i, touch in enumerate(scan.touches):
+        group = file.create_group("whisker" if i == 0 else f"whisker_{i}")
+        group["compliance_mm_per_n"] = touch.tip.compliance_mm_per_n
+        group["moment_arm_mm"] = touch.tip.moment_arm_mm
+        group.attrs.update(
+            {
+                "preload_mm": touch.preload_mm,
+                "tip_radius_mm": touch.tip_radius_mm,
+                "friction": touch.friction,
+                "description": touch.whisker,
+            }
+        )
+    file["whisker/kind"] = np.asarray(scan.kind, dtype=np.int32)
     if scan.calibration is not None:
         _write_calibration(file, scan.calibration, volt=False)
 
@@ -180,6 +187,7 @@ def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool)
         del file["calibration"]
     file["calibration/gain"] = calibration.gain
     file["calibration/offset_v" if volt else "calibration/offset_n_mm"] = calibration.offset_n_mm
+    file["calibration"].attrs["from_land"] = calibration.from_land
 
 
 def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:

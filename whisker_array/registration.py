@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from glyphs.maps import TraceDirection
 from whisker_array.enhancement import moment_ratio
-from whisker_array.scan import Touch
+from whisker_array.touch import Touch
 
 LIMIT_PIXELS = 6
 """Play searched for, to either side; more is a fault of the stage, not play."""

@@ -10,12 +10,6 @@ from numpy.typing import NDArray
 from glyphs.maps import HeightMap, MapError, TraceDirection
 from whisker_array.array import RasterPlan, SweepPlan
 from whisker_array.contact import trace_contact
-from whisker_array.defaults import (
-    NOMINAL_FRICTION,
-    TIP_RADIUS_HEIGHTS,
-    default_preload_mm,
-    default_whisker,
-)
 from whisker_array.pointwise import trace_pointwise
 from whisker_array.regrid import fit_pitch
 from whisker_array.sensor import Calibration, SensorChain, measure
@@ -27,60 +21,9 @@ from whisker_array.surface import (
     prepare_surface,
     sample_lines,
 )
+from whisker_array.touch import Touch as Touch
+from whisker_array.touch import default_touch as default_touch
 from whisker_array.traces import Fidelity, SampleFlag, Traces
-from whisker_array.whisker import TipModel
-
-
-@dataclass(frozen=True, eq=False)
-class Touch:
-    """How a whisker meets the surface.
-
-    Attributes:
-        tip: compliance and moment arm at the tip.
-        preload_mm: d0, how far below the land the force-free tip runs.
-        tip_radius_mm: ball radius.
-        friction: nominal Coulomb coefficient, used where no better is known (templates, lag on the land).
-        whisker: one line describing the whisker, for people.
-    """
-
-    tip: TipModel
-    preload_mm: float
-    tip_radius_mm: float
-    friction: float = NOMINAL_FRICTION
-    whisker: str = ""
-
-    def __post_init__(self) -> None:
-        if not (self.preload_mm > 0.0 and np.isfinite(self.preload_mm)):
-            raise ValueError(f"preload_mm is {self.preload_mm}; it must be positive")
-        if not (self.tip_radius_mm >= 0.0 and np.isfinite(self.tip_radius_mm)):
-            raise ValueError(f"tip_radius_mm is {self.tip_radius_mm}; it cannot be negative")
-        if not 0.0 <= self.friction < 2.0:
-            raise ValueError(f"friction is {self.friction}; a Coulomb coefficient lies between 0 and 2")
-
-    def land_moment_n_mm(self) -> float:
-        """Moment on flat land at the nominal friction, eq. (14) with alpha = 0."""
-        force = np.array([-self.friction, 1.0, 0.0])
-        normal = self.preload_mm / float(self.tip.compliance_mm_per_n[1] @ force)
-        return normal * float(self.tip.moment_arm_mm @ force)
-
-    def key(self) -> tuple[float, ...]:
-        """Numbers that decide what is felt; equal keys feel alike (for caches)."""
-        numbers = (*self.tip.compliance_mm_per_n.ravel(), *self.tip.moment_arm_mm)
-        return tuple(
-            float(f"{v:.6g}") for v in (*numbers, self.preload_mm, self.tip_radius_mm, self.friction)
-        )
-
-
-def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
-    """The default ribbon whisker, scaled to the character height, pressed on by 0.2 of it."""
-    whisker = default_whisker(character_height_mm)
-    return Touch(
-        tip=whisker.tip_model(),
-        preload_mm=default_preload_mm(character_height_mm),
-        tip_radius_mm=TIP_RADIUS_HEIGHTS * character_height_mm,
-        friction=friction,
-        whisker=whisker.describe(),
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,14 +57,16 @@ class Scan:
     """All passes over one part.
 
     Attributes:
-        sweeps: one a trace direction.
-        touch: whisker, preload, tip, nominal friction.
+        sweeps: one a trace direction and way (dragged or pushed).
+        touch: whisker, preload, tip, nominal friction; of the first kind where the array has several.
         line_pitch_mm: distance of neighbouring lines once the passes are interlaced.
         sample_rate_hz: converter rate.
         calibration: gain and offset of each whisker, as far as known; `None` is unit gain and no offset.
         part_id: what the part is called.
         start_time: ISO 8601 with zone, or empty.
         fidelity: "pointwise", "contact" or "measured".
+        others: touches of the array's other kinds of whisker.
+        kind: kind of each whisker, 0 for `touch`, 1 for the first of the others ...; empty: all are of kind 0.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -133,13 +78,21 @@ class Scan:
     start_time: str = ""
     fidelity: str = "measured"
     notes: tuple[str, ...] = field(default=())
+    others: tuple[Touch, ...] = ()
+    kind: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.sweeps:
             raise MapError("a scan has at least one sweep")
-        directions = [s.plan.direction for s in self.sweeps]
-        if len(set(directions)) != len(directions):
-            raise MapError("each trace direction may stand once in a scan")
+        ways = [(s.plan.direction, s.plan.pushed) for s in self.sweeps]
+        if len(set(ways)) != len(ways):
+            raise MapError("each trace direction may stand once in a scan, and once pushed")
+        kinds = self.kind or (0,) * self.n_whiskers
+        if len(kinds) != self.n_whiskers or not set(kinds) <= set(range(1 + len(self.others))):
+            raise MapError(
+                f"kinds {self.kind} do not fit {self.n_whiskers} whiskers of {1 + len(self.others)} kinds"
+            )
+        object.__setattr__(self, "kind", kinds)
         if not (self.line_pitch_mm > 0.0 and np.isfinite(self.line_pitch_mm)):
             raise MapError(f"line_pitch_mm is {self.line_pitch_mm}; it must be positive")
         if not (self.sample_rate_hz > 0.0 and np.isfinite(self.sample_rate_hz)):
@@ -154,6 +107,11 @@ class Scan:
     def n_samples(self) -> int:
         """Touching samples of all passes."""
         return sum(s.moment_n_mm.size for s in self.sweeps)
+
+    @property
+    def touches(self) -> tuple[Touch, ...]:
+        """The touch of every kind of whisker."""
+        return (self.touch, *self.others)
 
     @property
     def directions(self) -> tuple[TraceDirection, ...]:
@@ -171,6 +129,7 @@ def trace_scan(
     sensor: SensorChain | None = None,
     rng: np.random.Generator | None = None,
     part_id: str = "",
+    others: tuple[Touch, ...] = (),
 ) -> Scan:
     """Run the virtual array over a height map.
 
@@ -183,11 +142,16 @@ def trace_scan(
         sensor: gains, noise, converter; an ideal sensor unless given.
         rng: needed with a sensor that has noise.
         part_id: what the part is called.
+        others: touches of the further rows of the plan's array.
 
     Raises:
         MapError: a friction map that does not fit.
-        ValueError: a sensor without `rng`, or for another number of whiskers.
+        ValueError: a sensor without `rng`, or for another number of whiskers; a touch missing for a row.
     """
+    if len(others) != plan.array.rows - 1:
+        raise ValueError(
+            f"the array has {plan.array.rows} rows of whiskers, but {1 + len(others)} touches are given"
+        )
     if sensor is not None and rng is None:
         raise ValueError(
             "a sensor chain draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
@@ -199,26 +163,41 @@ def trace_scan(
     if isinstance(mu, np.ndarray):
         mu = np.pad(mu, pad, mode="edge")
     fitted, mu = fit_pitch(padded, mu, target_mm=plan.sample_pitch_mm)
-    surface = prepare_surface(fitted, tip_radius_mm=touch.tip_radius_mm, friction=mu)
     origin = -pad * height_map.pitch_mm
     size = height_map.size_mm
+    touches = (touch, *others)
+    surfaces: dict[float, TouchSurface] = {}
+    for each in touches:
+        if each.tip_radius_mm not in surfaces:
+            surfaces[each.tip_radius_mm] = prepare_surface(
+                fitted, tip_radius_mm=each.tip_radius_mm, friction=mu
+            )
+    n = plan.array.n_whiskers
     sweeps = []
     for sweep in plan.sweeps():
-        traces = _trace_sweep(surface, sweep, touch=touch, fidelity=fidelity, origin_mm=origin, size_mm=size)
-        shape = (*sweep.line_mm.shape, sweep.n_samples)
-        moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
-        air = np.zeros((*shape[:2], plan.air_samples), dtype=np.float32)
-        if sensor is not None and rng is not None:
-            raw, saturated = measure(
-                np.concatenate([air, moment], axis=2),
-                chain=sensor,
-                sample_rate_hz=plan.sample_rate_hz,
-                rng=rng,
-            )
-            air, moment = raw[..., : plan.air_samples], raw[..., plan.air_samples :]
-            flags = flags | np.where(
-                saturated[..., plan.air_samples :], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0)
-            )
+        rows = []
+        for i, each in enumerate(touches):
+            own = replace(sweep, line_mm=sweep.line_mm[:, i * n : (i + 1) * n])
+            surface = surfaces[each.tip_radius_mm]
+            traces = _trace_sweep(surface, own, touch=each, fidelity=fidelity, origin_mm=origin, size_mm=size)
+            shape = (*own.line_mm.shape, own.n_samples)
+            moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
+            air = np.zeros((*shape[:2], plan.air_samples), dtype=np.float32)
+            if sensor is not None and rng is not None:
+                # row by row: they come to a place one after the other, so the base does not shake them alike
+                whiskers = range(i * n, (i + 1) * n) if others else range(sensor.n_whiskers)
+                raw, saturated = measure(
+                    np.concatenate([air, moment], axis=2),
+                    chain=sensor.of(whiskers),
+                    sample_rate_hz=plan.sample_rate_hz,
+                    rng=rng,
+                )
+                air, moment = raw[..., : plan.air_samples], raw[..., plan.air_samples :]
+                flags = flags | np.where(
+                    saturated[..., plan.air_samples :], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0)
+                )
+            rows.append((moment, flags, air))
+        moment, flags, air = (np.concatenate(parts, axis=1) for parts in zip(*rows, strict=True))
         sweeps.append(Sweep(plan=sweep, moment_n_mm=moment, flags=flags, air_n_mm=air))
     return Scan(
         sweeps=tuple(sweeps),
@@ -227,6 +206,8 @@ def trace_scan(
         sample_rate_hz=plan.sample_rate_hz,
         part_id=part_id,
         fidelity=fidelity.value,
+        others=others,
+        kind=tuple(int(i) for i in np.repeat(np.arange(len(touches)), n)),
     )
 
 
@@ -259,14 +240,13 @@ def _trace_sweep(
     heights, mu, dropout = sample_lines(
         oriented, lines_mm=lines[on_part], start_mm=start, step_mm=sweep.step_mm, n_samples=sweep.n_samples
     )
+    tip = touch.tip.pushed() if sweep.pushed else touch.tip
     if fidelity is Fidelity.POINTWISE:
-        some = trace_pointwise(
-            heights, touch.tip, step_mm=sweep.step_mm, preload_mm=touch.preload_mm, friction=mu
-        )
+        some = trace_pointwise(heights, tip, step_mm=sweep.step_mm, preload_mm=touch.preload_mm, friction=mu)
     else:
         some = trace_contact(
             oriented,
-            touch.tip,
+            tip,
             lines_mm=lines[on_part],
             start_mm=start,
             step_mm=sweep.step_mm,
@@ -280,6 +260,43 @@ def _trace_sweep(
     flags[on_part] = some.flags | np.where(dropout, np.uint8(SampleFlag.DROPOUT), np.uint8(0))
     flags[:, beyond] |= np.uint8(SampleFlag.OUTSIDE)
     return Traces(moment_n_mm=moment, flags=flags)
+
+
+def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
+    """The scan as one kind of whisker felt it, dragged (or pushed; None: both ways).
+
+    Raises:
+        MapError: no such kind of whisker, or no such sweep.
+    """
+    sweeps = tuple(s for s in scan.sweeps if pushed is None or s.plan.pushed == pushed)
+    columns = np.flatnonzero(np.asarray(scan.kind) == kind)
+    if not sweeps or not columns.size:
+        raise MapError(
+            f"the scan has no {'pushed' if pushed else 'dragged'} sweep of whiskers of kind {kind}"
+        )
+    if columns.size == scan.n_whiskers:
+        return replace(scan, sweeps=sweeps)
+    calibration = scan.calibration
+    if calibration is not None:
+        calibration = replace(
+            calibration, gain=calibration.gain[columns], offset_n_mm=calibration.offset_n_mm[columns]
+        )
+    return replace(
+        scan,
+        sweeps=tuple(
+            Sweep(
+                plan=replace(s.plan, line_mm=s.plan.line_mm[:, columns]),
+                moment_n_mm=s.moment_n_mm[:, columns],
+                flags=s.flags[:, columns],
+                air_n_mm=s.air_n_mm[:, columns],
+            )
+            for s in sweeps
+        ),
+        touch=scan.touches[kind],
+        calibration=calibration,
+        others=(),
+        kind=(),
+    )
 
 
 def with_calibration(scan: Scan, calibration: Calibration) -> Scan:

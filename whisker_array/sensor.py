@@ -18,7 +18,8 @@ the rng given.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,6 +106,11 @@ class SensorChain:
     def adc_step_n_mm(self) -> float:
         """One count of the converter, N mm; 0 without one."""
         return 0.0 if self.adc_bits is None else 2.0 * self.adc_range_n_mm / 2.0**self.adc_bits
+
+    def of(self, whiskers: Sequence[int]) -> SensorChain:
+        """The chain of some of the whiskers."""
+        chosen = list(whiskers)
+        return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen])
 
     @classmethod
     def ideal(cls, n_whiskers: int) -> SensorChain:
@@ -246,6 +252,8 @@ class Calibration:
     Attributes:
         gain: (n,) float64, raw per moment, not 0.
         offset_n_mm: (n,) float64, raw without a moment, N mm.
+        from_land: the gains were read off land at the nominal friction, so moments say nothing of the true one;
+            otherwise they come from a bench.
 
     Raises:
         SensorError: arrays that do not agree or are not finite, or a gain of 0.
@@ -253,6 +261,7 @@ class Calibration:
 
     gain: NDArray[np.float64]
     offset_n_mm: NDArray[np.float64]
+    from_land: bool = False
 
     def __post_init__(self) -> None:
         gain, offset = _per_whisker("gain", self.gain), _per_whisker("offset_n_mm", self.offset_n_mm)
@@ -338,7 +347,7 @@ def calibrate_lead_in(
             f"on whiskers {_names(noisy)} the lead-in is too noisy for a gain within "
             f"{max_gain_uncertainty:.1%}: take a longer lead-in or more preload"
         )
-    return Calibration(gain=rise / expected_land_moment_n_mm, offset_n_mm=offset)
+    return Calibration(gain=rise / expected_land_moment_n_mm, offset_n_mm=offset, from_land=True)
 
 
 def _names(mask: NDArray[np.bool_]) -> str:

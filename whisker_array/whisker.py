@@ -88,6 +88,14 @@ class TipModel:
         object.__setattr__(self, "compliance_mm_per_n", d)
         object.__setattr__(self, "moment_arm_mm", arm)
 
+    def pushed(self) -> TipModel:
+        """The same whisker pushed back, told in the frame of that travel: x mirrored, the moment's sign kept.
+
+        In the whisker's own frame friction pulls the other way, so mu changes sign.
+        """
+        mirror = np.array([-1.0, 1.0, 1.0])
+        return TipModel(self.compliance_mm_per_n * np.outer(mirror, mirror), self.moment_arm_mm * mirror)
+
     @property
     def stiffness_n_per_mm(self) -> Matrix:
         """(3, 3) float64 K = D11^-1, symmetric, N/mm."""

@@ -1,0 +1,155 @@
+"""The surface as felt: height and slope maps from a scan, and by which route they were found.
+
+Each place of a line is felt in up to four ways, and every way answers to the same lift and slope (`estimate`)::
+
+    route       felt by                                   gives
+    PROFILED    a profiler and differentiators            height from the one, slope from the other
+    TURNED      a differentiator dragged both ways        height and slope, at the friction known or assumed
+    FLOORS      a differentiator dragged one way          height on floors and land only (F = 1 there)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.maps import EdgeMap, MapError, TraceDirection
+from whisker_array.estimate import is_profiler, lift_from_slope, moment_per_lift, slope_from_turned
+from whisker_array.touch import Touch
+
+Layer = NDArray[np.float64]
+
+STEEPEST = 3.0
+"""Slopes beyond 72 degrees are noise at an edge: no die has them."""
+_PAIRS = (
+    (TraceDirection.FORWARD_X, TraceDirection.BACK_X),
+    (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y),
+)
+
+
+class Route(StrEnum):
+    """How height and slope were told apart."""
+
+    PROFILED = "profiled"
+    TURNED = "turned"
+    FLOORS = "floors"
+
+    def describe(self) -> str:
+        """One line for people."""
+        return _ROUTES[self]
+
+
+_ROUTES = {
+    Route.PROFILED: "height from profiling whiskers, slope from the differentiators beside them",
+    Route.TURNED: "height and slope from differentiators dragged both ways",
+    Route.FLOORS: "differentiators dragged one way only: the height holds on land and floors, not on walls",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Height and slopes of the surface as felt, on a grid of the plate frame.
+
+    Attributes:
+        height_mm: (rows, cols) float32 over the land, negative in a sunk mark; NaN where not known.
+        slope_x: (rows, cols) float32 dh/dx, or None where no trace ran along x both ways (or with a profiler).
+        slope_y: (rows, cols) float32 dh/dy, likewise.
+        pitch_mm: of the grid.
+        origin_mm: (x, y) of its first sample.
+        friction: mu of the land used for walls.
+        friction_sd: its standard error; None where mu was only assumed.
+        route: how height and slope were told apart.
+    """
+
+    height_mm: NDArray[np.float32]
+    slope_x: NDArray[np.float32] | None
+    slope_y: NDArray[np.float32] | None
+    pitch_mm: float
+    origin_mm: tuple[float, float]
+    friction: float
+    friction_sd: float | None
+    route: Route
+
+    def __post_init__(self) -> None:
+        for slope in (self.slope_x, self.slope_y):
+            if slope is not None and slope.shape != self.height_mm.shape:
+                raise MapError(f"slopes {slope.shape} do not fit the heights {self.height_mm.shape}")
+        if not (self.pitch_mm > 0.0 and np.isfinite(self.pitch_mm)):
+            raise MapError(f"pitch_mm is {self.pitch_mm}; it must be positive")
+
+    @property
+    def steepness(self) -> NDArray[np.float32]:
+        """(rows, cols) |grad h| as far as its parts are known; zero where neither is."""
+        parts = [s for s in (self.slope_x, self.slope_y) if s is not None]
+        if not parts:
+            return np.zeros(self.height_mm.shape, dtype=np.float32)
+        return np.sqrt(np.sum([s * s for s in parts], axis=0, dtype=np.float32))
+
+
+def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = None) -> Relief:
+    """Height and slopes from an edge map alone, by what the traces of opposite directions have in common.
+
+    Floors and land come out right whatever the friction, walls at the friction given.
+
+    Args:
+        edges: of one kind of whisker, dragged.
+        touch: how they were felt.
+        friction: of the surface; the nominal one of the touch unless given.
+
+    Raises:
+        MapError: friction at which the whisker jams on the land.
+    """
+    mu = touch.friction if friction is None else friction
+    felt = {d: 1.0 + edges.enhancement[i].astype(np.float64) for i, d in enumerate(edges.directions)}
+    if is_profiler(touch.tip):
+        lift = np.mean(list(felt.values()), axis=0)
+        return _relief(edges, touch, lift, {}, mu=mu, route=Route.PROFILED)
+    land = float(moment_per_lift(np.arctan(mu), touch.tip))
+    if not np.isfinite(land):
+        raise MapError(f"at a friction of {mu} the whisker jams on the land; check the friction")
+    lifts, slopes = [], {}
+    for axis, (ahead, back) in enumerate(_PAIRS):
+        if ahead not in felt or back not in felt:
+            continue
+        # per mm of preload the moment is (1 + e) G on the land
+        one, other = felt[ahead] * land, felt[back] * land
+        slope = np.clip(slope_from_turned(one, other, touch.tip, mu=mu), -STEEPEST, STEEPEST)
+        slopes[axis] = slope
+        lifts += [
+            lift_from_slope(one, slope, touch.tip, mu=mu),
+            lift_from_slope(other, -slope, touch.tip, mu=mu),
+        ]
+    if not lifts:
+        lift = np.mean(list(felt.values()), axis=0)
+        return _relief(edges, touch, lift, {}, mu=mu, route=Route.FLOORS)
+    return _relief(edges, touch, _mean(lifts), slopes, mu=mu, route=Route.TURNED)
+
+
+def _mean(lifts: list[Layer]) -> Layer:
+    """Mean of those that are known at each place; NaN where none is."""
+    stack = np.stack(lifts)
+    known = np.isfinite(stack)
+    count = known.sum(axis=0)
+    total = np.where(known, stack, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _relief(
+    edges: EdgeMap, touch: Touch, lift: Layer, slopes: dict[int, Layer], *, mu: float, route: Route
+) -> Relief:
+    def masked(values: Layer) -> NDArray[np.float32]:
+        return np.where(edges.valid, values, np.nan).astype(np.float32)
+
+    return Relief(
+        height_mm=masked((lift - 1.0) * touch.preload_mm),
+        slope_x=masked(slopes[0]) if 0 in slopes else None,
+        slope_y=masked(slopes[1]) if 1 in slopes else None,
+        pitch_mm=edges.pitch_mm,
+        origin_mm=edges.origin_mm,
+        friction=mu,
+        friction_sd=None,
+        route=route,
+    )
