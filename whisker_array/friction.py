@@ -63,7 +63,9 @@ def land_friction(scan: Scan) -> tuple[LandFriction, ...]:
     return tuple(sorted((f for f in found if f is not None), key=lambda f: f.sd))
 
 
-def _lines(scan: Scan, sweep: Sweep, kind: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+def _lines(
+    scan: Scan, sweep: Sweep, kind: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """(lines, samples) moments in plate order along the trace, NaN off the land; their places and whiskers."""
     columns = np.flatnonzero(np.asarray(scan.kind) == kind)
     lead = sweep.plan.n_lead
@@ -76,6 +78,8 @@ def _lines(scan: Scan, sweep: Sweep, kind: int) -> tuple[NDArray[np.float64], ND
     lines, place, whisker = lines[order], place[order], whisker[order]
     if sweep.plan.direction.backward:
         lines = lines[:, ::-1]
+    if sweep.plan.pushed:
+        return lines, place, whisker  # where land is, the dragged sweep knows: this one may have jammed
     # each whisker has its own gain, so each has its own land
     for w in np.unique(whisker):
         rows = np.flatnonzero((whisker == w) & np.isfinite(lines).any(axis=1))

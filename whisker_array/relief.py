@@ -10,6 +10,7 @@ Each place of a line is felt in up to four ways, and every way answers to the sa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -62,6 +63,7 @@ class Relief:
         friction: mu of the land used for walls.
         friction_sd: its standard error; None where mu was only assumed.
         route: how height and slope were told apart.
+        friction_map: (rows, cols) float32 mu at every place, or None: it needs a profiler and two ways.
     """
 
     height_mm: NDArray[np.float32]
@@ -72,11 +74,12 @@ class Relief:
     friction: float
     friction_sd: float | None
     route: Route
+    friction_map: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
-        for slope in (self.slope_x, self.slope_y):
+        for slope in (self.slope_x, self.slope_y, self.friction_map):
             if slope is not None and slope.shape != self.height_mm.shape:
-                raise MapError(f"slopes {slope.shape} do not fit the heights {self.height_mm.shape}")
+                raise MapError(f"maps of {slope.shape} do not fit the heights {self.height_mm.shape}")
         if not (self.pitch_mm > 0.0 and np.isfinite(self.pitch_mm)):
             raise MapError(f"pitch_mm is {self.pitch_mm}; it must be positive")
 
@@ -125,10 +128,10 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
     if not lifts:
         lift = np.mean(list(felt.values()), axis=0)
         return _relief(edges, touch, lift, {}, mu=mu, route=Route.FLOORS)
-    return _relief(edges, touch, _mean(lifts), slopes, mu=mu, route=Route.TURNED)
+    return _relief(edges, touch, mean_of_known(lifts), slopes, mu=mu, route=Route.TURNED)
 
 
-def _mean(lifts: list[Layer]) -> Layer:
+def mean_of_known(lifts: Sequence[Layer]) -> Layer:
     """Mean of those that are known at each place; NaN where none is."""
     stack = np.stack(lifts)
     known = np.isfinite(stack)
