@@ -10,15 +10,24 @@ import numpy as np
 from glyphs.maps import HeightMap
 from recognition.mounting import first_look, level
 from whisker_array.array import RasterPlan, default_plan
-from whisker_array.scan import Scan, default_touch, trace_scan
+from whisker_array.scan import Scan, trace_scan
 from whisker_array.sensor import draw_sensor_chain
+from whisker_array.touch import Touch, default_touch, profiling_touch
 from whisker_array.traces import Fidelity
 
 _RANGE_LAND_MOMENTS = 3.0
 
 
-def plan_for(height_map: HeightMap, *, height_mm: float | None) -> tuple[RasterPlan, float]:
+def plan_for(
+    height_map: HeightMap, *, height_mm: float | None, rows: int = 1, two_way: bool = False
+) -> tuple[RasterPlan, float]:
     """The raster over the whole map, and the character height that it is made for.
+
+    Args:
+        height_map: the part.
+        height_mm: character height; found out unless given.
+        rows: of whiskers, see `feel`.
+        two_way: every pass is felt again on its return.
 
     Raises:
         ValueError: no height given, and none to be seen in the map.
@@ -28,7 +37,8 @@ def plan_for(height_map: HeightMap, *, height_mm: float | None) -> tuple[RasterP
         if not heights:
             raise ValueError("no characters to be seen, so the scale is unknown; give --height-mm")
         height_mm = float(f"{heights[0]:.3g}")
-    return default_plan((0.0, 0.0, *height_map.size_mm), character_height_mm=height_mm), height_mm
+    region = (0.0, 0.0, *height_map.size_mm)
+    return default_plan(region, character_height_mm=height_mm, rows=rows, two_way=two_way), height_mm
 
 
 def feel(
@@ -40,16 +50,30 @@ def feel(
     noise: bool = True,
     sensor_seed: int = 0,
     part_id: str = "",
+    touch: Touch | None = None,
+    friction: float | None = None,
 ) -> Scan:
     """Scan the map; with noise the sensors have gains, offsets, drift, vibration and a 16 bit converter.
+
+    Args:
+        height_map: the part.
+        plan: the raster; with two rows of whiskers the second are profilers.
+        height_mm: character height.
+        fidelity: how touch is simulated.
+        noise: sensors as from the bench.
+        sensor_seed: of gains, offsets and noise.
+        part_id: what the part is called.
+        touch: of the first row; the default one for the height unless given.
+        friction: true friction of the part; the touch's nominal one unless given.
 
     Raises:
         MapError: a map that cannot be scanned.
     """
-    touch = default_touch(height_mm)
+    touch = touch if touch is not None else default_touch(height_mm)
     rng = np.random.default_rng(sensor_seed)
     full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
-    chain = draw_sensor_chain(plan.array.n_whiskers, rng=rng, full_scale_n_mm=full_scale) if noise else None
+    n_whiskers = plan.array.n_whiskers * plan.array.rows
+    chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale) if noise else None
     scan = trace_scan(
         level(height_map),
         touch=touch,
@@ -58,5 +82,7 @@ def feel(
         sensor=chain,
         rng=rng if noise else None,
         part_id=part_id,
+        friction=friction,
+        others=(profiling_touch(height_mm),) if plan.array.rows > 1 else (),
     )
     return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))

@@ -39,7 +39,7 @@ def calibrate_scan(scan: Scan) -> LeadIn:
         )
     if all(s.air_n_mm.shape[2] == 0 for s in scan.sweeps):
         raise SensorError("no samples in the air; record some with the array lifted before each pass")
-    expected = scan.touch.land_moment_n_mm()
+    expected = [scan.touches[kind].land_moment_n_mm() for kind in scan.kind]
     gain, offset = np.ones(scan.n_whiskers), np.zeros(scan.n_whiskers)
     n_air, n_land = np.zeros((2, scan.n_whiskers), dtype=np.int64)
     for whisker in range(scan.n_whiskers):
@@ -50,18 +50,18 @@ def calibrate_scan(scan: Scan) -> LeadIn:
             offset[whisker] = float(air.mean(dtype=np.float64))
             continue
         try:
-            one = calibrate_lead_in(air[None], land[None], expected_land_moment_n_mm=expected)
+            one = calibrate_lead_in(air[None], land[None], expected_land_moment_n_mm=expected[whisker])
         except SensorError as error:
             message = str(error).replace("on whiskers 0 ", "").replace("on whisker 0 ", "")
             raise SensorError(f"whisker {whisker}: {message}") from error
         gain[whisker], offset[whisker] = one.gain[0], one.offset_n_mm[0]
-    return LeadIn(Calibration(gain=gain, offset_n_mm=offset), n_air, n_land)
+    return LeadIn(Calibration(gain=gain, offset_n_mm=offset, from_land=True), n_air, n_land)
 
 
 def _samples(scan: Scan, whisker: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Air and good lead-in samples of one whisker, of the passes in which its whole lead-in is good."""
+    """Air and good lead-in samples of one whisker, of the dragged passes in which its whole lead-in is good."""
     air, land = [], []
-    for sweep in scan.sweeps:
+    for sweep in (s for s in scan.sweeps if not s.plan.pushed):  # pushed, friction pulls the other way
         lead = sweep.plan.n_lead
         good = (sweep.flags[:, whisker, :lead] == 0).all(axis=1)
         air.append(sweep.air_n_mm[good, whisker].ravel())
