@@ -25,7 +25,7 @@ from whisker_array.edges import edge_map, land_ratio, play_between
 from whisker_array.estimate import is_profiler, lean_from_moment, moment_per_lift, tip_shift_mm
 from whisker_array.friction import USABLE_SD, LandFriction, land_friction
 from whisker_array.gridding import FeltLines, PlateGrid, common_grid, on_grid
-from whisker_array.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges
+from whisker_array.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges, settled
 from whisker_array.scan import Scan, Sweep, only
 from whisker_array.touch import Touch
 from whisker_array.traces import Fidelity, SampleFlag
@@ -55,7 +55,11 @@ def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
     differentiator = next((i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)), None)
     if profiler is None or differentiator is None:
         edges = edges if edges is not None else edge_map(scan)
-        relief = relief_from_edges(edges, scan.touch, friction=known.mu if known else None)
+        mu = known.mu if known else None
+        relief = relief_from_edges(edges, scan.touch, friction=mu)
+        if scan.fidelity != Fidelity.POINTWISE.value and relief.route is Route.TURNED:
+            for _ in range(ROUNDS):
+                relief = relief_from_edges(settled(edges, scan.touch, relief), scan.touch, friction=mu)
         return replace(relief, friction_sd=known.sd if known else None)
     return _profiled(scan, differentiator, profiler, known)
 

@@ -11,14 +11,21 @@ Each place of a line is felt in up to four ways, and every way answers to the sa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import EdgeMap, MapError, TraceDirection
-from whisker_array.estimate import is_profiler, lift_from_slope, moment_per_lift, slope_from_turned
+from whisker_array.contact import land_lag_mm
+from whisker_array.estimate import (
+    is_profiler,
+    lift_from_slope,
+    moment_per_lift,
+    slope_from_turned,
+    tip_shift_mm,
+)
 from whisker_array.touch import Touch
 
 Layer = NDArray[np.float64]
@@ -129,6 +136,31 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
         lift = np.mean(list(felt.values()), axis=0)
         return _relief(edges, touch, lift, {}, mu=mu, route=Route.FLOORS)
     return _relief(edges, touch, mean_of_known(lifts), slopes, mu=mu, route=Route.TURNED)
+
+
+def settled(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
+    """The edge map with every value where its tip was, not where the stage had it.
+
+    In contact the tip is bent along the trace, more or less than on the land: opposite traces come apart by that
+    on walls. What bends it is known from the relief. One round takes slopes of 45 degrees from 10 degrees too
+    low to 2; see `estimate_relief`.
+    """
+    from scipy.ndimage import map_coordinates
+
+    lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)
+    rows, cols = np.indices(relief.height_mm.shape, dtype=np.float64)
+    lift = touch.preload_mm + np.nan_to_num(relief.height_mm.astype(np.float64))
+    phi = np.arctan(relief.friction)
+    layers = []
+    for layer, direction in zip(edges.enhancement, edges.directions, strict=True):
+        slope = relief.slope_x if direction.along_x else relief.slope_y
+        ahead = -1.0 if direction.backward else 1.0
+        tau = ahead * np.arctan(np.nan_to_num(slope.astype(np.float64))) if slope is not None else 0.0
+        bent = tip_shift_mm(np.minimum(tau + phi, 1.5), lift, touch.tip) - lag
+        pixels = ahead * np.nan_to_num(bent) / edges.pitch_mm
+        at = (rows, cols - pixels) if direction.along_x else (rows - pixels, cols)
+        layers.append(map_coordinates(layer.astype(np.float64), at, order=1, mode="nearest"))
+    return replace(edges, enhancement=np.stack(layers).astype(np.float32))
 
 
 def mean_of_known(lifts: Sequence[Layer]) -> Layer:
