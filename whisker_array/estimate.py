@@ -41,8 +41,8 @@ def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
 def is_profiler(tip: TipModel) -> bool:
     """Whether F = 1 for every slope and friction: G is one number, so the moment is the profile.
 
-    Straight whiskers are, (17), (18), unless so steep that stretch counts or that 45 degrees jam; and so is an L-shaped one whose sensor sits l2 / 2 above its clamp: with
-    l3 = -l2 / 2 both factors of (22) are the same.
+    Straight whiskers are, (17), (18), unless so steep that stretch counts or that 45 degrees jam; and so is an
+    L-shaped one whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are the same.
     """
     level, leaning = moment_per_lift(np.array([0.0, np.pi / 4.0]), tip)
     return bool(np.isfinite(leaning) and abs(leaning - level) <= PROFILER_TOLERANCE * abs(level))

@@ -165,7 +165,7 @@ def test_turned_about_floors_are_right_at_any_assumed_friction(
     fall, rise = (
         float(np.nanmean(np.degrees(np.arctan(relief.slope_x[:, on[wall]])))) for wall in ("fall", "rise")
     )
-    # walls are those of the friction assumed: 5 degrees off at 0.5 with a profiler, 8 to 10 without, but alike on both sides
+    # walls are those of the friction assumed, alike on both sides: at 0.5 off by 5 degrees with a profiler, 10 without
     assert abs(fall + 45.0) < 10.5
     assert abs(rise - 45.0) < 10.5
     assert fall + rise == pytest.approx(0.0, abs=1.0)
