@@ -20,7 +20,7 @@ from pipeline.problems import FileProblem
 if TYPE_CHECKING:
     from glyphs.maps import HeightMap
     from recognition.reader import ReadingWithEvidence
-    from recognition.reading import Reading
+    from recognition.reading import MarkDepth, Reading
     from whisker_array.scan import Scan
 
 
@@ -50,8 +50,11 @@ class Row:
         height_mm: character height found.
         rotation_deg: of the line, from +x towards +y.
         raised: raised marks.
-        flags: what to know about the reading.
+        flags: what to know about the reading, and what the mark lacks for the rules asked for.
         alternatives: a place's other candidates with some belief, as "3:8B 5:S", places from 1.
+        depth_min_mm: depth of the mark where it is least (height of a raised one); None where it was not felt.
+        depth_mean_mm: mean depth of the characters; None where it was not felt.
+        depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where not felt.
     """
 
     part: str
@@ -67,6 +70,9 @@ class Row:
     raised: bool = False
     flags: str = ""
     alternatives: str = ""
+    depth_min_mm: float | None = None
+    depth_mean_mm: float | None = None
+    depths: str = ""
 
 
 _BELIEF_WORTH_TELLING = 0.01
@@ -141,9 +147,21 @@ def row_of(name: str, reading: Reading, *, seconds: float) -> Row:
         height_mm=round(float(reading.height_mm), 4),
         rotation_deg=round(float(reading.rotation_deg), 3),
         raised=bool(reading.raised),
-        flags="; ".join(reading.flags.messages()),
+        flags="; ".join(reading.messages()),
         alternatives=" ".join(_alternatives(reading)),
+        depth_min_mm=_rounded(reading.depth_min_mm),
+        depth_mean_mm=_rounded(reading.depth_mean_mm),
+        depths=" ".join(f"{c.char} {depth_text(c.depth)}" for c in reading.characters),
     )
+
+
+def depth_text(depth: MarkDepth | None) -> str:
+    """Least and mean depth of a character, mm."""
+    return "?" if depth is None else f"{depth.min_mm:.3f}/{depth.mean_mm:.3f}"
+
+
+def _rounded(depth_mm: float | None) -> float | None:
+    return None if depth_mm is None else round(depth_mm, 4)
 
 
 def _alternatives(reading: Reading) -> Iterator[str]:

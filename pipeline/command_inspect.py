@@ -21,9 +21,11 @@ def inspect(
     height_mm: float | None = None,
     fidelity: FidelityName | None = None,
     database: Path | None = None,
+    depth_rule: str | None = None,
+    min_depth_mm: float | None = None,
     config: Path | None = None,
 ) -> int:
-    """Draw how one part was felt and read: height map, moment map, edge maps, boxes and candidates.
+    """Draw how one part was felt and read: heights, moments, edges, depth, slope, boxes and candidates.
 
     Parameters
     ----------
@@ -41,6 +43,10 @@ def inspect(
         How touch is simulated.
     database
         Glyph database to take the fonts from.
+    depth_rule
+        Rule that the mark must meet, such as 27CFR478.92.
+    min_depth_mm
+        Depth in mm that the mark must have everywhere.
     config
         TOML file with settings.
     """
@@ -60,6 +66,8 @@ def inspect(
             height_mm=height_mm,
             fidelity=fidelity,
             database=database,
+            depth_rule=depth_rule,
+            min_depth_mm=min_depth_mm,
         )
         parts = discover([file])
         if len(parts) > 1:
@@ -69,5 +77,7 @@ def inspect(
         evidence = evidence_of(parts[0], open_reader(settings))
         save_figure(inspect_figure(evidence, title=parts[0].name), picture)
     print(f"{parts[0].name}: {headline(evidence.reading)}")
+    for message in evidence.reading.messages():
+        print(f"  {message}")
     print(f"wrote {picture}")
     return 0

@@ -27,6 +27,8 @@ def read(
     mode: Mode | None = None,
     fidelity: FidelityName | None = None,
     database: Path | None = None,
+    depth_rule: str | None = None,
+    min_depth_mm: float | None = None,
     truth: Path | None = None,
     out: Path | None = None,
     config: Path | None = None,
@@ -51,6 +53,10 @@ def read(
         How touch is simulated.
     database
         Glyph database to take the fonts from.
+    depth_rule
+        Rule that the marks must meet, such as 27CFR478.92; parts that do not are told, the text is read alike.
+    min_depth_mm
+        Depth in mm that the marks must have everywhere; told alike.
     truth
         CSV with the columns part and text; prints the accuracy.
     out
@@ -76,6 +82,8 @@ def read(
             mode=mode,
             fidelity=fidelity,
             database=database,
+            depth_rule=depth_rule,
+            min_depth_mm=min_depth_mm,
         )
         if out is not None:
             check_output(out)
@@ -127,10 +135,9 @@ def _print_table(rows: Sequence[Row]) -> None:
     # off a terminal nothing may be wrapped or cut: a script reads it
     console = Console() if sys.stdout.isatty() else Console(width=max(120, *(_width(r) for r in rows)))
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("part", "text", "decision", "confidence", "source", "seconds", "notes"):
-        table.add_column(
-            heading, justify="right" if heading in ("confidence", "seconds") else "left", overflow="fold"
-        )
+    figures = ("confidence", "depth", "seconds")
+    for heading in ("part", "text", "decision", "confidence", "depth", "source", "seconds", "notes"):
+        table.add_column(heading, justify="right" if heading in figures else "left", overflow="fold")
     colour = {"accept": "green", "review": "yellow", "reject": "red", "": "red"}
     for row in rows:
         table.add_row(
@@ -138,6 +145,7 @@ def _print_table(rows: Sequence[Row]) -> None:
             Text(row.text),
             Text(row.decision or "error", style=colour[row.decision]),
             "" if row.error else f"{row.confidence:.3f}",
+            "" if row.depth_min_mm is None else f"{row.depth_min_mm:.3f}",
             row.source,
             f"{row.seconds:.2f}",
             Text(row.error or row.flags),
@@ -152,4 +160,4 @@ def _print_table(rows: Sequence[Row]) -> None:
 
 
 def _width(row: Row) -> int:
-    return len(row.part) + len(row.text) + len(row.error or row.flags) + 60
+    return len(row.part) + len(row.text) + len(row.error or row.flags) + 68

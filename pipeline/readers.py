@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from glyphs.outlines import Font
 from pipeline.settings import ReadSettings
+from recognition.depth_rules import DepthRule, depth_rule, least_depth
 from recognition.reader import Reader, ReaderSettings
 from whisker_array.traces import Fidelity
 
@@ -35,6 +36,17 @@ def open_reader(settings: ReadSettings) -> Reader:
             mask=settings.format,
             height_mm=settings.height_mm,
             fidelity=Fidelity(settings.fidelity),
+            depth_rules=_depth_rules(settings),
         ),
         fonts=fonts,
     )
+
+
+def _depth_rules(settings: ReadSettings) -> tuple[DepthRule, ...]:
+    """The rule named and the depth given; either, both or none."""
+    rules = []
+    if settings.depth_rule is not None:
+        rules.append(depth_rule(settings.depth_rule))
+    if settings.min_depth_mm is not None:
+        rules.append(least_depth(settings.min_depth_mm))
+    return tuple(rules)

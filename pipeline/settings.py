@@ -43,6 +43,8 @@ class ReadSettings(BaseSettings):
         mode: sense that reads.
         fidelity: how touch is simulated, for height maps and templates.
         database: glyph database to take the fonts from.
+        depth_rule: name of a rule that the mark's depth and size must meet, such as 27CFR478.92.
+        min_depth_mm: depth that the mark must have everywhere.
     """
 
     model_config = SettingsConfigDict(env_prefix=ENV_PREFIX, extra="forbid", frozen=True)
@@ -53,6 +55,15 @@ class ReadSettings(BaseSettings):
     mode: Literal["tactile"] = "tactile"
     fidelity: Literal["pointwise", "contact"] = "contact"
     database: Path | None = None
+    depth_rule: str | None = None
+    min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
+
+    @field_validator("depth_rule")
+    @classmethod
+    def _known_rule(cls, value: str | None) -> str | None:
+        from recognition.depth_rules import depth_rule
+
+        return None if value is None else depth_rule(value).name
 
     @field_validator("font", mode="before")
     @classmethod
@@ -101,7 +112,9 @@ def load_settings(*, config: Path | None = None, folder: Path | None = None, **f
         first = error.errors()[0]
         key = str(first["loc"][0])
         where = "the flags" if key in given else environment.get(key, str(file))
-        raise SettingsError(f"{key} in {where} is {first.get('input')!r}: {first['msg'].lower()}") from error
+        message = first["msg"].removeprefix("Value error, ")
+        message = message[:1].lower() + message[1:]
+        raise SettingsError(f"{key} in {where} is {first.get('input')!r}: {message}") from error
 
 
 def _check_known(key: str, where: str, *, shown: str) -> None:

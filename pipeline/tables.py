@@ -1,4 +1,4 @@
-"""Rows as `.csv`, `.jsonl` or `.parquet`."""
+"""Rows as `.csv`, `.jsonl` or `.parquet`; what is not known is an empty field or null."""
 
 from __future__ import annotations
 
@@ -53,7 +53,12 @@ def _write_parquet(rows: Sequence[Row], path: Path) -> None:
     import pyarrow
     import pyarrow.parquet
 
-    kinds = {"str": pyarrow.string(), "float": pyarrow.float64(), "bool": pyarrow.bool_()}
+    kinds = {
+        "str": pyarrow.string(),
+        "float": pyarrow.float64(),
+        "float | None": pyarrow.float64(),
+        "bool": pyarrow.bool_(),
+    }
     schema = pyarrow.schema([(f.name, kinds[str(f.type)]) for f in fields(Row)])
     table = pyarrow.Table.from_pylist([asdict(row) for row in rows], schema=schema)
     pyarrow.parquet.write_table(table, path)

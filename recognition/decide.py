@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,20 @@ class Thresholds(Protocol):
 Judged = tuple[LineFit, TemplateSet, tuple[Cell, ...]]
 
 
+class Decided(NamedTuple):
+    """A reading and what it rests on.
+
+    Attributes:
+        reading: the answer.
+        support_mm: length of line that the templates explain, weighted by how well.
+        judged: the line that was read, a cell a character; None when none was.
+    """
+
+    reading: Reading
+    support_mm: float
+    judged: Judged | None
+
+
 def beliefs(scores: NDArray[np.float64]) -> NDArray[np.float64]:
     """Probabilities of candidates from their correlations, (T,) -> (T,), if one of them is the truth.
 
@@ -75,8 +89,8 @@ def decide(
     gaps: frozenset[int],
     settings: Thresholds,
     flags: ReadingFlag = ReadingFlag.NONE,
-) -> tuple[Reading, float]:
-    """The reading of the line that its cells support best, and that support: mm of line, weighted by how well."""
+) -> Decided:
+    """The reading of the line that its cells support best."""
     if places is None:
         judged = [
             (line, templates, trimmed(cells, share=FOREIGN_END_SHARE if _foreign(line) else END_SHARE))
@@ -112,7 +126,7 @@ def decide(
         worst = min(worst, best)
     if mean_score < MIN_LINE_SCORE or not results:
         none = flags | ReadingFlag.NO_CHARACTERS
-        return Reading(characters=(), decision=Decision.REJECT, confidence=0.0, flags=none), 0.0
+        return Decided(Reading((), decision=Decision.REJECT, confidence=0.0, flags=none), 0.0, None)
     gaps_found = gaps if places is not None else word_gaps(cells, line.hypothesis.height_mm)
     if places is None and _foreign(line):
         results = swapped(results, gaps_found)
@@ -146,7 +160,7 @@ def decide(
         box=whole,
         spaces_after=gaps_found,
     )
-    return reading, support
+    return Decided(reading, support, (line, templates, cells))
 
 
 def _support(judged: Judged, places: Sequence[str] | None) -> float:

@@ -1,6 +1,8 @@
 """The one composition: how a scan becomes a reading.
 
 scan --edge_map--> EdgeMap --localise--> hypotheses --search--> line --refine--> cells --decide--> Reading
+                      |                                                            |                ^
+                      +------------------------relief-------------------------> mark depths --------+
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ from glyphs.glyph import Font, FontError
 from glyphs.maps import EdgeMap, HeightMap, MapError
 from glyphs.outlines import BUILTIN_FONTS, load_font
 from glyphs.serials import MaskError, allowed_characters
-from recognition.decide import decide
+from recognition.decide import Decided, decide
+from recognition.depth import mark_depths
+from recognition.depth_rules import DepthRule, judged_by
 from recognition.lines import find_lines, hypotheses
 from recognition.mounting import first_look, level
 from recognition.reading import Decision, Reading, ReadingFlag
@@ -26,6 +30,7 @@ from recognition.search import LineSearch
 from recognition.templates import TemplateCache
 from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
+from whisker_array.relief import Relief, relief_from_edges
 from whisker_array.scan import Scan, Touch, default_touch, trace_scan
 from whisker_array.traces import Fidelity, SampleFlag
 
@@ -45,6 +50,7 @@ class ReaderSettings:
         fidelity: how the virtual array feels a height map.
         accept_confidence: readings at least so sure, and with every margin above `accept_margin`, are accepted.
         accept_margin: least lead of the first over the second candidate for acceptance.
+        depth_rules: what the mark must meet; a mark that does not is flagged, read all the same.
     """
 
     fonts: tuple[str, ...] = ()
@@ -53,6 +59,7 @@ class ReaderSettings:
     fidelity: Fidelity = Fidelity.CONTACT
     accept_confidence: float = 0.9
     accept_margin: float = 0.3
+    depth_rules: tuple[DepthRule, ...] = ()
 
     def __post_init__(self) -> None:
         if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
@@ -72,6 +79,7 @@ class ReadingWithEvidence:
         scan: the moments, if it came to that.
         height_map: the levelled height map, if one was given.
         support_mm: length of line that the templates explain, weighted by how well.
+        relief: heights and slopes as felt, if it came to that.
     """
 
     reading: Reading
@@ -79,6 +87,7 @@ class ReadingWithEvidence:
     scan: Scan | None = None
     height_map: HeightMap | None = None
     support_mm: float = 0.0
+    relief: Relief | None = None
 
 
 class _Clock:
@@ -182,9 +191,13 @@ class Reader:
                 return ReadingWithEvidence(
                     _nothing(clock, _scan_flags(scan)), scan=scan, height_map=height_map
                 )
-        reading, support = self.read_edge_map(edges, scan.touch, clock=clock, flags=_scan_flags(scan))
+        with clock.step("depth"):
+            relief = _relief(scan, edges)
+        reading, support = self.read_edge_map(
+            edges, scan.touch, relief=relief, clock=clock, flags=_scan_flags(scan)
+        )
         return ReadingWithEvidence(
-            reading, edge_map=edges, scan=scan, height_map=height_map, support_mm=support
+            reading, edge_map=edges, scan=scan, height_map=height_map, support_mm=support, relief=relief
         )
 
     def read_edge_map(
@@ -192,10 +205,14 @@ class Reader:
         edges: EdgeMap,
         touch: Touch,
         *,
+        relief: Relief | None = None,
         clock: _Clock | None = None,
         flags: ReadingFlag = ReadingFlag.NONE,
     ) -> tuple[Reading, float]:
-        """Read an edge map felt with the given touch; also the length of line explained, mm, weighted by how well."""
+        """Read an edge map felt with the given touch; also the length of line explained, mm, weighted by how well.
+
+        Without a relief the reading tells no depths.
+        """
         clock = clock if clock is not None else _Clock()
         search = LineSearch(edges, touch, self.cache, chars=self.chars, places=self.places)
         with clock.step("localise"):
@@ -214,10 +231,29 @@ class Reader:
                 settled, cells = refine_line(line, image, templates, edges.directions)
                 judged.append((settled, templates, cells))
         with clock.step("decide"):
-            reading, support_mm = decide(
-                judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags
-            )
-        return _timed(reading, clock), support_mm
+            decided = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
+        with clock.step("depth"):
+            reading = _with_depths(decided, relief) if relief is not None else decided.reading
+            reading = judged_by(reading, self.settings.depth_rules)
+        return _timed(reading, clock), decided.support_mm
+
+
+def _relief(scan: Scan, edges: EdgeMap) -> Relief | None:
+    """The surface as felt; None where friction or whisker tell no heights."""
+    try:
+        return relief_from_edges(edges, scan.touch)
+    except ValueError:
+        return None
+
+
+def _with_depths(decided: Decided, relief: Relief) -> Reading:
+    reading = decided.reading
+    if decided.judged is None:
+        return reading
+    line, templates, cells = decided.judged
+    depths = mark_depths(relief, line, templates, cells, [c.char for c in reading.characters])
+    characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
+    return replace(reading, characters=characters)
 
 
 def _scan_flags(scan: Scan) -> ReadingFlag:

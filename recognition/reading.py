@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Flag, StrEnum, auto
@@ -30,6 +31,9 @@ class ReadingFlag(Flag):
     DROPOUTS = auto()
     FOREIGN_SHAPES = auto()
     UNREAD_MARKS = auto()
+    TOO_SHALLOW = auto()
+    TOO_SMALL = auto()
+    DEPTH_UNKNOWN = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -47,7 +51,12 @@ _MESSAGES = {
     ReadingFlag.DROPOUTS: "parts of the map are dropouts",
     ReadingFlag.FOREIGN_SHAPES: "the characters differ in shape from the font's (name the right font)",
     ReadingFlag.UNREAD_MARKS: "something beside the characters read is felt as strongly as they are",
+    ReadingFlag.TOO_SHALLOW: "the mark is too shallow",
+    ReadingFlag.TOO_SMALL: "the characters are too small",
+    ReadingFlag.DEPTH_UNKNOWN: "the depth of a character could not be felt",
 }
+MEASURE_FLAGS = ReadingFlag.TOO_SHALLOW | ReadingFlag.TOO_SMALL | ReadingFlag.DEPTH_UNKNOWN
+"""What a rule for the mark found; `Reading.notes` says it with figures."""
 
 
 @dataclass(frozen=True)
@@ -74,16 +83,42 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class MarkDepth:
+    """How deep a character is struck, or how high a raised one stands, from the land beside it, mm.
+
+    Felt along the strokes' centre lines, see `recognition.depth`; positive either way, negative where the
+    surface runs the wrong way.
+
+    Attributes:
+        mean_mm: over the centre line.
+        min_mm: the shallowest tenth reaches no deeper than this.
+        max_mm: the deepest tenth reaches this.
+    """
+
+    mean_mm: float
+    min_mm: float
+    max_mm: float
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(v) for v in (self.mean_mm, self.min_mm, self.max_mm)):
+            raise ValueError(f"{self} is not finite; a depth that is not known is None")
+        if self.min_mm > self.max_mm:
+            raise ValueError(f"{self} has a least depth above its greatest")
+
+
+@dataclass(frozen=True)
 class CharacterReading:
     """One place of the line.
 
     Attributes:
         candidates: best first, at least one.
         box: where it stands (axis-parallel hull of the possibly rotated cell), mm.
+        depth: of the mark; None where it could not be felt.
     """
 
     candidates: tuple[Candidate, ...]
     box: Box
+    depth: MarkDepth | None = None
 
     def __post_init__(self) -> None:
         if not self.candidates:
@@ -123,6 +158,7 @@ class Reading:
         box: the whole line; None when none was found.
         source: "tactile", "vision" or "fused".
         seconds: where the time went, by step.
+        notes: what the rules for the mark found, with figures: "too shallow for ...".
     """
 
     characters: tuple[CharacterReading, ...]
@@ -137,6 +173,24 @@ class Reading:
     source: str = "tactile"
     spaces_after: frozenset[int] = frozenset()
     seconds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    notes: tuple[str, ...] = ()
+
+    @property
+    def depth_min_mm(self) -> float | None:
+        """Least depth of the characters whose depth is known; None without any."""
+        known = [c.depth.min_mm for c in self.characters if c.depth is not None]
+        return min(known, default=None)
+
+    @property
+    def depth_mean_mm(self) -> float | None:
+        """Mean depth of the characters whose depth is known; None without any."""
+        known = [c.depth.mean_mm for c in self.characters if c.depth is not None]
+        return math.fsum(known) / len(known) if known else None
+
+    def messages(self) -> tuple[str, ...]:
+        """What to know about it in words: the flags, and in place of those of the mark's rules the notes."""
+        flags = self.flags & ~MEASURE_FLAGS if self.notes else self.flags
+        return (*flags.messages(), *self.notes)
 
     @property
     def text(self) -> str:

@@ -22,21 +22,32 @@ from pipeline.parts import discover
 from pipeline.problems import FileProblem
 from pipeline.tables import check_output, write_rows
 from pipeline.truth import edit_distance, load_truth, score
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.reading import (
+    Box,
+    Candidate,
+    CharacterReading,
+    Decision,
+    MarkDepth,
+    Reading,
+    ReadingFlag,
+)
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 
 
 def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decision.ACCEPT) -> Reading:
     characters = tuple(
-        CharacterReading((Candidate(c, 0.9, 0.9), Candidate("X", 0.4, 0.08), Candidate("Y", 0.1, 0.002)), BOX)
-        for c in text
+        CharacterReading(
+            (Candidate(c, 0.9, 0.9), Candidate("X", 0.4, 0.08), Candidate("Y", 0.1, 0.002)), BOX, depth
+        )
+        for c, depth in zip(text, (MarkDepth(0.23141, 0.21211, 0.25), None), strict=True)
     )
     return Reading(
         characters,
         decision,
         confidence,
-        flags=ReadingFlag.DROPOUTS,
+        flags=ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW,
+        notes=("too shallow for x: 1 0.212 mm (at least 0.3)",),
         font="gothic",
         height_mm=5.0,
         raised=True,
@@ -87,7 +98,10 @@ def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
 def test_a_row_tells_the_reading(tmp_path: Path) -> None:
     (row,) = read_parts(discover([stamped(tmp_path, 11)]), FakeReader())
     assert (row.decision, row.confidence, row.source, row.font) == ("accept", 0.97, "tactile", "gothic")
-    assert (row.height_mm, row.raised, row.flags) == (5.0, True, "parts of the map are dropouts")
+    assert (row.height_mm, row.raised) == (5.0, True)
+    assert row.flags == "parts of the map are dropouts; too shallow for x: 1 0.212 mm (at least 0.3)"
+    assert (row.depth_min_mm, row.depth_mean_mm) == (0.2121, 0.2314)
+    assert row.depths == "1 0.212/0.231 1 ?"
     assert row.alternatives == "1:X 2:X"
 
 
@@ -105,7 +119,20 @@ def test_a_format_met_with_either_row_first_is_tried_both_ways(tmp_path: Path) -
 # ---------------------------------------------------------------------------------------------------- tables
 
 ROWS = [
-    Row("p-0", "AB 1", "accept", 0.93, "tactile", 0.25, font="gothic", raised=True, alternatives="1:8B"),
+    Row(
+        "p-0",
+        "AB 1",
+        "accept",
+        0.93,
+        "tactile",
+        0.25,
+        font="gothic",
+        raised=True,
+        alternatives="1:8B",
+        depth_min_mm=0.21,
+        depth_mean_mm=0.23,
+        depths="A 0.21/0.23",
+    ),
     Row("p,1", "", error='"a", ü\nline two'),
 ]
 
@@ -120,6 +147,8 @@ def test_tables_hold_the_stated_columns_first(tmp_path: Path) -> None:
     assert [(r["part"], r["text"], float(r["confidence"]), r["error"]) for r in table] == [
         (r.part, r.text, r.confidence, r.error) for r in ROWS
     ]
+    # what is not known is an empty field, and null where the format has one
+    assert [(r["depth_min_mm"], r["depths"]) for r in table] == [("0.21", "A 0.21/0.23"), ("", "")]
     lines = (tmp_path / "t.jsonl").read_text(encoding="utf-8").splitlines()
     assert [Row(**json.loads(line)) for line in lines] == ROWS
     arrow = pyarrow.parquet.read_table(tmp_path / "t.parquet")

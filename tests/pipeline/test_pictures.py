@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +12,28 @@ import pytest
 from matplotlib.figure import Figure
 
 from glyphs.maps import EdgeMap, HeightMap, TraceDirection
+from pipeline.panels import moment_image
 from pipeline.pictures import (
     SheetPart,
     headline,
     inspect_figure,
-    moment_image,
     overview_figure,
     same_text,
     save_figure,
 )
 from pipeline.problems import FileProblem
 from recognition.reader import ReadingWithEvidence
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.reading import (
+    Box,
+    Candidate,
+    CharacterReading,
+    Decision,
+    MarkDepth,
+    Reading,
+    ReadingFlag,
+)
 from whisker_array.array import RasterPlan, WhiskerArray
+from whisker_array.relief import Route, relief_from_edges
 from whisker_array.scan import Scan, default_touch, trace_scan
 from whisker_array.traces import Fidelity
 
@@ -44,12 +54,17 @@ def scan_of(height_map: HeightMap) -> Scan:
 
 def evidence() -> ReadingWithEvidence:
     candidates = (Candidate("A", 0.9, 0.97), Candidate("$", 0.2, 0.01), Candidate("_", 0.1, 0.005))
-    characters = tuple(CharacterReading(candidates, Box(x, 1.0, x + 1.0, 4.0)) for x in (1.0, 2.5, 4.0))
+    depths = (MarkDepth(0.2, 0.151, 0.25), None, MarkDepth(0.2, 0.123, 0.25))
+    characters = tuple(
+        CharacterReading(candidates, Box(x, 1.0, x + 1.0, 4.0), depth)
+        for x, depth in zip((1.0, 2.5, 4.0), depths, strict=True)
+    )
     reading = Reading(
         characters,
         Decision.REVIEW,
         0.7,
-        flags=ReadingFlag.AMBIGUOUS,
+        flags=ReadingFlag.AMBIGUOUS | ReadingFlag.TOO_SHALLOW,
+        notes=("too shallow for $x$: A 0.123 mm (at least 0.2)",),
         font="gothic",
         height_mm=3.0,
         rotation_deg=-2.0,
@@ -57,7 +72,8 @@ def evidence() -> ReadingWithEvidence:
     layers = np.zeros((3, 40, 60), np.float32)
     layers[:, 10:20, 5:50] = -0.2
     edges = EdgeMap(layers, tuple(TraceDirection)[:3], layers[0] <= 0.0, 0.1)
-    return ReadingWithEvidence(reading, edges, scan_of(tilted()), tilted())
+    relief = relief_from_edges(edges, default_touch(5.0))
+    return ReadingWithEvidence(reading, edges, scan_of(tilted()), tilted(), relief=relief)
 
 
 def inked(figure: Figure, path: Path) -> float:
@@ -71,9 +87,34 @@ def test_all_evidence_is_drawn(tmp_path: Path) -> None:
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert sum("edge map, traced" in t for t in titles) == 3
     assert sum("raw moment" in t for t in titles) == 1
-    boxes = [p for a in figure.axes if a.get_title(loc="left").startswith("height") for p in a.patches]
+    boxes = [p for a in figure.axes if a.get_title(loc="left").startswith("height map") for p in a.patches]
     assert [b.get_xy() for b in boxes] == [(1.0, 1.0), (2.5, 1.0), (4.0, 1.0)]
+    assert sum("steepness as felt" in t for t in titles) == 1
+    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height as felt")]
+    assert [t.get_text() for t in relief.texts] == ["0.151\n0.200", "?", "0.123\n0.200"]
+    assert len(relief.patches) == 3
+    # what to know about the reading stands below, not taken for a formula
+    assert figure.get_supxlabel() == "\n".join(evidence().reading.messages())
+    assert "$x$" in figure.get_supxlabel()
     assert inked(figure, tmp_path / "a.png") > 0.05
+
+
+def test_a_scan_names_its_characters_on_what_was_felt(tmp_path: Path) -> None:
+    figure = inspect_figure(replace(evidence(), height_map=None), title="scan")
+    titles = [a.get_title(loc="left") for a in figure.axes]
+    assert not any(t.startswith("height map") for t in titles)
+    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height as felt")]
+    assert [t.get_text() for t in relief.texts].count("A") == 3
+    assert inked(figure, tmp_path / "a.png") > 0.05
+
+
+def test_slopes_that_were_not_felt_are_said() -> None:
+    found = evidence()
+    assert found.relief is not None
+    one_way = replace(found.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
+    figure = inspect_figure(replace(found, relief=one_way), title="one way")
+    words = " ".join(t.get_text() for a in figure.axes for t in a.texts)
+    assert Route.FLOORS.describe() in words
 
 
 def test_missing_evidence_is_said(tmp_path: Path) -> None:
@@ -81,6 +122,7 @@ def test_missing_evidence_is_said(tmp_path: Path) -> None:
     words = " ".join(t.get_text() for a in figure.axes for t in a.texts)
     assert "no characters were found" in words
     assert "no scan" in words
+    assert "no heights were felt" in words
     assert inked(figure, tmp_path / "a.png") > 0.0
 
 
@@ -128,5 +170,5 @@ def test_spaces_are_not_stamped(one: str, other: str, same: bool) -> None:
 
 def test_the_headline_tells_the_reading() -> None:
     line: Any = headline(evidence().reading)
-    assert line == "“AAA”, review, confidence 0.700, gothic, 3.00 mm, sunk, -2.0°"
+    assert line == "“AAA”, review, confidence 0.700, gothic, 3.00 mm, sunk, -2.0°, deep 0.123 mm at least"
     assert headline(EMPTY) == "no characters"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.readers import open_reader
 from pipeline.settings import ReadSettings, SettingsError, load_settings
 
 
@@ -58,6 +59,9 @@ def test_another_file_by_name_and_fonts_by_environment(
         ("font = 5", "font"),
         ("format = ''", "format"),
         ("height_mm = ", "no TOML"),
+        ('depth_rule = "VIN"', "depth_rule in .* is 'VIN': unknown depth rule 'VIN'; known are 27CFR478.92"),
+        ("min_depth_mm = 0", "min_depth_mm in .* is 0"),
+        ("min_depth_mm = -0.1", "min_depth_mm"),
     ],
 )
 def test_a_bad_file_is_told_by_key(toml: str, message: str, tmp_path: Path) -> None:
@@ -80,3 +84,29 @@ def test_a_missing_file_is_an_error_only_when_named(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match=r"none\.toml"):
         load_settings(config=tmp_path / "none.toml")
     assert load_settings().height_mm is None
+
+
+def test_rules_for_depth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert (load_settings().depth_rule, load_settings().min_depth_mm) == (None, None)
+    (tmp_path / "tactile-marks.toml").write_text(
+        'depth_rule = "27 cfr 478.92"\nmin_depth_mm = 0.1\n', encoding="utf-8"
+    )
+    monkeypatch.setenv("TACTILE_MARKS_MIN_DEPTH_MM", "0.2")
+    settings = load_settings()
+    assert (settings.depth_rule, settings.min_depth_mm) == ("27CFR478.92", 0.2)
+    assert load_settings(min_depth_mm=0.3).min_depth_mm == 0.3
+    with pytest.raises(SettingsError, match="depth_rule in the flags is 'x'"):
+        load_settings(depth_rule="x")
+
+
+def test_the_reader_is_given_the_rules() -> None:
+    def rules(**given: object) -> list[tuple[str, float]]:
+        reader = open_reader(load_settings(font=("gothic",), **given))
+        return [(rule.name, round(rule.least_depth_mm, 4)) for rule in reader.settings.depth_rules]
+
+    assert rules() == []
+    assert rules(min_depth_mm=0.2) == [("min_depth_mm", 0.2)]
+    assert rules(min_depth_mm=0.2, depth_rule="27CFR478.92") == [
+        ("27CFR478.92", 0.0762),
+        ("min_depth_mm", 0.2),
+    ]

@@ -14,6 +14,7 @@ from glyphs.outlines import BUILTIN_FONTS
 from glyphs.plate import plate_form, plate_texture
 from glyphs.serials import MaskError
 from glyphs.stamping import PlateVariation, StampedPart
+from recognition.depth_rules import depth_rule
 from recognition.reader import Reader, ReaderSettings, ReadingWithEvidence
 from recognition.reading import Decision, Reading, ReadingFlag
 from whisker_array.array import ALL_DIRECTIONS, default_plan
@@ -82,7 +83,8 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, ReadingWithEvidence]) ->
     assert not reading.raised
     assert reading.flags is ReadingFlag.NONE
     assert reading.rotation_deg == pytest.approx(0.0, abs=1.5)
-    assert {"mount", "scan", "edge map", "localise", "search", "match", "decide"} <= set(reading.seconds)
+    steps = {"mount", "scan", "edge map", "depth", "localise", "search", "match", "decide"}
+    assert steps <= set(reading.seconds)
     assert all(t >= 0.0 for t in reading.seconds.values())
     assert found.support_mm > 0.0
     assert found.edge_map is not None
@@ -329,3 +331,78 @@ def test_a_mask_sets_the_places_and_the_gaps() -> None:
 def test_boxes_run_from_left_to_right(plain: tuple[StampedPart, ReadingWithEvidence]) -> None:
     boxes = [c.box for c in plain[1].reading.characters]
     assert all(a.x0_mm < b.x0_mm and a.x1_mm < b.x1_mm for a, b in pairwise(boxes))
+
+
+# ------------------------------------------------------------------------------------------------------ depth
+
+
+def test_every_character_has_a_depth(plain: tuple[StampedPart, ReadingWithEvidence]) -> None:
+    part, found = plain
+    assert found.relief is not None
+    assert found.edge_map is not None
+    assert found.height_map is not None
+    assert found.relief.height_mm.shape == found.edge_map.shape
+    z, pitch = found.height_map.z_mm, found.height_map.pitch_mm
+    for character, (x0, y0, x1, y1) in zip(found.reading.characters, part.boxes_mm, strict=True):
+        assert character.depth is not None
+        deepest = -z[int(y0 / pitch) : int(y1 / pitch) + 1, int(x0 / pitch) : int(x1 / pitch) + 1].min()
+        # a plate waves by 10 micrometres, and a blow that leans is not as deep everywhere
+        assert character.depth.max_mm == pytest.approx(deepest, abs=0.03)
+    known = [c.depth for c in found.reading.characters if c.depth is not None]
+    assert found.reading.depth_min_mm == min(d.min_mm for d in known)
+    assert found.reading.depth_mean_mm == pytest.approx(np.mean([d.mean_mm for d in known]))
+
+
+def faint(part: StampedPart, which: int, floor_mm: float) -> HeightMap:
+    """The part with one character struck by the same die, less deep."""
+    z, pitch = part.height_map.z_mm.copy(), part.height_map.pitch_mm
+    x0, y0, x1, y1 = part.boxes_mm[which]
+    cell = (slice(int(y0 / pitch) - 1, int(y1 / pitch) + 3), slice(int(x0 / pitch) - 1, int(x1 / pitch) + 3))
+    z[cell] = np.minimum(z[cell] - z[cell].min() - floor_mm, 0.0)
+    return HeightMap(z, pitch)
+
+
+def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
+    make_part: Make, reader: Readers
+) -> None:
+    part = make_part("K7B29", calm=True)
+    shallow = faint(part, 3, 0.05)
+    rules = (depth_rule("27CFR478.92"),)
+    told = reader(depth_rules=rules).read_height_map(shallow).reading
+    assert told.text == part.text
+    assert told.flags & ReadingFlag.TOO_SHALLOW
+    (note,) = told.notes
+    assert note.startswith("too shallow for 27CFR478.92: 2 0.0")
+    assert note.endswith("mm (at least 0.0762)")
+    depth = told.characters[3].depth
+    assert depth is not None
+    assert depth.min_mm == pytest.approx(0.05, abs=0.01)
+    # without a rule the same is felt and nothing is said
+    plain = reader().read_height_map(shallow).reading
+    assert plain.flags is ReadingFlag.NONE
+    assert plain.notes == ()
+    assert plain.characters == told.characters
+    assert (plain.decision, plain.confidence) == (told.decision, told.confidence)
+    # nor with one that is met
+    met = reader(depth_rules=rules).read_height_map(part.height_map).reading
+    assert met.flags is ReadingFlag.NONE
+
+
+def test_the_depth_of_raised_marks_is_their_height(make_part: Make, reader: Readers) -> None:
+    part = make_part("K7B29", calm=True, raised=True)
+    reading = reader().read_height_map(part.height_map).reading
+    top = float(part.height_map.z_mm.max())
+    for character in reading.characters:
+        assert character.depth is not None
+        assert character.depth.mean_mm == pytest.approx(top, rel=0.08)
+
+
+def test_an_edge_map_alone_tells_no_depth(
+    plain: tuple[StampedPart, ReadingWithEvidence], reader: Readers, touch: Touch
+) -> None:
+    edges = plain[1].edge_map
+    assert edges is not None
+    reading, _ = reader().read_edge_map(edges, touch)
+    assert reading.text == plain[0].text
+    assert reading.depth_min_mm is None
+    assert all(c.depth is None for c in reading.characters)

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import pytest
 
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.reading import (
+    Box,
+    Candidate,
+    CharacterReading,
+    Decision,
+    MarkDepth,
+    Reading,
+    ReadingFlag,
+)
 
 BOX = Box(0.0, 0.0, 1.0, 2.0)
 
@@ -70,3 +78,31 @@ def test_a_reading_cannot_be_changed() -> None:
         reading.confidence = 1.0  # type: ignore[misc]
     with pytest.raises(TypeError):
         reading.seconds["scan"] = 1.0  # type: ignore[index]
+
+
+def test_a_depth_is_finite_and_in_order() -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        MarkDepth(float("nan"), 0.1, 0.2)
+    with pytest.raises(ValueError, match="above its greatest"):
+        MarkDepth(0.15, 0.2, 0.1)
+    # a surface that rises where it should fall has a depth below zero
+    assert MarkDepth(-0.01, -0.02, 0.0).min_mm == -0.02
+
+
+def test_the_depth_of_a_reading_is_that_of_the_characters_felt() -> None:
+    depths = (MarkDepth(0.2, 0.15, 0.22), None, MarkDepth(0.1, 0.05, 0.12))
+    characters = tuple(CharacterReading((Candidate("A", 0.9, 1.0),), BOX, depth) for depth in depths)
+    reading = Reading(characters, Decision.ACCEPT, 1.0)
+    assert reading.depth_min_mm == 0.05
+    assert reading.depth_mean_mm == pytest.approx(0.15)
+    unknown = Reading(characters[1:2], Decision.ACCEPT, 1.0)
+    assert unknown.depth_min_mm is None
+    assert unknown.depth_mean_mm is None
+
+
+def test_notes_stand_in_for_the_flags_of_the_mark() -> None:
+    flags = ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW
+    bare = Reading((), Decision.REJECT, 0.0, flags=flags)
+    assert bare.messages() == flags.messages()
+    noted = Reading((), Decision.REJECT, 0.0, flags=flags, notes=("too shallow for x: K 0.1 mm",))
+    assert noted.messages() == (*ReadingFlag.DROPOUTS.messages(), "too shallow for x: K 0.1 mm")

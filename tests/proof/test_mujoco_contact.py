@@ -1,0 +1,230 @@
+"""Contact with friction against MuJoCo: whiskers of links and springs dragged over wedges, straight and banked.
+
+    python tests/proof/test_mujoco_contact.py     how far the two are apart, and how many steps a second each makes
+
+MuJoCo knows nothing of compliance matrices, of eq. (16) or of our minimiser: it integrates joints in time, with a
+contact solver of its own, and large rotations. Where the two agree, the mechanics is right.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from functools import cache
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+pytest.importorskip("mujoco", reason="an independent contact solver: pip install 'tactile-marks[proof]'")
+
+from mujoco_whisker import Drag, Wedge, drag
+
+from glyphs.maps import HeightMap
+from whisker_array.contact import land_lag_mm, trace_contact
+from whisker_array.enhancement import land_moment_n_mm, moment_ratio
+from whisker_array.sections import Rectangle, Round
+from whisker_array.surface import TouchSurface, prepare_surface
+from whisker_array.traces import SampleFlag, Traces
+from whisker_array.whisker import LShaped, Straight
+
+Vector = NDArray[np.float64]
+Whisker: TypeAlias = LShaped | Straight
+
+D0 = 0.25
+"""Small against l1 = 30 mm: MuJoCo's whisker turns as it bends, which is worth D0 / l1 or 1 % at the most."""
+RADIUS_D0, PITCH_D0 = 0.05, 0.01
+LEAD_D0 = 1.0
+"""Travel on the land before the seam; a tip set down at rest slides steadily after a third of it."""
+
+LAND, RAMP = 0.005, 0.02
+"""Of the land's moment. What is left: large rotation, of the order of D0 / l1; the give of MuJoCo's contact,
+0.4 % of d0 + h, and the steeper the ramp the more; the midpoint rule of 15 links, 0.11 %."""
+MEAN = 0.01
+"""Mean of the whole run's absolute deviation, corner and all."""
+APART, APART_MM = 0.02, 0.04
+"""Travel over which the two are further apart than that. At a corner the moment goes up to 35 % within a tenth of d0
+and where the tip snaps within less, so that a small shift is a great difference; but it must be over soon."""
+FACTOR = 0.01
+"""Of F by eq. (16), tip height taken from MuJoCo; and this share of F's departure from 1:"""
+FACTOR_EFFECT = 0.12
+
+WIRE = LShaped(30.0, 30.0 * 0.117, None, 0.0, Round(0.4))
+SHORT_ARM = LShaped(30.0, 30.0 * 0.05, None, 0.0, Round(0.4))
+RIBBON = LShaped(30.0, 30.0 * 0.117, None, 0.0, Rectangle(0.3, 4.5))
+LEANING = LShaped(30.0, 30.0 * 0.083, 1.0, 0.3, Round(0.4))
+STRAIGHT = Straight(30.0, 0.5, Round(0.4))
+NAMES = {
+    WIRE: "wire k 0.117",
+    SHORT_ARM: "wire k 0.05",
+    RIBBON: "ribbon",
+    LEANING: "leaning",
+    STRAIGHT: "straight",
+}
+
+PLANAR = [
+    (WIRE, -30.0, 0.1), (WIRE, -45.0, 0.3), (WIRE, -60.0, 0.5), (WIRE, 30.0, 0.1), (WIRE, 45.0, 0.3),
+    (SHORT_ARM, -30.0, 0.5), (SHORT_ARM, -45.0, 0.1), (SHORT_ARM, -60.0, 0.3), (SHORT_ARM, 45.0, 0.5),
+    (SHORT_ARM, 60.0, 0.1), (RIBBON, -60.0, 0.1), (LEANING, -45.0, 0.3), (LEANING, 30.0, 0.3),
+]  # fmt: skip
+BANKED = [
+    (WIRE, 0.0, 0.3, 0.5), (WIRE, -30.0, 0.3, 0.5), (WIRE, 30.0, 0.1, -0.3),
+    (RIBBON, -30.0, 0.1, 0.5), (RIBBON, 30.0, 0.3, 0.5),
+]  # fmt: skip
+
+
+@cache
+def dragged(whisker: Whisker, degrees: float, mu: float, bank: float = 0.0, d0: float = D0) -> Drag:
+    """Over the land and, if there is one, about half a preload down or up the ramp."""
+    slope = math.tan(math.radians(degrees))
+    beyond = 0.25 + (0.35 / abs(slope) if slope else 0.0)
+    return drag(
+        whisker, Wedge(slope, mu, bank), preload_mm=d0, start_mm=-LEAD_D0 * d0,
+        travel_mm=(LEAD_D0 + beyond) * d0, radius_mm=RADIUS_D0 * d0, spatial=bank != 0.0,
+    )  # fmt: skip
+
+
+@cache
+def wedge_surface(degrees: float, mu: float, bank: float, d0: float) -> TouchSurface:
+    """6 d0 along the trace with the seam in the middle; across it 2 d0 if the tip is to slide there."""
+    pitch, half = PITCH_D0 * d0, 100 if bank else 1
+    x, z = pitch * np.arange(-300, 301), pitch * np.arange(-half, half + 1)
+    height = math.tan(math.radians(degrees)) * np.maximum(x, 0.0) + bank * z[:, None]
+    return prepare_surface(
+        HeightMap(height.astype(np.float32), pitch), tip_radius_mm=RADIUS_D0 * d0, friction=mu
+    )
+
+
+def traced(whisker: Whisker, degrees: float, mu: float, bank: float = 0.0, d0: float = D0) -> Traces:
+    """Ours at the same places of the base."""
+    free = dragged(whisker, degrees, mu, bank, d0).free_tip_x_mm
+    surface, tip = wedge_surface(degrees, mu, bank, d0), whisker.tip_model()
+    rows, cols = surface.shape
+    middle = 0.5 * surface.pitch_mm * np.array([rows - 1, cols - 1])
+    lag = land_lag_mm(tip, preload_mm=d0, friction=mu)  # traces are labelled by the tip on the land
+    return trace_contact(
+        surface, tip, lines_mm=middle[:1], start_mm=float(free[0] + lag + middle[1]),
+        step_mm=float(free[-1] - free[0]) / (free.size - 1), n_samples=free.size,
+        preload_mm=d0, nominal_friction=mu,
+    )  # fmt: skip
+
+
+def deviation(whisker: Whisker, degrees: float, mu: float, bank: float = 0.0, d0: float = D0) -> Vector:
+    """MuJoCo's moments less ours, as a share of the land's, reading by reading."""
+    theirs, ours = dragged(whisker, degrees, mu, bank, d0), traced(whisker, degrees, mu, bank, d0)
+    assert not (ours.flags & (SampleFlag.CONTACT_LOST | SampleFlag.JAMMED | SampleFlag.OUTSIDE)).any()
+    land = land_moment_n_mm(whisker.tip_model(), preload_mm=d0, mu=mu)
+    return np.asarray((theirs.moment_n_mm - ours.moment_n_mm[0]) / land)
+
+
+def land_reading(run: Drag, d0: float = D0) -> int:
+    """The last reading well before the seam: the tip is up to 0.3 d0 away from its force-free place."""
+    return int(np.searchsorted(run.free_tip_x_mm, -0.4 * d0))
+
+
+def figures(whisker: Whisker, degrees: float, mu: float, bank: float = 0.0) -> tuple[float, ...]:
+    """Deviations on the land and at the end of the ramp, their mean, and the travel in mm with more than APART.
+
+    The mean and the travel are from a third of the land on.
+    """
+    off = deviation(whisker, degrees, mu, bank)
+    run = dragged(whisker, degrees, mu, bank)
+    at = run.free_tip_x_mm
+    begun = int(np.searchsorted(at, -0.7 * LEAD_D0 * D0))
+    size = np.abs(off[begun:])
+    apart = float((size > APART).mean() * (at[-1] - at[begun]))
+    return float(off[land_reading(run)]), float(off[-1]), float(size.mean()), apart
+
+
+def factor(whisker: Whisker, degrees: float, mu: float) -> float:
+    """F as MuJoCo has it: the ratio of ramp and land, over that of d0 + h where the tip is."""
+    run = dragged(whisker, degrees, mu)
+    lift = D0 + run.tip_mm[:, 1]
+    gain = run.moment_n_mm / lift
+    return float(gain[-1] / gain[land_reading(run)])
+
+
+@pytest.mark.parametrize(("whisker", "degrees", "mu"), PLANAR)
+def test_a_drag_over_an_edge_is_what_contact_says(whisker: LShaped, degrees: float, mu: float) -> None:
+    land, ramp, mean, apart = figures(whisker, degrees, mu)
+    assert abs(land) < LAND
+    assert abs(ramp) < RAMP
+    assert mean < MEAN
+    assert apart < APART_MM
+
+
+@pytest.mark.parametrize(("whisker", "degrees", "mu"), PLANAR)
+def test_the_factor_is_eq_16(whisker: LShaped, degrees: float, mu: float) -> None:
+    slope = math.tan(math.radians(degrees))
+    expected = float(moment_ratio(slope, mu, whisker.tip_model()))
+    got = factor(whisker, degrees, mu)
+    assert got == pytest.approx(expected, rel=FACTOR)
+    assert abs(got - expected) < FACTOR_EFFECT * abs(expected - 1.0)
+    # it slides: the force lies on the rim of the friction cone, against the motion
+    force = dragged(whisker, degrees, mu).force_n[-1]
+    assert force[0] / force[1] == pytest.approx(-(slope + mu) / (1.0 - mu * slope), rel=1e-6)
+
+
+@pytest.mark.parametrize("degrees", [-45.0, 30.0])
+@pytest.mark.parametrize("mu", [0.1, 0.5])
+def test_a_straight_whisker_is_a_profilometer(degrees: float, mu: float) -> None:
+    assert factor(STRAIGHT, degrees, mu) == pytest.approx(1.0, abs=FACTOR)
+
+
+@pytest.mark.parametrize(("whisker", "degrees", "mu", "bank"), BANKED)
+def test_on_a_banked_surface_the_tip_slides_sideways_as_contact_says(
+    whisker: LShaped, degrees: float, mu: float, bank: float
+) -> None:
+    """In three dimensions: wire slides down the bank and feels a fifth less; a ribbon hardly does."""
+    land, ramp, mean, apart = figures(whisker, degrees, mu, bank)
+    assert abs(land) < LAND
+    assert abs(ramp) < RAMP
+    assert mean < MEAN
+    assert apart < APART_MM
+    run = dragged(whisker, degrees, mu, bank)
+    aside = -float(run.tip_mm[land_reading(run), 2]) / (bank * D0)
+    assert aside > 0.5 if whisker is WIRE else 0.0 < aside < 0.05
+
+
+def test_what_is_left_falls_with_the_preload() -> None:
+    """Large rotation is the only thing that D0 / l1 can change: on the land it is first order in it."""
+    off = [abs(deviation(WIRE, 0.0, 0.3, d0=d0)[-1]) for d0 in (2.0, 1.0, 0.5)]
+    assert off[0] > 0.005
+    # halved, and a little for what does not depend on it
+    assert off[1] < 0.65 * off[0]
+    assert off[2] < 0.65 * off[1]
+
+
+def steps_per_second() -> dict[str, float]:
+    """MuJoCo's steps a second, readings included, in the plane and in space; trace_contact's samples a second.
+
+    They are not alike: a sample of trace_contact, say d0 / 50, is 400 steps of MuJoCo at its speed.
+    """
+    traced(WIRE, -45.0, 0.3)  # compiled now
+    begun, n = time.perf_counter(), 100
+    for _ in range(n):
+        samples = traced(WIRE, -45.0, 0.3).moment_n_mm.size
+    ours = n * samples / (time.perf_counter() - begun)
+    return {
+        "MuJoCo, 21 joints, in the plane, steps": dragged(WIRE, -45.0, 0.3).steps_per_second,
+        "MuJoCo, 59 joints, in space, steps": dragged(WIRE, -30.0, 0.3, 0.5).steps_per_second,
+        "trace_contact, one line, samples": ours,
+    }
+
+
+if __name__ == "__main__":
+    print("MuJoCo less ours, % of the land's moment: land, end of ramp, mean; mm more than 2 % apart; both F")
+    for case in (*PLANAR, *BANKED):
+        land, ramp, mean, apart = figures(*case)
+        text = f"{NAMES[case[0]]:13} {case[1:]!s:18}"
+        text += f"{100 * land:7.2f} {100 * ramp:6.2f} {100 * mean:6.2f} {apart:7.4f}"
+        if len(case) == 3:
+            p = math.tan(math.radians(case[1]))
+            text += f"   {factor(*case):.4f} {float(moment_ratio(p, case[2], case[0].tip_model())):.4f}"
+        print(text)
+    print(f"straight, F: {[round(factor(STRAIGHT, a, mu), 4) for a in (-45.0, 30.0) for mu in (0.1, 0.5)]}")
+    left = [100.0 * float(deviation(WIRE, 0.0, 0.3, d0=d0)[-1]) for d0 in (2.0, 1.0, 0.5, 0.25)]
+    print(f"on the land at d0 = 2, 1, 0.5, 0.25 mm: {[round(v, 3) for v in left]} %")
+    for what, rate in steps_per_second().items():
+        print(f"{what}: {rate:,.0f} a second")
