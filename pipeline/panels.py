@@ -9,6 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
+from whisker_array.profiled import estimate_relief
+from whisker_array.scan import only
+
 if TYPE_CHECKING:
     from glyphs.maps import EdgeMap, HeightMap
     from recognition.reader import ReadingWithEvidence
@@ -134,7 +137,12 @@ def relief_panel(axes: Axes, *, evidence: ReadingWithEvidence, reading: Reading)
 def steepness_panel(axes: Axes, *, evidence: ReadingWithEvidence, reading: Reading) -> None:
     """How steep touch felt the surface to be."""
     relief = evidence.relief
-    axes.set_title("steepness as felt, |slope|", fontsize=9, loc="left")
+    felt = relief is not None and not (relief.slope_x is None and relief.slope_y is None)
+    if felt and evidence.scan is not None and evidence.edge_map is not None:
+        relief = estimate_relief(evidence.scan, evidence.edge_map)  # slower than the reader needs, walls truer
+    known = "" if relief is None else f", friction {relief.friction:.3f} "
+    known += "" if relief is None else "assumed" if relief.friction_sd is None else "measured"
+    axes.set_title(f"steepness as felt, |slope|{known}", fontsize=9, loc="left")
     if relief is None or (relief.slope_x is None and relief.slope_y is None):
         _say(axes, "no slopes were felt" if relief is None else relief.route.describe())
         return
@@ -149,7 +157,7 @@ def moment_panel(axes: Axes, *, evidence: ReadingWithEvidence, reading: Reading)
     if evidence.scan is None:
         _say(axes, "no scan")
         return
-    sweep = evidence.scan.sweeps[0]
+    sweep = only(evidence.scan).sweeps[0]
     axes.set_title(
         f"raw moment, traced {int(sweep.plan.direction)}°, {sweep.plan.line_mm.size} lines",
         fontsize=9,

@@ -30,6 +30,7 @@ from recognition.search import LineSearch
 from recognition.templates import TemplateCache
 from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
+from whisker_array.profiled import estimate_relief
 from whisker_array.relief import Relief, relief_from_edges
 from whisker_array.scan import Scan, Touch, default_touch, trace_scan
 from whisker_array.traces import Fidelity, SampleFlag
@@ -241,6 +242,8 @@ class Reader:
 def _relief(scan: Scan, edges: EdgeMap) -> Relief | None:
     """The surface as felt; None where friction or whisker tell no heights."""
     try:
+        if scan.others or any(s.plan.pushed for s in scan.sweeps):
+            return estimate_relief(scan, edges)
         return relief_from_edges(edges, scan.touch)
     except ValueError:
         return None
