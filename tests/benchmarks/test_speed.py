@@ -26,8 +26,8 @@ from whisker_array.surface import prepare_surface
 
 pytestmark = pytest.mark.benchmark
 
-CONTACT_SAMPLES_PER_S = 2e6
-POINTWISE_COPIES = 10.0
+CONTACT_SAMPLES_PER_S = 5e6
+POINTWISE_COPIES = 5.0
 READING_S = 0.150
 SIDE = 4000
 
