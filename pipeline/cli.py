@@ -36,6 +36,8 @@ app.command("pipeline.command_synth:synth", name="synth", help="Make stamped par
 app.command("pipeline.command_scan:scan", name="scan", help="Feel a height map with the virtual array.")
 app.command("pipeline.command_scan:calibrate", name="calibrate", help="Calibrate a scan from its lead-in.")
 app.command("pipeline.command_demo:demo", name="demo", help="Make, scan and read a few parts.")
+app.command("pipeline.command_figures:figures", name="figures", help="Draw the paper's results and beyond.")
+app.command("pipeline.command_design:design", name="design", help="Find the whisker to build.")
 _LIBRARY.command("pipeline.command_glyphs:list_fonts", name="list", help="List the fonts.")
 _LIBRARY.command("pipeline.command_glyphs:show", name="show", help="Draw a sheet of fonts.")
 _LIBRARY.command("pipeline.command_glyphs:build", name="build", help="Write a glyph database.")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +20,10 @@ def scan(
     fidelity: FidelityName = "contact",
     noise: bool = True,
     sensor_seed: int = 0,
+    whisker: Path | None = None,
+    friction: float | None = None,
+    profilers: bool = False,
+    two_way: bool = False,
 ) -> int:
     """Feel a height map with the virtual whisker array and record the raw moments.
 
@@ -35,13 +41,25 @@ def scan(
         Sensors as they come from the bench: gains, offsets, noise, drift, 16 bits.
     sensor_seed
         Of gains, offsets and noise.
+    whisker
+        Whisker to scan with, as `design --out` writes it; one for the character height unless given.
+    friction
+        True friction of the part, 0 to 1; the whisker's nominal one unless given.
+    profilers
+        A second row of whiskers, whose moment is the profile: with it slopes are told apart from heights.
+    two_way
+        Feel every pass again on its return, pushed back: with it friction is measured.
     """
     with failures_told():
         from pipeline.atomic import check_writable
         from pipeline.feel import feel, plan_for
         from pipeline.files import is_scan, read_height_map
+        from pipeline.whisker_file import read_whisker_file
+        from whisker_array.defaults import default_whisker
         from whisker_array.recording import save_scan
+        from whisker_array.touch import default_touch
         from whisker_array.traces import Fidelity
+        from whisker_array.validity import linear_beam_messages
 
         if not is_scan(out):
             raise CommandError(f"{out}: a recording ends in .h5", status=USAGE)
@@ -49,8 +67,24 @@ def scan(
             raise CommandError(f"--height-mm is {height_mm}; it lies between 0 and 1000 mm", status=USAGE)
         check_writable(out)
         surface = read_height_map(height_map)
-        plan, height = plan_for(surface, height_mm=height_mm)
+        if friction is not None and not 0.0 <= friction <= 1.0:
+            raise CommandError(f"--friction is {friction}; it lies between 0 and 1", status=USAGE)
+        built = read_whisker_file(whisker) if whisker is not None else None
+        if height_mm is None and built is not None:
+            height_mm = built.character_height_mm
+        plan, height = plan_for(surface, height_mm=height_mm, rows=2 if profilers else 1, two_way=two_way)
+        if built is not None:
+            plan = replace(plan, speed_mm_s=built.speed_mm_s)
         print(plan.describe())
+        shape = built.whisker if built is not None else default_whisker(height)
+        touch = built.touch if built is not None else default_touch(height)
+        for warning in linear_beam_messages(
+            shape,
+            preload_mm=touch.preload_mm,
+            mark_height_mm=0.0,
+            mu=touch.friction if friction is None else friction,
+        ):
+            print(f"warning: {warning}", file=sys.stderr)
         felt = feel(
             surface,
             plan=plan,
@@ -59,6 +93,8 @@ def scan(
             noise=noise,
             sensor_seed=sensor_seed,
             part_id=height_map.stem,
+            touch=touch,
+            friction=friction,
         )
         save_scan(felt, out)
     print(
