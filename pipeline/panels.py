@@ -139,7 +139,9 @@ def steepness_panel(axes: Axes, *, evidence: ReadingWithEvidence, reading: Readi
     relief = evidence.relief
     felt = relief is not None and not (relief.slope_x is None and relief.slope_y is None)
     if felt and evidence.scan is not None and evidence.edge_map is not None:
-        relief = estimate_relief(evidence.scan, evidence.edge_map)  # slower than the reader needs, walls truer
+        relief = estimate_relief(
+            evidence.scan, evidence.edge_map
+        )  # slower than the reader needs, walls truer
     known = "" if relief is None else f", friction {relief.friction:.3f} "
     known += "" if relief is None else "assumed" if relief.friction_sd is None else "measured"
     axes.set_title(f"steepness as felt, |slope|{known}", fontsize=9, loc="left")

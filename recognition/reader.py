@@ -32,7 +32,8 @@ from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
 from whisker_array.profiled import estimate_relief
 from whisker_array.relief import Relief, relief_from_edges
-from whisker_array.scan import Scan, Touch, default_touch, trace_scan
+from whisker_array.scan import Scan, trace_scan
+from whisker_array.touch import Touch, default_touch
 from whisker_array.traces import Fidelity, SampleFlag
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"

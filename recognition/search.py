@@ -21,7 +21,7 @@ from recognition.decode import Placed, best_chain
 from recognition.frames import LineImage, line_image, padded, resampled
 from recognition.match import SEARCH_PIXELS, dense_scores
 from recognition.templates import TemplateCache, TemplateSet, stretched, template_key
-from whisker_array.scan import Touch
+from whisker_array.touch import Touch
 
 SCORE_FLOOR = 0.5
 """Correlation that earns nothing: what a wrong character typically reaches."""

@@ -31,7 +31,8 @@ from glyphs.glyph import Font, Glyph, signed_distance
 from glyphs.maps import HeightMap, TraceDirection
 from whisker_array.array import RasterPlan, WhiskerArray
 from whisker_array.edges import edge_map
-from whisker_array.scan import Touch, trace_scan
+from whisker_array.scan import trace_scan
+from whisker_array.touch import Touch
 from whisker_array.traces import Fidelity
 from whisker_array.whisker import TipModel
 

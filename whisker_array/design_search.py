@@ -29,6 +29,7 @@ _STEP = 1e-5
 _MAX_ITERATIONS = 50
 _POLISHES = 4
 _GAIN = 2e-5
+_WAIT = 6
 
 Objective = Callable[[LShaped, float], Values]
 """What is to be large, given whisker and preload: its smallest entry counts."""
@@ -170,6 +171,21 @@ class _Memory:
         return self.slopes[key]
 
 
+class _Patience:
+    """Ends a climb that no longer gains: on the kink where two natural frequencies cross SLSQP goes to and fro."""
+
+    def __init__(self, slack: Callable[[Values], Values]) -> None:
+        self.slack, self.top, self.waited = slack, -math.inf, 0
+
+    def __call__(self, y: Values) -> None:
+        kept = float(self.slack(y).min()) > _NEARLY - HELD
+        self.waited += 1
+        if kept and y[-1] > self.top + _GAIN * abs(y[-1]):
+            self.top, self.waited = float(y[-1]), 0
+        if math.isfinite(self.top) and self.waited > _WAIT:
+            raise StopIteration
+
+
 def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Candidate:
     """SLSQP from one start; only_reserve: away from the limits instead of towards contrast."""
     from scipy.optimize import minimize
@@ -196,6 +212,7 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
             "jac": lambda y: np.column_stack([memory.slope(inside(y), box), -share]),
         },
         method="SLSQP",
+        callback=_Patience(lambda y: memory.values(inside(y)) - share * y[-1]),
         options={"maxiter": _MAX_ITERATIONS, "ftol": 1e-6},
     )  # fmt: skip
     return problem.rate(*problem.decode(inside(found.x)))

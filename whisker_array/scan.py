@@ -21,8 +21,7 @@ from whisker_array.surface import (
     prepare_surface,
     sample_lines,
 )
-from whisker_array.touch import Touch as Touch
-from whisker_array.touch import default_touch as default_touch
+from whisker_array.touch import Touch
 from whisker_array.traces import Fidelity, SampleFlag, Traces
 
 

@@ -18,8 +18,9 @@ from glyphs.stamping import stamp
 from recognition.reader import Reader, ReaderSettings
 from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
-from whisker_array.scan import Scan, default_touch, trace_scan
+from whisker_array.scan import Scan, trace_scan
 from whisker_array.sensor import draw_sensor_chain
+from whisker_array.touch import default_touch
 
 TEXT = "KR804217"
 HEIGHT_MM = 5.0

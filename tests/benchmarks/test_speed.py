@@ -21,8 +21,8 @@ from glyphs.outlines import load_font
 from glyphs.stamping import stamp
 from whisker_array.contact import trace_contact
 from whisker_array.pointwise import trace_pointwise
-from whisker_array.scan import default_touch
 from whisker_array.surface import prepare_surface
+from whisker_array.touch import default_touch
 
 pytestmark = pytest.mark.benchmark
 

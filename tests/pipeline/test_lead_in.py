@@ -11,8 +11,9 @@ from glyphs.maps import HeightMap
 from pipeline.feel import plan_for
 from pipeline.lead_in import calibrate_scan
 from whisker_array.array import RasterPlan, WhiskerArray
-from whisker_array.scan import Scan, default_touch, trace_scan
+from whisker_array.scan import Scan, trace_scan
 from whisker_array.sensor import SensorChain, SensorError, draw_sensor_chain
+from whisker_array.touch import default_touch
 from whisker_array.traces import Fidelity
 
 

@@ -34,7 +34,8 @@ from recognition.reading import (
 )
 from whisker_array.array import RasterPlan, WhiskerArray
 from whisker_array.relief import Route, relief_from_edges
-from whisker_array.scan import Scan, default_touch, trace_scan
+from whisker_array.scan import Scan, trace_scan
+from whisker_array.touch import default_touch
 from whisker_array.traces import Fidelity
 
 EMPTY = Reading((), Decision.REJECT, 0.0, flags=ReadingFlag.NO_CHARACTERS)

@@ -17,7 +17,8 @@ from recognition.reader import Reader, ReaderSettings
 from recognition.templates import TemplateSet, predict_templates, template_key
 from whisker_array.array import ALL_DIRECTIONS, default_plan
 from whisker_array.edges import edge_map
-from whisker_array.scan import Touch, default_touch, trace_scan
+from whisker_array.scan import trace_scan
+from whisker_array.touch import Touch, default_touch
 
 CHARS = "K7B1"
 HEIGHT_MM = 5.0

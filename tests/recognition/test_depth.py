@@ -25,7 +25,8 @@ from recognition.templates import TemplateSet
 from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
 from whisker_array.relief import Relief, Route, relief_from_edges
-from whisker_array.scan import default_touch, trace_scan
+from whisker_array.scan import trace_scan
+from whisker_array.touch import default_touch
 
 TEXT = "KR804217"
 FELT_BIAS = {

@@ -18,8 +18,9 @@ from recognition.depth_rules import depth_rule
 from recognition.reader import Reader, ReaderSettings, ReadingWithEvidence
 from recognition.reading import Decision, Reading, ReadingFlag
 from whisker_array.array import ALL_DIRECTIONS, default_plan
-from whisker_array.scan import Scan, Touch, trace_scan
+from whisker_array.scan import Scan, trace_scan
 from whisker_array.sensor import draw_sensor_chain
+from whisker_array.touch import Touch
 from whisker_array.traces import Fidelity
 
 Make = Callable[..., StampedPart]

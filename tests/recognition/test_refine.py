@@ -14,7 +14,7 @@ from recognition.refine import Cell, fine_templates, refine_line
 from recognition.search import Hypothesis, LineFit, LineSearch
 from recognition.templates import TemplateCache
 from whisker_array.array import ALL_DIRECTIONS
-from whisker_array.scan import Touch
+from whisker_array.touch import Touch
 
 Second = Callable[[float], tuple[LineFit, LineFit, tuple[Cell, ...]]]
 

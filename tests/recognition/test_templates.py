@@ -25,7 +25,8 @@ from recognition.templates import (
 )
 from whisker_array.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
 from whisker_array.edges import edge_map
-from whisker_array.scan import Touch, default_touch, trace_scan
+from whisker_array.scan import trace_scan
+from whisker_array.touch import Touch, default_touch
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float:

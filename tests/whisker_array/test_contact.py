@@ -22,9 +22,10 @@ from whisker_array.contact import land_lag_mm, trace_contact
 from whisker_array.defaults import default_whisker
 from whisker_array.enhancement import land_moment_n_mm
 from whisker_array.pointwise import trace_pointwise
-from whisker_array.scan import default_touch, trace_scan
+from whisker_array.scan import trace_scan
 from whisker_array.sections import Rectangle, Round
 from whisker_array.surface import TouchSurface, prepare_surface, sample_lines
+from whisker_array.touch import default_touch
 from whisker_array.traces import SampleFlag, Traces
 from whisker_array.whisker import LShaped, Straight, TipModel
 

@@ -17,8 +17,9 @@ from whisker_array.array import ALL_DIRECTIONS, RasterPlan, default_plan
 from whisker_array.edges import calibrated_moments, edge_map
 from whisker_array.enhancement import moment_ratio
 from whisker_array.gridding import averaging
-from whisker_array.scan import Scan, default_touch, trace_scan, with_calibration
+from whisker_array.scan import Scan, trace_scan, with_calibration
 from whisker_array.sensor import Calibration, SensorChain, draw_sensor_chain
+from whisker_array.touch import default_touch
 from whisker_array.traces import Fidelity, SampleFlag
 
 TOUCH = default_touch(5.0)

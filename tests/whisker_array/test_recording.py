@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from glyphs.maps import HeightMap, TraceDirection
 from whisker_array.array import RasterPlan, WhiskerArray
 from whisker_array.recording import RecordingError, load_scan, save_calibration, save_scan
-from whisker_array.scan import Scan, default_touch, trace_scan, with_calibration
+from whisker_array.scan import Scan, trace_scan, with_calibration
 from whisker_array.sensor import Calibration, draw_sensor_chain
+from whisker_array.touch import default_touch
 from whisker_array.traces import Fidelity, SampleFlag
 
 ROOT = Path(__file__).parents[2]

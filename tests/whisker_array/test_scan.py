@@ -10,8 +10,9 @@ import pytest
 from glyphs.maps import HeightMap, MapError, TraceDirection
 from whisker_array.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
 from whisker_array.enhancement import land_moment_n_mm
-from whisker_array.scan import Scan, Touch, default_touch, trace_scan, with_calibration
+from whisker_array.scan import Scan, trace_scan, with_calibration
 from whisker_array.sensor import Calibration, SensorChain, SensorError, draw_sensor_chain
+from whisker_array.touch import Touch, default_touch
 from whisker_array.traces import Fidelity, SampleFlag
 
 PITCH = 0.05
