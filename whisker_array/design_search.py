@@ -176,13 +176,15 @@ class _Patience:
 
     def __init__(self, slack: Callable[[Values], Values]) -> None:
         self.slack, self.top, self.waited = slack, -math.inf, 0
+        self.best: Values | None = None
 
     def __call__(self, y: Values) -> None:
-        kept = float(self.slack(y).min()) > _NEARLY - HELD
+        if float(self.slack(y).min()) < _NEARLY - HELD:
+            return
         self.waited += 1
-        if kept and y[-1] > self.top + _GAIN * abs(y[-1]):
-            self.top, self.waited = float(y[-1]), 0
-        if math.isfinite(self.top) and self.waited > _WAIT:
+        if y[-1] > self.top + _GAIN * abs(y[-1]):
+            self.top, self.waited, self.best = float(y[-1]), 0, y.copy()
+        if self.waited > _WAIT:
             raise StopIteration
 
 
@@ -201,6 +203,7 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
     def inside(y: Values) -> Values:
         return np.clip(y[:-1], box[:, 0], box[:, 1])
 
+    patience = _Patience(lambda y: memory.values(inside(y)) - share * y[-1])
     found = minimize(
         lambda y: -y[-1],
         np.append(start, tau),
@@ -212,10 +215,13 @@ def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Can
             "jac": lambda y: np.column_stack([memory.slope(inside(y), box), -share]),
         },
         method="SLSQP",
-        callback=_Patience(lambda y: memory.values(inside(y)) - share * y[-1]),
+        callback=patience,
         options={"maxiter": _MAX_ITERATIONS, "ftol": 1e-6},
     )  # fmt: skip
-    return problem.rate(*problem.decode(inside(found.x)))
+    last = problem.rate(*problem.decode(inside(found.x)))
+    if _keeps(last) or patience.best is None:
+        return last
+    return problem.rate(*problem.decode(inside(patience.best)))
 
 
 def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Values]:

@@ -1,75 +1,83 @@
-"""`design` as an engineer uses it, and `scan` with what it wrote."""
+"""`design` as an engineer meets it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from glyphs.maps import HeightMap
-from pipeline.cli import main
-from pipeline.npz import write_npz
+from pipeline.command_design import design
+from pipeline.failing import FAILED, USAGE, CommandError
 from pipeline.whisker_file import read_whisker_file
-from whisker_array.enhancement import moment_ratio
-from whisker_array.recording import load_scan
+from whisker_array.whisker import LShaped
 
-ASKED = [
-    "--alpha",
-    "30:60",
-    "--mu",
-    "0.1:0.5",
-    "--depth-mm",
-    "0.2",
-    "--char-height-mm",
-    "5",
-    "--no-trade-offs",
-]
+ASKED = {"alpha": "30:60", "mu": "0.1:0.5", "depth_mm": 0.2, "char_height_mm": 5.0}
 
 
-def test_what_is_designed_is_written_drawn_and_scanned_with(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out, picture = tmp_path / "w.toml", tmp_path / "w.png"
-    assert main(["design", *ASKED, "--out", str(out), "--picture", str(picture)]) == 0
+def test_a_design_is_told_written_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, picture = tmp_path / "whisker.toml", tmp_path / "design.png"
+    assert design(**ASKED, out=out, picture=picture) == 0
     told = capsys.readouterr().out
-    for word in ("build", "worst edge contrast", "binds", "linear beam", "first frequency"):
-        assert word in told
-    assert picture.stat().st_size > 20_000
-    built = read_whisker_file(out)
-    # the two ends of the range, as eq. (16) has them: clearly edges, and no jam
-    ratio = moment_ratio(np.tan(np.radians([-60.0, -30.0, 30.0, 60.0])), 0.1, built.touch.tip)
-    assert np.isfinite(ratio).all()
-    assert (np.abs(ratio - 1.0) > 0.1).all()
-    part, scan = tmp_path / "plate.npz", tmp_path / "plate.h5"
-    z = np.zeros((120, 160), dtype=np.float32)
-    z[40:80, 70:90] = -0.2
-    write_npz(part, HeightMap(z, 0.1))
-    assert (
-        main(["scan", str(part), "--out", str(scan), "--whisker", str(out), "--profilers", "--two-way"]) == 0
-    )
-    felt = load_scan(scan)
-    assert len(felt.touches) == 2
-    assert any(sweep.plan.pushed for sweep in felt.sweeps)
-    np.testing.assert_allclose(felt.touch.tip.compliance_mm_per_n, built.touch.tip.compliance_mm_per_n)
+    read = read_whisker_file(out)
+    assert isinstance(read.whisker, LShaped)
+    assert f"l1 {read.whisker.l1_mm:.2f} mm" in told
+    assert f"preload {read.touch.preload_mm:.3f} mm" in told
+    for words in (
+        "worst edge contrast",
+        "binds",
+        "sideways slide allowed, mm",
+        "scan speed, mm/s",
+        "as designed",
+    ):
+        assert words in told
+    assert read.touch.friction == 0.2
+    assert read.speed_mm_s >= 50.0
+    assert picture.stat().st_size > 10_000
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["design.png", "whisker.toml"]
+
+
+def test_one_inclination_is_singled_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "tuned.pdf"
+    assert design(**ASKED, sensitive_to=45.0, picture=picture) == 0
+    told = capsys.readouterr().out
+    assert "null at 45 deg" in told
+    assert "F, mu = 0.29" in told
+    assert "-0.00" not in told
+    assert picture.read_bytes().startswith(b"%PDF")
+
+
+def test_a_level_whisker_can_be_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    assert design(**ASKED, beta_deg="0", trade_offs=False) == 0
+    told = capsys.readouterr().out
+    assert "beta 0.00 deg" in told
+    assert "scan speed, mm/s" not in told
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "says"),
     [
-        ("--alpha", "60:30"),
-        ("--alpha", "steep"),
-        ("--mu", "0.5:0.1"),
-        ("--depth-mm", "-1"),
-        ("--char-height-mm", "nan"),
+        ({"alpha": "60:30"}, "--alpha is '60:30'"),
+        ({"alpha": "steep"}, "--alpha is 'steep'"),
+        ({"alpha": "30:45:60"}, "write least:greatest"),
+        ({"alpha": "30:90"}, "below 90"),
+        ({"mu": "0.1:nan"}, "--mu"),
+        ({"mu": "-0.1:0.5"}, "friction"),
+        ({"depth_mm": 0.0}, "depth_mm"),
+        ({"char_height_mm": -5.0}, "character_height_mm"),
+        ({"beta_deg": "-10:45"}, "--beta-deg"),
+        ({"section": "round"}, "take a ribbon"),
+        ({"sensitive_to": 3.0}, "cannot be singled out"),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused(
-    change: tuple[str, str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    asked = list(ASKED)
-    asked[asked.index(change[0]) + 1] = change[1]
-    assert main(["design", *asked]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("tactile-marks: ")
-    assert change[1].split(":")[0] in said
+def test_bad_usage_is_one_line_and_status_2(change: dict[str, object], says: str) -> None:
+    with pytest.raises(CommandError) as told:
+        design(**(ASKED | change))
+    assert told.value.status == USAGE
+    assert says in str(told.value)
+
+
+@pytest.mark.parametrize(("flag", "name"), [("out", "w.json"), ("picture", "p.toml"), ("out", "none/w.toml")])
+def test_files_are_refused_before_the_search(tmp_path: Path, flag: str, name: str) -> None:
+    with pytest.raises(CommandError) as told:
+        design(**ASKED, **{flag: tmp_path / name})
+    assert told.value.status == FAILED

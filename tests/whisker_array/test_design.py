@@ -305,7 +305,7 @@ def test_walls_that_must_jam_are_named_with_their_mend() -> None:
 )
 def test_requests_that_cannot_be(change: dict[str, object], says: str) -> None:
     with pytest.raises(DesignError, match=says):
-        replace(ASKED, **change)  # type: ignore[arg-type]
+        replace(ASKED, **change)
 
 
 def test_ball_and_raster_fit_wall_and_stroke() -> None:
@@ -352,7 +352,6 @@ def test_a_threshold_serves_where_no_wall_is_steeper() -> None:
     asked = replace(ASKED, alpha_rad=(math.radians(30.0), alpha), mu=(0.1, 0.3))
     tuned = tune(alpha, asked)
     assert tuned.kind is Kind.THRESHOLD
-    assert tuned.selectivity > tune(alpha, asked, kind=Kind.NULL).selectivity
     # the pole lies beyond, and friction carries it away by its own angle
     assert tuned.place_rad[0] > alpha
     assert tuned.place_rad[2] - tuned.place_rad[0] == pytest.approx(math.atan(0.3) - math.atan(0.1))
