@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import HeightMap, TraceDirection
 from glyphs.wedge import Wedge
-from pipeline.atomic import replacing
 from whisker_array.array import RasterPlan, WhiskerArray
 from whisker_array.friction import FrictionRoute, land_friction
 from whisker_array.profiled import estimate_relief
@@ -176,17 +173,3 @@ def _errors(relief: Relief, wedge: Wedge) -> tuple[NDArray[np.float64], NDArray[
     slope_error = (steep - math.degrees(wedge.alpha_rad))[:, wall].ravel()
     depth_error = 1000.0 * (-relief.height_mm.astype(np.float64)[:, floor] - wedge.depth_mm).ravel()
     return slope_error, depth_error
-
-
-def write_trial(rows: Sequence[TrialRow], path: Path) -> None:
-    """Write the errors as a table; the file appears whole or not at all.
-
-    Raises:
-        FileProblem: it cannot be written.
-    """
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, [f.name for f in fields(TrialRow)])
-        writer.writeheader()
-        for row in rows:
-            values = asdict(row)
-            writer.writerow({n: f"{v:.5g}" if isinstance(v, float) else v for n, v in values.items()})

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import matplotlib
 
 from pipeline.atomic import replacing
-from pipeline.estimator_trial import TrialRow, write_trial
+from pipeline.estimator_trial import TrialRow
 from pipeline.figure_drawing import Drawing, FigureSettings, StepRow
 from pipeline.figure_elastica import elastica_figure
 from pipeline.figure_estimators import estimators_figure
@@ -90,15 +90,15 @@ def draw_gallery(
         if on_picture is not None:
             on_picture(path)
     tables = [folder / TABLE]
-    write_steps(rows, tables[0])
+    write_rows(rows, tables[0])
     if trial:
         tables.append(folder / TRIAL_TABLE)
-        write_trial(trial, tables[1])
+        write_rows(trial, tables[1])
     return Gallery(tuple(pictures), tuple(tables), tuple(rows))
 
 
-def write_steps(rows: Sequence[StepRow], path: Path) -> None:
-    """Write figures.csv; the file appears whole or not at all.
+def write_rows(rows: Sequence[StepRow] | Sequence[TrialRow], path: Path) -> None:
+    """Write figures.csv or estimators.csv; the file appears whole or not at all.
 
     Raises:
         FileProblem: it cannot be written.
@@ -106,7 +106,7 @@ def write_steps(rows: Sequence[StepRow], path: Path) -> None:
     import csv
 
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, [f.name for f in fields(StepRow)])
+        writer = csv.DictWriter(stream, [f.name for f in fields(rows[0])])
         writer.writeheader()
         for row in rows:
             values = asdict(row)
