@@ -37,6 +37,7 @@ app.command("pipeline.command_scan:scan", name="scan", help="Feel a height map w
 app.command("pipeline.command_scan:calibrate", name="calibrate", help="Calibrate a scan from its lead-in.")
 app.command("pipeline.command_demo:demo", name="demo", help="Make, scan and read a few parts.")
 app.command("pipeline.command_figures:figures", name="figures", help="Draw the paper's results and beyond.")
+app.command("pipeline.command_benchmark:benchmark", name="benchmark", help="How well dirty parts are read.")
 app.command("pipeline.command_design:design", name="design", help="Find the whisker to build.")
 _LIBRARY.command("pipeline.command_glyphs:list_fonts", name="list", help="List the fonts.")
 _LIBRARY.command("pipeline.command_glyphs:show", name="show", help="Draw a sheet of fonts.")

@@ -30,7 +30,8 @@ def scan(
     Parameters
     ----------
     height_map
-        .npz, .x3p, .sdf, .sur ...
+        .npz, .x3p, .sdf, .sur ... An .npz that tells of friction and soft dirt, as `synth --dirt` writes it, is felt
+        with them.
     out
         Recording to write, .h5.
     height_mm
@@ -44,7 +45,7 @@ def scan(
     whisker
         Whisker to scan with, as `design --out` writes it; one for the character height unless given.
     friction
-        True friction of the part, 0 to 1; the whisker's nominal one unless given.
+        True friction of the part, 0 to 1; what the file says, or the whisker's nominal one, unless given.
     profilers
         A second row of whiskers, whose moment is the profile: with it slopes are told apart from heights.
     two_way
@@ -54,6 +55,7 @@ def scan(
         from pipeline.atomic import check_writable
         from pipeline.feel import feel, plan_for
         from pipeline.files import is_scan, read_height_map
+        from pipeline.npz import read_soil
         from pipeline.whisker_file import read_whisker_file
         from whisker_array.defaults import default_whisker
         from whisker_array.recording import save_scan
@@ -67,6 +69,7 @@ def scan(
             raise CommandError(f"--height-mm is {height_mm}; it lies between 0 and 1000 mm", status=USAGE)
         check_writable(out)
         surface = read_height_map(height_map)
+        soil = read_soil(height_map) if height_map.suffix.lower() == ".npz" else None
         if friction is not None and not 0.0 <= friction <= 1.0:
             raise CommandError(f"--friction is {friction}; it lies between 0 and 1", status=USAGE)
         built = read_whisker_file(whisker) if whisker is not None else None
@@ -95,6 +98,7 @@ def scan(
             part_id=height_map.stem,
             touch=touch,
             friction=friction,
+            soil=soil,
         )
         save_scan(felt, out)
     print(

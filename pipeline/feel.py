@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from glyphs.maps import HeightMap
+from glyphs.soil import Soil
 from recognition.mounting import first_look, level
 from whisker_array.array import RasterPlan, default_plan
 from whisker_array.scan import Scan, trace_scan
@@ -52,6 +53,7 @@ def feel(
     part_id: str = "",
     touch: Touch | None = None,
     friction: float | None = None,
+    soil: Soil | None = None,
 ) -> Scan:
     """Scan the map; with noise the sensors have gains, offsets, drift, vibration and a 16 bit converter.
 
@@ -64,10 +66,11 @@ def feel(
         sensor_seed: of gains, offsets and noise.
         part_id: what the part is called.
         touch: of the first row; the default one for the height unless given.
-        friction: true friction of the part; the touch's nominal one unless given.
+        friction: true friction of the part; that of the soil unless given, without soil the touch's nominal one.
+        soil: dirt on the part, of which the map is the top; none unless given.
 
     Raises:
-        MapError: a map that cannot be scanned.
+        MapError: a map that cannot be scanned, or soil on another grid.
     """
     touch = touch if touch is not None else default_touch(height_mm)
     rng = np.random.default_rng(sensor_seed)
@@ -83,6 +86,7 @@ def feel(
         rng=rng if noise else None,
         part_id=part_id,
         friction=friction,
+        soil=soil,
         others=(profiling_touch(height_mm),) if plan.array.rows > 1 else (),
     )
     return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))

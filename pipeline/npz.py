@@ -1,5 +1,8 @@
 """Height maps as `.npz`: `z_mm` (rows, cols) in mm, NaN for dropouts, row 0 at the top, and one `pitch_mm`.
 
+Beside them may lie what is on the part: `friction`, `soft_mm` (thickness of dirt that yields, under `z_mm` as its
+top) and `hardness_mpa`, each a map on the same grid or one number.
+
 The header of a member is looked at before the member is unpacked: what is too large or of the wrong type is
 refused without taking the memory.
 """
@@ -15,14 +18,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import MAX_PIXELS, HeightMap
+from glyphs.soil import Soil
 from pipeline.atomic import replacing
 from pipeline.problems import FileProblem, damage_reported, require_file
+from whisker_array.defaults import NOMINAL_FRICTION
 
 MAX_FILE_BYTES = 1_000_000_000
 MAX_HEIGHT_MM = 1000.0
 MAX_PITCH_MM = 10.0
 _HEADER_BYTES = 10_000
 _NEEDED = ("z_mm", "pitch_mm")
+DEFAULT_HARDNESS_MPA = 10.0
+"""Of caked grime, where a file gives a thickness and no hardness."""
+
+
+@dataclass(frozen=True)
+class _SoilMember:
+    """What a member may hold, and what stands for it where it is missing."""
+
+    missing: float
+    least: float
+    most: float
+    mend: str
+
+
+_SOIL = {
+    "friction": _SoilMember(
+        NOMINAL_FRICTION, 0.0, 2.0, "give Coulomb coefficients from 0 to 2, mostly 0.05 to 0.6"
+    ),
+    "soft_mm": _SoilMember(
+        0.0, 0.0, MAX_HEIGHT_MM, "give the thickness of soft dirt in mm, 0 where there is none"
+    ),
+    "hardness_mpa": _SoilMember(
+        DEFAULT_HARDNESS_MPA,
+        1e-4,
+        1e6,
+        "give the pressure in MPa at which the dirt yields, grease 0.1, grime 10",
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -65,6 +98,58 @@ def read_npz(path: Path) -> HeightMap:
         return make_map(path, z, pitch_mm)
 
 
+def read_soil(path: Path) -> Soil | None:
+    """What lies on the part of an `.npz` file, on the grid of its `z_mm`; None if the file tells nothing of it.
+
+    A member that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal friction.
+
+    Raises:
+        FileProblem: a member of another shape, not finite or out of range; or a file that cannot be read.
+    """
+    require_file(path, most_bytes=MAX_FILE_BYTES)
+    with damage_reported(path, kind=".npz"), zipfile.ZipFile(path) as archive:
+        held = [name for name in _SOIL if f"{name}.npy" in archive.namelist()]
+        if not held:
+            return None
+        if "z_mm.npy" not in archive.namelist():
+            raise FileProblem(path, f"has {held[0]} and no z_mm", "save the height map with it")
+        heights = _look(path, archive, "z_mm")
+        _check_heights(path, heights)
+        for name in held:
+            member = _look(path, archive, name)
+            if member.shape != heights.shape and member.size != 1:
+                raise FileProblem(
+                    path,
+                    f"{name} has shape {member.shape}, z_mm {heights.shape}",
+                    "give both on one grid, or one number",
+                )
+        values = {name: _load_soil(path, archive, name) for name in held}
+        shape = (heights.shape[0], heights.shape[1])
+        friction, soft, hardness = (
+            np.broadcast_to(values.get(name, np.float32(member.missing)), shape)
+            for name, member in _SOIL.items()
+        )
+        return Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
+
+
+def _load_soil(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[np.float32]:
+    values, rule = _load(archive, name), _SOIL[name]
+    if not np.isfinite(values).all():
+        raise FileProblem(
+            path, f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.mend
+        )
+    # in the member's own precision: float32 would turn 1e300 into an infinity
+    low, high = float(values.min()), float(values.max())
+    if low < rule.least or high > rule.most:
+        raise FileProblem(path, f"{name} runs from {low:.3g} to {high:.3g}", rule.mend)
+    return np.asarray(values if values.size > 1 else values.reshape(()), dtype=np.float32)
+
+
+def soil_members(soil: Soil) -> dict[str, object]:
+    """The arrays that `read_soil` looks for, to be written with `write_npz(more=)`."""
+    return {"friction": soil.friction, "soft_mm": soil.thickness_mm, "hardness_mpa": soil.hardness_mpa}
+
+
 def _look(path: Path, archive: zipfile.ZipFile, name: str) -> _Member:
     """Read the header of one member, and check that the archive holds as much as it declares."""
     info = archive.getinfo(f"{name}.npy")
@@ -76,7 +161,7 @@ def _look(path: Path, archive: zipfile.ZipFile, name: str) -> _Member:
         shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
     member = _Member(shape, dtype)
     if dtype.hasobject or dtype.kind not in "fiu":
-        raise FileProblem(path, f"{name} is of type {dtype}", "it must hold real numbers in mm")
+        raise FileProblem(path, f"{name} is of type {dtype}", "it must hold real numbers")
     if member.size <= MAX_PIXELS and info.file_size < member.size * dtype.itemsize:
         raise FileProblem(path, f"{name} is shorter than it declares", "copy or save it again")
     return member

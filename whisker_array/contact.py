@@ -15,6 +15,11 @@ Where the wall's friction leaves the tip no way to rise, e_y.D11 (n - mu t) <= 0
 come so far but is caught at the wall's foot, where the slope is just short of that: then it is held there, the base
 walks on and the force grows without end, so a force many times the land's is a jam as well. Where the normal
 force vanishes, contact is *lost*. All are flags of the sample.
+
+Dirt that yields (`soft`) puts h in between its top and what lies below, by the load it carries: kappa s = f_n. The
+sinkage s is a third unknown of the same iteration: on slopes f_n at a place held fixed changes with s many times
+faster than e says, or the wrong way, so no step for s alone settles. The track's slopes take load and e of the last
+sample.
 """
 
 from __future__ import annotations
@@ -25,6 +30,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
+from whisker_array.soft import LEAST_GIVE
 from whisker_array.surface import TouchSurface
 from whisker_array.traces import SampleFlag, Traces
 from whisker_array.whisker import TipModel
@@ -63,9 +69,58 @@ def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
     )
 
 
+@njit(cache=True, fastmath=True, inline="always")  # type: ignore[untyped-decorator,unused-ignore]
+def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def]
+    """Height and slopes of the track between bottom (h, p, q) and top, the thickness, and which part is the track's.
+
+    `last` is the load of the last sample: slopes that turned with the load would make the tip hunt at the bottom.
+    """
+    h_top, p_top, q_top, kappa, kappa_x, kappa_z = top
+    thickness = max(h_top - h, 0.0)
+    sinkage = min(load / kappa, thickness)
+    free = last / kappa
+    # sinkage / load, bounded where the dirt is pushed through however soft it is
+    bend = min(free, thickness) * min(1.0 / kappa, thickness / max(last, 1e-12))
+    share = kappa * give / (1.0 + kappa * give)
+    p_track = share * (p_top + bend * kappa_x)
+    q_track = share * (q_top + bend * kappa_z)
+    # where the track meets the bottom slopes turn over two samples, as differences on the grid do; but not where
+    # next to nothing sinks in: the slopes of the top have met the bottom already
+    apart = max(math.hypot(p_track - p, q_track - q) * pitch, 1e-9)
+    part = 0.5 + 0.5 * (thickness - free + max(apart - free, 0.0)) / apart
+    part = min(max(part, 0.0), 1.0)
+    return h + thickness - sinkage, p + part * (p_track - p), q + part * (q_track - q), thickness, part
+
+
+@njit(cache=True, fastmath=True, inline="always")  # type: ignore[untyped-decorator,unused-ignore]
+def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignore[no-untyped-def]
+    """Newton's step in x, z and sinkage s: both balances along the track, and kappa s = f_n, by Cramer's rule."""
+    p, q, inv_norm = track
+    ux, uz = friction
+    # change of the force, in components and along the normal, by x, z and s
+    x0, x1, x2 = K[0, 0] + K[0, 1] * top[0], K[0, 1] + K[1, 1] * top[0], K[0, 2] + K[1, 2] * top[0]
+    z0, z1, z2 = K[0, 2] + K[0, 1] * top[1], K[1, 2] + K[1, 1] * top[1], K[2, 2] + K[1, 2] * top[1]
+    nx, nz = (x1 - p * x0 - q * x2) * inv_norm, (z1 - p * z0 - q * z2) * inv_norm
+    y0, y1, y2 = -top[2] * K[0, 1], -top[2] * K[1, 1], -top[2] * K[1, 2]
+    ns = (y1 - p * y0 - q * y2) * inv_norm
+    a, b, c = x0 + p * x1 + ux * nx + turning[0], z0 + p * z1 + ux * nz + turning[1], y0 + p * y1 + ux * ns
+    d, e, f = x2 + q * x1 + uz * nx + turning[1], z2 + q * z1 + uz * nz + turning[2], y2 + q * y1 + uz * ns
+    g, h, i = kappa[1] - nx, kappa[2] - nz, kappa[0] - ns
+    u, v, w = rest
+    det = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    det = det if abs(det) > 1e-30 else 1e-30  # a huge step is cut, a NaN would stay
+    step_x = u * (e * i - f * h) - b * (v * i - f * w) + c * (v * h - e * w)
+    step_z = a * (v * i - f * w) - u * (d * i - f * g) + c * (d * w - v * g)
+    step_s = a * (e * w - v * h) - b * (d * w - v * g) + u * (d * h - e * g)
+    return -step_x / det, -step_z / det, -step_s / det
+
+
 @njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
-    """One whisker's line; the state (previous tip) lives here, so that lines run in parallel."""
+def _trace_line(fields, top, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
+    """One whisker's line; the state (previous tip) lives here, so that lines run in parallel.
+
+    `top` is None without yielding dirt: numba then leaves out all that concerns it as it compiles.
+    """
     inv_pitch = 1.0 / pitch
     cols = fields.shape[1]
     k00, k01, k02 = K[0, 0], K[0, 1], K[0, 2]
@@ -74,15 +129,25 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
     tol2 = (TOLERANCE_STEPS * step) ** 2
     limit = 0.5 * max(pitch, step)
     xp, zp = start - step, z_free
+    if top is not None:
+        give, load = D[1, 1], d0 / D[1, 1]
     for j in range(moment.size):
         x_command = start + j * step
         x_free = x_command - lag
         x, z = xp + step, zp
         converged = False
+        if top is not None:
+            give_last, load_last = give, load
         damping, mx_last, mz_last, size2_last = 1.0, 0.0, 0.0, 0.0
         f0 = f1 = f2 = h = p = q = mu = sx = sz = length = 0.0
         for _ in range(MAX_ITERATIONS):
             h, p, q, mu = _look_up(fields, x, z, inv_pitch)
+            if top is not None:
+                kappa, kappa_x, kappa_z, near = _look_up(top[:, :, 3:], x, z, inv_pitch)
+                if near > 0.0:
+                    h_top, p_top, q_top, _ = _look_up(top, x, z, inv_pitch)
+                    above, p_bottom, q_bottom = (h_top, p_top, q_top, kappa, kappa_x, kappa_z), p, q
+                    h, p, q, thickness, part = _sink(h, p, q, above, give_last, load_last, load, pitch)
             d0x, d1, d2 = x - x_free, h + d0, z - z_free
             f0 = k00 * d0x + k01 * d1 + k02 * d2
             f1 = k01 * d0x + k11 * d1 + k12 * d2
@@ -91,7 +156,8 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
             a0, a1 = k00 + k01 * p, k01 + k11 * p
             b0, b1, b2 = k02 + k01 * q, k12 + k11 * q, k22 + k12 * q
             inv_norm = 1.0 / math.sqrt(1.0 + p * p + q * q)
-            push = mu * max((f1 - p * f0 - q * f2) * inv_norm, 0.0)
+            f_n = max((f1 - p * f0 - q * f2) * inv_norm, 0.0)
+            push = mu * f_n
             dx, dz = x - xp, z - zp
             slide = p * dx + q * dz
             sx, sz = dx + p * slide, dz + q * slide
@@ -107,6 +173,22 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
             det = hxx * hzz - hxz * hxz
             mx = -(hzz * rx - hxz * rz) / det
             mz = -(hxx * rz - hxz * rx) / det
+            if top is not None:
+                tx, tz = dx * inv_len, dz * inv_len
+                give = (
+                    D[1, 0] * (-p * inv_norm - mu * tx)
+                    + D[1, 1] * (inv_norm - mu * (p * tx + q * tz))
+                    + D[1, 2] * (-q * inv_norm - mu * tz)
+                )
+                give = max(give, LEAST_GIVE * D[1, 1])
+                if near > 0.0:
+                    bend = min(load / kappa, thickness)
+                    mx, mz, deeper = _sinking_step(
+                        K, (p, q, inv_norm),
+                        (p_bottom + part * (p_top - p_bottom), q_bottom + part * (q_top - q_bottom), part),
+                        (kappa, bend * kappa_x, bend * kappa_z), (mu * ux, mu * uz), (rx, rz, load - f_n),
+                        (w * (1.0 + p * p - ux * ux), w * (p * q - ux * uz), w * (1.0 + q * q - uz * uz)),
+                    )  # fmt: skip
             size2 = mx * mx + mz * mz
             # In a valley the slope turns under the tip, which J^T K J knows nothing of: Newton steps to and fro.
             if mx * mx_last + mz * mz_last < -0.25 * size2_last:
@@ -118,7 +200,15 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
             if size2 * scale * scale > limit * limit:
                 scale = limit / math.sqrt(size2)
             x, z = x + scale * mx, z + scale * mz
-            if size2 < tol2:
+            settled = True
+            if top is not None:
+                if near > 0.0:
+                    sinkage, before = load / kappa + scale * deeper, min(load / kappa, thickness)
+                    load = max(kappa + scale * (kappa_x * mx + kappa_z * mz), 0.5 * kappa) * max(sinkage, 0.0)
+                    settled = abs(min(sinkage, thickness) - before) < TOLERANCE_STEPS * step
+                else:
+                    load = f_n
+            if size2 < tol2 and settled:
                 converged = True
                 break
         flag = np.uint8(0)
@@ -151,9 +241,9 @@ def _trace_line(fields, pitch, z_free, start, step, lag, d0, K, D, arm, moment, 
 
 
 @njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _trace_lines(fields, pitch, lines, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
+def _trace_lines(fields, top, pitch, lines, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
     for i in prange(lines.size):
-        _trace_line(fields, pitch, lines[i], start, step, lag, d0, K, D, arm, moment[i], flags[i])
+        _trace_line(fields, top, pitch, lines[i], start, step, lag, d0, K, D, arm, moment[i], flags[i])
 
 
 def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
@@ -202,7 +292,8 @@ def trace_contact(
     flags = np.empty((lines.size, n_samples), dtype=np.uint8)
     lag = land_lag_mm(tip, preload_mm=preload_mm, friction=nominal_friction)
     _trace_lines(
-        surface.fields, surface.pitch_mm, lines, float(start_mm), float(step_mm), lag, float(preload_mm),
+        surface.fields, surface.yielding, surface.pitch_mm, lines, float(start_mm), float(step_mm), lag,
+        float(preload_mm),
         np.ascontiguousarray(tip.stiffness_n_per_mm), np.ascontiguousarray(tip.compliance_mm_per_n),
         np.ascontiguousarray(tip.moment_arm_mm), moment, flags,
     )  # fmt: skip

@@ -6,7 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import MAX_PIXELS, HeightMap, MapError
+from glyphs.soil import Soil
 from whisker_array.surface import Friction, fill_dropouts
+
+_NOTHING_MM = 1e-6
+"""Rounding leaves less than this between two interpolated maps that are alike."""
 
 
 def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) -> tuple[HeightMap, Friction]:
@@ -27,7 +31,7 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
     pitch = height_map.pitch_mm
     ratio = pitch / target_mm
     if ratio > 1.0 + 1e-6:
-        factor = int(np.ceil(ratio - 1e-6))
+        factor = _factor(ratio)
         rows, cols = height_map.shape
         if rows * cols * factor**2 > MAX_PIXELS:
             raise MapError(
@@ -37,19 +41,67 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
         filled, dropout = fill_dropouts(height_map.z_mm)
         z = _interpolate(filled, factor, order=3)
         z[_repeat(dropout, factor)[: z.shape[0], : z.shape[1]]] = np.nan
-        if isinstance(friction, np.ndarray):
-            # linear: a cubic would swing below zero beside the rim of an oil patch
-            friction = _interpolate(friction, factor, order=1)
-        return HeightMap(z, pitch / factor), friction
-    block = int(np.floor(0.5 / ratio + 1e-6))
-    # an odd block has its centre on a sample; the padding makes sample 0 the centre of block 0
-    block -= 1 - block % 2
+        return HeightMap(z, pitch / factor), _fit_beside(friction, factor, 1)
+    block = _block(ratio)
     if block < 2:
         return height_map, friction
-    z = _average(height_map.z_mm, block)
-    if isinstance(friction, np.ndarray):
-        friction = _average(friction, block)
-    return HeightMap(z, pitch * block), friction
+    return HeightMap(_average(height_map.z_mm, block), pitch * block), _fit_beside(friction, 1, block)
+
+
+def pad_soil(soil: Soil, samples: int) -> Soil:
+    """The dirt with its rim replicated outwards on all sides."""
+    thickness, hardness, friction = (
+        np.pad(a, samples, mode="edge") for a in (soil.thickness_mm, soil.hardness_mpa, soil.friction)
+    )
+    return Soil(thickness_mm=thickness, hardness_mpa=hardness, friction=friction)
+
+
+def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float) -> Soil:
+    """Bring the dirt on a map to the grid that `fit_pitch` has brought the map to.
+
+    What lies below the dirt is brought along as the map is, and the thickness is what is left between: a cubic would
+    otherwise draw the edge of the dirt into the metal under it.
+
+    Args:
+        soil: on the grid of `top`.
+        top: the map as given.
+        fitted: the map as brought to its new grid.
+        target_mm: as given to `fit_pitch`.
+    """
+    if fitted is top:
+        return soil
+    ratio = top.pitch_mm / target_mm
+    factor, block = (_factor(ratio), 1) if fitted.pitch_mm < top.pitch_mm else (1, _block(ratio))
+    friction, hardness = (
+        np.asarray(_fit_beside(beside, factor, block)) for beside in (soil.friction, soil.hardness_mpa)
+    )
+    thickness = np.zeros(fitted.shape, dtype=np.float32)
+    if soil.thickness_mm.any():
+        below, _ = fit_pitch(HeightMap(top.z_mm - soil.thickness_mm, top.pitch_mm), 0.0, target_mm=target_mm)
+        between = np.nan_to_num(fitted.z_mm - below.z_mm)
+        thickness = np.where(between > _NOTHING_MM, between, 0.0).astype(np.float32)
+    return Soil(thickness_mm=thickness, hardness_mpa=hardness, friction=friction)
+
+
+def _factor(ratio: float) -> int:
+    """Samples to be made of one, where the grid is coarser than the step by this ratio."""
+    return int(np.ceil(ratio - 1e-6))
+
+
+def _block(ratio: float) -> int:
+    """Samples to be averaged to one: odd, since such a block has its centre on a sample."""
+    block = int(np.floor(0.5 / ratio + 1e-6))
+    return block - (1 - block % 2)
+
+
+def _fit_beside(beside: Friction, factor: int, block: int) -> Friction:
+    """A map on the same grid brought along; a number stays one."""
+    if not isinstance(beside, np.ndarray):
+        return beside
+    if factor > 1:
+        # linear: a cubic would swing below zero beside the rim of an oil patch
+        return _interpolate(beside, factor, order=1)
+    return _average(beside, block) if block > 1 else beside
 
 
 def _interpolate(values: NDArray[np.float32], factor: int, *, order: int) -> NDArray[np.float32]:

@@ -8,21 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import HeightMap, MapError, TraceDirection
+from glyphs.soil import Soil
 from whisker_array.array import RasterPlan, SweepPlan
-from whisker_array.contact import trace_contact
-from whisker_array.pointwise import trace_pointwise
-from whisker_array.regrid import fit_pitch
+from whisker_array.regrid import fit_pitch, fit_soil, pad_soil
 from whisker_array.sensor import Calibration, SensorChain, measure
-from whisker_array.surface import (
-    Friction,
-    TouchSurface,
-    check_friction,
-    orient,
-    prepare_surface,
-    sample_lines,
-)
+from whisker_array.surface import Friction, TouchSurface, check_friction, check_soil, prepare_surface
 from whisker_array.touch import Touch
-from whisker_array.traces import Fidelity, SampleFlag, Traces
+from whisker_array.traces import Fidelity, SampleFlag
+from whisker_array.tracing import trace_sweep
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,22 +122,26 @@ def trace_scan(
     rng: np.random.Generator | None = None,
     part_id: str = "",
     others: tuple[Touch, ...] = (),
+    soil: Soil | None = None,
 ) -> Scan:
     """Run the virtual array over a height map.
 
     Args:
-        height_map: the surface; its land should lie about level at zero, as a stage would mount the part.
+        height_map: the surface; its land should lie about level at zero, as a stage would mount the part. Of a
+            soiled part it is the top of the dirt.
         touch: whisker, preload, tip.
         plan: passes and directions.
         fidelity: pointwise formula or frictional contact.
-        friction: true friction of the surface, a number or a (rows, cols) map; the nominal one unless given.
+        friction: true friction of the surface, a number or a (rows, cols) map; that of the soil unless given, and
+            the nominal one without soil.
         sensor: gains, noise, converter; an ideal sensor unless given.
         rng: needed with a sensor that has noise.
         part_id: what the part is called.
         others: touches of the further rows of the plan's array.
+        soil: friction of the part, and dirt into which the tip sinks (`whisker_array.soft`); none unless given.
 
     Raises:
-        MapError: a friction map that does not fit.
+        MapError: a friction map or soil that does not fit.
         ValueError: a sensor without `rng`, or for another number of whiskers; a touch missing for a row.
     """
     if len(others) != plan.array.rows - 1:
@@ -155,13 +152,18 @@ def trace_scan(
         raise ValueError(
             "a sensor chain draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
         )
-    mu = check_friction(touch.friction if friction is None else friction, height_map.shape)
+    if friction is None:
+        friction = touch.friction if soil is None else soil.friction
+    mu = check_friction(friction, height_map.shape)
     # pad so that lead-in and outermost lines stand on replicated rim, then make the grid as fine as the steps
     pad = int(np.ceil((plan.lead_mm + 2.0 * plan.line_pitch_mm) / height_map.pitch_mm)) + 1
     padded = HeightMap(np.pad(height_map.z_mm, pad, mode="edge"), height_map.pitch_mm)
     if isinstance(mu, np.ndarray):
         mu = np.pad(mu, pad, mode="edge")
     fitted, mu = fit_pitch(padded, mu, target_mm=plan.sample_pitch_mm)
+    if soil is not None:
+        check_soil(soil, height_map.shape)
+        soil = fit_soil(pad_soil(soil, pad), padded, fitted, target_mm=plan.sample_pitch_mm)
     origin = -pad * height_map.pitch_mm
     size = height_map.size_mm
     touches = (touch, *others)
@@ -169,7 +171,7 @@ def trace_scan(
     for each in touches:
         if each.tip_radius_mm not in surfaces:
             surfaces[each.tip_radius_mm] = prepare_surface(
-                fitted, tip_radius_mm=each.tip_radius_mm, friction=mu
+                fitted, tip_radius_mm=each.tip_radius_mm, friction=mu, soil=soil
             )
     n = plan.array.n_whiskers
     sweeps = []
@@ -178,7 +180,7 @@ def trace_scan(
         for i, each in enumerate(touches):
             own = replace(sweep, line_mm=sweep.line_mm[:, i * n : (i + 1) * n])
             surface = surfaces[each.tip_radius_mm]
-            traces = _trace_sweep(surface, own, touch=each, fidelity=fidelity, origin_mm=origin, size_mm=size)
+            traces = trace_sweep(surface, own, touch=each, fidelity=fidelity, origin_mm=origin, size_mm=size)
             shape = (*own.line_mm.shape, own.n_samples)
             moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
             air = np.zeros((*shape[:2], plan.air_samples), dtype=np.float32)
@@ -208,57 +210,6 @@ def trace_scan(
         others=others,
         kind=tuple(int(i) for i in np.repeat(np.arange(len(touches)), n)),
     )
-
-
-def _trace_sweep(
-    surface: TouchSurface,
-    sweep: SweepPlan,
-    *,
-    touch: Touch,
-    fidelity: Fidelity,
-    origin_mm: float,
-    size_mm: tuple[float, float],
-) -> Traces:
-    """Trace one sweep; `origin_mm` is the plate coordinate of the padded surface's first sample, both axes.
-
-    Lead-in and lead-out may run on the replicated rim; any other sample beyond the part is OUTSIDE.
-    """
-    oriented = orient(surface, sweep.direction)
-    length = (oriented.shape[1] - 1) * surface.pitch_mm
-    start = sweep.start_mm - origin_mm
-    if sweep.direction.backward:
-        start = length - start
-    lines = sweep.line_mm.ravel() - origin_mm
-    # half a thousandth of a step: places that rounding puts beyond the rim still stand on it
-    slack = 5e-4 * sweep.step_mm
-    reach_along, reach_across = size_mm if sweep.direction.along_x else size_mm[::-1]
-    across, along = sweep.line_mm.ravel(), sweep.position_mm()
-    on_part = (across >= -slack) & (across <= reach_across + slack)
-    beyond = (along < -slack) | (along > reach_along + slack)
-    beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False
-    heights, mu, dropout = sample_lines(
-        oriented, lines_mm=lines[on_part], start_mm=start, step_mm=sweep.step_mm, n_samples=sweep.n_samples
-    )
-    tip = touch.tip.pushed() if sweep.pushed else touch.tip
-    if fidelity is Fidelity.POINTWISE:
-        some = trace_pointwise(heights, tip, step_mm=sweep.step_mm, preload_mm=touch.preload_mm, friction=mu)
-    else:
-        some = trace_contact(
-            oriented,
-            tip,
-            lines_mm=lines[on_part],
-            start_mm=start,
-            step_mm=sweep.step_mm,
-            n_samples=sweep.n_samples,
-            preload_mm=touch.preload_mm,
-            nominal_friction=touch.friction,
-        )
-    moment = np.zeros((lines.size, sweep.n_samples), dtype=np.float32)
-    flags = np.full(moment.shape, np.uint8(SampleFlag.OUTSIDE))
-    moment[on_part] = some.moment_n_mm
-    flags[on_part] = some.flags | np.where(dropout, np.uint8(SampleFlag.DROPOUT), np.uint8(0))
-    flags[:, beyond] |= np.uint8(SampleFlag.OUTSIDE)
-    return Traces(moment_n_mm=moment, flags=flags)
 
 
 def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:

@@ -20,6 +20,8 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from glyphs.maps import HeightMap, MapError, TraceDirection
+from glyphs.soil import Soil
+from whisker_array.soft import carrying_stiffness_n_per_mm
 
 Friction: TypeAlias = float | NDArray[np.float32]
 """Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
@@ -30,14 +32,18 @@ class TouchSurface:
     """What a trace needs of a surface, sample by sample, in the plate frame.
 
     Attributes:
-        fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, friction.
+        fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, friction; of what the
+            tip stands on, below all dirt that yields.
         dropout: (rows, cols) bool: the height there was measured by nobody and filled from around.
         pitch_mm: grid pitch, mm.
+        yielding: (rows, cols, 7) float32, None where nothing yields: height and both slopes of the dirt's top, the
+            stiffness N/mm with which it carries the tip (`soft`), both slopes of that, and 1 where any of it is felt.
     """
 
     fields: NDArray[np.float32]
     dropout: NDArray[np.bool_]
     pitch_mm: float
+    yielding: NDArray[np.float32] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -137,25 +143,57 @@ def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
     return mu if mu.ndim > 0 else float(friction)
 
 
+def check_soil(soil: Soil, shape: tuple[int, int]) -> None:
+    """Refuse dirt that lies on another grid.
+
+    Raises:
+        MapError: it does.
+    """
+    if soil.shape != shape:
+        raise MapError(f"soil {soil.shape} does not fit the height map {shape}; give both on one grid")
+
+
 def prepare_surface(
-    height_map: HeightMap, *, tip_radius_mm: float = 0.0, friction: Friction = 0.2
+    height_map: HeightMap, *, tip_radius_mm: float = 0.0, friction: Friction = 0.2, soil: Soil | None = None
 ) -> TouchSurface:
     """Make a height map ready to be traced: fill, dilate by the tip, take slopes, lay the friction beside.
+
+    Where dirt yields, both its top and what lies below are dilated: the tip will stand somewhere in between.
 
     Args:
         height_map: the surface, (rows, cols).
         tip_radius_mm: ball radius at the whisker's tip, mm.
         friction: Coulomb coefficient, one number or a (rows, cols) map (oil lowers it in patches).
+        soil: dirt on the same grid, the height map being its top; its friction is not looked at here.
 
     Raises:
-        MapError: a friction map of another shape, negative or not finite.
+        MapError: a friction map of another shape, negative or not finite; soil of another shape.
     """
     mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
     filled, dropout = fill_dropouts(height_map.z_mm)
-    dilated = dilate_by_ball(filled, pitch_mm=height_map.pitch_mm, radius_mm=tip_radius_mm)
-    fields = np.empty((*height_map.shape, 4), dtype=np.float32)
-    _interleave(dilated, mu, np.float32(0.5 / height_map.pitch_mm), fields)
-    return TouchSurface(fields=fields, dropout=dropout, pitch_mm=height_map.pitch_mm)
+    pitch = height_map.pitch_mm
+    if soil is not None:
+        check_soil(soil, height_map.shape)
+    if soil is None or not soil.thickness_mm.any():
+        fields = _dilated_fields(filled, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
+        return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch)
+    fields = _dilated_fields(filled - soil.thickness_mm, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
+    stiffness = carrying_stiffness_n_per_mm(soil, tip_radius_mm=tip_radius_mm, pitch_mm=pitch)
+    none = np.zeros((1, 1), dtype=np.float32)
+    top = _dilated_fields(filled, none, pitch_mm=pitch, radius_mm=tip_radius_mm)[..., :3]
+    carrying = _dilated_fields(stiffness, none, pitch_mm=pitch, radius_mm=0.0)
+    carrying[..., 3] = (top != fields[..., :3]).any(axis=2)
+    yielding = np.concatenate([top, carrying], axis=2)
+    return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch, yielding=yielding)
+
+
+def _dilated_fields(
+    z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float, radius_mm: float
+) -> NDArray[np.float32]:
+    dilated = dilate_by_ball(z_mm, pitch_mm=pitch_mm, radius_mm=radius_mm)
+    fields = np.empty((*z_mm.shape, 4), dtype=np.float32)
+    _interleave(dilated, beside, np.float32(0.5 / pitch_mm), fields)
+    return fields
 
 
 def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
@@ -163,18 +201,22 @@ def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
 
     Rows are then the lateral coordinate, in its plate order. A kernel written for +x serves all directions.
     """
-    fields, dropout = surface.fields, surface.dropout
-    if not direction.along_x:
-        fields = fields.transpose(1, 0, 2)[:, :, [0, 2, 1, 3]]
-        dropout = dropout.T
-    if direction.backward:
-        fields = fields[:, ::-1] * np.array([1.0, -1.0, 1.0, 1.0], dtype=np.float32)
-        dropout = dropout[:, ::-1]
+    dropout = surface.dropout if direction.along_x else surface.dropout.T
     return replace(
         surface,
-        fields=np.ascontiguousarray(fields, dtype=np.float32),
-        dropout=np.ascontiguousarray(dropout),
+        fields=_orient(surface.fields, direction),
+        dropout=np.ascontiguousarray(dropout[:, ::-1] if direction.backward else dropout),
+        yielding=None if surface.yielding is None else _orient(surface.yielding, direction),
     )
+
+
+def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[np.float32]:
+    if not direction.along_x:
+        fields = fields.transpose(1, 0, 2)[:, :, [0, 2, 1, 3, 5, 4, 6][: fields.shape[2]]]
+    if direction.backward:
+        signs = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0], dtype=np.float32)
+        fields = fields[:, ::-1] * signs[: fields.shape[2]]
+    return np.ascontiguousarray(fields, dtype=np.float32)
 
 
 @njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]

@@ -1,0 +1,56 @@
+"""Random fields with a length: what dirt's patches and textures are made of."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Field = NDArray[np.float32]
+
+
+def smooth_noise(
+    shape: tuple[int, int], *, pitch_mm: float, length_mm: float, rng: np.random.Generator
+) -> Field:
+    """Gaussian noise of mean 0 and variance 1 whose autocorrelation falls to 1/e at `length_mm`.
+
+    Made by filtering white noise with a Gaussian in the frequency domain, so any length costs the same; the
+    field wraps round at the borders of a grid somewhat larger than the one asked for.
+
+    Args:
+        shape: (rows, cols).
+        pitch_mm: of the grid.
+        length_mm: the correlation length; 0 gives white noise.
+        rng: one draw a sample.
+
+    Returns:
+        (rows, cols) float32.
+    """
+    from scipy import fft
+
+    # room at the borders, so that opposite edges of the part do not match
+    room = min(int(2.0 * length_mm / pitch_mm), 2 * max(shape))
+    rows, cols = (int(fft.next_fast_len(n + room, real=True)) for n in shape)
+    white = rng.standard_normal((rows, cols), dtype=np.float32)
+    # a Gaussian of width s as filter gives an autocorrelation exp(-r^2 / 4 s^2): 1/e at r = 2 s
+    width = np.pi * length_mm / pitch_mm
+    down = np.exp(-0.5 * (width * np.fft.fftfreq(rows)) ** 2).astype(np.float32)
+    across = np.exp(-0.5 * (width * np.fft.rfftfreq(cols)) ** 2).astype(np.float32)
+    spectrum = fft.rfft2(white) * down[:, None] * across[None, :]
+    field = fft.irfft2(spectrum, s=(rows, cols))
+    # Parseval: the variance to expect, and not the sample's own, so that few large patches may be many or none
+    full = np.exp(-((width * np.fft.fftfreq(cols)) ** 2))
+    expected = float(np.mean(down.astype(np.float64) ** 2) * np.mean(full))
+    return np.asarray(field[: shape[0], : shape[1]] / np.sqrt(expected), dtype=np.float32)
+
+
+def share(noise: Field) -> Field:
+    """The noise as ranks 0 to 1: thresholding at 1 - f covers a share f of the plane, whatever its length."""
+    from scipy.special import ndtr
+
+    return np.asarray(ndtr(noise), dtype=np.float32)
+
+
+def ramp(values: Field, low: float | Field, high: float | Field) -> Field:
+    """0 below `low`, 1 above `high`, smooth between (the cubic 3 t^2 - 2 t^3)."""
+    t = np.clip((values - low) / np.maximum(np.subtract(high, low), 1e-9), 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t), dtype=np.float32)

@@ -1,0 +1,44 @@
+"""Thin things laid over a grid: points along a line, spread across it, the largest value kept a sample."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float64]
+
+
+def across(width_mm: float, pitch_mm: float) -> tuple[NDArray[np.float64], float]:
+    """Offsets (n,) across a line of that width, mm, symmetric and closer than a sample, and their distance."""
+    half = 0.5 * width_mm + 0.5 * pitch_mm
+    count = 2 * int(np.ceil(half / (0.6 * pitch_mm))) + 1
+    offsets = np.linspace(-half, half, count)
+    return offsets, float(offsets[1] - offsets[0])
+
+
+def spread(line: Points, side: Points, offsets: NDArray[np.float64]) -> Points:
+    """(points, offsets, 2): every point of a line moved along `side` ((2,) or (points, 2)) by every offset."""
+    side = np.broadcast_to(side, line.shape)
+    return np.asarray(line[:, None, :] + offsets[None, :, None] * side[:, None, :])
+
+
+def drop(grid: NDArray[np.float32], points: Points, values: NDArray[np.float64], *, pitch_mm: float) -> None:
+    """Keep at each sample of `grid`, in place, the largest of its value and those dropped on it.
+
+    Args:
+        grid: (rows, cols).
+        points: (..., 2) x, y in mm; those beside the grid are lost.
+        values: (...) one a point.
+        pitch_mm: of the grid.
+    """
+    at = np.rint(points.reshape(-1, 2) / pitch_mm).astype(np.int64)
+    v = values.reshape(-1).astype(np.float32)
+    inside = (at[:, 0] >= 0) & (at[:, 0] < grid.shape[1]) & (at[:, 1] >= 0) & (at[:, 1] < grid.shape[0])
+    np.maximum.at(grid, (at[inside, 1], at[inside, 0]), v[inside])
+
+
+def along(line: Points, step_mm: float) -> Points:
+    """The line resampled every `step_mm` or closer."""
+    lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+    s = np.linspace(0.0, lengths[-1], max(2, int(np.ceil(lengths[-1] / step_mm)) + 1))
+    return np.stack([np.interp(s, lengths, line[:, 0]), np.interp(s, lengths, line[:, 1])], axis=1)

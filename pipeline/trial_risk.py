@@ -1,0 +1,60 @@
+"""What refusing buys: the share of wrong serials among the surest, as more and more are let through.
+
+risk |            .--  all are let through: the share of wrong serials
+     |        .--'
+     |______-'         a good confidence keeps the risk at nought until only the wrong are left
+     +--------------
+       coverage   1
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class RiskCoverage:
+    """Risk against coverage.
+
+    Attributes:
+        coverage: (n,) 1/n, 2/n ... 1.
+        risk: (n,) share of wrong serials among so many of the surest; among equally sure ones, as expected of a
+            random order.
+        area: AURC, the mean of the risk.
+        least_area: AURC of a confidence that puts every wrong serial last.
+    """
+
+    coverage: NDArray[np.float64]
+    risk: NDArray[np.float64]
+    area: float
+    least_area: float
+
+    def coverage_at(self, risk: float) -> float:
+        """The largest coverage whose risk is no more than that; 0 where there is none."""
+        within = self.coverage[self.risk <= risk + 1e-12]
+        return float(within[-1]) if within.size else 0.0
+
+
+def risk_coverage(confidences: Sequence[float], right: Sequence[bool]) -> RiskCoverage:
+    """The curve over readings, the surest first.
+
+    Raises:
+        ValueError: lengths that differ.
+    """
+    said, wrong = np.asarray(confidences, dtype=np.float64), ~np.asarray(right, dtype=bool)
+    if said.shape != wrong.shape:
+        raise ValueError(f"{said.size} confidences for {wrong.size} readings")
+    if said.size == 0:
+        return RiskCoverage(np.zeros(0), np.zeros(0), 0.0, 0.0)
+    count = np.arange(1, said.size + 1)
+    levels, place = np.unique(-said, return_inverse=True)
+    # within a group of equal confidence every reading counts as the group's mean
+    mean_wrong = np.bincount(place, weights=wrong) / np.bincount(place)
+    expected = np.repeat(mean_wrong, np.bincount(place, minlength=levels.size))
+    risk = np.cumsum(expected) / count
+    best = np.cumsum(np.sort(wrong)) / count
+    return RiskCoverage(count / said.size, risk, float(risk.mean()), float(best.mean()))

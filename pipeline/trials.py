@@ -1,0 +1,235 @@
+"""What a benchmark keeps: one trial a part and mode, one line of JSON a part, appended as soon as it is done.
+
+    trials.jsonl    {"benchmark": {...}, "key": "..."}            the first line: what is tried, and its hash
+                    {"part": "...", "trials": [{...}, {...}]}     a part, read by every mode
+                    {"part": "...", "tri                          a last line may be torn: that part is tried again
+
+A folder that was left half done is taken up where it stood; one that holds another benchmark is refused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.atomic import replacing
+from pipeline.problems import FileProblem, require_file
+
+if TYPE_CHECKING:
+    from recognition.reading import Reading
+
+TRIALS_FILE = "trials.jsonl"
+_MAX_FILE_BYTES = 4_000_000_000
+
+
+@dataclass(frozen=True)
+class ReadCharacter:
+    """One character as read.
+
+    Attributes:
+        char: the first candidate.
+        confidence: belief in it, 0 to 1.
+        margin: that less the belief in the second candidate.
+    """
+
+    char: str
+    confidence: float
+    margin: float
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One part read by one mode.
+
+    Attributes:
+        part: name of the part, unique in the benchmark.
+        number: of the part among those of its severity, font and format.
+        severity: of the dirt, 0 to 1; None where it is not known.
+        font: of the mark.
+        format: mask of the serial; empty where none was told.
+        mode: what read it.
+        truth: what was stamped, without spaces.
+        text: what was read, without spaces; empty with an error.
+        decision: accept, review or reject; empty with an error.
+        confidence: that the whole text is right, 0 to 1.
+        characters: the places as read.
+        flags: what the reader says about it.
+        error: why there is no reading; empty when there is one.
+        compute_s: time that the program took for it, making the part not counted.
+        scan_s: time that the real array would take for the scan; 0 without touch.
+    """
+
+    part: str
+    number: int
+    severity: float | None
+    font: str
+    format: str
+    mode: str
+    truth: str
+    text: str = ""
+    decision: str = ""
+    confidence: float = 0.0
+    characters: tuple[ReadCharacter, ...] = ()
+    flags: str = ""
+    error: str = ""
+    compute_s: float = 0.0
+    scan_s: float = 0.0
+
+    @property
+    def right(self) -> bool:
+        """Whether the whole serial is right."""
+        return not self.error and self.text == self.truth
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the reader vouches for it."""
+        return self.decision == "accept"
+
+
+def answer_of(reading: Reading) -> dict[str, Any]:
+    """The fields of a trial that a reading fills."""
+    return {
+        "text": "".join(reading.text.split()),
+        "decision": reading.decision.value,
+        "confidence": round(float(reading.confidence), 6),
+        "characters": tuple(
+            ReadCharacter(c.char, round(float(c.confidence), 6), round(float(c.margin), 6))
+            for c in reading.characters
+        ),
+        "flags": "; ".join(reading.messages()),
+    }
+
+
+def key_of(description: Mapping[str, Any]) -> str:
+    """Hash of what is tried; equal descriptions have equal keys whatever the order of their entries."""
+    return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()[:16]
+
+
+@dataclass
+class TrialBook:
+    """The trials of one benchmark in its folder.
+
+    Attributes:
+        path: the file.
+        description: what is tried: plain JSON values.
+        done: trials by the part's name.
+
+    Raises:
+        FileProblem: the folder holds another benchmark, or a file that is damaged before its last line.
+    """
+
+    path: Path
+    description: Mapping[str, Any]
+    done: dict[str, tuple[Trial, ...]] = field(default_factory=dict)
+
+    @classmethod
+    def open(cls, folder: Path, description: Mapping[str, Any]) -> TrialBook:
+        """Take up the book in a folder, or begin one.
+
+        Raises:
+            FileProblem: see the class; or the folder cannot be written.
+        """
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileProblem(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+        book = cls(folder / TRIALS_FILE, description)
+        lines, whole_bytes = _whole_lines(book.path) if book.path.exists() else ([], 0)
+        if not lines:
+            with replacing(book.path) as temporary:
+                temporary.write_text(book._heading(), encoding="utf-8")
+            return book
+        book._check_heading(lines[0])
+        for number, line in enumerate(lines[1:], start=2):
+            book._take(line, number)
+        if whole_bytes < book.path.stat().st_size:
+            with book.path.open("rb+") as stream:
+                stream.truncate(whole_bytes)
+        return book
+
+    def add(self, part: str, trials: Iterable[Trial]) -> None:
+        """Append one part and keep it.
+
+        Raises:
+            FileProblem: it cannot be written.
+        """
+        kept = tuple(trials)
+        line = json.dumps({"part": part, "trials": [asdict(t) for t in kept]}, ensure_ascii=False)
+        try:
+            with self.path.open("a", encoding="utf-8") as stream:
+                stream.write(line + "\n")
+        except OSError as error:
+            raise FileProblem(
+                self.path, f"cannot be written ({error.strerror or error})", "make room and start it again"
+            ) from error
+        self.done[part] = kept
+
+    def _heading(self) -> str:
+        heading = {"benchmark": dict(self.description), "key": key_of(self.description)}
+        return json.dumps(heading, ensure_ascii=False) + "\n"
+
+    def _check_heading(self, line: str) -> None:
+        heading = _parsed(line)
+        held = heading.get("benchmark") if heading else None
+        if heading is None or not isinstance(held, dict):
+            raise FileProblem(self.path, "is no book of trials", "name another folder")
+        if heading.get("key") != key_of(self.description):
+            wanted = json.loads(json.dumps(dict(self.description)))
+            differ = sorted(k for k in {*held, *wanted} if held.get(k) != wanted.get(k))
+            told = "; ".join(
+                f"{k} was {_short(held.get(k))}, now {_short(wanted.get(k))}" for k in differ[:4]
+            )
+            raise FileProblem(
+                self.path, f"holds another benchmark ({told})", "name another folder or remove that one"
+            )
+
+    def _take(self, line: str, number: int) -> None:
+        record = _parsed(line)
+        try:
+            if record is None:
+                raise ValueError("no JSON")
+            self.done[record["part"]] = tuple(_trial(values) for values in record["trials"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileProblem(
+                self.path, f"line {number} is damaged ({error})", "remove that line; its part is tried again"
+            ) from error
+
+
+def _whole_lines(path: Path) -> tuple[list[str], int]:
+    """The lines that end, and how many bytes they take; a file without one is as good as none."""
+    if path.stat().st_size == 0:
+        return [], 0
+    require_file(path, most_bytes=_MAX_FILE_BYTES)
+    data = path.read_bytes()
+    whole = data[: data.rfind(b"\n") + 1]
+    try:
+        return whole.decode("utf-8").split("\n")[:-1], len(whole)
+    except UnicodeDecodeError as error:
+        raise FileProblem(path, "is no UTF-8 text", "name another folder") from error
+
+
+def _parsed(line: str) -> dict[str, Any] | None:
+    try:
+        value = json.loads(line)
+    except ValueError:
+        return None
+    return value if isinstance(value, dict) else None
+
+
+_FIELDS = frozenset(f.name for f in fields(Trial))
+
+
+def _trial(values: Mapping[str, Any]) -> Trial:
+    if set(values) != _FIELDS:
+        raise ValueError("the fields are not those of a trial")
+    characters = tuple(ReadCharacter(**c) for c in values["characters"])
+    return Trial(**{**values, "characters": characters})
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."
