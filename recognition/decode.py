@@ -26,8 +26,24 @@ class Placed:
     reward: float
 
 
+@dataclass(frozen=True, eq=False)
+class Spacing:
+    """How far apart the middles of neighbours usually stand: after[one] + before[next], pixels.
+
+    Attributes:
+        before, after: (T,) of each template.
+        cost: of a distance off by n pixels, times n^2.
+        limit: at most.
+    """
+
+    before: NDArray[np.float64]
+    after: NDArray[np.float64]
+    cost: float
+    limit: float
+
+
 @njit(cache=True)
-def _chain(reward, half, allowed, free, overlap, reach, gap_free, gap_cost, best, from_end, by_template):  # type: ignore[no-untyped-def]
+def _chain(reward, half, allowed, free, overlap, reach, gap_free, gap_cost, ahead, behind, step_cost, step_limit, best, from_end, by_template):  # type: ignore[no-untyped-def]
     """best[k, e]: most earned by k + 1 characters whose last ink ends at column e."""
     n_places, n_templates = allowed.shape
     cols = reward.shape[1]
@@ -48,6 +64,10 @@ def _chain(reward, half, allowed, free, overlap, reach, gap_free, gap_cost, best
                     for e in range(low, min(cols, start + overlap)):
                         gap = start - e
                         value = best[k - 1, e] - gap_cost * max(0, gap - gap_free)
+                        last = by_template[k - 1, e]
+                        if step_limit > 0.0 and last >= 0:
+                            off = c - (e - half[last]) - behind[last] - ahead[t]
+                            value -= min(step_cost * off * off, step_limit)
                         if value > before:
                             before, at = value, e
                     if at < 0:
@@ -71,6 +91,7 @@ def best_chain(
     reach: int,
     gap_free: int,
     gap_cost: float,
+    spacing: Spacing | None = None,
 ) -> tuple[float, tuple[Placed, ...]]:
     """The chain that earns most.
 
@@ -81,6 +102,7 @@ def best_chain(
         overlap: columns by which neighbours may intrude on each other.
         reach: columns of land allowed between neighbours.
         gap_free: columns of land that cost nothing; each further one costs `gap_cost`.
+        spacing: how far apart neighbours usually stand, if known.
 
     Returns:
         What it earned and the characters, left to right; (0, ()) when nothing earns anything, or when a fixed
@@ -89,12 +111,15 @@ def best_chain(
     free = allowed is None
     table = np.ones((MAX_CHARACTERS, reward.shape[0]), dtype=np.bool_) if allowed is None else allowed
     cols = reward.shape[1]
+    if spacing is None:
+        spacing = Spacing(np.zeros(reward.shape[0]), np.zeros(reward.shape[0]), 0.0, 0.0)
     best = np.full((table.shape[0], cols), _NONE)
     from_end = np.full((table.shape[0], cols), -1, dtype=np.int64)
     by_template = np.full((table.shape[0], cols), -1, dtype=np.int64)
     _chain(
         np.ascontiguousarray(reward), np.ascontiguousarray(half_cols), table, free,
-        overlap, reach, gap_free, float(gap_cost), best, from_end, by_template,
+        overlap, reach, gap_free, float(gap_cost), spacing.before, spacing.after,
+        float(spacing.cost), float(spacing.limit), best, from_end, by_template,
     )  # fmt: skip
     k = int(np.unravel_index(int(np.argmax(best)), best.shape)[0]) if free else table.shape[0] - 1
     end = int(np.argmax(best[k]))

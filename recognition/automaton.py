@@ -1,0 +1,276 @@
+"""The strings of one length that several rules allow, as layers of states: exact sums and the best of them.
+
+    place        0          1          2
+              .--A--> o --7--> o --4--.        layer i holds the states after i characters; a path through the
+    start -> o        |         `--9--> o      layers is a string, each string is one path; states from which
+              `--B--> o --1--> o --0--'        nothing can be finished are left out
+
+With a belief for every character at every place, a path's belief is the product of its steps. The sum over all
+paths, what of it runs through each step, and the best paths in order follow from sweeps over the layers, without
+writing out the strings: 36^8 strings with a check character are 8 layers of 37 states.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Places = NDArray[np.int64]
+Beliefs = NDArray[np.float64]
+MOST_STATES = 100_000
+"""States in a layer, at most."""
+
+
+class AutomatonError(ValueError):
+    """Rules that together need too many states."""
+
+
+class Machine(Protocol):
+    """One rule: where it stands after each character."""
+
+    def start(self, n_places: int) -> int:
+        """The state before the first of so many characters."""
+
+    def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> Places:
+        """(states, C): the next state of each state and character at this place; -1 where not allowed."""
+
+    def accepts(self, n_places: int) -> NDArray[np.bool_]:
+        """(states,): where the text may end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Automaton:
+    """Strings of one length.
+
+    Attributes:
+        chars: (C,) characters.
+        steps: one a place, (states before, C) int64: the state after it, -1 where there is none. The first has
+            one state before it, or none if no string is allowed; at the end every state is good.
+    """
+
+    chars: tuple[str, ...]
+    steps: tuple[Places, ...]
+
+    @property
+    def empty(self) -> bool:
+        """No string is allowed."""
+        return not self.steps or self.steps[0].shape[0] == 0
+
+    def places(self) -> tuple[str, ...]:
+        """The characters that stand at each place of some string."""
+        return tuple(
+            "".join(self.chars[k] for k in np.flatnonzero((step >= 0).any(axis=0))) for step in self.steps
+        )
+
+    def accepted(self, codes: Places) -> NDArray[np.bool_]:
+        """(words, places) indices of characters -> (words,): which are strings of this automaton."""
+        state = np.zeros(codes.shape[0], dtype=np.int64)
+        if self.empty:
+            return np.zeros(codes.shape[0], dtype=bool)
+        for place, step in enumerate(self.steps):
+            state = np.where(state < 0, -1, step[np.maximum(state, 0), codes[:, place]])
+        return np.asarray(state >= 0)
+
+    def log_mass(self, log_belief: Beliefs) -> float:
+        """Logarithm of the summed beliefs of all strings; -inf if there are none."""
+        return float(self._after(log_belief, best=False)[0][0]) if not self.empty else -np.inf
+
+    def log_marginals(self, log_belief: Beliefs) -> Beliefs:
+        """(places, C): logarithm of the summed beliefs of all strings with this character at this place."""
+        out = np.full(log_belief.shape, -np.inf)
+        if self.empty:
+            return out
+        after = self._after(log_belief, best=False)
+        before = np.zeros(1)
+        for place, step in enumerate(self.steps):
+            reach = before[:, None] + np.where(step >= 0, log_belief[place], -np.inf)
+            out[place] = _log_sum(reach + after[place + 1][step], axis=0)
+            before = _gathered(reach, step, after[place + 1].size)
+        return out
+
+    def best(self, log_belief: Beliefs) -> Iterator[tuple[str, float]]:
+        """Strings and the logarithms of their beliefs, best first, without end until all that are possible.
+
+        Best-first search whose bound is exact: the best that can still follow is known for every state, so
+        nothing is looked at that does not lead to the next string.
+        """
+        if self.empty:
+            return
+        after = self._after(log_belief, best=True)
+        ranked: dict[tuple[int, int], list[tuple[float, float, int, int]]] = {}
+
+        def children(place: int, state: int) -> list[tuple[float, float, int, int]]:
+            """(best to the end, belief, character, next state) of what may follow, best first."""
+            if (place, state) not in ranked:
+                to = self.steps[place][state]
+                whole = np.where(to >= 0, log_belief[place] + after[place + 1][to], -np.inf)
+                order = np.argsort(-whole, kind="stable")[: np.count_nonzero(whole > -np.inf)]
+                found = zip(whole[order], log_belief[place, order], order, to[order], strict=True)
+                ranked[place, state] = [(float(w), float(v), int(k), int(t)) for w, v, k, t in found]
+            return ranked[place, state]
+
+        # waiting: a beginning and the rank of the character to follow it; the next rank waits when it is taken
+        waiting: list[tuple[float, tuple[int, ...], int, int, float]] = []
+
+        def wait(path: tuple[int, ...], state: int, rank: int, so_far: float) -> None:
+            follow = children(len(path), state)
+            if rank < len(follow):
+                heapq.heappush(waiting, (-so_far - follow[rank][0], path, state, rank, so_far))
+
+        wait((), 0, 0, 0.0)
+        while waiting:
+            bound, path, state, rank, so_far = heapq.heappop(waiting)
+            _, belief, k, to = children(len(path), state)[rank]
+            wait(path, state, rank + 1, so_far)
+            if len(path) + 1 == len(self.steps):
+                yield "".join(self.chars[i] for i in (*path, k)), -bound
+            else:
+                wait((*path, k), to, 0, so_far + belief)
+
+    def _after(self, log_belief: Beliefs, *, best: bool) -> list[Beliefs]:
+        """For every layer, (states,): log of the sum, or of the best, over all ways from a state to the end."""
+        ends = int(self.steps[-1].max()) + 1
+        after = [np.zeros(ends)]
+        for place in range(len(self.steps) - 1, -1, -1):
+            step = self.steps[place]
+            ways = np.where(step >= 0, log_belief[place] + after[-1][step], -np.inf)
+            after.append(ways.max(axis=1) if best else _log_sum(ways, axis=1))
+        return after[::-1]
+
+
+@dataclass(frozen=True, eq=False)
+class WordList:
+    """Strings of one length written out: a lexicon.
+
+    Attributes:
+        chars: (C,) characters.
+        words: each once.
+    """
+
+    chars: tuple[str, ...]
+    words: tuple[str, ...]
+
+    @cached_property
+    def codes(self) -> Places:
+        """(words, places) int64 indices of the characters."""
+        return coded(self.words, self.chars)
+
+    @property
+    def empty(self) -> bool:
+        """No string is allowed."""
+        return not self.words
+
+    def places(self) -> tuple[str, ...]:
+        """The characters that stand at each place of some string."""
+        return tuple("".join(self.chars[k] for k in np.unique(column)) for column in self.codes.T)
+
+    def log_mass(self, log_belief: Beliefs) -> float:
+        """As `Automaton.log_mass`."""
+        return float(_log_sum(self._scores(log_belief), axis=0)) if self.words else -np.inf
+
+    def log_marginals(self, log_belief: Beliefs) -> Beliefs:
+        """As `Automaton.log_marginals`."""
+        out: Beliefs = np.full(log_belief.shape, -np.inf)
+        if self.words:
+            scores = self._scores(log_belief)
+            for place, column in enumerate(self.codes.T):
+                out[place] = _gathered(scores, column, len(self.chars))
+        return out
+
+    def best(self, log_belief: Beliefs) -> Iterator[tuple[str, float]]:
+        """As `Automaton.best`."""
+        if not self.words:
+            return
+        scores = self._scores(log_belief)
+        for k in np.argsort(-scores, kind="stable").tolist():
+            if scores[k] == -np.inf:
+                return
+            yield self.words[k], float(scores[k])
+
+    def _scores(self, log_belief: Beliefs) -> Beliefs:
+        return np.asarray(log_belief[np.arange(log_belief.shape[0]), self.codes].sum(axis=1))
+
+
+Strings = Automaton | WordList
+"""Allowed strings of one length, either way."""
+
+
+def coded(words: Sequence[str], chars: tuple[str, ...]) -> Places:
+    """(words, places) int64 indices of characters; all words of one length, of these characters only."""
+    number = {c: k for k, c in enumerate(chars)}
+    flat = np.fromiter((number[c] for word in words for c in word), dtype=np.int64)
+    return flat.reshape(len(words), -1)
+
+
+def unrolled(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...]) -> Automaton:
+    """All strings of a length that every machine allows.
+
+    Raises:
+        AutomatonError: the rules together need more than `MOST_STATES` states at a place.
+    """
+    none = Automaton(chars, (np.empty((0, len(chars)), dtype=np.int64),) * n_places)
+    here = np.array([[m.start(n_places) for m in machines]], dtype=np.int64)
+    steps: list[Places] = []
+    for place in range(n_places):
+        allowed = np.ones((here.shape[0], len(chars)), dtype=bool)
+        parts = []
+        for k, machine in enumerate(machines):
+            to = machine.table(place, n_places, chars)[here[:, k]]
+            allowed &= to >= 0
+            parts.append(to)
+        if not allowed.any():
+            return none
+        pairs = np.stack([to[allowed] for to in parts], axis=1) if parts else np.zeros((allowed.sum(), 0))
+        here, which = _distinct(pairs.astype(np.int64))
+        if here.shape[0] > MOST_STATES:
+            raise AutomatonError("the rules of this format together are too involved; leave one out")
+        step = np.full(allowed.shape, -1, dtype=np.int64)
+        step[allowed] = which
+        steps.append(step)
+    good = np.ones(here.shape[0], dtype=bool)
+    for k, machine in enumerate(machines):
+        good &= machine.accepts(n_places)[here[:, k]]
+    for place in range(n_places - 1, -1, -1):
+        number = np.where(good, np.cumsum(good) - 1, -1)
+        step = np.where(steps[place] >= 0, number[steps[place]], -1)
+        good = np.asarray((step >= 0).any(axis=1))
+        steps[place] = step[good]
+    return Automaton(chars, tuple(steps)) if n_places and good.any() else none
+
+
+def _distinct(pairs: Places) -> tuple[Places, Places]:
+    """The different rows, and which of them each row is."""
+    if pairs.shape[1] == 0:
+        return pairs[:1], np.zeros(pairs.shape[0], dtype=np.int64)
+    # one number a row: far faster than comparing rows
+    code = pairs[:, 0]
+    for k in range(1, pairs.shape[1]):
+        code = code * (int(pairs[:, k].max()) + 1) + pairs[:, k]
+    _, first, which = np.unique(code, return_index=True, return_inverse=True)
+    return pairs[first], which
+
+
+def _log_sum(values: Beliefs, axis: int) -> Beliefs:
+    """Logarithm of the sum of exponentials; -inf for nothing."""
+    top = values.max(axis=axis, keepdims=True)
+    top = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.exp(values - top).sum(axis=axis)) + np.squeeze(top, axis=axis))
+
+
+def _gathered(values: Beliefs, to: Places, size: int) -> Beliefs:
+    """Log-sums of the values that go to each of `size` states; those that go to -1 are dropped."""
+    values, to = values.ravel(), to.ravel()
+    keep = (to >= 0) & (values > -np.inf)
+    values, to = values[keep], to[keep]
+    top = np.full(size, -np.inf)
+    np.maximum.at(top, to, values)
+    finite = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.bincount(to, np.exp(values - finite[to]), minlength=size)) + finite)

@@ -1,0 +1,432 @@
+"""Robust evidence: what every template, at every place, explains of a dirty line.
+
+    line image, at 24 pixels to the height --pixel model, covered--> sum over a template's ink = evidence
+    evidence --best chain under the format--> places --small shifts and turns--> evidence of every character
+
+The evidence of a place is a log likelihood ratio against "nothing stands here", summed over pixels that go
+together: `calibrate` turns it into belief.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from glyphs.glyph import Font
+from glyphs.maps import TraceDirection
+from recognition.covered import covered, robust_spread
+from recognition.decode import Placed, Spacing, best_chain
+from recognition.frames import LineImage, channels, is_edge_channel, padded, resampled
+from recognition.pixel_model import N_PREDICTED, PixelModel, pixel_model
+from recognition.search import LineFit
+from recognition.templates import PIXELS, TemplateSet
+from whisker_array.gridding import averaging
+
+EVIDENCE_PIXELS = 24
+"""Pixels to a character height."""
+LEAST_NOISE = 0.03
+"""Of the largest prediction: a smoother land is not believed."""
+ROW_REACH = 4
+MARGIN_PIXELS = 6
+TURNS_DEG = (-2.5, 2.5)
+TURNED_LEADERS = 6
+SHIFT = 2
+GAP_HEIGHTS = 1.5
+SIDE_HEIGHTS = 0.35
+STEP_COST, STEP_LIMIT, STANDS_OUT = 3.0, 0.3, 0.35
+BLOWS = (1.0, 0.7, 0.45)
+AMPLITUDE_SCORE = 0.6
+AMPLITUDE_RANGE = (0.25, 2.5)
+FLOOR_SHARE = 0.75
+
+
+@dataclass(frozen=True, eq=False)
+class SparseTemplates:
+    """The ink of every template: where it predicts anything, and what.
+
+    Attributes:
+        start: (T + 1,) where each template's pixels begin in the lists.
+        channel, row, column: (N,) of each; row and column from the reference point.
+        value: (N,) predicted enhancement.
+        half_cols: (T,) half width of the ink, pixels.
+    """
+
+    start: NDArray[np.int64]
+    channel: NDArray[np.int32]
+    row: NDArray[np.int32]
+    column: NDArray[np.int32]
+    value: NDArray[np.float32]
+    half_cols: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceEvidence:
+    """One place of the line.
+
+    Attributes:
+        evidence: (T,) of every template, its best shift and turn.
+        ideal: (T,) what each would have if it stood there clean.
+        u_mm, v_mm: where the best template's reference point lies, line frame.
+        turn_deg: its turn against the line.
+        half_width_mm: half its ink.
+        covered: share of the place that is covered by dirt.
+    """
+
+    evidence: NDArray[np.float64]
+    ideal: NDArray[np.float64]
+    u_mm: float
+    v_mm: float
+    turn_deg: float
+    half_width_mm: float
+    covered: float
+
+
+@dataclass(frozen=True, eq=False)
+class LineEvidence:
+    """A line as the robust look has it.
+
+    Attributes:
+        places: left to right.
+        total: evidence of the best chain.
+        amplitude: depth of the marks against the templates'.
+    """
+
+    places: tuple[PlaceEvidence, ...]
+    total: float
+    amplitude: float
+
+
+@njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _sum_dense(table, felt, predicted, start, channel, row, column, rows, cols, out):  # type: ignore[no-untyped-def]
+    """out[t, i, j]: evidence of template t with its reference point at (rows[i], cols[j])."""
+    for t in range(start.size - 1):
+        for i in range(rows.size):
+            for n in range(start[t], start[t + 1]):
+                r = rows[i] + row[n]
+                if r < 0 or r >= felt.shape[1]:
+                    continue
+                k, at = channel[n], predicted[n]
+                line = felt[k, r]
+                for j in range(cols.size):
+                    c = cols[j] + column[n]
+                    if 0 <= c < line.size:
+                        out[t, i, j] += table[line[c] + at]
+
+
+def _coarse(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> NDArray[np.float32]:
+    """(T, channels, rows, cols) of the set at EVIDENCE_PIXELS to the height; kept in the set's work space."""
+    kept = templates.work.get("evidence")
+    if isinstance(kept, np.ndarray):
+        return kept
+    fine = channels(templates.patches, directions, axis=1)
+    ratio = PIXELS / EVIDENCE_PIXELS
+
+    def weights(n: int) -> NDArray[np.float32]:
+        half = int((n - 1) // 2 / ratio)
+        at = np.arange(n, dtype=np.float64) - (n - 1) // 2
+        w = averaging(at, np.arange(-half, half + 1) * ratio, ratio).toarray()
+        return np.asarray(w / w.sum(axis=1, keepdims=True), dtype=np.float32)
+
+    made = np.einsum("rR,tkRC,cC->tkrc", weights(fine.shape[2]), fine, weights(fine.shape[3]), optimize=True)
+    made = np.ascontiguousarray(made, dtype=np.float32)
+    templates.work["evidence"] = made
+    return made
+
+
+def _sparse(patches: NDArray[np.float32], half_width: NDArray[np.float64], reach: NDArray[np.float64]) -> SparseTemplates:
+    least = reach[None, :, None, None] / (N_PREDICTED - 1)
+    t, k, r, c = np.nonzero(np.abs(patches) > least)
+    middle_row, middle_col = patches.shape[2] // 2, patches.shape[3] // 2
+    return SparseTemplates(
+        start=np.searchsorted(t, np.arange(patches.shape[0] + 1)).astype(np.int64),
+        channel=k.astype(np.int32),
+        row=(r - middle_row).astype(np.int32),
+        column=(c - middle_col).astype(np.int32),
+        value=patches[t, k, r, c],
+        half_cols=np.maximum(1, np.round(half_width * EVIDENCE_PIXELS)).astype(np.int64),
+    )
+
+
+def _turned(
+    templates: TemplateSet, directions: tuple[TraceDirection, ...], turn: float, reach: NDArray[np.float64]
+) -> SparseTemplates:
+    """Sparse templates, turned; kept in the set's work space."""
+    key = ("sparse", turn)
+    kept = templates.work.get(key)
+    if isinstance(kept, SparseTemplates):
+        return kept
+    patches = _coarse(templates, directions)
+    if turn:
+        from scipy import ndimage
+
+        # positive turns from +u to +v, clockwise as seen; ndimage.rotate turns the other way
+        patches = ndimage.rotate(patches, -turn, axes=(3, 2), reshape=False, order=1, mode="constant")
+    made = _sparse(patches, templates.half_width, reach)
+    templates.work[key] = made
+    return made
+
+
+def reach_of(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> NDArray[np.float64]:
+    """(channels,) largest prediction of a set: the range of a channel's table."""
+    patches = _coarse(templates, directions)
+    flat = np.abs(patches).transpose(1, 0, 2, 3).reshape(patches.shape[1], -1)
+    return np.asarray(np.percentile(flat, 99.9, axis=1), dtype=np.float64)
+
+
+def amplitude_of(fit: LineFit, directions: tuple[TraceDirection, ...]) -> float:
+    """Depth of the marks against the templates', from the characters of the search that fit; 1 without any.
+
+    The upper quartile over the floors of their strokes: grime only takes away.
+    """
+    patches = _coarse(fit.templates, directions)
+    image = resampled_to(fit, fit.image)
+    profile = ~is_edge_channel(directions)
+    ratios = []
+    for placed, row, score in zip(fit.placed, fit.rows, fit.scores, strict=True):
+        if score < AMPLITUDE_SCORE:
+            continue
+        u = fit.image.origin_mm[0] + placed.column * fit.image.pitch_u_mm
+        v = fit.image.origin_mm[1] + row * fit.image.pitch_v_mm
+        t = patches[placed.template][profile]
+        seen = _window(image, u, v, t.shape[1], t.shape[2])[profile]
+        floor = np.abs(t) > FLOOR_SHARE * np.abs(t).max()
+        ratios.append((seen / np.where(floor, t, 1.0))[floor])
+    if not ratios:
+        return 1.0
+    return float(np.clip(np.percentile(np.concatenate(ratios), 75), *AMPLITUDE_RANGE))
+
+
+def resampled_to(fit: LineFit, image: LineImage) -> LineImage:
+    """The image at EVIDENCE_PIXELS to the height of a fit."""
+    pixel = fit.hypothesis.height_mm / EVIDENCE_PIXELS
+    return resampled(image, pitch_u_mm=pixel * fit.hypothesis.x_scale, pitch_v_mm=pixel)
+
+
+def _window(image: LineImage, u_mm: float, v_mm: float, rows: int, cols: int) -> NDArray[np.float32]:
+    r = round((v_mm - image.origin_mm[1]) / image.pitch_v_mm) - rows // 2
+    c = round((u_mm - image.origin_mm[0]) / image.pitch_u_mm) - cols // 2
+    out = np.zeros((image.channels.shape[0], rows, cols), dtype=np.float32)
+    _, height, width = image.channels.shape
+    rr, cc = slice(max(0, r), min(height, r + rows)), slice(max(0, c), min(width, c + cols))
+    if rr.stop > rr.start and cc.stop > cc.start:
+        out[:, rr.start - r : rr.stop - r, cc.start - c : cc.stop - c] = image.channels[:, rr, cc]
+    return out
+
+
+def line_evidence(
+    fit: LineFit,
+    image: LineImage,
+    templates: TemplateSet,
+    directions: tuple[TraceDirection, ...],
+    *,
+    places: Sequence[str] | None,
+) -> LineEvidence | None:
+    """Look again at a line that the search has found, for what the dirt has left of it; None where nothing is left.
+
+    Args:
+        fit: what the search found: height, rotation, row, and about where characters stand.
+        image: the line image at the edge map's own pitch.
+        templates: of the line's own hypothesis and polarity.
+        directions: of the edge map.
+        places: characters allowed at each place of a known format, or None.
+    """
+    reach = reach_of(templates, directions)
+    amplitude = amplitude_of(replace(fit, templates=templates), directions)
+    seen = padded(resampled_to(fit, image), MARGIN_PIXELS)
+    felt = np.asarray(seen.channels / np.float32(amplitude), dtype=np.float32)
+    profile = ~is_edge_channel(directions)
+    noise = np.maximum(robust_spread(felt), LEAST_NOISE * reach)
+    cover = covered(felt, profile=profile, reach=reach, raised=fit.raised, pixels_per_height=EVIDENCE_PIXELS)
+    model = pixel_model(noise=noise, reach=reach, profile=profile, raised=fit.raised)
+    index = model.felt_index(felt, cover)
+    straight = _turned(templates, directions, 0.0, reach)
+    rows = _rows(fit, seen)
+    cols = np.arange(felt.shape[2], dtype=np.int64)
+    dense = _dense(model, index, straight, reach, rows, cols)
+    allowed = None
+    if places is not None:
+        allowed = np.array([[c in place for c in templates.chars] for place in places], dtype=np.bool_)
+    ideal = _ideal(model, straight, reach)
+    # what a template of full evidence earns is the length of line that it explains
+    scale = float(np.median(ideal))
+    reward = (dense.max(axis=1) / scale).astype(np.float32)
+    if places is None:
+        reward = reward - np.float32(0.1)
+    total, placed = best_chain(
+        reward, straight.half_cols, allowed=allowed, overlap=2, reach=int(GAP_HEIGHTS * EVIDENCE_PIXELS),
+        gap_free=EVIDENCE_PIXELS // 2, gap_cost=0.01,
+    )  # fmt: skip
+    if not placed:
+        return None
+    spacing = usual_spacing(placed, templates, fit.hypothesis.font)
+    if spacing is not None and places is not None:
+        # what is lost may lie anywhere: then the others' regular distance says where
+        total, placed = best_chain(
+            reward, straight.half_cols, allowed=allowed, overlap=2, reach=int(GAP_HEIGHTS * EVIDENCE_PIXELS),
+            gap_free=EVIDENCE_PIXELS // 2, gap_cost=0.01, spacing=spacing,
+        )  # fmt: skip
+    bounds = _bounds(placed, straight.half_cols, felt.shape[2])
+    found = tuple(
+        _place(p, low, high, felt, model, cover, rows, templates, directions, reach, ideal, seen)
+        for p, (low, high) in zip(placed, bounds, strict=True)
+    )
+    return LineEvidence(places=found, total=total * scale, amplitude=amplitude)
+
+
+def usual_spacing(placed: Sequence[Placed], templates: TemplateSet, font: Font) -> Spacing | None:
+    """How far apart characters stand, from neighbours that both stand out; None if too few do.
+
+    Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely.
+    """
+    glyphs = [font.glyph(c) for c in templates.chars]
+    middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])
+    after = (np.array([g.advance for g in glyphs]) - middle) * EVIDENCE_PIXELS
+    before = middle * EVIDENCE_PIXELS
+    pairs = [(a, b) for a, b in pairwise(placed) if min(a.reward, b.reward) > STANDS_OUT]
+    if len(pairs) < 2:
+        return None
+    apart = np.array([b.column - a.column for a, b in pairs], dtype=np.float64)
+    extra = apart - np.array([after[a.template] + before[b.template] for a, b in pairs])
+    cost, limit = STEP_COST / EVIDENCE_PIXELS**2, STEP_LIMIT
+    if np.abs(extra - np.median(extra)).mean() <= np.abs(apart - np.median(apart)).mean():
+        return Spacing(before, after + float(np.median(extra)), cost, limit)
+    return Spacing(np.zeros_like(before), np.full_like(after, float(np.median(apart))), cost, limit)
+
+
+def _bounds(placed: Sequence[Placed], half_cols: NDArray[np.int64], width: int) -> list[tuple[int, int]]:
+    """Columns of each place: from halfway to the one neighbour's ink to halfway to the other's."""
+    left = [p.column - int(half_cols[p.template]) for p in placed]
+    right = [p.column + int(half_cols[p.template]) for p in placed]
+    side = round(SIDE_HEIGHTS * EVIDENCE_PIXELS)
+    out = []
+    for i in range(len(placed)):
+        low, high = left[i] - side, right[i] + side
+        if i > 0:
+            low = max(low, (right[i - 1] + left[i]) // 2)
+        if i + 1 < len(placed):
+            high = min(high, (right[i] + left[i + 1]) // 2)
+        out.append((max(0, low), min(width, high + 1)))
+    return out
+
+
+def _rows(fit: LineFit, seen: LineImage) -> NDArray[np.int64]:
+    """Rows about the median of the search's characters."""
+    v = fit.image.origin_mm[1] + float(np.median(fit.rows)) * fit.image.pitch_v_mm
+    row = round((v - seen.origin_mm[1]) / seen.pitch_v_mm)
+    return np.arange(row - ROW_REACH, row + ROW_REACH + 1, dtype=np.int64)
+
+
+def _dense(
+    model: PixelModel,
+    index: NDArray[np.int32],
+    sparse: SparseTemplates,
+    reach: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    cols: NDArray[np.int64],
+) -> NDArray[np.float32]:
+    out = np.zeros((sparse.start.size - 1, rows.size, cols.size), dtype=np.float32)
+    at = _columns(model, sparse)
+    _sum_dense(
+        model.table.ravel(), index, at, sparse.start, sparse.channel, sparse.row, sparse.column, rows, cols, out
+    )
+    return out
+
+
+def _columns(model: PixelModel, sparse: SparseTemplates) -> NDArray[np.int32]:
+    reach = model.predicted_reach[sparse.channel]
+    at = (sparse.value / reach + 1.0) * (0.5 * (N_PREDICTED - 1))
+    return np.asarray(np.clip(np.rint(at), 0, N_PREDICTED - 1), dtype=np.int32)
+
+
+def _ideal(model: PixelModel, sparse: SparseTemplates, reach: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(T,) evidence of each template on its own prediction, nothing covered."""
+    at = _columns(model, sparse)
+    felt = np.empty(at.size, dtype=np.int64)
+    for k in range(reach.size):
+        own = sparse.channel == k
+        one = model.felt_index(
+            np.broadcast_to(sparse.value[own], (reach.size, 1, int(own.sum()))), np.zeros((1, 1), np.float32)
+        )
+        felt[own] = one[k, 0]
+    values = model.table.ravel()[felt + at]
+    return np.asarray(np.add.reduceat(values, sparse.start[:-1]), dtype=np.float64)
+
+
+def _place(
+    placed: Placed,
+    low: int,
+    high: int,
+    felt: NDArray[np.float32],
+    model: PixelModel,
+    cover: NDArray[np.float32],
+    rows: NDArray[np.int64],
+    templates: TemplateSet,
+    directions: tuple[TraceDirection, ...],
+    reach: NDArray[np.float64],
+    ideal: NDArray[np.float64],
+    seen: LineImage,
+) -> PlaceEvidence:
+    """Every template about the place of the chain's, struck as deep as others or less, the leaders turned as well.
+
+    What lies beyond the place is its neighbours' and counts as bare land.
+    """
+    own = np.zeros_like(felt)
+    own[:, :, low:high] = felt[:, :, low:high]
+    # a wrong template may have been placed, whose ink lies elsewhere about its middle than the right one's
+    middles = 0.5 * (low + high - 1)
+    wide = EVIDENCE_PIXELS // 5
+    cols = np.arange(min(placed.column, round(middles)) - wide, max(placed.column, round(middles)) + wide + 1)
+    straight = _turned(templates, directions, 0.0, reach)
+    at = _columns(model, straight)
+    count = straight.start.size - 1
+    evidence = np.full(count, -np.inf)
+    turns, deep = np.zeros(count), np.ones(count)
+    place_row, place_col = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    indices = {share: model.felt_index(own / np.float32(share), cover) for share in BLOWS}
+    for share, index in indices.items():
+        out = np.zeros((count, rows.size, cols.size), dtype=np.float32)
+        _sum_dense(
+            model.table.ravel(), index, at, straight.start, straight.channel, straight.row, straight.column,
+            rows, cols, out,
+        )  # fmt: skip
+        flat = out.reshape(count, -1)
+        best, top = flat.argmax(axis=1), flat.max(axis=1)
+        better = top > evidence
+        evidence[better], deep[better] = top[better], share
+        place_row[better], place_col[better] = rows[best[better] // cols.size], cols[best[better] % cols.size]
+    for turn in TURNS_DEG:
+        sparse = _turned(templates, directions, turn, reach)
+        at = _columns(model, sparse)
+        for t in np.argsort(-evidence)[:TURNED_LEADERS]:
+            part = slice(int(sparse.start[t]), int(sparse.start[t + 1]))
+            out = np.zeros((1, 2 * SHIFT + 1, 2 * SHIFT + 1), dtype=np.float32)
+            _sum_dense(
+                model.table.ravel(), indices[float(deep[t])], at[part], np.array([0, part.stop - part.start]),
+                sparse.channel[part], sparse.row[part], sparse.column[part],
+                place_row[t] + np.arange(-SHIFT, SHIFT + 1), place_col[t] + np.arange(-SHIFT, SHIFT + 1), out,
+            )  # fmt: skip
+            if out.max() > evidence[t]:
+                evidence[t], turns[t] = float(out.max()), turn
+    winner = int(np.argmax(evidence))
+    half = float(templates.half_width[winner])
+    r, c = int(place_row[winner]), int(place_col[winner])
+    tall, side = EVIDENCE_PIXELS // 2, max(2, round(half * EVIDENCE_PIXELS))
+    box = cover[max(0, r - tall) : r + tall + 1, max(0, c - side) : c + side + 1]
+    return PlaceEvidence(
+        evidence=evidence,
+        ideal=ideal,
+        u_mm=seen.origin_mm[0] + c * seen.pitch_u_mm,
+        v_mm=seen.origin_mm[1] + r * seen.pitch_v_mm,
+        turn_deg=float(turns[winner]),
+        half_width_mm=half * EVIDENCE_PIXELS * seen.pitch_u_mm,
+        covered=float(box.mean()) if box.size else 0.0,
+    )
+
+
+__all__ = ["LineEvidence", "PlaceEvidence", "amplitude_of", "line_evidence", "math"]

@@ -1,0 +1,122 @@
+"""Formats of serials as text, for settings and the command line.
+
+More than one may be given, and all must hold:
+
+    AA999999, mask:AA 9999   A letter, 9 figure, * either, others themselves, a blank is a word gap
+    re:[A-Z]{2}\\d{4,6}       regular expression for the whole serial without blanks
+    sets:AB,0-9,0-9          characters a place; \\ takes the next one as it is
+    vin                      17 characters with the check digit of 49 CFR 565.15
+    check:luhn               nothing but a check digit
+    ...+check=RULE           as well, see `recognition.check_digits`
+    ...+exclude=IOQ          these characters nowhere, but where a mask writes them themselves
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from recognition.check_digits import CheckDigit, CheckDigitError
+from recognition.remainders import FIGURES, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
+
+
+class GrammarError(ValueError):
+    """A format that cannot be used, or that no serial can meet: the message says why and how to mend it."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """What the texts say; see `recognition.grammar.Grammar`."""
+
+    mask: str | None
+    expression: str | None
+    sets: tuple[str, ...] | None
+    checks: tuple[CheckDigit, ...]
+    exclude: str
+
+
+def said_by(texts: Iterable[str]) -> Said:
+    """What several texts say together.
+
+    Raises:
+        GrammarError: a text that cannot be understood, or two of one kind.
+    """
+    given: dict[str, str] = {}
+    checks: list[CheckDigit] = []
+    exclude = ""
+    for text in texts:
+        body, options = _options(text)
+        kind, rest = _kind(body)
+        if kind == "vin":
+            checks.append(CheckDigit("vin"))
+        if kind == "check":
+            checks.append(_check(rest))
+        elif (slot := "sets" if kind == "vin" else kind) in given:
+            raise GrammarError(f"the format has two of {slot}; give each kind once")
+        else:
+            given[slot] = rest
+        checks.extend(_check(value) for key, value in options if key == "check")
+        exclude += "".join(value for key, value in options if key == "exclude")
+    sets = _sets(given["sets"]) if "sets" in given else None
+    return Said(given.get("mask"), given.get("re"), sets, tuple(checks), exclude)
+
+
+_OPTION = re.compile(r"(?P<body>.*)\+(?P<key>check|exclude)=(?P<value>[^+]+)", re.DOTALL)
+
+
+def _options(text: str) -> tuple[str, list[tuple[str, str]]]:
+    """What stands before the `+check=` and `+exclude=` at the end, and these."""
+    options = []
+    while (match := _OPTION.fullmatch(text)) is not None:
+        text = match["body"]
+        options.append((match["key"], match["value"].strip()))
+    return text, options[::-1]
+
+
+def _kind(body: str) -> tuple[str, str]:
+    """What kind of format a text gives, and what follows the colon."""
+    kind, colon, rest = body.partition(":")
+    if body == "vin":
+        return "vin", ",".join(
+            FIGURES + "X" if k == VIN_CHECK_PLACE else VIN_CHARACTERS for k in range(VIN_LENGTH)
+        )
+    if not colon or kind not in ("mask", "re", "sets", "check"):
+        if not body:
+            raise GrammarError(
+                "the format is empty; write a mask such as AA999999, or re:, sets:, vin or check:"
+            )
+        return "mask", body
+    if not rest:
+        raise GrammarError(f"nothing follows {body!r}; write what the serial must be, or leave it out")
+    return kind, rest
+
+
+def _sets(text: str) -> tuple[str, ...]:
+    r"""`AB,0-9,\,` -> ("AB", "0123456789", ",")."""
+    sets, here = [], ""
+    tokens = re.findall(r"\\.|[^\\]-[^\\,]|.", text)
+    for token in tokens:
+        if token == ",":
+            sets.append(here)
+            here = ""
+        elif len(token) == 3:
+            if token[0] > token[2]:
+                raise GrammarError(f"the range {token} in {text!r} runs backwards; turn it round")
+            here += "".join(chr(k) for k in range(ord(token[0]), ord(token[2]) + 1))
+        else:
+            here += token[-1]
+    sets.append(here)
+    for k, chars in enumerate(sets, start=1):
+        if not chars or not chars.isprintable() or " " in chars:
+            raise GrammarError(
+                f"place {k} of {text!r} has no character, or a blank; write one set a place with commas between"
+            )
+    return tuple("".join(dict.fromkeys(chars)) for chars in sets)
+
+
+def _check(text: str) -> CheckDigit:
+    try:
+        return CheckDigit.parse(text)
+    except CheckDigitError as error:
+        raise GrammarError(str(error)) from error

@@ -1,0 +1,244 @@
+"""How well a character is marked, and what to do about it, in the spirit of ISO/IEC 29158.
+
+That standard (direct part marking, from the AIM DPM guideline) grades each parameter of a mark from 4 to 0 and lets
+the worst one count; so here, but what is graded is what a whisker feels:
+
+    template predicts   ..../^\\____/^\\....     depth          how deep against what it should be
+    felt                ..../^\\____.........     contrast       how strong its edges, where they are felt
+                          felt   filled  swarf    completeness   how much of its strokes is felt at all
+                                                  contamination  how much else is felt in its cell
+
+Depth and the rest are told apart: a shallow mark has low contrast everywhere, a filled one has none in places. The
+limits are ours, chosen for touch; they are not those of the standard, which grades two-dimensional codes by sight.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+STROKE_SHARE = 0.3
+"""Of the strongest predicted edge, what counts as a stroke's edge."""
+CONTRAST_PERCENTILE = 75.0
+"""Of the edge response along the strokes, which stands for the mark: a half-filled one is judged by its rest."""
+FELT_SHARE, LEAST_FELT = 0.4, 0.1
+"""Of the contrast, and of the predicted edge, what an edge must reach to count as felt."""
+FOREIGN_SHARE = 0.5
+"""Of the strongest predicted edge times the contrast, what is foreign where nothing is predicted."""
+LEAST_CONTRAST = 0.3
+"""Contrast that contamination is measured against at least: noise about a faint mark is not dirt."""
+TOLERANCE_PIXELS = 1
+"""How far an edge may lie from where it is predicted."""
+LEAST_VALID = 0.5
+"""Share of the predicted edges that must have been felt over for a grade."""
+PASSING = 2
+"""Least grade that asks for nothing: C, as is usual."""
+
+LIMITS: dict[str, tuple[float, float, float, float]] = {
+    "depth": (0.85, 0.7, 0.55, 0.4),
+    "contrast": (0.7, 0.55, 0.4, 0.25),
+    "completeness": (0.92, 0.84, 0.75, 0.6),
+    "contamination": (0.02, 0.05, 0.08, 0.15),
+}
+"""Least values (of contamination the most) for the grades 4, 3, 2 and 1."""
+LETTERS = "FDCBA"
+
+
+class GradeError(ValueError):
+    """Arrays that do not go together: the message says which."""
+
+
+class Action(StrEnum):
+    """What to do about a mark."""
+
+    NONE = "none"
+    CLEAN = "clean"
+    CLEAN_FIRST = "clean first"
+    RE_STRIKE = "re-strike"
+    FEEL_AGAIN = "feel again"
+
+    @property
+    def message(self) -> str:
+        """The action in words."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    Action.NONE: "nothing to do",
+    Action.CLEAN: "clean it: something else is felt in its place",
+    Action.CLEAN_FIRST: (
+        "strokes are missing: clean it and feel it again; if they stay away, strike it again and look at the die"
+    ),
+    Action.RE_STRIKE: "strike it again: it is too shallow",
+    Action.FEEL_AGAIN: "too little of it was felt for a grade: feel it again",
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One measure of a mark: its value, 0 to 1, and its grade, 4 to 0."""
+
+    name: str
+    value: float
+    grade: int
+
+    @property
+    def letter(self) -> str:
+        """A for 4 to F for 0."""
+        return LETTERS[self.grade]
+
+
+@dataclass(frozen=True)
+class MarkGrade:
+    """The grade of one character.
+
+    Attributes:
+        parameters: contrast, completeness, contamination, and depth where it is known; empty when too little was
+            felt.
+        action: what to do.
+    """
+
+    parameters: tuple[Parameter, ...]
+    action: Action
+
+    @property
+    def grade(self) -> int | None:
+        """4 to 0, the worst of the parameters; None when too little was felt."""
+        return min((p.grade for p in self.parameters), default=None)
+
+    @property
+    def letter(self) -> str:
+        """A to F; "?" when too little was felt."""
+        return "?" if self.grade is None else LETTERS[self.grade]
+
+    @property
+    def limiting(self) -> str:
+        """The parameter that decides the grade; empty at grade 4 or without one."""
+        if self.grade is None or self.grade == 4:
+            return ""
+        return min(self.parameters, key=lambda p: p.grade).name
+
+    def value(self, name: str) -> float | None:
+        """The value of a parameter; None where it is not known."""
+        return next((p.value for p in self.parameters if p.name == name), None)
+
+
+def grade_character(
+    felt: NDArray[np.floating],
+    predicted: NDArray[np.floating],
+    valid: NDArray[np.floating] | NDArray[np.bool_] | None = None,
+    *,
+    depth_mm: float | None = None,
+    nominal_depth_mm: float | None = None,
+    tolerance_px: int = TOLERANCE_PIXELS,
+) -> MarkGrade:
+    """Grade one character.
+
+    Args:
+        felt: (channels, rows, cols) edge map of its cell, in the template's units: 1 times the template where
+            the mark is as it should be.
+        predicted: the same, of the template in its place.
+        valid: (rows, cols) weight of each pixel, 0 where nothing was felt; all 1 unless given.
+        depth_mm: of the mark where it is least, if known.
+        nominal_depth_mm: that it should have; depth is graded if both are given.
+        tolerance_px: how far an edge may lie from where it is predicted.
+
+    Raises:
+        GradeError: shapes that do not agree, values that are not numbers where weights are not 0, a template
+            without edges, a depth that cannot be.
+    """
+    weight = np.ones(felt.shape[1:]) if valid is None else np.asarray(valid, dtype=np.float64)
+    _check(felt, predicted, weight, depth_mm, nominal_depth_mm, tolerance_px)
+    known = weight > 0.0
+    seen = np.where(known, felt, 0.0).astype(np.float64)
+    size = np.abs(predicted).astype(np.float64)
+    peak = float(size.max())
+    stroke = size >= STROKE_SHARE * peak
+    length = size * stroke * weight
+    if length.sum() < LEAST_VALID * float((size * stroke).sum()):
+        return MarkGrade((), Action.FEEL_AGAIN)
+    rising, falling = _reaching(seen, tolerance_px), _reaching(-seen, tolerance_px)
+    answer = np.clip(np.where(predicted > 0.0, rising, falling)[stroke] / size[stroke], 0.0, None)
+    along = length[stroke]
+    contrast = min(1.0, _percentile(answer, along, CONTRAST_PERCENTILE))
+    share_felt = answer >= max(FELT_SHARE * contrast, LEAST_FELT)
+    completeness = float(along[share_felt].sum() / along.sum())
+    beside = ~_spread((size >= 0.1 * peak).any(axis=0), tolerance_px) & known
+    foreign = np.abs(seen).max(axis=0) >= FOREIGN_SHARE * peak * max(contrast, LEAST_CONTRAST)
+    area = float(weight[known].sum())
+    contamination = float(weight[beside & foreign].sum()) / area
+    values = {"contrast": contrast, "completeness": completeness, "contamination": contamination}
+    if depth_mm is not None and nominal_depth_mm is not None:
+        values = {"depth": min(1.0, max(0.0, depth_mm / nominal_depth_mm)), **values}
+    parameters = tuple(Parameter(name, value, graded(name, value)) for name, value in values.items())
+    return MarkGrade(parameters, _action({p.name: p.grade for p in parameters}))
+
+
+def graded(name: str, value: float) -> int:
+    """The grade, 4 to 0, of a parameter's value."""
+    limits = LIMITS[name]
+    if name == "contamination":
+        return sum(value <= limit for limit in limits)
+    return sum(value >= limit for limit in limits)
+
+
+def _action(grades: dict[str, int]) -> Action:
+    shallow = min(grades.get("depth", 4), grades["contrast"]) < PASSING
+    if grades["contamination"] < PASSING:
+        return Action.CLEAN
+    if grades["completeness"] < PASSING:
+        # dirt beside the strokes, or strokes as deep as they should be where they are felt: likely filled
+        return Action.RE_STRIKE if shallow and grades["contamination"] == 4 else Action.CLEAN_FIRST
+    return Action.RE_STRIKE if shallow else Action.NONE
+
+
+def _reaching(values: NDArray[np.float64], pixels: int) -> NDArray[np.float64]:
+    """The largest value within so many pixels, channel by channel."""
+    from scipy import ndimage
+
+    if pixels == 0:
+        return values
+    size = 2 * pixels + 1
+    return np.asarray(ndimage.maximum_filter(values, size=(1, size, size), mode="constant", cval=-np.inf))
+
+
+def _spread(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
+    return np.asarray(_reaching(mask[None].astype(np.float64), pixels)[0] > 0.5)
+
+
+def _percentile(values: NDArray[np.float64], weights: NDArray[np.float64], percent: float) -> float:
+    order = np.argsort(values)
+    below = np.cumsum(weights[order])
+    k = int(np.searchsorted(below, percent / 100.0 * below[-1]))
+    return float(values[order][min(k, values.size - 1)])
+
+
+def _check(
+    felt: NDArray[np.floating],
+    predicted: NDArray[np.floating],
+    weight: NDArray[np.float64],
+    depth_mm: float | None,
+    nominal_depth_mm: float | None,
+    tolerance_px: int,
+) -> None:
+    if felt.ndim != 3 or felt.shape != predicted.shape or weight.shape != felt.shape[1:]:
+        raise GradeError(
+            f"felt {felt.shape}, predicted {predicted.shape} and valid {weight.shape} must be "
+            "(channels, rows, cols), the same, and (rows, cols)"
+        )
+    if not (np.isfinite(weight).all() and (weight >= 0.0).all()):
+        raise GradeError("weights must be finite and not negative; give 0 where nothing was felt")
+    if not np.isfinite(predicted).all() or not np.isfinite(felt[:, weight > 0.0]).all():
+        raise GradeError("felt and predicted must be numbers wherever the weight is not 0")
+    if not np.abs(predicted).max(initial=0.0) > 0.0:
+        raise GradeError("the template has no edges; give that of a character")
+    if depth_mm is not None and not math.isfinite(depth_mm):
+        raise GradeError(f"depth_mm is {depth_mm}; a depth that is not known is None")
+    if nominal_depth_mm is not None and not (math.isfinite(nominal_depth_mm) and nominal_depth_mm > 0.0):
+        raise GradeError(f"nominal_depth_mm is {nominal_depth_mm}; it must be a positive number of mm")
+    if tolerance_px < 0:
+        raise GradeError(f"tolerance_px is {tolerance_px}; it is not negative")

@@ -1,0 +1,223 @@
+"""The camera-only reader: how a photograph becomes a reading.
+
+photo --line_places--> places --+--> templates: SightSearch --> lattice --+
+                                |        | (its line is a place, too)     +--> together --> Reading
+                                +--> crops --> RapidOCR ------> lattice --+
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from glyphs.glyph import Font
+from glyphs.maps import EdgeMap
+from glyphs.photo import Photo
+from recognition.lattice import Lattice
+from recognition.ocr_rapid import RapidEngine
+from recognition.ocr_views import FIRST_VIEW
+from recognition.reader import Reader, ReaderSettings
+from recognition.reading import Box, Decision, Reading, ReadingFlag
+from recognition.sight_combine import as_reading, certainty, joined
+from recognition.sight_edges import sight_edges
+from recognition.sight_engine import EngineMissingError
+from recognition.sight_frame import LinePlace, boxes_in_frame, line_crop
+from recognition.sight_lines import line_places, supposed_heights_mm
+from recognition.sight_search import SightFit, SightSearch, Supposed
+from recognition.sight_templates import SightBasis, predict_basis
+
+Engine = Literal["rapidocr", "templates", "best"]
+FOREIGN_WEIGHT = 0.3
+"""Weight of templates beside another engine where nobody named the font: their shapes may be another's."""
+LEADING_FITS = 2
+"""Suppositions refined, of all that were tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class SightReading:
+    """A reading of a photograph and what it rests on.
+
+    Attributes:
+        reading: the answer; boxes in the photo frame.
+        lattice: beliefs at every place, boxes in the photo frame; None where no line was found.
+        edges: the camera's edge map at the scale of the line found; None where none was.
+        engine: "rapidocr", "templates", or both joined by "+".
+        place: where the line lies.
+        by_engine: the lattice of each engine by itself.
+    """
+
+    reading: Reading
+    lattice: Lattice | None
+    edges: EdgeMap | None
+    engine: str
+    place: LinePlace | None
+    by_engine: MappingProxyType[str, Lattice]
+
+
+class SightReader:
+    """Reads photographs one after the other; keeps the network, fonts and templates between them."""
+
+    def __init__(
+        self,
+        settings: ReaderSettings | None = None,
+        *,
+        fonts: tuple[Font, ...] = (),
+        engine: Engine = "best",
+        calibrated: Callable[[Lattice], Lattice] | None = None,
+    ) -> None:
+        """Load engine and fonts.
+
+        Args:
+            settings: as of the reader by touch; `fidelity` and `depth_rules` are of no account here.
+            fonts: fonts already loaded, beside those the settings name.
+            engine: the network, the templates, or the two together where the network is installed.
+            calibrated: turns beliefs into probabilities; as they are unless given.
+
+        Raises:
+            EngineMissingError: "rapidocr" asked for and not installed.
+            FontError, MaskError: as of the reader by touch.
+        """
+        # format and fonts are checked and prepared as for touch
+        told = Reader(settings, fonts=fonts)
+        self.settings, self.fonts, self.chars = told.settings, told.fonts, told.chars
+        self.places, self.gaps = told.places, told.gaps
+        self.named = bool(self.settings.fonts or fonts)
+        self.calibrated = calibrated
+        self.notes: tuple[str, ...] = ()
+        self.rapid: RapidEngine | None = None
+        if engine != "templates":
+            try:
+                self.rapid = RapidEngine()
+            except EngineMissingError as error:
+                if engine == "rapidocr":
+                    raise
+                self.notes = (f"read by templates alone: {error}",)
+        self.by_templates = engine != "rapidocr"
+        self._bases: dict[str, SightBasis] = {}
+
+    def read_photo(self, photo: Photo, *, about: LinePlace | None = None) -> SightReading:
+        """Read a photograph.
+
+        Args:
+            photo: of one line of characters.
+            about: where the line lies about, if it is known (felt by touch, or by the stage).
+        """
+        seconds: dict[str, float] = {}
+        start = time.perf_counter()
+        n = None if self.places is None else len(self.places)
+        height = self.settings.height_mm if photo.pitch_mm is not None else None
+        places = (about,) if about is not None else line_places(photo, height_mm=height, n_places=n)
+        seconds["localise"] = time.perf_counter() - start
+        lattices: dict[str, Lattice] = {}
+        place: LinePlace | None = about
+        start = time.perf_counter()
+        if self.by_templates:
+            fit = self._fit(photo, places, about)
+            if fit is not None:
+                place = fit.place()
+                lattices["templates"] = self._of_fit(fit)
+                places = (place, *places)
+        seconds["templates"] = time.perf_counter() - start
+        start = time.perf_counter()
+        if self.rapid is not None:
+            read, where = self._read_crops(photo, places)
+            if read is not None:
+                lattices["rapidocr"] = read
+                if place is None or not self.named:
+                    place = where
+        seconds["rapidocr"] = time.perf_counter() - start
+        return self._answer(photo, lattices, place, seconds)
+
+    def _answer(
+        self, photo: Photo, lattices: dict[str, Lattice], place: LinePlace | None, seconds: dict[str, float]
+    ) -> SightReading:
+        by_engine = MappingProxyType(lattices)
+        if not lattices:
+            nothing = Reading(
+                (), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision", notes=self.notes,
+                seconds=MappingProxyType(seconds),
+            )  # fmt: skip
+            return SightReading(nothing, None, None, "", None, by_engine)
+        weights = {"templates": 1.0 if self.named else FOREIGN_WEIGHT, "rapidocr": 1.0}
+        lattice = joined(lattices, weights)
+        if self.calibrated is not None:
+            lattice = self.calibrated(lattice)
+        lattice = replace(lattice, spaces_after=self.gaps)
+        foreign = self.by_templates and not self.named and "rapidocr" not in lattices
+        reading = as_reading(lattice, self.settings, flags=ReadingFlag.FOREIGN_SHAPES if foreign else None)
+        edges = None
+        if place is not None:
+            edges = sight_edges(photo, height_mm=place.height_mm)
+            reading = replace(reading, height_mm=place.height_mm, rotation_deg=place.rotation_deg)
+        reading = replace(reading, notes=self.notes, seconds=MappingProxyType(seconds))
+        return SightReading(reading, lattice, edges, "+".join(sorted(lattices)), place, by_engine)
+
+    def _basis(self, font: Font) -> SightBasis:
+        if font.name not in self._bases:
+            chars = "".join(c for c in self.chars if c in font.glyphs)
+            self._bases[font.name] = predict_basis(font, chars)
+        return self._bases[font.name]
+
+    def _fit(self, photo: Photo, places: Sequence[LinePlace], about: LinePlace | None) -> SightFit | None:
+        """The line that the templates of any font explain best."""
+        search = SightSearch(photo, places=self.places, gaps=self.gaps, about=about)
+        if about is not None:
+            tried = [Supposed(about.height_mm, about.rotation_deg)]
+        else:
+            known = self.settings.height_mm if photo.pitch_mm is not None else None
+            heights = (known,) if known is not None else supposed_heights_mm(photo, tuple(places))
+            turns = sorted({0.0, *(p.rotation_deg for p in places)}, key=abs)
+            tried = [Supposed(h, turn) for h in heights for turn in turns]
+        fits: list[SightFit] = []
+        for font in self.fonts:
+            for supposed in tried:
+                fit = search.fit(self._basis(font), supposed)
+                if fit is not None:
+                    fits.append(fit)
+        fits.sort(key=lambda f: -f.value)
+        refined = [search.refined(f) for f in fits[:LEADING_FITS]]
+        return max(refined, key=lambda f: f.value, default=None)
+
+    def _of_fit(self, fit: SightFit) -> Lattice:
+        """The fit's posteriors over the reader's characters."""
+        log = np.full((fit.trust.size, len(self.chars)), -np.inf)
+        at = [self.chars.index(c) for c in fit.basis.chars]
+        log[:, at] = fit.settled.log_belief + np.log(np.maximum(fit.trust, 1e-12))[:, None]
+        boxes = []
+        for k in range(fit.trust.size):
+            place = fit.character(k)
+            corners = place.corners()
+            (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+            boxes.append(Box(float(x0), float(y0), float(x1), float(y1)))
+        return Lattice(tuple(self.chars), np.minimum(log, 0.0), boxes=tuple(boxes))
+
+    def _read_crops(
+        self, photo: Photo, places: Sequence[LinePlace]
+    ) -> tuple[Lattice | None, LinePlace | None]:
+        """What the network reads at the place where it is surest of a line."""
+        assert self.rapid is not None
+        crops = []
+        for place in places:
+            try:
+                crops.append((line_crop(photo, place), place))
+            except ValueError:
+                continue
+        if not crops:
+            return None, None
+        if len(crops) > 1:
+            first = RapidEngine.sharing(self.rapid, (FIRST_VIEW,))
+            looks = [first.read_line(c.photo, chars=self.chars, places=self.places) for c, _ in crops]
+            best = int(np.argmax([-np.inf if look is None else certainty(look) for look in looks]))
+        else:
+            best = 0
+        crop, place = crops[best]
+        read = self.rapid.read_line(crop.photo, chars=self.chars, places=self.places)
+        if read is None:
+            return None, None
+        return replace(read, boxes=boxes_in_frame(crop, read.boxes)), place
+

@@ -1,0 +1,355 @@
+"""A line of known letters in a photograph, whatever the light: the templates' engine.
+
+For a supposed height and rotation the log brightness is brought to a line frame of `SIGHT_PIXELS` to the height;
+correlations with the three pictures of every character are taken once, and every light is a weighted sum of them.
+The weights that explain the line best, by least squares over its characters, hold for the whole line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.photo import Photo
+from recognition.sight_chain import Metrics, Settled, count_evidence, settle
+from recognition.sight_edges import SCALE_HEIGHTS, clipped, derivatives, limited, log_brightness
+from recognition.sight_frame import LinePlace, photo_origin_mm, photo_pitch_mm
+from recognition.sight_templates import SIGHT_PIXELS, SightBasis
+
+INDEPENDENCE = 0.25
+"""Independent values a pixel and layer: clutter and blur of neighbours go together."""
+AZIMUTHS = 8
+FILLED = 0.5
+ROW_REACH = 2
+"""Rows, of 20 to the height, by which characters may leave the common line."""
+STARTS, ROUNDS = 3, 2
+"""Lights and rows followed up, and rounds of fitting the light."""
+MOST_CHARACTERS = 20
+PAD = 8
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Supposed:
+    """One way the line may lie.
+
+    Attributes:
+        height_mm: of the characters.
+        rotation_deg: of the line.
+    """
+
+    height_mm: float
+    rotation_deg: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SightFit:
+    """What a supposition explains.
+
+    Attributes:
+        supposed: height and rotation.
+        basis: of the font.
+        settled: posteriors of the places.
+        light: (3,) weights of the pictures.
+        trust: (places,) probability that anything of the font stands there at all.
+        column, row: (places,) where the best character stands, line frame pixels.
+        origin_mm: photo frame (x, y) about which the line frame is turned.
+        middle_px: (column, row) of that point in the line frame.
+    """
+
+    supposed: Supposed
+    basis: SightBasis
+    settled: Settled
+    light: Floats
+    trust: Floats
+    column: NDArray[np.int64]
+    row: NDArray[np.int64]
+    origin_mm: tuple[float, float]
+    middle_px: tuple[float, float]
+
+    @property
+    def value(self) -> float:
+        """Log Bayes factor of the line against none."""
+        return self.settled.log_evidence
+
+    @property
+    def text(self) -> str:
+        """Best character at every place."""
+        return "".join(self.basis.chars[t] for t in self.settled.log_belief.argmax(axis=1))
+
+    def slope_deg(self) -> float:
+        """Rotation that is left, from the rows of the characters."""
+        if self.row.size < 3 or np.ptp(self.column) == 0:
+            return 0.0
+        return math.degrees(math.atan(float(np.polyfit(self.column, self.row, 1)[0])))
+
+    def frame_mm(self, column: float, row: float) -> tuple[float, float]:
+        """Photo frame of a place in the line frame."""
+        size = self.supposed.height_mm / SIGHT_PIXELS
+        u, v = (column - self.middle_px[0]) * size, (row - self.middle_px[1]) * size
+        angle = math.radians(self.supposed.rotation_deg)
+        cos, sin = math.cos(angle), math.sin(angle)
+        return (self.origin_mm[0] + cos * u - sin * v, self.origin_mm[1] + sin * u + cos * v)
+
+    def character(self, k: int) -> LinePlace:
+        """Where a character lies."""
+        best = int(self.settled.log_belief[k].argmax())
+        height = self.supposed.height_mm
+        return LinePlace(
+            self.frame_mm(float(self.column[k]), float(self.row[k])),
+            2.0 * float(self.basis.half_width[best]) * height,
+            height,
+            self.supposed.rotation_deg,
+        )
+
+    def place(self) -> LinePlace:
+        """Where the whole line lies."""
+        half = self.basis.half_width[self.settled.log_belief.argmax(axis=1)] * SIGHT_PIXELS
+        left, right = float((self.column - half).min()), float((self.column + half).max())
+        middle = self.frame_mm(0.5 * (left + right), float(np.median(self.row)))
+        height = self.supposed.height_mm
+        return LinePlace(
+            middle, (right - left) / SIGHT_PIXELS * height, height, self.supposed.rotation_deg
+        )
+
+
+class SightSearch:
+    """Fits suppositions to one photograph, or to a part of it."""
+
+    def __init__(
+        self,
+        photo: Photo,
+        *,
+        places: Sequence[str] | None,
+        gaps: frozenset[int] = frozenset(),
+        about: LinePlace | None = None,
+        contrast: bool = False,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            photo: to be searched.
+            places: characters allowed at each place of a known format, or None.
+            gaps: places after which a word gap lies.
+            about: where the line lies about; the search keeps to a height around it.
+            contrast: as `log_brightness`.
+        """
+        self.places, self.gaps, self.about = places, gaps, about
+        self.log = log_brightness(photo, contrast=contrast)
+        self.blind = clipped(photo).astype(np.float32)
+        self.pitch_mm, self.origin = photo_pitch_mm(photo), photo_origin_mm(photo)
+        rows, cols = photo.shape
+        if about is None:
+            self.middle_mm = (
+                self.origin[0] + 0.5 * (cols - 1) * self.pitch_mm,
+                self.origin[1] + 0.5 * (rows - 1) * self.pitch_mm,
+            )
+            self.extent_mm = (cols * self.pitch_mm, rows * self.pitch_mm)
+        else:
+            self.middle_mm = about.middle_mm
+            self.extent_mm = (about.width_mm + 1.6 * about.height_mm, 2.0 * about.height_mm)
+
+    def edges(self, supposed: Supposed) -> NDArray[np.float32]:
+        """(2, rows, cols) limited edges in the line frame, with land around them."""
+        import cv2
+
+        size = supposed.height_mm / SIGHT_PIXELS
+        angle = math.radians(supposed.rotation_deg)
+        cos, sin = math.cos(angle), math.sin(angle)
+        wide, tall = self.extent_mm
+        if self.about is None:
+            wide, tall = wide * abs(cos) + tall * abs(sin), tall * abs(cos) + wide * abs(sin)
+        cols, rows = max(8, math.ceil(wide / size)), max(8, math.ceil(tall / size))
+        zoom = size / self.pitch_mm
+        mid = (
+            (self.middle_mm[0] - self.origin[0]) / self.pitch_mm,
+            (self.middle_mm[1] - self.origin[1]) / self.pitch_mm,
+        )
+        u0, v0 = 0.5 * (cols - 1), 0.5 * (rows - 1)
+        to_photo = np.array(
+            [
+                [zoom * cos, -zoom * sin, mid[0] - zoom * (cos * u0 - sin * v0)],
+                [zoom * sin, zoom * cos, mid[1] - zoom * (sin * u0 + cos * v0)],
+            ]
+        )
+        blur = 0.35 * zoom
+        layers = []
+        for image, rim in ((self.log, cv2.BORDER_REPLICATE), (self.blind, cv2.BORDER_REPLICATE)):
+            seen = cv2.GaussianBlur(image, (0, 0), blur) if zoom > 1.2 else image
+            layers.append(
+                np.asarray(
+                    cv2.warpAffine(
+                        seen,
+                        to_photo,
+                        (cols, rows),
+                        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                        borderMode=rim,
+                    )
+                )
+            )
+        made = derivatives(layers[0], scale_px=SCALE_HEIGHTS * SIGHT_PIXELS)
+        made = limited(made) * (layers[1] < 0.5)
+        return np.pad(made, ((0, 0), (PAD, PAD), (PAD, PAD))).astype(np.float32)
+
+    def fit(self, basis: SightBasis, supposed: Supposed) -> SightFit | None:
+        """The line that a supposition explains; None where it has no room."""
+        edges = self.edges(supposed)
+        answers = correlations(edges, basis)
+        best: SightFit | None = None
+        for light, row in self._starts(answers, basis):
+            found = self._followed(answers, basis, light, row, supposed, edges.shape[1:])
+            if found is not None and (best is None or found.value > best.value):
+                best = found
+        return best
+
+    def _starts(self, answers: NDArray[np.float32], basis: SightBasis) -> list[tuple[Floats, int]]:
+        """Lights and rows that promise most."""
+        usable = np.ones(len(basis.chars), dtype=np.bool_)
+        if self.places is not None:
+            usable = np.array([any(c in p for p in self.places) for c in basis.chars])
+        found: list[tuple[float, Floats, int]] = []
+        for light in lights():
+            size = np.sqrt(np.einsum("tbe,b,e->t", basis.gram[usable], light, light))
+            lit = np.einsum("tbrc,b->trc", answers[usable], light.astype(np.float32))
+            best = (lit / size[:, None, None].astype(np.float32)).max(axis=0)
+            promise = (np.maximum(best, 0.0) ** 2).mean(axis=1)
+            pooled = np.convolve(promise, np.ones(2 * ROW_REACH + 1), mode="same")
+            row = int(pooled.argmax())
+            found.append((float(pooled[row]), light, row))
+        found.sort(key=lambda f: -f[0])
+        kept: list[tuple[Floats, int]] = []
+        for _, light, row in found:
+            if len(kept) < STARTS:
+                kept.append((light, row))
+        return kept
+
+    def _followed(
+        self,
+        answers: NDArray[np.float32],
+        basis: SightBasis,
+        light: Floats,
+        row: int,
+        supposed: Supposed,
+        shape: tuple[int, ...],
+    ) -> SightFit | None:
+        """The line about one row, its light and spacing fitted to it in turns."""
+        p = SIGHT_PIXELS
+        metrics = Metrics(
+            np.round(basis.middle * p).astype(np.int64), np.round(basis.advance * p).astype(np.int64), p
+        )
+        low = max(0, row - ROW_REACH)
+        near = answers[:, :, low : row + ROW_REACH + 1].astype(np.float64)
+        allowed: NDArray[np.bool_] | None = None
+        if self.places is not None:
+            allowed = np.array([[c in place for c in basis.chars] for place in self.places])
+        gap: float | None = None
+        weights = light
+        found: tuple[Settled, Floats, NDArray[np.int64], NDArray[np.int64]] | None = None
+        for turn in range(ROUNDS + 1):
+            lit = np.einsum("tbrc,b->trc", near, weights)
+            power = np.einsum("tbe,b,e->t", basis.gram, weights, weights)[:, None, None]
+            if turn == 0:
+                # strength not known yet: the best one for every character by itself
+                score = 0.5 * INDEPENDENCE * np.maximum(lit, 0.0) ** 2 / power
+            else:
+                score = INDEPENDENCE * (lit - 0.5 * power)
+            top = score.max(axis=1)
+            evidence = top + np.log(np.exp(score - top[:, None]).mean(axis=1))
+            table = allowed
+            if table is None:
+                most = min(MOST_CHARACTERS, max(1, evidence.shape[1] // (p // 3)))
+                n = int(count_evidence(evidence, metrics, most=most, gap_heights=gap).argmax())
+                table = np.ones((max(n, 1), len(basis.chars)), dtype=np.bool_)
+            settled = settle(evidence, metrics, table, gap_heights=gap, word_gaps=self.gaps)
+            if settled is None:
+                return None
+            which = settled.log_belief.argmax(axis=1)
+            column = settled.column[np.arange(which.size), which]
+            rows = score[which, :, column].argmax(axis=1)
+            found = (settled, weights, column, rows)
+            seen = near[which, :, rows, column].sum(axis=0)
+            weights = np.linalg.solve(basis.gram[which].sum(axis=0) + np.eye(3), seen)
+            gap = _spacing(basis, which, column, self.gaps)
+        assert found is not None
+        settled, weights, column, rows = found
+        at = evidence[:, :]
+        which = settled.log_belief.argmax(axis=1)
+        trust = 1.0 / (1.0 + np.exp(-np.clip(at[which, column] - math.log(len(basis.chars)), -50.0, 50.0)))
+        return SightFit(
+            supposed=supposed,
+            basis=basis,
+            settled=settled,
+            light=weights,
+            trust=trust,
+            column=column,
+            row=low + rows,
+            origin_mm=self.middle_mm,
+            middle_px=(0.5 * (shape[1] - 1), 0.5 * (shape[0] - 1)),
+        )
+
+    def refined(self, fit: SightFit, *, spans: Sequence[float] = (0.05, 0.025)) -> SightFit:
+        """Take up the rotation that is left and vary the height while the fit improves."""
+        best = fit
+        for span in spans:
+            slope = best.slope_deg()
+            if abs(slope) > 0.2:
+                best = self._better(best, rotation_deg=best.supposed.rotation_deg + slope)
+            for factor in (1.0 + span, 1.0 / (1.0 + span)):
+                tried = self._better(best, height_mm=best.supposed.height_mm * factor)
+                if tried is not best:
+                    best = tried
+                    break
+        return best
+
+    def _better(self, held: SightFit, **changes: float) -> SightFit:
+        fit = self.fit(held.basis, replace(held.supposed, **changes))
+        return fit if fit is not None and fit.value > held.value else held
+
+
+def lights() -> list[Floats]:
+    """Lamps all round, and strokes darker or brighter than the land."""
+    around = np.arange(AZIMUTHS) * 2.0 * math.pi / AZIMUTHS
+    made = [np.array([math.cos(a), math.sin(a), 0.0]) for a in around]
+    return [*made, np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])]
+
+
+def _spacing(
+    basis: SightBasis, which: NDArray[np.int64], column: NDArray[np.int64], gaps: frozenset[int]
+) -> float | None:
+    """Median spacing beyond the font's advance, character heights."""
+    if which.size < 3:
+        return None
+    origin = column / SIGHT_PIXELS - basis.middle[which]
+    gap = origin[1:] - (origin[:-1] + basis.advance[which[:-1]])
+    usual = [g for k, g in enumerate(gap) if k not in gaps]
+    return float(np.median(usual)) if usual else None
+
+
+def correlations(edges: NDArray[np.float32], basis: SightBasis) -> NDArray[np.float32]:
+    """(T, 3, rows, cols) products of the edges with every picture, its middle at each pixel."""
+    from scipy import fft
+
+    _, rows, cols = edges.shape
+    tall, wide = basis.patches.shape[3:]
+    shape = (
+        fft.next_fast_len(-(-(rows + tall) // 16) * 16, real=True),
+        fft.next_fast_len(-(-(cols + wide) // 32) * 32, real=True),
+    )
+    key = ("spectra", shape)
+    spectra = basis.work.get(key)
+    if not isinstance(spectra, np.ndarray):
+        flat = np.zeros((*basis.patches.shape[:3], *shape), dtype=np.float32)
+        flat[..., :tall, :wide] = basis.patches
+        flat = np.roll(flat, (-(tall // 2), -(wide // 2)), (3, 4))
+        spectra = np.conj(fft.rfft2(flat))
+        for old in [k for k in basis.work if isinstance(k, tuple) and k[0] == "spectra"][:-3]:
+            del basis.work[old]
+        basis.work[key] = spectra
+    seen = fft.rfft2(edges, shape)
+    product = np.einsum("dhw,tbdhw->tbhw", seen, spectra)
+    return np.ascontiguousarray(fft.irfft2(product, shape)[..., :rows, :cols], dtype=np.float32)

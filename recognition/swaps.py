@@ -1,0 +1,142 @@
+"""Characters that dies, dirt and eyes take for each other, declared; and what is known of one place.
+
+The sets change no belief: they name what a person should look at, and tell a place that is confused from one
+that was not read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+READ_BELIEF, READ_MARGIN = 0.5, 0.3
+"""Belief in the first character, and its lead over the second, from which a place counts as read. Whether the
+reading is accepted is another question, with thresholds of its own."""
+NOTHING_BELIEF = 0.5
+"""Belief in "no character" from which a place is not read."""
+SHARE_OF_FIRST = 0.25
+"""Of the belief in the first character, what a second one needs to share it."""
+MISMATCH_SHARE = 0.1
+"""A known character with less than this share of the best one's belief is contradicted."""
+
+
+@dataclass(frozen=True)
+class SwapSet:
+    """Characters that are taken for each other, and why."""
+
+    chars: str
+    reason: str
+
+
+SWAP_SETS = (
+    SwapSet("0OQD", "closed round outlines; the tail of Q and the corners of D are short"),
+    SwapSet("1IL7", "one upright; flag, serifs and foot are short or missing in some fonts"),
+    SwapSet("2Z", "the bow of 2 has a corner in narrow fonts"),
+    SwapSet("5S", "the corners of 5 wear round"),
+    SwapSet("8B", "the left side of 8 is nearly straight in narrow fonts"),
+    SwapSet("6G", "the bow of 6 stays open where it is struck shallow"),
+    SwapSet("38", "3 closed by grime, or 8 with its left side filled"),
+    SwapSet("69", "turned by half a turn"),
+    SwapSet("MW", "turned by half a turn"),
+    SwapSet("UV", "the bottom of U is narrow"),
+    SwapSet("VY", "a short stem is filled"),
+    SwapSet("CG", "the bar of G is short"),
+    SwapSet("PR", "the leg of R is filled or was not struck"),
+    SwapSet("EF", "the foot of E is filled or was not struck"),
+    SwapSet("OC", "the right side of O is filled"),
+    SwapSet("4A", "4 closed at the top, with a low bar"),
+    SwapSet("KX", "the upright of K is filled"),
+    SwapSet("MN", "one diagonal of M is filled"),
+)
+"""The declared sets."""
+
+
+def swap_partners(char: str) -> str:
+    """The characters it may be taken for, without itself; none for one that stands in no set."""
+    partners = dict.fromkeys(c for swap in SWAP_SETS if char in swap.chars for c in swap.chars if c != char)
+    return "".join(partners)
+
+
+def swap_reason(one: str, other: str) -> str:
+    """Why the two are taken for each other; empty where no set holds both."""
+    return next((s.reason for s in SWAP_SETS if one != other and one in s.chars and other in s.chars), "")
+
+
+class CharacterState(StrEnum):
+    """What is known of one place."""
+
+    READ = "read"
+    CONFUSED = "confused"
+    NOT_READ = "not read"
+    MISMATCH = "mismatch"
+
+
+@dataclass(frozen=True)
+class PlaceState:
+    """The state of one place and whom it names.
+
+    Attributes:
+        state: the state.
+        char: best character; empty when none has any belief.
+        probability: belief in it.
+        rival: the second, where it counts (CONFUSED), or the best in place of the known one (MISMATCH).
+        rival_probability: belief in it.
+        expected: the character known to stand there; empty when none is.
+    """
+
+    state: CharacterState
+    char: str
+    probability: float
+    rival: str = ""
+    rival_probability: float = 0.0
+    expected: str = ""
+
+    @property
+    def message(self) -> str:
+        """The state in words."""
+        match self.state:
+            case CharacterState.READ:
+                return f"{self.char} is read"
+            case CharacterState.CONFUSED:
+                reason = swap_reason(self.char, self.rival)
+                return f"{self.char} or {self.rival}" + (f" ({reason})" if reason else "")
+            case CharacterState.NOT_READ:
+                return "no character can be made out"
+            case CharacterState.MISMATCH:
+                return f"{self.rival} stands where {self.expected or 'nothing'} is expected"
+
+
+def state_of(probabilities: Mapping[str, float], *, expected: str | None = None) -> PlaceState:
+    """What is known of a place.
+
+    Args:
+        probabilities: belief in each character; what is missing to 1 is "no character". Ties go to the
+            character that comes first.
+        expected: the character known to stand there, if one is known; "" if none should.
+
+    Raises:
+        ValueError: beliefs that are negative, not numbers, or more than 1 together.
+    """
+    total = math.fsum(probabilities.values())
+    if not total <= 1.0 + 1e-6 or any(not p >= 0.0 for p in probabilities.values()):
+        raise ValueError(f"beliefs {dict(probabilities)} must not be negative, nor more than 1 together")
+    ranked = sorted(probabilities.items(), key=lambda item: -item[1])
+    (char, first), (second_char, second) = (*ranked, ("", 0.0), ("", 0.0))[:2]
+    if first == 0.0:
+        return PlaceState(CharacterState.NOT_READ, "", 0.0, expected=expected or "")
+    known = probabilities.get(expected, 0.0) if expected else 0.0
+    if 1.0 - total >= NOTHING_BELIEF:
+        return PlaceState(CharacterState.NOT_READ, char, first, expected=expected or "")
+    clear = first >= READ_BELIEF and first - second >= READ_MARGIN
+    shared = first + second >= READ_BELIEF and second >= SHARE_OF_FIRST * first
+    if not (clear or shared):
+        return PlaceState(CharacterState.NOT_READ, char, first, expected=expected or "")
+    if expected is not None and char != expected and known < MISMATCH_SHARE * first:
+        return PlaceState(CharacterState.MISMATCH, char, first, char, first, expected=expected)
+    if expected and char != expected:
+        return PlaceState(CharacterState.CONFUSED, char, first, expected, known, expected=expected)
+    if clear:
+        return PlaceState(CharacterState.READ, char, first, expected=expected or "")
+    return PlaceState(CharacterState.CONFUSED, char, first, second_char, second, expected=expected or "")
