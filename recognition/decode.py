@@ -34,12 +34,14 @@ class Spacing:
         before, after: (T,) of each template.
         cost: of a distance off by n pixels, times n^2.
         limit: at most.
+        free_after: places followed by a word gap, after which any distance goes.
     """
 
     before: NDArray[np.float64]
     after: NDArray[np.float64]
     cost: float
     limit: float
+    free_after: frozenset[int] = frozenset()
 
 
 @njit(cache=True)
@@ -65,9 +67,9 @@ def _chain(reward, half, allowed, free, overlap, reach, gap_free, gap_cost, ahea
                         gap = start - e
                         value = best[k - 1, e] - gap_cost * max(0, gap - gap_free)
                         last = by_template[k - 1, e]
-                        if step_limit > 0.0 and last >= 0:
+                        if step_limit[k] > 0.0 and last >= 0:
                             off = c - (e - half[last]) - behind[last] - ahead[t]
-                            value -= min(step_cost * off * off, step_limit)
+                            value -= min(step_cost * off * off, step_limit[k])
                         if value > before:
                             before, at = value, e
                     if at < 0:
@@ -113,13 +115,15 @@ def best_chain(
     cols = reward.shape[1]
     if spacing is None:
         spacing = Spacing(np.zeros(reward.shape[0]), np.zeros(reward.shape[0]), 0.0, 0.0)
+    limit = np.full(table.shape[0], spacing.limit)
+    limit[[k + 1 for k in spacing.free_after if k + 1 < limit.size]] = 0.0
     best = np.full((table.shape[0], cols), _NONE)
     from_end = np.full((table.shape[0], cols), -1, dtype=np.int64)
     by_template = np.full((table.shape[0], cols), -1, dtype=np.int64)
     _chain(
         np.ascontiguousarray(reward), np.ascontiguousarray(half_cols), table, free,
         overlap, reach, gap_free, float(gap_cost), spacing.before, spacing.after,
-        float(spacing.cost), float(spacing.limit), best, from_end, by_template,
+        float(spacing.cost), limit, best, from_end, by_template,
     )  # fmt: skip
     k = int(np.unravel_index(int(np.argmax(best)), best.shape)[0]) if free else table.shape[0] - 1
     end = int(np.argmax(best[k]))

@@ -9,7 +9,6 @@ together: `calibrate` turns it into belief.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -38,9 +37,10 @@ TURNS_DEG = (-2.5, 2.5)
 TURNED_LEADERS = 6
 SHIFT = 2
 GAP_HEIGHTS = 1.5
+BESIDE_HEIGHTS = 1.6
 SIDE_HEIGHTS = 0.35
-STEP_COST, STEP_LIMIT, STANDS_OUT = 3.0, 0.3, 0.35
-BLOWS = (1.0, 0.7, 0.45)
+STEP_COST, STEP_LIMIT, STANDS_OUT = 3.0, 0.9, 0.35
+BLOWS = (1.0, 0.6)
 AMPLITUDE_SCORE = 0.6
 AMPLITUDE_RANGE = (0.25, 2.5)
 FLOOR_SHARE = 0.75
@@ -95,11 +95,13 @@ class LineEvidence:
         places: left to right.
         total: evidence of the best chain.
         amplitude: depth of the marks against the templates'.
+        beside: largest share of its ideal that any template reaches in the line's rows where nothing was placed.
     """
 
     places: tuple[PlaceEvidence, ...]
     total: float
     amplitude: float
+    beside: float
 
 
 @njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
@@ -226,6 +228,7 @@ def line_evidence(
     directions: tuple[TraceDirection, ...],
     *,
     places: Sequence[str] | None,
+    gaps: frozenset[int] = frozenset(),
 ) -> LineEvidence | None:
     """Look again at a line that the search has found, for what the dirt has left of it; None where nothing is left.
 
@@ -235,6 +238,7 @@ def line_evidence(
         templates: of the line's own hypothesis and polarity.
         directions: of the edge map.
         places: characters allowed at each place of a known format, or None.
+        gaps: places of that format before a word gap.
     """
     reach = reach_of(templates, directions)
     amplitude = amplitude_of(replace(fit, templates=templates), directions)
@@ -264,7 +268,7 @@ def line_evidence(
     )  # fmt: skip
     if not placed:
         return None
-    spacing = usual_spacing(placed, templates, fit.hypothesis.font)
+    spacing = usual_spacing(placed, templates, fit.hypothesis.font, gaps=gaps)
     if spacing is not None and places is not None:
         # what is lost may lie anywhere: then the others' regular distance says where
         total, placed = best_chain(
@@ -276,10 +280,29 @@ def line_evidence(
         _place(p, low, high, felt, model, cover, rows, templates, directions, reach, ideal, seen)
         for p, (low, high) in zip(placed, bounds, strict=True)
     )
-    return LineEvidence(places=found, total=total * scale, amplitude=amplitude)
+    beside = _beside(dense.max(axis=1) / ideal[:, None], placed, straight.half_cols)
+    return LineEvidence(places=found, total=total * scale, amplitude=amplitude, beside=beside)
 
 
-def usual_spacing(placed: Sequence[Placed], templates: TemplateSet, font: Font) -> Spacing | None:
+def _beside(share: NDArray[np.floating], placed: Sequence[Placed], half_cols: NDArray[np.int64]) -> float:
+    """Largest share (T, columns) of templates that keep clear of all that was placed, near the line's ends or in it."""
+    taken = [(p.column - int(half_cols[p.template]), p.column + int(half_cols[p.template])) for p in placed]
+    reach = round(BESIDE_HEIGHTS * EVIDENCE_PIXELS)
+    low, high = max(0, taken[0][0] - reach), min(share.shape[1], taken[-1][1] + reach)
+    best = 0.0
+    for half in np.unique(half_cols):
+        columns = np.arange(low + half, max(low + half, high - half))
+        clear = np.ones(columns.size, dtype=np.bool_)
+        for left, right in taken:
+            clear &= (columns + half < left) | (columns - half > right)
+        if clear.any():
+            best = max(best, float(share[half_cols == half][:, columns[clear]].max()))
+    return best
+
+
+def usual_spacing(
+    placed: Sequence[Placed], templates: TemplateSet, font: Font, *, gaps: frozenset[int] = frozenset()
+) -> Spacing | None:
     """How far apart characters stand, from neighbours that both stand out; None if too few do.
 
     Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely.
@@ -288,15 +311,19 @@ def usual_spacing(placed: Sequence[Placed], templates: TemplateSet, font: Font) 
     middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])
     after = (np.array([g.advance for g in glyphs]) - middle) * EVIDENCE_PIXELS
     before = middle * EVIDENCE_PIXELS
-    pairs = [(a, b) for a, b in pairwise(placed) if min(a.reward, b.reward) > STANDS_OUT]
+    pairs = [
+        (a, b)
+        for k, (a, b) in enumerate(pairwise(placed))
+        if k not in gaps and min(a.reward, b.reward) > STANDS_OUT
+    ]
     if len(pairs) < 2:
         return None
     apart = np.array([b.column - a.column for a, b in pairs], dtype=np.float64)
     extra = apart - np.array([after[a.template] + before[b.template] for a, b in pairs])
     cost, limit = STEP_COST / EVIDENCE_PIXELS**2, STEP_LIMIT
     if np.abs(extra - np.median(extra)).mean() <= np.abs(apart - np.median(apart)).mean():
-        return Spacing(before, after + float(np.median(extra)), cost, limit)
-    return Spacing(np.zeros_like(before), np.full_like(after, float(np.median(apart))), cost, limit)
+        return Spacing(before, after + float(np.median(extra)), cost, limit, gaps)
+    return Spacing(np.zeros_like(before), np.full_like(after, float(np.median(apart))), cost, limit, gaps)
 
 
 def _bounds(placed: Sequence[Placed], half_cols: NDArray[np.int64], width: int) -> list[tuple[int, int]]:
@@ -428,5 +455,3 @@ def _place(
         covered=float(box.mean()) if box.size else 0.0,
     )
 
-
-__all__ = ["LineEvidence", "PlaceEvidence", "amplitude_of", "line_evidence", "math"]

@@ -6,7 +6,7 @@ fits badly: dots, other strokes, then softer hands and other widths, for marks o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,10 +51,25 @@ def hypotheses(search: LineSearch, fonts: Sequence[Font], *, height_mm: float | 
     return made
 
 
-def find_lines(search: LineSearch, tried: list[Hypothesis], *, height_known: bool) -> list[LineFit]:
-    """The lines of the best fonts, best first."""
+def find_lines(
+    search: LineSearch,
+    tried: list[Hypothesis],
+    *,
+    height_known: bool,
+    own_shapes: Callable[[LineFit], bool] = lambda _: False,
+) -> list[LineFit]:
+    """The lines of the best fonts, best first.
+
+    Args:
+        search: fits hypotheses to the map.
+        tried: hypotheses.
+        height_known: the character height was given.
+        own_shapes: whether a line that fits badly is of its font's own shapes all the same, under dirt: then no
+            other hand, dots or widths are tried.
+    """
     by_font = _best_by_font(search, tried)
-    if _score(by_font) < DOTTED_SCORE:
+    best = max(by_font.values(), key=lambda f: f.value_mm, default=None)
+    if _score(by_font) < DOTTED_SCORE and not (best is not None and best.placed and own_shapes(best)):
         # dots answer only templates of nearly their own height
         dotted = [
             replace(h, face=Face.DOTTED, height_mm=h.height_mm * factor)
@@ -73,6 +88,9 @@ def find_lines(search: LineSearch, tried: list[Hypothesis], *, height_known: boo
         if not leader.placed or not rival:
             continue
         line = refine_geometry(search, leader, spans=spans)
+        if line.mean_score < GOOD_SCORE and own_shapes(line):
+            refined.append(line)
+            continue
         if HOPELESS_SCORE < line.mean_score < GOOD_SCORE:
             line = refine_geometry(search, refine_stroke(search, line), spans=(0.04,))
         if HOPELESS_SCORE < line.mean_score < FOREIGN_SCORE and len(refined) < 2:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 N_FELT, N_PREDICTED, N_LEVELS = 96, 33, 5
 """Steps of e, of t, and of how surely a pixel is covered by dirt."""
 DEBRIS = 0.1
-FILLED_CLEAN, FILLED_COVERED = 0.06, 0.87
+FILLED_CLEAN, FILLED_COVERED = 0.06, 0.5
 """Prior of filled ink where the surface around looks clean, and where it is seen to be covered."""
 BRIM_CLEAN, BRIM_COVERED = 0.6, 0.9
 """Of filled ink, the share filled to the brim; the rest is filled to any level."""

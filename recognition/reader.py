@@ -18,15 +18,22 @@ import numpy as np
 from glyphs.glyph import Font, FontError
 from glyphs.maps import EdgeMap, HeightMap, MapError
 from glyphs.outlines import BUILTIN_FONTS, load_font
-from glyphs.serials import MaskError, allowed_characters
-from recognition.decide import Decided, decide
+from glyphs.serials import MaskError
+from glyphs.soil import Soil
+from recognition.choice import Choice
+from recognition.decide import Judged, decide
 from recognition.depth import mark_depths
 from recognition.depth_rules import DepthRule, judged_by
+from recognition.dirty_look import DirtyLook
+from recognition.grammar import Grammar
+from recognition.lattice import Lattice
 from recognition.lines import find_lines, hypotheses
+from recognition.marks import graded
 from recognition.mounting import first_look, level
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_line
 from recognition.search import LineSearch
+from recognition.second_look import SecondLook, is_crisp, lattice_of_reading, second_look, untroubled
 from recognition.templates import TemplateCache
 from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
@@ -53,6 +60,7 @@ class ReaderSettings:
         accept_confidence: readings at least so sure, and with every margin above `accept_margin`, are accepted.
         accept_margin: least lead of the first over the second candidate for acceptance.
         depth_rules: what the mark must meet; a mark that does not is flagged, read all the same.
+        grammar: what the serial obeys; the mask's grammar unless given.
     """
 
     fonts: tuple[str, ...] = ()
@@ -62,6 +70,7 @@ class ReaderSettings:
     accept_confidence: float = 0.9
     accept_margin: float = 0.3
     depth_rules: tuple[DepthRule, ...] = ()
+    grammar: Grammar | None = None
 
     def __post_init__(self) -> None:
         if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
@@ -82,6 +91,8 @@ class ReadingWithEvidence:
         height_map: the levelled height map, if one was given.
         support_mm: length of line that the templates explain, weighted by how well.
         relief: heights and slopes as felt, if it came to that.
+        lattice: beliefs of the places before the grammar has its say; None where nothing was read.
+        choice: what the grammar made of them; None where the reading rests on correlation alone.
     """
 
     reading: Reading
@@ -90,6 +101,8 @@ class ReadingWithEvidence:
     height_map: HeightMap | None = None
     support_mm: float = 0.0
     relief: Relief | None = None
+    lattice: Lattice | None = None
+    choice: Choice | None = None
 
 
 class _Clock:
@@ -125,19 +138,23 @@ class Reader:
         names = self.settings.fonts if self.settings.fonts or fonts else BUILTIN_FONTS
         self.fonts = (*fonts, *(load_font(name) for name in names))
         mask = self.settings.mask
-        self.places: tuple[str, ...] | None = None
-        self.gaps: frozenset[int] = frozenset()
-        chars = ALPHABET
-        if mask is not None:
-            every = allowed_characters(mask)
-            self.places = tuple(place for place in every if place != " ")
-            inked = [i for i, place in enumerate(every) if place != " "]
-            self.gaps = frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
-            chars = "".join(sorted(set("".join(self.places))))
-            if not self.places:
+        self.grammar = self.settings.grammar
+        if self.grammar is None and mask is not None:
+            if not mask.strip():
                 raise MaskError(
                     f"the mask {mask!r} is blank; write one character a position: A, 9, * or itself"
                 )
+            self.grammar = Grammar(mask=mask)
+        self.places: tuple[str, ...] | None = None
+        self.gaps: frozenset[int] = frozenset()
+        chars = ALPHABET
+        if self.grammar is not None:
+            chars = "".join(sorted(self.grammar.characters))
+            lengths = self.grammar.lengths()
+            if lengths is not None and len(lengths) == 1:
+                self.places = self.grammar.places(next(iter(lengths)))
+                self.gaps = self.grammar.gaps
+        if self.places is not None:
             lacks = {
                 font.name: next((p for p in self.places if not any(c in font.glyphs for c in p)), "")
                 for font in self.fonts
@@ -148,15 +165,25 @@ class Reader:
             for font in self.fonts:
                 if lacks[font.name]:
                     raise FontError(
-                        f"font {font.name!r} has no {lacks[font.name]!r}, which the format {mask!r} needs"
+                        f"font {font.name!r} has no {lacks[font.name]!r}, which the format {mask or 'given'!r} needs"
                     )
         self.chars = chars
         self.cache = TemplateCache()
 
-    def read_height_map(self, height_map: HeightMap, *, part_id: str = "") -> ReadingWithEvidence:
+    def read_height_map(
+        self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = ""
+    ) -> ReadingWithEvidence:
         """Mount, scan with the virtual array at the scale of the characters, and read.
 
         Of several plausible character heights each is scanned, until one reads well.
+
+        Args:
+            height_map: the part's surface, the top of what lies on it.
+            soil: dirt into which the tip sinks, and the part's friction, if known.
+            part_id: what the part is called.
+
+        Raises:
+            MapError: a map that cannot be scanned, a soil on another grid.
         """
         clock = _Clock()
         with clock.step("mount"):
@@ -171,7 +198,12 @@ class Reader:
             with clock.step("scan"):
                 plan = default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height)
                 scan = trace_scan(
-                    levelled, touch=touch, plan=plan, fidelity=self.settings.fidelity, part_id=part_id
+                    levelled,
+                    touch=touch,
+                    plan=plan,
+                    fidelity=self.settings.fidelity,
+                    part_id=part_id,
+                    soil=soil,
                 )
             tried = self._read(scan, clock, height_map=levelled)
             if best is None or _merit(tried) > _merit(best):
@@ -195,12 +227,8 @@ class Reader:
                 )
         with clock.step("depth"):
             relief = _relief(scan, edges)
-        reading, support = self.read_edge_map(
-            edges, scan.touch, relief=relief, clock=clock, flags=_scan_flags(scan)
-        )
-        return ReadingWithEvidence(
-            reading, edge_map=edges, scan=scan, height_map=height_map, support_mm=support, relief=relief
-        )
+        found = self.read_edge_map(edges, scan.touch, relief=relief, clock=clock, flags=_scan_flags(scan))
+        return replace(found, scan=scan, height_map=height_map)
 
     def read_edge_map(
         self,
@@ -210,21 +238,25 @@ class Reader:
         relief: Relief | None = None,
         clock: _Clock | None = None,
         flags: ReadingFlag = ReadingFlag.NONE,
-    ) -> tuple[Reading, float]:
-        """Read an edge map felt with the given touch; also the length of line explained, mm, weighted by how well.
-
-        Without a relief the reading tells no depths.
-        """
+    ) -> ReadingWithEvidence:
+        """Read an edge map felt with the given touch. Without a relief the reading tells no depths."""
         clock = clock if clock is not None else _Clock()
+        made = ReadingWithEvidence(_nothing(clock, flags), edge_map=edges, relief=relief)
         search = LineSearch(edges, touch, self.cache, chars=self.chars, places=self.places)
+        look = DirtyLook(search, places=self.places, gaps=self.gaps)
         with clock.step("localise"):
             tried = hypotheses(search, self.fonts, height_mm=self.settings.height_mm)
         if not tried:
-            return _nothing(clock, flags), 0.0
+            return made
         with clock.step("search"):
-            lines = find_lines(search, tried, height_known=self.settings.height_mm is not None)
+            lines = find_lines(
+                search,
+                tried,
+                height_known=self.settings.height_mm is not None,
+                own_shapes=look.own_shapes,
+            )
         if not lines:
-            return _nothing(clock, flags), 0.0
+            return made
         with clock.step("match"):
             judged = []
             for line in lines:
@@ -234,10 +266,38 @@ class Reader:
                 judged.append((settled, templates, cells))
         with clock.step("decide"):
             decided = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
+        with clock.step("evidence"):
+            again = None if untroubled(decided, self.grammar) else self._again(look, judged, flags)
+        reading, support, line_read = decided.reading, decided.support_mm, decided.judged
+        lattice, choice = lattice_of_reading(decided), None
+        if again is not None:
+            reading, line_read, lattice, choice = again.reading, again.judged, again.lattice, again.choice
         with clock.step("depth"):
-            reading = _with_depths(decided, relief) if relief is not None else decided.reading
+            if relief is not None and line_read is not None:
+                reading = _with_depths(reading, line_read, relief)
             reading = judged_by(reading, self.settings.depth_rules)
-        return _timed(reading, clock), decided.support_mm
+        if line_read is not None:
+            with clock.step("grade"):
+                image = search.image(line_read[0].hypothesis.rotation_deg)
+                reading = graded(reading, line_read, image, edges.directions)
+        return replace(
+            made, reading=_timed(reading, clock), support_mm=support, lattice=lattice, choice=choice
+        )
+
+    def _again(self, look: DirtyLook, judged: list[Judged], flags: ReadingFlag) -> SecondLook | None:
+        """The reading by evidence, of the line that has most; None where no line is of a font's own shapes."""
+        seen = [(look.at(line), (line, templates, cells)) for line, templates, cells in judged if is_crisp(line)]
+        kept = [(evidence, one) for evidence, one in seen if evidence is not None]
+        if not kept:
+            return None
+        evidence, best = max(kept, key=lambda pair: pair[0].total)
+        if not look.stands(evidence) and len(seen) < len(judged):
+            return None  # a foreign hand explains the line better than dirt does
+        image = look.search.image(best[0].hypothesis.rotation_deg)
+        gaps = self.gaps if self.places is not None else None
+        return second_look(
+            evidence, best, image, grammar=self.grammar, gaps=gaps, settings=self.settings, flags=flags
+        )
 
 
 def _relief(scan: Scan, edges: EdgeMap) -> Relief | None:
@@ -250,11 +310,8 @@ def _relief(scan: Scan, edges: EdgeMap) -> Relief | None:
         return None
 
 
-def _with_depths(decided: Decided, relief: Relief) -> Reading:
-    reading = decided.reading
-    if decided.judged is None:
-        return reading
-    line, templates, cells = decided.judged
+def _with_depths(reading: Reading, judged: Judged, relief: Relief) -> Reading:
+    line, templates, cells = judged
     depths = mark_depths(relief, line, templates, cells, [c.char for c in reading.characters])
     characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
     return replace(reading, characters=characters)

@@ -8,6 +8,9 @@ from dataclasses import dataclass, field
 from enum import Flag, StrEnum, auto
 from types import MappingProxyType
 
+from recognition.grade import MarkGrade
+from recognition.swaps import PlaceState
+
 
 class Decision(StrEnum):
     """What to do with a reading."""
@@ -34,6 +37,11 @@ class ReadingFlag(Flag):
     TOO_SHALLOW = auto()
     TOO_SMALL = auto()
     DEPTH_UNKNOWN = auto()
+    FORMAT_OVERRULED = auto()
+    CHECK_BLIND = auto()
+    SEARCH_EXHAUSTED = auto()
+    MISMATCH = auto()
+    SENSES_DISAGREE = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -54,6 +62,11 @@ _MESSAGES = {
     ReadingFlag.TOO_SHALLOW: "the mark is too shallow",
     ReadingFlag.TOO_SMALL: "the characters are too small",
     ReadingFlag.DEPTH_UNKNOWN: "the depth of a character could not be felt",
+    ReadingFlag.FORMAT_OVERRULED: "the format overruled what answers best by itself",
+    ReadingFlag.CHECK_BLIND: "the check digit cannot tell a character from its rival",
+    ReadingFlag.SEARCH_EXHAUSTED: "too many serials to ask the check digit of; the best may be another",
+    ReadingFlag.MISMATCH: "this is not the serial expected",
+    ReadingFlag.SENSES_DISAGREE: "touch and sight read different serials",
 }
 MEASURE_FLAGS = ReadingFlag.TOO_SHALLOW | ReadingFlag.TOO_SMALL | ReadingFlag.DEPTH_UNKNOWN
 """What a rule for the mark found; `Reading.notes` says it with figures."""
@@ -114,11 +127,15 @@ class CharacterReading:
         candidates: best first, at least one.
         box: where it stands (axis-parallel hull of the possibly rotated cell), mm.
         depth: of the mark; None where it could not be felt.
+        state: read, confused, not read or mismatch; None where nobody asked.
+        grade: quality of the mark; None where it was not graded.
     """
 
     candidates: tuple[Candidate, ...]
     box: Box
     depth: MarkDepth | None = None
+    state: PlaceState | None = None
+    grade: MarkGrade | None = None
 
     def __post_init__(self) -> None:
         if not self.candidates:

@@ -27,15 +27,19 @@ from recognition.sight_combine import as_reading, certainty, joined
 from recognition.sight_edges import sight_edges
 from recognition.sight_engine import EngineMissingError
 from recognition.sight_frame import LinePlace, boxes_in_frame, line_crop
-from recognition.sight_lines import line_places, supposed_heights_mm
+from recognition.sight_lines import distinct_turns_deg, line_places, supposed_heights_mm
 from recognition.sight_search import SightFit, SightSearch, Supposed
-from recognition.sight_templates import SightBasis, predict_basis
+from recognition.sight_templates import CLOSE_LOOK, GLANCE, Look, SightBasis, predict_basis
 
 Engine = Literal["rapidocr", "templates", "best"]
 FOREIGN_WEIGHT = 0.3
 """Weight of templates beside another engine where nobody named the font: their shapes may be another's."""
 LEADING_FITS = 2
-"""Suppositions refined, of all that were tried."""
+"""Suppositions looked at closely, of all that were tried."""
+RIVAL_SHARE = 0.7
+"""Of what the best supposition explains, which another must reach to be looked at closely."""
+CLOSE_SPANS = (0.025,)
+"""Relative changes of height tried in the close look."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +102,7 @@ class SightReader:
                     raise
                 self.notes = (f"read by templates alone: {error}",)
         self.by_templates = engine != "rapidocr"
-        self._bases: dict[str, SightBasis] = {}
+        self._bases: dict[tuple[str, Look], SightBasis] = {}
 
     def read_photo(self, photo: Photo, *, about: LinePlace | None = None) -> SightReading:
         """Read a photograph.
@@ -115,23 +119,41 @@ class SightReader:
         seconds["localise"] = time.perf_counter() - start
         lattices: dict[str, Lattice] = {}
         place: LinePlace | None = about
-        start = time.perf_counter()
-        if self.by_templates:
+        # of an unknown font the templates are asked only where the network is in doubt
+        second = self.rapid is not None and not self.named
+        if second:
+            place = self._by_network(photo, places, lattices, seconds)
+        if self.by_templates and not (second and self._sure(lattices)):
+            start = time.perf_counter()
             fit = self._fit(photo, places, about)
             if fit is not None:
-                place = fit.place()
                 lattices["templates"] = self._of_fit(fit)
-                places = (place, *places)
-        seconds["templates"] = time.perf_counter() - start
-        start = time.perf_counter()
-        if self.rapid is not None:
-            read, where = self._read_crops(photo, places)
-            if read is not None:
-                lattices["rapidocr"] = read
-                if place is None or not self.named:
-                    place = where
-        seconds["rapidocr"] = time.perf_counter() - start
+                places = (fit.place(), *places)
+                place = place or fit.place()
+            seconds["templates"] = time.perf_counter() - start
+        if self.rapid is not None and not second:
+            where = self._by_network(photo, places, lattices, seconds)
+            place = place or where
         return self._answer(photo, lattices, place, seconds)
+
+    def _by_network(
+        self,
+        photo: Photo,
+        places: Sequence[LinePlace],
+        lattices: dict[str, Lattice],
+        seconds: dict[str, float],
+    ) -> LinePlace | None:
+        start = time.perf_counter()
+        read, where = self._read_crops(photo, places)
+        if read is not None:
+            lattices["rapidocr"] = read
+        seconds["rapidocr"] = time.perf_counter() - start
+        return where
+
+    def _sure(self, lattices: dict[str, Lattice]) -> bool:
+        return any(
+            as_reading(lattice, self.settings).decision is Decision.ACCEPT for lattice in lattices.values()
+        )
 
     def _answer(
         self, photo: Photo, lattices: dict[str, Lattice], place: LinePlace | None, seconds: dict[str, float]
@@ -157,31 +179,40 @@ class SightReader:
         reading = replace(reading, notes=self.notes, seconds=MappingProxyType(seconds))
         return SightReading(reading, lattice, edges, "+".join(sorted(lattices)), place, by_engine)
 
-    def _basis(self, font: Font) -> SightBasis:
-        if font.name not in self._bases:
+    def _basis(self, font: Font, look: Look) -> SightBasis:
+        key = (font.name, look)
+        if key not in self._bases:
             chars = "".join(c for c in self.chars if c in font.glyphs)
-            self._bases[font.name] = predict_basis(font, chars)
-        return self._bases[font.name]
+            self._bases[key] = predict_basis(font, chars, look=look)
+        return self._bases[key]
 
     def _fit(self, photo: Photo, places: Sequence[LinePlace], about: LinePlace | None) -> SightFit | None:
-        """The line that the templates of any font explain best."""
+        """The line that the templates of any font explain best: found at a glance, then looked at closely."""
         search = SightSearch(photo, places=self.places, gaps=self.gaps, about=about)
         if about is not None:
             tried = [Supposed(about.height_mm, about.rotation_deg)]
         else:
             known = self.settings.height_mm if photo.pitch_mm is not None else None
             heights = (known,) if known is not None else supposed_heights_mm(photo, tuple(places))
-            turns = sorted({0.0, *(p.rotation_deg for p in places)}, key=abs)
+            turns = distinct_turns_deg(places)
             tried = [Supposed(h, turn) for h in heights for turn in turns]
-        fits: list[SightFit] = []
+        fits: list[tuple[SightFit, Font]] = []
         for font in self.fonts:
             for supposed in tried:
-                fit = search.fit(self._basis(font), supposed)
+                fit = search.fit(self._basis(font, GLANCE), supposed)
                 if fit is not None:
-                    fits.append(fit)
-        fits.sort(key=lambda f: -f.value)
-        refined = [search.refined(f) for f in fits[:LEADING_FITS]]
-        return max(refined, key=lambda f: f.value, default=None)
+                    fits.append((fit, font))
+        fits.sort(key=lambda f: -f[0].value)
+        close: list[SightFit] = []
+        for glance, font in fits[:LEADING_FITS]:
+            if glance.value < RIVAL_SHARE * fits[0][0].value:
+                continue
+            held = search.refined(glance)
+            near = SightSearch(photo, places=self.places, gaps=self.gaps, about=held.place())
+            seen = near.fit(self._basis(font, CLOSE_LOOK), held.supposed, light=held.light)
+            if seen is not None:
+                close.append(near.refined(seen, spans=CLOSE_SPANS))
+        return max(close, key=lambda f: f.value, default=None)
 
     def _of_fit(self, fit: SightFit) -> Lattice:
         """The fit's posteriors over the reader's characters."""
@@ -220,4 +251,3 @@ class SightReader:
         if read is None:
             return None, None
         return replace(read, boxes=boxes_in_frame(crop, read.boxes)), place
-

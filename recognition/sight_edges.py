@@ -23,10 +23,10 @@ DARK = 0.03
 """Brightness added before the logarithm: below it, noise is all that there is."""
 GLARE_LEVEL, BLACK_LEVEL = 250, 2
 """Grey levels from and to which a pixel is clipped and tells nothing."""
-CLIP = 1.2
+CLIP = 0.8
 """Edges stronger than so many times the median edge count no more than that: glints and rims of paint do not vote."""
-SCALE_HEIGHTS = 0.03
-"""Scale of the derivative, character heights: a fifth to a quarter of a stroke."""
+SCALE_HEIGHTS = 0.022
+"""Scale of the derivative, character heights: a sixth of a stroke."""
 DIRECTIONS = (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y)
 
 

@@ -162,7 +162,8 @@ def rectify(photo: Photo, corners: ArrayLike, *, shape: tuple[int, int] | None =
     if c.shape != (4, 2) or not np.isfinite(c).all():
         raise MapError("give four corners (column, row), from the top left clockwise")
     nxt = np.roll(c, -1, axis=0)
-    turn = np.cross(np.roll(nxt, -1, axis=0) - nxt, nxt - c)
+    on, back = np.roll(nxt, -1, axis=0) - nxt, nxt - c
+    turn = on[:, 0] * back[:, 1] - on[:, 1] * back[:, 0]
     if not ((turn < 0).all() or (turn > 0).all()):
         raise MapError("the corners bound no convex area; give them in order, clockwise")
     side = np.hypot(*(nxt - c).T)
@@ -176,7 +177,7 @@ def rectify(photo: Photo, corners: ArrayLike, *, shape: tuple[int, int] | None =
     coarse = min(float(side[0]) / shape[1], float(side[1]) / shape[0])
     pixels = photo.pixels
     if coarse > 1.5:
-        pixels = cv2.GaussianBlur(pixels, (0, 0), 0.4 * coarse)
+        pixels = np.asarray(cv2.GaussianBlur(pixels, (0, 0), 0.4 * coarse), dtype=np.uint8)
     made = cv2.warpPerspective(
         pixels,
         to_photo,

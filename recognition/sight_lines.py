@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ LOOK_ROWS = 120
 """Rows at which the photograph is looked over: a line that matters is some 20 to 100 of them high."""
 HEIGHT_SHARES = (0.77, 0.62, 0.5, 0.4, 0.32)
 """Character heights supposed where nothing is known, of the photograph's rows."""
+STEP_HEIGHTS = 0.85
+"""Usual distance of neighbouring characters, character heights."""
+SAME_TURN_DEG = 1.0
 WIDTH_PER_CHARACTER = (0.3, 2.2)
 """Least and most of the line's width that a character takes, character heights."""
 
@@ -31,7 +35,21 @@ def line_places(
         n_places: characters of the line, if known.
     """
     found = [p for p in _gathered(photo, height_mm) if _plausible(p, n_places)]
-    return (*found[:4], whole(photo))
+    full = whole(photo)
+    if height_mm is not None and n_places is not None:
+        # where a camera that is set up for the part has it
+        width = min(STEP_HEIGHTS * n_places * height_mm, full.width_mm)
+        found.append(LinePlace(full.middle_mm, width, height_mm))
+    return (*found[:4], full)
+
+
+def distinct_turns_deg(places: Sequence[LinePlace]) -> tuple[float, ...]:
+    """Rotations worth trying, the smallest first; none stands for its neighbour within a degree."""
+    kept: list[float] = []
+    for turn in sorted((0.0, *(p.rotation_deg for p in places)), key=abs):
+        if all(abs(turn - k) > SAME_TURN_DEG for k in kept):
+            kept.append(turn)
+    return tuple(kept)
 
 
 def supposed_heights_mm(photo: Photo, places: tuple[LinePlace, ...]) -> tuple[float, ...]:
@@ -53,7 +71,7 @@ def _gathered(photo: Photo, height_mm: float | None) -> list[LinePlace]:
     pitch = photo_pitch_mm(photo)
     zoom = max(1.0, rows / LOOK_ROWS)
     shape = (max(8, round(cols / zoom)), max(8, round(rows / zoom)))
-    log = np.asarray(cv2.resize(log_brightness(photo), shape, interpolation=cv2.INTER_AREA))
+    log = np.asarray(cv2.resize(log_brightness(photo), shape, interpolation=cv2.INTER_AREA), dtype=np.float32)
     size = rows / shape[1] * pitch
     layers = limited(derivatives(log, scale_px=1.2), clip=3.0)
     turn = line_rotation_deg(activity_of(layers))
@@ -61,7 +79,9 @@ def _gathered(photo: Photo, height_mm: float | None) -> list[LinePlace]:
     for rotation in (turn, 0.0) if turn else (0.0,):
         middle = (0.5 * (layers.shape[2] - 1), 0.5 * (layers.shape[1] - 1))
         about = cv2.getRotationMatrix2D(middle, rotation, 1.0)
-        turned = np.stack([cv2.warpAffine(a, about, shape, borderValue=0.0) for a in layers])
+        turned = np.stack([cv2.warpAffine(a, about, shape, borderValue=0.0) for a in layers]).astype(
+            np.float32
+        )
         activity = activity_of(turned)
         for band in bands(activity, pitch_mm=size, most=3):
             out.append(_place(photo, activity, band, size, rotation, height_mm))

@@ -1,6 +1,6 @@
 """A line of known letters in a photograph, whatever the light: the templates' engine.
 
-For a supposed height and rotation the log brightness is brought to a line frame of `SIGHT_PIXELS` to the height;
+For a supposed height and rotation the log brightness is brought to a line frame of a few pixels to the height (`Look`);
 correlations with the three pictures of every character are taken once, and every light is a weighted sum of them.
 The weights that explain the line best, by least squares over its characters, hold for the whole line.
 """
@@ -16,16 +16,13 @@ from numpy.typing import NDArray
 
 from glyphs.photo import Photo
 from recognition.sight_chain import Metrics, Settled, count_evidence, settle
-from recognition.sight_edges import SCALE_HEIGHTS, clipped, derivatives, limited, log_brightness
+from recognition.sight_edges import clipped, derivatives, limited, log_brightness
 from recognition.sight_frame import LinePlace, photo_origin_mm, photo_pitch_mm
-from recognition.sight_templates import SIGHT_PIXELS, SightBasis
+from recognition.sight_templates import Look, SightBasis
 
-INDEPENDENCE = 0.25
-"""Independent values a pixel and layer: clutter and blur of neighbours go together."""
 AZIMUTHS = 8
-FILLED = 0.5
-ROW_REACH = 2
-"""Rows, of 20 to the height, by which characters may leave the common line."""
+ROW_REACH_HEIGHTS = 0.1
+"""By which characters may leave the common line, character heights."""
 STARTS, ROUNDS = 3, 2
 """Lights and rows followed up, and rounds of fitting the light."""
 MOST_CHARACTERS = 20
@@ -90,7 +87,7 @@ class SightFit:
 
     def frame_mm(self, column: float, row: float) -> tuple[float, float]:
         """Photo frame of a place in the line frame."""
-        size = self.supposed.height_mm / SIGHT_PIXELS
+        size = self.supposed.height_mm / self.basis.look.pixels
         u, v = (column - self.middle_px[0]) * size, (row - self.middle_px[1]) * size
         angle = math.radians(self.supposed.rotation_deg)
         cos, sin = math.cos(angle), math.sin(angle)
@@ -109,12 +106,12 @@ class SightFit:
 
     def place(self) -> LinePlace:
         """Where the whole line lies."""
-        half = self.basis.half_width[self.settled.log_belief.argmax(axis=1)] * SIGHT_PIXELS
+        half = self.basis.half_width[self.settled.log_belief.argmax(axis=1)] * self.basis.look.pixels
         left, right = float((self.column - half).min()), float((self.column + half).max())
         middle = self.frame_mm(0.5 * (left + right), float(np.median(self.row)))
         height = self.supposed.height_mm
         return LinePlace(
-            middle, (right - left) / SIGHT_PIXELS * height, height, self.supposed.rotation_deg
+            middle, (right - left) / self.basis.look.pixels * height, height, self.supposed.rotation_deg
         )
 
 
@@ -154,11 +151,11 @@ class SightSearch:
             self.middle_mm = about.middle_mm
             self.extent_mm = (about.width_mm + 1.6 * about.height_mm, 2.0 * about.height_mm)
 
-    def edges(self, supposed: Supposed) -> NDArray[np.float32]:
+    def edges(self, supposed: Supposed, look: Look) -> NDArray[np.float32]:
         """(2, rows, cols) limited edges in the line frame, with land around them."""
         import cv2
 
-        size = supposed.height_mm / SIGHT_PIXELS
+        size = supposed.height_mm / look.pixels
         angle = math.radians(supposed.rotation_deg)
         cos, sin = math.cos(angle), math.sin(angle)
         wide, tall = self.extent_mm
@@ -189,36 +186,46 @@ class SightSearch:
                         (cols, rows),
                         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
                         borderMode=rim,
-                    )
+                    ),
+                    dtype=np.float32,
                 )
             )
-        made = derivatives(layers[0], scale_px=SCALE_HEIGHTS * SIGHT_PIXELS)
+        made = derivatives(layers[0], scale_px=look.scale_heights * look.pixels)
         made = limited(made) * (layers[1] < 0.5)
         return np.pad(made, ((0, 0), (PAD, PAD), (PAD, PAD))).astype(np.float32)
 
-    def fit(self, basis: SightBasis, supposed: Supposed) -> SightFit | None:
-        """The line that a supposition explains; None where it has no room."""
-        edges = self.edges(supposed)
+    def fit(self, basis: SightBasis, supposed: Supposed, *, light: Floats | None = None) -> SightFit | None:
+        """The line that a supposition explains; None where it has no room.
+
+        Args:
+            basis: of a font.
+            supposed: height and rotation.
+            light: weights of the pictures, if known about; else all lights are tried.
+        """
+        edges = self.edges(supposed, basis.look)
         answers = correlations(edges, basis)
         best: SightFit | None = None
-        for light, row in self._starts(answers, basis):
+        starts = self._starts(answers, basis, lights() if light is None else [light])
+        for light, row in starts:
             found = self._followed(answers, basis, light, row, supposed, edges.shape[1:])
             if found is not None and (best is None or found.value > best.value):
                 best = found
         return best
 
-    def _starts(self, answers: NDArray[np.float32], basis: SightBasis) -> list[tuple[Floats, int]]:
+    def _starts(
+        self, answers: NDArray[np.float32], basis: SightBasis, tried: list[Floats]
+    ) -> list[tuple[Floats, int]]:
         """Lights and rows that promise most."""
         usable = np.ones(len(basis.chars), dtype=np.bool_)
         if self.places is not None:
             usable = np.array([any(c in p for p in self.places) for c in basis.chars])
         found: list[tuple[float, Floats, int]] = []
-        for light in lights():
+        for light in tried:
             size = np.sqrt(np.einsum("tbe,b,e->t", basis.gram[usable], light, light))
             lit = np.einsum("tbrc,b->trc", answers[usable], light.astype(np.float32))
             best = (lit / size[:, None, None].astype(np.float32)).max(axis=0)
             promise = (np.maximum(best, 0.0) ** 2).mean(axis=1)
-            pooled = np.convolve(promise, np.ones(2 * ROW_REACH + 1), mode="same")
+            pooled = np.convolve(promise, np.ones(2 * _reach(basis.look) + 1), mode="same")
             row = int(pooled.argmax())
             found.append((float(pooled[row]), light, row))
         found.sort(key=lambda f: -f[0])
@@ -238,12 +245,12 @@ class SightSearch:
         shape: tuple[int, ...],
     ) -> SightFit | None:
         """The line about one row, its light and spacing fitted to it in turns."""
-        p = SIGHT_PIXELS
+        p, independence = basis.look.pixels, basis.look.independence
         metrics = Metrics(
             np.round(basis.middle * p).astype(np.int64), np.round(basis.advance * p).astype(np.int64), p
         )
-        low = max(0, row - ROW_REACH)
-        near = answers[:, :, low : row + ROW_REACH + 1].astype(np.float64)
+        low = max(0, row - _reach(basis.look))
+        near = answers[:, :, low : row + _reach(basis.look) + 1].astype(np.float64)
         allowed: NDArray[np.bool_] | None = None
         if self.places is not None:
             allowed = np.array([[c in place for c in basis.chars] for place in self.places])
@@ -255,9 +262,9 @@ class SightSearch:
             power = np.einsum("tbe,b,e->t", basis.gram, weights, weights)[:, None, None]
             if turn == 0:
                 # strength not known yet: the best one for every character by itself
-                score = 0.5 * INDEPENDENCE * np.maximum(lit, 0.0) ** 2 / power
+                score = 0.5 * independence * np.maximum(lit, 0.0) ** 2 / power
             else:
-                score = INDEPENDENCE * (lit - 0.5 * power)
+                score = independence * (lit - 0.5 * power)
             top = score.max(axis=1)
             evidence = top + np.log(np.exp(score - top[:, None]).mean(axis=1))
             table = allowed
@@ -277,9 +284,9 @@ class SightSearch:
             gap = _spacing(basis, which, column, self.gaps)
         assert found is not None
         settled, weights, column, rows = found
-        at = evidence[:, :]
         which = settled.log_belief.argmax(axis=1)
-        trust = 1.0 / (1.0 + np.exp(-np.clip(at[which, column] - math.log(len(basis.chars)), -50.0, 50.0)))
+        odds = np.clip(evidence[which, column] - math.log(len(basis.chars)), -50.0, 50.0)
+        trust = 1.0 / (1.0 + np.exp(-odds))
         return SightFit(
             supposed=supposed,
             basis=basis,
@@ -307,8 +314,12 @@ class SightSearch:
         return best
 
     def _better(self, held: SightFit, **changes: float) -> SightFit:
-        fit = self.fit(held.basis, replace(held.supposed, **changes))
+        fit = self.fit(held.basis, replace(held.supposed, **changes), light=held.light)
         return fit if fit is not None and fit.value > held.value else held
+
+
+def _reach(look: Look) -> int:
+    return max(1, round(ROW_REACH_HEIGHTS * look.pixels))
 
 
 def lights() -> list[Floats]:
@@ -324,7 +335,7 @@ def _spacing(
     """Median spacing beyond the font's advance, character heights."""
     if which.size < 3:
         return None
-    origin = column / SIGHT_PIXELS - basis.middle[which]
+    origin = column / basis.look.pixels - basis.middle[which]
     gap = origin[1:] - (origin[:-1] + basis.advance[which[:-1]])
     usual = [g for k, g in enumerate(gap) if k not in gaps]
     return float(np.median(usual)) if usual else None

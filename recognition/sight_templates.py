@@ -20,8 +20,6 @@ from glyphs.glyph import Font, Glyph
 from recognition.sight_edges import SCALE_HEIGHTS, derivatives
 from recognition.templates import TemplateSet
 
-SIGHT_PIXELS = 20
-"""Template pixels to a character height."""
 RIM_HEIGHTS = 0.16
 """Land around the ink in a template, character heights."""
 FOCUS_HEIGHTS = 0.02
@@ -30,12 +28,34 @@ _FINE = 4
 _NOMINAL_MM = 5.0
 
 
+@dataclass(frozen=True)
+class Look:
+    """How closely templates and photograph are compared.
+
+    Attributes:
+        pixels: to the character height.
+        scale_heights: scale of the derivative, character heights.
+        independence: independent values a pixel and layer; clutter and blur of neighbours go together.
+    """
+
+    pixels: int
+    scale_heights: float
+    independence: float
+
+
+GLANCE = Look(pixels=20, scale_heights=0.03, independence=0.25)
+"""For finding the line."""
+CLOSE_LOOK = Look(pixels=28, scale_heights=SCALE_HEIGHTS, independence=0.13)
+"""For reading it: finer edges are the relief's, coarser ones the dirt's."""
+
+
 @dataclass(frozen=True, eq=False)
 class SightBasis:
     """The three edge pictures of every character of a font.
 
     Attributes:
         font: its name.
+        look: pixels and scale.
         chars: (T,) characters.
         patches: (T, 3, 2, rows, cols) float32: lit along x, lit along y, filled; derivatives along columns and
             rows. Rows and cols odd; the middle pixel is the middle of the ink's width at half the height.
@@ -47,6 +67,7 @@ class SightBasis:
     """
 
     font: str
+    look: Look
     chars: tuple[str, ...]
     patches: NDArray[np.float32]
     gram: NDArray[np.float64]
@@ -61,7 +82,7 @@ class SightBasis:
         return TemplateSet(self.font, self.chars, np.ascontiguousarray(lit), self.half_width)
 
 
-def predict_basis(font: Font, chars: str, *, face: Face = Face.FLAT) -> SightBasis:
+def predict_basis(font: Font, chars: str, *, look: Look = CLOSE_LOOK, face: Face = Face.FLAT) -> SightBasis:
     """Draw the pictures of a font's characters.
 
     Raises:
@@ -76,10 +97,10 @@ def predict_basis(font: Font, chars: str, *, face: Face = Face.FLAT) -> SightBas
     middle = 0.5 * (boxes[:, 2] + boxes[:, 0])
     tall = float(max(boxes[:, 3].max() - 0.5, 0.5 - boxes[:, 1].min())) + RIM_HEIGHTS
     wide = float(half.max()) + RIM_HEIGHTS
-    rows, cols = (2 * math.ceil(extent * SIGHT_PIXELS) + 1 for extent in (tall, wide))
+    rows, cols = (2 * math.ceil(extent * look.pixels) + 1 for extent in (tall, wide))
     patches = np.stack(
         [
-            _pictures(_relief(shape, die, m, rows, cols, height), rows, cols)
+            _pictures(_relief(shape, die, m, (rows, cols), look), look)
             for shape, m in zip(shapes, middle, strict=True)
         ]
     )
@@ -89,6 +110,7 @@ def predict_basis(font: Font, chars: str, *, face: Face = Face.FLAT) -> SightBas
     gram = np.einsum("tbdrc,tedrc->tbe", patches, patches, dtype=np.float64)
     return SightBasis(
         font=font.name,
+        look=look,
         chars=tuple(chars),
         patches=patches,
         gram=gram,
@@ -98,25 +120,25 @@ def predict_basis(font: Font, chars: str, *, face: Face = Face.FLAT) -> SightBas
     )
 
 
-def _relief(
-    shape: Glyph, die: Die, middle: float, rows: int, cols: int, height: float
-) -> NDArray[np.float32]:
+def _relief(shape: Glyph, die: Die, middle: float, size: tuple[int, int], look: Look) -> NDArray[np.float32]:
     """Relief over the character height, on a grid finer than the template's."""
-    fine = SIGHT_PIXELS * _FINE
-    x = (np.arange(cols * _FINE) - 0.5 * (cols * _FINE - 1)) / fine + middle
-    y = 0.5 - (np.arange(rows * _FINE) - 0.5 * (rows * _FINE - 1)) / fine
+    rows, cols, fine = size[0] * _FINE, size[1] * _FINE, look.pixels * _FINE
+    x = (np.arange(cols) - 0.5 * (cols - 1)) / fine + middle
+    y = 0.5 - (np.arange(rows) - 0.5 * (rows - 1)) / fine
+    height = _NOMINAL_MM
     z = shape_relief_mm(shape, die, x[None, :] * height, y[:, None] * height, height_mm=height)
-    return np.asarray(np.broadcast_to(z, (y.size, x.size)) / np.float32(height), dtype=np.float32)
+    return np.asarray(np.broadcast_to(z, (rows, cols)) / np.float32(height), dtype=np.float32)
 
 
-def _pictures(relief: NDArray[np.float32], rows: int, cols: int) -> NDArray[np.float32]:
+def _pictures(relief: NDArray[np.float32], look: Look) -> NDArray[np.float32]:
     """(3, 2, rows, cols) edges of the relief lit along x, along y, and filled."""
     from scipy import ndimage
 
+    rows, cols = relief.shape[0] // _FINE, relief.shape[1] // _FINE
     slope_y, slope_x = np.gradient(relief)
     out = np.empty((3, 2, rows, cols), dtype=np.float32)
     for b, fine in enumerate((slope_x, slope_y, relief)):
         seen = fine.reshape(rows, _FINE, cols, _FINE).mean(axis=(1, 3))
-        seen = ndimage.gaussian_filter(seen, FOCUS_HEIGHTS * SIGHT_PIXELS)
-        out[b] = derivatives(seen, scale_px=SCALE_HEIGHTS * SIGHT_PIXELS)
+        seen = ndimage.gaussian_filter(seen, FOCUS_HEIGHTS * look.pixels)
+        out[b] = derivatives(seen, scale_px=look.scale_heights * look.pixels)
     return out

@@ -403,7 +403,7 @@ def test_an_edge_map_alone_tells_no_depth(
 ) -> None:
     edges = plain[1].edge_map
     assert edges is not None
-    reading, _ = reader().read_edge_map(edges, touch)
+    reading = reader().read_edge_map(edges, touch).reading
     assert reading.text == plain[0].text
     assert reading.depth_min_mm is None
     assert all(c.depth is None for c in reading.characters)

@@ -1,0 +1,59 @@
+"""Lines looked at for what the dirt has left of them, each once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from recognition.evidence import LineEvidence, line_evidence
+from recognition.search import Hypothesis, LineFit, LineSearch
+
+OWN_SHARE, OWN_QUANTILE = 0.62, 0.75
+"""Share of its ideal evidence that a quarter of the characters reaches in the mark's own font: dirt spoils some of
+them, another font all (0.50 to 0.59 for fonts of another hand, 0.66 and more for the font itself)."""
+
+
+class DirtyLook:
+    """Evidence of the lines of one edge map."""
+
+    def __init__(
+        self, search: LineSearch, *, places: Sequence[str] | None, gaps: frozenset[int] = frozenset()
+    ) -> None:
+        """Prepare.
+
+        Args:
+            search: of the map.
+            places: characters allowed at each place of a known format, or None.
+            gaps: places of that format before a word gap.
+        """
+        self.search, self.places, self.gaps = search, places, gaps
+        self._seen: dict[tuple[Hypothesis, bool], LineEvidence | None] = {}
+
+    def at(self, line: LineFit) -> LineEvidence | None:
+        """The evidence of a line; None where nothing is left of it."""
+        key = (line.hypothesis, line.raised)
+        if key not in self._seen:
+            self._seen[key] = line_evidence(
+                line,
+                self.search.image(line.hypothesis.rotation_deg),
+                self.search.templates(line.hypothesis, raised=line.raised),
+                self.search.edges.directions,
+                places=self.places,
+                gaps=self.gaps,
+            )
+        return self._seen[key]
+
+    def own_shapes(self, line: LineFit) -> bool:
+        """Whether a line that fits badly is of its font's own shapes all the same."""
+        evidence = self.at(line) if line.placed else None
+        return evidence is not None and self.stands(evidence)
+
+    @staticmethod
+    def stands(evidence: LineEvidence) -> bool:
+        """Whether enough of the characters are what the font predicts."""
+        shares = []
+        for place in evidence.places:
+            best = int(np.argmax(place.evidence))
+            shares.append(float(place.evidence[best] / max(place.ideal[best], 1e-9)))
+        return bool(shares) and float(np.quantile(shares, OWN_QUANTILE)) >= OWN_SHARE
