@@ -9,9 +9,9 @@ import numpy as np
 from recognition.evidence import LineEvidence, line_evidence
 from recognition.search import Hypothesis, LineFit, LineSearch
 
-OWN_SHARE, OWN_QUANTILE = 0.62, 0.75
+OWN_SHARE, OWN_QUANTILE = 0.58, 0.75
 """Share of its ideal evidence that a quarter of the characters reaches in the mark's own font: dirt spoils some of
-them, another font all (0.50 to 0.59 for fonts of another hand, 0.66 and more for the font itself)."""
+them, another font all (0.47 to 0.59 for other hands and fonts, 0.66 and more for the font itself where it is clean)."""
 
 
 class DirtyLook:
@@ -48,6 +48,13 @@ class DirtyLook:
         """Whether a line that fits badly is of its font's own shapes all the same."""
         evidence = self.at(line) if line.placed else None
         return evidence is not None and self.stands(evidence)
+
+    def better(self, one: LineFit, other: LineFit) -> LineFit:
+        """Of two fits of one line, the one with more evidence: under dirt correlation alone may lose its way."""
+        first, second = (self.at(line) if line.placed else None for line in (one, other))
+        if first is None or second is None:
+            return one if second is None else other
+        return one if first.total > second.total else other
 
     @staticmethod
     def stands(evidence: LineEvidence) -> bool:

@@ -6,13 +6,14 @@ fits badly: dots, other strokes, then softer hands and other widths, for marks o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from glyphs.die import Face
 from glyphs.glyph import Font
+from recognition.dirty_look import DirtyLook
 from recognition.frames import is_edge_channel
 from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg
 from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape, refine_stroke
@@ -56,7 +57,7 @@ def find_lines(
     tried: list[Hypothesis],
     *,
     height_known: bool,
-    own_shapes: Callable[[LineFit], bool] = lambda _: False,
+    look: DirtyLook | None = None,
 ) -> list[LineFit]:
     """The lines of the best fonts, best first.
 
@@ -64,12 +65,14 @@ def find_lines(
         search: fits hypotheses to the map.
         tried: hypotheses.
         height_known: the character height was given.
-        own_shapes: whether a line that fits badly is of its font's own shapes all the same, under dirt: then no
-            other hand, dots or widths are tried.
+        look: for what dirt has left of lines that fit badly: where they are of their font's own shapes all the same,
+            no other hand, dots or widths are tried.
     """
     by_font = _best_by_font(search, tried)
     best = max(by_font.values(), key=lambda f: f.value_mm, default=None)
-    if _score(by_font) < DOTTED_SCORE and not (best is not None and best.placed and own_shapes(best)):
+    if _score(by_font) < DOTTED_SCORE and not (
+        look is not None and best is not None and look.own_shapes(best)
+    ):
         # dots answer only templates of nearly their own height
         dotted = [
             replace(h, face=Face.DOTTED, height_mm=h.height_mm * factor)
@@ -88,9 +91,11 @@ def find_lines(
         if not leader.placed or not rival:
             continue
         line = refine_geometry(search, leader, spans=spans)
-        if line.mean_score < GOOD_SCORE and own_shapes(line):
-            refined.append(line)
-            continue
+        if look is not None and line.mean_score < GOOD_SCORE:
+            kept = look.better(leader, line)
+            if look.own_shapes(kept):
+                refined.append(kept)
+                continue
         if HOPELESS_SCORE < line.mean_score < GOOD_SCORE:
             line = refine_geometry(search, refine_stroke(search, line), spans=(0.04,))
         if HOPELESS_SCORE < line.mean_score < FOREIGN_SCORE and len(refined) < 2:

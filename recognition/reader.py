@@ -249,12 +249,8 @@ class Reader:
         if not tried:
             return made
         with clock.step("search"):
-            lines = find_lines(
-                search,
-                tried,
-                height_known=self.settings.height_mm is not None,
-                own_shapes=look.own_shapes,
-            )
+            height_known = self.settings.height_mm is not None
+            lines = find_lines(search, tried, height_known=height_known, look=look)
         if not lines:
             return made
         with clock.step("match"):

@@ -26,16 +26,22 @@ from recognition.reading import Box, Decision, Reading, ReadingFlag
 from recognition.sight_combine import as_reading, certainty, joined
 from recognition.sight_edges import sight_edges
 from recognition.sight_engine import EngineMissingError
+from recognition.sight_fit import SightFit, Supposed
 from recognition.sight_frame import LinePlace, boxes_in_frame, line_crop
 from recognition.sight_lines import distinct_turns_deg, line_places, supposed_heights_mm
-from recognition.sight_search import SightFit, SightSearch, Supposed
+from recognition.sight_search import SightSearch
 from recognition.sight_templates import CLOSE_LOOK, GLANCE, Look, SightBasis, predict_basis
 
 Engine = Literal["rapidocr", "templates", "best"]
-FOREIGN_WEIGHT = 0.3
-"""Weight of templates beside another engine where nobody named the font: their shapes may be another's."""
+NAMED_WEIGHT, FOREIGN_WEIGHT = 0.6, 0.3
+"""Weight of templates beside the network, by likelihood on dirty parts; the less where nobody named the font."""
 LEADING_FITS = 2
 """Suppositions looked at closely, of all that were tried."""
+PLAIN_VALUE = 9.0
+"""Log Bayes factor a character from which a line stands out plainly: no other rotation is looked for."""
+SWEEP_DEG = (-10.0, -8.0, -6.0, -4.0, -2.0, 2.0, 4.0, 6.0, 8.0, 10.0)
+USUAL_TURN_DEG = 5.0
+"""Standard deviation of rotations, as parts lie."""
 RIVAL_SHARE = 0.7
 """Of what the best supposition explains, which another must reach to be looked at closely."""
 CLOSE_SPANS = (0.025,)
@@ -165,7 +171,7 @@ class SightReader:
                 seconds=MappingProxyType(seconds),
             )  # fmt: skip
             return SightReading(nothing, None, None, "", None, by_engine)
-        weights = {"templates": 1.0 if self.named else FOREIGN_WEIGHT, "rapidocr": 1.0}
+        weights = {"templates": NAMED_WEIGHT if self.named else FOREIGN_WEIGHT, "rapidocr": 1.0}
         lattice = joined(lattices, weights)
         if self.calibrated is not None:
             lattice = self.calibrated(lattice)
@@ -196,16 +202,15 @@ class SightReader:
             heights = (known,) if known is not None else supposed_heights_mm(photo, tuple(places))
             turns = distinct_turns_deg(places)
             tried = [Supposed(h, turn) for h in heights for turn in turns]
-        fits: list[tuple[SightFit, Font]] = []
-        for font in self.fonts:
-            for supposed in tried:
-                fit = search.fit(self._basis(font, GLANCE), supposed)
-                if fit is not None:
-                    fits.append((fit, font))
-        fits.sort(key=lambda f: -f[0].value)
+        fits = self._glances(search, [(font, t) for font in self.fonts for t in tried])
+        if about is None and (not fits or fits[0][0].value < PLAIN_VALUE * fits[0][0].trust.size):
+            # dirt hides the rotation from a first look: turn by turn, then
+            led = [(font, f.supposed) for f, font in fits[:LEADING_FITS]]
+            swept = [(font, replace(s, rotation_deg=turn)) for font, s in led for turn in SWEEP_DEG]
+            fits = sorted((*fits, *self._glances(search, swept)), key=_promise, reverse=True)
         close: list[SightFit] = []
         for glance, font in fits[:LEADING_FITS]:
-            if glance.value < RIVAL_SHARE * fits[0][0].value:
+            if _promise((glance, font)) < RIVAL_SHARE * _promise(fits[0]):
                 continue
             held = search.refined(glance)
             near = SightSearch(photo, places=self.places, gaps=self.gaps, about=held.place())
@@ -213,6 +218,13 @@ class SightReader:
             if seen is not None:
                 close.append(near.refined(seen, spans=CLOSE_SPANS))
         return max(close, key=lambda f: f.value, default=None)
+
+    def _glances(
+        self, search: SightSearch, tried: list[tuple[Font, Supposed]]
+    ) -> list[tuple[SightFit, Font]]:
+        """What each supposition explains at a glance, most first."""
+        seen = [(search.fit(self._basis(font, GLANCE), supposed), font) for font, supposed in tried]
+        return sorted(((fit, font) for fit, font in seen if fit is not None), key=_promise, reverse=True)
 
     def _of_fit(self, fit: SightFit) -> Lattice:
         """The fit's posteriors over the reader's characters."""
@@ -251,3 +263,9 @@ class SightReader:
         if read is None:
             return None, None
         return replace(read, boxes=boxes_in_frame(crop, read.boxes)), place
+
+
+def _promise(seen: tuple[SightFit, Font]) -> float:
+    """What a fit explains, less what its rotation costs."""
+    fit = seen[0]
+    return fit.value - 0.5 * (fit.supposed.rotation_deg / USUAL_TURN_DEG) ** 2

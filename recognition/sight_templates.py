@@ -45,7 +45,7 @@ class Look:
 
 GLANCE = Look(pixels=20, scale_heights=0.03, independence=0.25)
 """For finding the line."""
-CLOSE_LOOK = Look(pixels=28, scale_heights=SCALE_HEIGHTS, independence=0.13)
+CLOSE_LOOK = Look(pixels=28, scale_heights=SCALE_HEIGHTS, independence=0.11)
 """For reading it: finer edges are the relief's, coarser ones the dirt's."""
 
 
