@@ -196,11 +196,14 @@ class FusedMode:
     uses: tuple[str, ...] = ("touch", "sight")
 
     def __init__(self, readers: Readers) -> None:
-        raise ModeUnavailableError("fused: not available yet; leave it out of --modes")
+        _ = readers.touch, readers.sight
+        self.settings = readers.touch.settings
 
     def read(self, senses: Senses) -> Reading:
         """What was felt and seen, together."""
-        raise NotImplementedError
+        from recognition.fuse import fuse
+
+        return fuse(senses.felt, senses.seen, self.settings)
 
 
 def _peer(engine: str, sense: str) -> Callable[[Readers], ModeReader]:

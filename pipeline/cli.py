@@ -25,14 +25,18 @@ def _version() -> str:
 app = App(
     name=PROGRAM,
     version=_version,
-    help="Read die-stamped serials by touch, from height maps and whisker scans.",
+    help="Read die-stamped serials by touch and by camera, from height maps, whisker scans and photographs.",
     suppress_keyboard_interrupt=False,
 )
 _LIBRARY = App(name="glyphs", help="List, show and collect the fonts of steel stamps.")
 
 app.command("pipeline.command_read:read", name="read", help="Read the serials of parts.")
-app.command("pipeline.command_inspect:inspect", name="inspect", help="Draw how one part was felt and read.")
-app.command("pipeline.command_synth:synth", name="synth", help="Make stamped parts and their truth.")
+app.command(
+    "pipeline.command_inspect:inspect", name="inspect", help="Draw how one part was felt, seen and read."
+)
+app.command(
+    "pipeline.command_synth:synth", name="synth", help="Make stamped parts, their dirt and photographs."
+)
 app.command("pipeline.command_scan:scan", name="scan", help="Feel a height map with the virtual array.")
 app.command("pipeline.command_scan:calibrate", name="calibrate", help="Calibrate a scan from its lead-in.")
 app.command("pipeline.command_demo:demo", name="demo", help="Make, scan and read a few parts.")

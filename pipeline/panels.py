@@ -7,15 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from pipeline.row_texts import state_text
+from recognition.sight_frame import photo_origin_mm, photo_pitch_mm
 from whisker_array.profiled import estimate_relief
 from whisker_array.scan import only
 
 if TYPE_CHECKING:
     from glyphs.maps import EdgeMap, HeightMap
+    from glyphs.photo import Photo
     from recognition.reader import ReadingWithEvidence
-    from recognition.reading import Reading
+    from recognition.reading import CharacterReading, Reading
     from whisker_array.scan import Sweep
 
 BOX_COLOUR = "#e4572e"
@@ -102,6 +106,7 @@ def _boxes(axes: Axes, reading: Reading, *, labelled: bool = True) -> None:
                 color=BOX_COLOUR,
                 fontsize=10,
                 fontweight="bold",
+                path_effects=[withStroke(linewidth=2.0, foreground="white")],
             )
 
 
@@ -200,9 +205,52 @@ def edge_panel(axes: Axes, *, edges: EdgeMap, layer: int, reading: Reading, colo
     _boxes(axes, reading, labelled=False)
 
 
+def photo_panel(axes: Axes, *, photo: Photo, reading: Reading | None) -> None:
+    """The photograph, with what was read by sight; boxes in its own frame."""
+    pitch = photo_pitch_mm(photo)
+    axes.set_title("photograph" + ("" if photo.pitch_mm else ", pixels"), fontsize=9, loc="left")
+    steps = [max(1, -(-n // _MOST_PIXELS_A_SIDE)) for n in photo.shape]
+    pixels = photo.pixels[:: steps[0], :: steps[1]]
+    extent = _extent(photo.shape, pitch, photo_origin_mm(photo))
+    # without limits grey pictures would be stretched from black to white
+    axes.imshow(pixels, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
+    _in_units(axes, photo)
+    if reading is not None:
+        _boxes(axes, reading)
+
+
+def sight_edge_panel(axes: Axes, *, photo: Photo, edges: EdgeMap | None) -> None:
+    """How strong the camera's edges are, along x and y together."""
+    blind = "" if edges is None or edges.valid.all() else ", white where it is blind (glare)"
+    axes.set_title(f"the camera's edge map{blind}", fontsize=9, loc="left")
+    if edges is None:
+        _say(axes, "no line was found to choose its scale by")
+        return
+    size = np.where(edges.valid, np.hypot(*edges.enhancement[:2]), np.nan).astype(np.float32)
+    extent = _extent(size.shape, edges.pitch_mm, edges.origin_mm)
+    _picture(
+        axes,
+        size,
+        extent,
+        cmap="magma",
+        limits=(0.0, _spread(size, 0.5, 99.0)[1]),
+        bar="change of ln brightness",
+    )
+    _in_units(axes, photo)
+
+
+def _in_units(axes: Axes, photo: Photo) -> None:
+    unit = "mm" if photo.pitch_mm else "pixels"
+    axes.set_xlabel(f"x, {unit}", fontsize=7)
+    axes.set_ylabel(f"y, {unit}", fontsize=7)
+    axes.tick_params(labelsize=7)
+
+
 def candidate_panel(axes: Axes, reading: Reading) -> None:
-    """The first candidates of every place and the belief in them."""
-    axes.set_title("candidates of each place and the belief in them", fontsize=9, loc="left")
+    """The first candidates of every place and the belief in them; below them state and grade of the mark."""
+    graded = any(c.grade is not None for c in reading.characters)
+    told = ", its state and its mark's grade" if graded else ""
+    axes.set_title(f"candidates of each place and the belief in them{told}", fontsize=9, loc="left")
     if not reading.characters:
         _say(axes, "; ".join(reading.messages()) or "no characters were found")
         return
@@ -216,6 +264,17 @@ def candidate_panel(axes: Axes, reading: Reading) -> None:
                 place + 0.3, y, candidate.char, ha="right", va="center", fontsize=12, family="monospace"
             )
             axes.text(place + 0.38, y, f"{belief:.3f}", va="center", fontsize=7)
+        axes.text(place + 0.2, -_SHOWN_CANDIDATES + 0.25, _judgement(character), va="top", fontsize=7)
     axes.set_xlim(-0.1, max(8, len(reading.characters)))
-    axes.set_ylim(-_SHOWN_CANDIDATES + 0.3, 0.7)
+    judged = any(_judgement(c) for c in reading.characters)
+    axes.set_ylim(-_SHOWN_CANDIDATES + (-0.9 if judged else 0.3), 0.7)
     axes.set_axis_off()
+
+
+def _judgement(character: CharacterReading) -> str:
+    """State and grade of one place, a line each."""
+    lines = [] if character.state is None else [state_text(character.state)]
+    if character.grade is not None:
+        why = character.grade.limiting
+        lines.append(f"grade {character.grade.letter}" + (f", {why}" if why else ""))
+    return "\n".join(lines)

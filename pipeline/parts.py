@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ class Part:
         scan: file of its recorded scan.
         photo: file of its photograph.
         problem: why it cannot be read, found before any file was opened.
+        photo_problem: why its photograph cannot be used, likewise.
     """
 
     name: str
@@ -28,22 +29,36 @@ class Part:
     scan: Path | None = None
     photo: Path | None = None
     problem: FileProblem | None = None
+    photo_problem: FileProblem | None = None
+
+    @property
+    def felt(self) -> bool:
+        """Whether there is anything to be felt."""
+        return self.height_map is not None or self.scan is not None
 
 
 class NothingFoundError(Exception):
     """The inputs name no part at all."""
 
 
-def discover(inputs: Sequence[str | Path]) -> list[Part]:
+def discover(inputs: Sequence[str | Path], *, photos: bool = False, beside: bool = False) -> list[Part]:
     """The parts that files, folders and globs name, in the order given, a folder's by name.
 
-    In a folder, files of other kinds and photographs alone are passed over; named on their own they are parts
-    with a problem, as are files that are not there.
+    In a folder or glob files of other kinds are passed over; named on their own they are parts with a problem,
+    as are files that are not there. Beside height maps or scans, a photograph that is none of theirs may be any
+    picture.
+
+    Args:
+        inputs: files, folders and globs.
+        photos: take those for parts, too.
+        beside: photographs of the same stem beside a file named belong to its part.
 
     Raises:
         NothingFoundError: no file at all.
     """
     groups: dict[tuple[Path, str], Part] = {}
+    meant: set[tuple[Path, str]] = set()
+    listed: dict[Path, list[Path]] = {}
     for given in inputs:
         path = Path(given)
         try:
@@ -52,27 +67,38 @@ def discover(inputs: Sequence[str | Path]) -> list[Part]:
             problem = FileProblem(path, f"is no file name ({error})", "check the name")
             groups[(path.parent, path.name)] = Part(path.name[:80], problem=problem)
             continue
+        named = not folder and (exists or not glob.has_magic(str(given)))
         if folder:
-            _add(groups, sorted(p for p in path.iterdir() if p.is_file()), named=False)
-        elif exists or not glob.has_magic(str(given)):
-            _add(groups, [path], named=True)
+            paths = sorted(p for p in path.iterdir() if p.is_file())
+        elif named:
+            paths = [path, *(_photos_of(path, listed) if beside else ())]
         else:
-            _add(groups, sorted(Path(p) for p in glob.glob(str(given)) if Path(p).is_file()), named=False)
-    parts = [p for p in groups.values() if p.height_map or p.scan or p.problem]
-    if not parts:
+            paths = sorted(Path(p) for p in glob.glob(str(given)) if Path(p).is_file())
+        paths = [p for p in paths if not p.name.startswith(".")]
+        if photos or named or not any(is_height_map(p) or is_scan(p) for p in paths):
+            meant.update(_key(p) for p in paths if is_photo(p))
+        for found in paths:
+            groups[_key(found)] = _with(groups.get(_key(found), Part(found.stem)), found, named=named)
+    kept = {key: p for key, p in groups.items() if p.felt or p.problem or (p.photo and key in meant)}
+    if not kept:
         raise NothingFoundError(
-            "no height map (.npz, .x3p, .sdf, .sur ...) and no scan (.h5) in "
+            "no height map (.npz, .x3p, .sdf, .sur ...), no scan (.h5) and no photograph (.png, .jpg ...) in "
             + (", ".join(map(str, inputs)) or "nothing")
         )
-    return _named_apart(groups, parts)
+    return _named_apart(kept)
 
 
-def _add(groups: dict[tuple[Path, str], Part], paths: Iterable[Path], *, named: bool) -> None:
-    for path in paths:
-        if path.name.startswith("."):
-            continue
-        key = (path.parent, path.stem)
-        groups[key] = _with(groups.get(key, Part(path.stem)), path, named=named)
+def _photos_of(path: Path, listed: dict[Path, list[Path]]) -> list[Path]:
+    """Photographs of the same stem beside a height map or a scan; folders are listed once."""
+    if is_photo(path) or not path.is_file():
+        return []
+    if path.parent not in listed:
+        listed[path.parent] = sorted(p for p in path.parent.iterdir() if is_photo(p) and p.is_file())
+    return [p for p in listed[path.parent] if p.stem == path.stem]
+
+
+def _key(path: Path) -> tuple[Path, str]:
+    return (path.parent, path.stem)
 
 
 def _with(part: Part, path: Path, *, named: bool) -> Part:
@@ -80,16 +106,10 @@ def _with(part: Part, path: Path, *, named: bool) -> Part:
     if is_scan(path):
         return replace(part, scan=path, problem=part.problem or _twice(part.scan, path))
     if is_photo(path) and (not named or path.exists()):
-        part = replace(part, photo=path)
-        if named and not (part.height_map or part.scan):
-            alone = FileProblem(
-                path, "is a photograph, which touch cannot read", "name a height map or a scan"
-            )
-            return replace(part, problem=alone)
-        return part
+        problem = part.photo_problem or _twice(part.photo, path)
+        return replace(part, photo=part.photo or path, photo_problem=problem)
     if is_height_map(path) or named:
-        kept = None if part.problem is not None and part.problem.path == part.photo else part.problem
-        return replace(part, height_map=path, problem=kept or _twice(part.height_map, path))
+        return replace(part, height_map=path, problem=part.problem or _twice(part.height_map, path))
     return part
 
 
@@ -100,9 +120,9 @@ def _twice(first: Path | None, second: Path) -> FileProblem | None:
     return FileProblem(second, f"stands beside {first.name}, so which is the part's is unclear", "rename one")
 
 
-def _named_apart(groups: dict[tuple[Path, str], Part], parts: list[Part]) -> list[Part]:
-    folders = {id(part): folder for (folder, _), part in groups.items()}
-    names = [p.name for p in parts]
+def _named_apart(groups: Mapping[tuple[Path, str], Part]) -> list[Part]:
+    names = [p.name for p in groups.values()]
     return [
-        replace(p, name=f"{folders[id(p)].name}/{p.name}") if names.count(p.name) > 1 else p for p in parts
+        replace(p, name=f"{folder.name}/{p.name}") if names.count(p.name) > 1 else p
+        for (folder, _), p in groups.items()
     ]

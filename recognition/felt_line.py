@@ -63,7 +63,10 @@ class FeltLine:
         """(rows, cols) of the line frame."""
         u, v = self._turned()
         rim = 2.0 * self._rim_mm()
-        return (math.ceil((np.ptp(v) + rim) / self.pixel_mm) + 1, math.ceil((np.ptp(u) + rim) / self.pixel_mm) + 1)
+        return (
+            math.ceil((np.ptp(v) + rim) / self.pixel_mm) + 1,
+            math.ceil((np.ptp(u) + rim) / self.pixel_mm) + 1,
+        )
 
     def places_px(self) -> Floats:
         """(places, 2) column and row of every place in the line frame."""
@@ -72,7 +75,7 @@ class FeltLine:
 
     def _rim_mm(self) -> float:
         """Plate laid out around the places: room for the pictures."""
-        return (max(self.basis.patches.shape[3:]) // 2 + 2) * self.pixel_mm
+        return float(max(self.basis.patches.shape[3:]) // 2 + 2) * self.pixel_mm
 
     def _turned(self) -> tuple[Floats, Floats]:
         angle = math.radians(self.rotation_deg)
@@ -191,7 +194,8 @@ class DrawnLine:
         """(2, rows, cols) one place of it."""
         out = np.zeros((2, *self.shape), dtype=np.float32)
         c, r = self.corner[k]
-        out[:, r : r + self.tall, c : c + self.wide] = np.einsum("bdrc,b->drc", self.places[k], light.astype(np.float32))
+        lit = np.einsum("bdrc,b->drc", self.places[k], light.astype(np.float32))
+        out[:, r : r + self.tall, c : c + self.wide] = lit
         return out
 
     def quality(self, edges: NDArray[np.float32], weight: NDArray[np.float32]) -> float:

@@ -104,6 +104,11 @@ class ReadingWithEvidence:
     lattice: Lattice | None = None
     choice: Choice | None = None
 
+    @property
+    def open_lattice(self) -> Lattice | None:
+        """Beliefs over the whole alphabet, for verification: the lattice itself, which no format has narrowed."""
+        return self.lattice
+
 
 class _Clock:
     """Where the time goes, by step."""
@@ -149,7 +154,8 @@ class Reader:
         self.gaps: frozenset[int] = frozenset()
         chars = ALPHABET
         if self.grammar is not None:
-            chars = "".join(sorted(self.grammar.characters))
+            # characters that the format forbids are looked for as well: where one stands, it is not passed over
+            chars = "".join(sorted({*ALPHABET, *self.grammar.characters}))
             lengths = self.grammar.lengths()
             if lengths is not None and len(lengths) == 1:
                 self.places = self.grammar.places(next(iter(lengths)))
@@ -263,7 +269,9 @@ class Reader:
         with clock.step("decide"):
             decided = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
         with clock.step("evidence"):
-            again = None if untroubled(decided, self.grammar) else self._again(look, judged, flags)
+            again = None
+            if not untroubled(decided, self.grammar):
+                again = self._again(look, judged, flags, nothing_read=decided.judged is None)
         reading, support, line_read = decided.reading, decided.support_mm, decided.judged
         lattice, choice = lattice_of_reading(decided), None
         if again is not None:
@@ -280,14 +288,16 @@ class Reader:
             made, reading=_timed(reading, clock), support_mm=support, lattice=lattice, choice=choice
         )
 
-    def _again(self, look: DirtyLook, judged: list[Judged], flags: ReadingFlag) -> SecondLook | None:
+    def _again(
+        self, look: DirtyLook, judged: list[Judged], flags: ReadingFlag, *, nothing_read: bool
+    ) -> SecondLook | None:
         """The reading by evidence, of the line that has most; None where no line is of a font's own shapes."""
         seen = [(look.at(line), (line, templates, cells)) for line, templates, cells in judged if is_crisp(line)]
         kept = [(evidence, one) for evidence, one in seen if evidence is not None]
         if not kept:
             return None
         evidence, best = max(kept, key=lambda pair: pair[0].total)
-        if not look.stands(evidence) and len(seen) < len(judged):
+        if not (nothing_read or look.stands(evidence)) and len(seen) < len(judged):
             return None  # a foreign hand explains the line better than dirt does
         image = look.search.image(best[0].hypothesis.rotation_deg)
         gaps = self.gaps if self.places is not None else None

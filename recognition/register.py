@@ -76,7 +76,7 @@ class Registration:
 
     def photo(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[Floats, Floats]:
         """Photo frame of places in the plate frame."""
-        return mapped(np.linalg.inv(self.plate_from_photo), x_mm, y_mm)
+        return mapped(np.asarray(np.linalg.inv(self.plate_from_photo), dtype=np.float64), x_mm, y_mm)
 
     def box(self, box: Box) -> Box:
         """Axis-parallel hull, in the plate frame, of a box of the photo frame."""
@@ -104,7 +104,7 @@ def register(
             (`stage`), both fields the same (`same_field`). See `matched_boxes` for one from characters.
 
     Returns:
-        The transform of the best correlation; `failure` says whether it is not to be relied upon.
+        The transform of the best correlation.
 
     Raises:
         ValueError: a height that is not positive.
@@ -145,7 +145,8 @@ def matched_boxes(touch: Sequence[Box], sight: Sequence[Box]) -> Floats | None:
     if len(touch) < 2:
         return None
     to, of = (
-        np.array([[0.5 * (b.x0_mm + b.x1_mm), 0.5 * (b.y0_mm + b.y1_mm)] for b in boxes]) for boxes in (touch, sight)
+        np.array([[0.5 * (b.x0_mm + b.x1_mm), 0.5 * (b.y0_mm + b.y1_mm)] for b in boxes])
+        for boxes in (touch, sight)
     )
     z = (of - of.mean(axis=0)) @ np.array([1.0, 1.0j])
     w = (to - to.mean(axis=0)) @ np.array([1.0, 1.0j])
@@ -166,7 +167,9 @@ def edge_size(edges: EdgeMap) -> NDArray[np.float32]:
     size = np.sqrt((stack.astype(np.float32) ** 2).sum(axis=0))
     size = np.where(edges.valid, size, np.float32(0.0))
     mean = float(size[edges.valid].mean()) if edges.valid.any() else 0.0
-    return np.asarray(np.minimum(size / np.float32(max(mean, 1e-12)), np.float32(EDGE_LIMIT)), dtype=np.float32)
+    return np.asarray(
+        np.minimum(size / np.float32(max(mean, 1e-12)), np.float32(EDGE_LIMIT)), dtype=np.float32
+    )
 
 
 class _Pair:
@@ -181,7 +184,9 @@ class _Pair:
         self.touch_image, self.touch_valid = self._drawn(touch, np.eye(3))
         self.sight = sight
 
-    def _drawn(self, edges: EdgeMap, plate_from_map: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _drawn(
+        self, edges: EdgeMap, plate_from_map: Floats
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(sizes, share valid) of a map on the grid."""
         import cv2
 
@@ -194,12 +199,18 @@ class _Pair:
             seen = cv2.GaussianBlur(image, (0, 0), 0.4 * zoom) if zoom > 1.2 else image
             out.append(
                 cv2.warpPerspective(
-                    seen, to_pixel, self.shape[::-1], flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderValue=0.0
+                    seen,
+                    to_pixel,
+                    self.shape[::-1],
+                    flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                    borderValue=0.0,
                 )
             )
         return np.asarray(out[0]), np.asarray(out[1])
 
-    def at(self, start: Floats, blur_px: float) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    def at(
+        self, start: Floats, blur_px: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
         """(touch, sight, both valid), blurred over what is valid, sight where a transform puts it."""
         seen, shown = self._drawn(self.sight, start)
         both = (shown > 0.5) & (self.touch_valid > 0.5)
@@ -255,11 +266,11 @@ def _stepped(pair: _Pair, held: Floats, blur_px: float, motion: int) -> Floats |
     warp = np.eye(3 if motion == cv2.MOTION_HOMOGRAPHY else 2, 3, dtype=np.float32)
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-5)
     try:
-        _, warp = cv2.findTransformECC(felt, seen, warp, motion, criteria, both.astype(np.uint8), 1)
+        _, found = cv2.findTransformECC(felt, seen, warp, motion, criteria, both.astype(np.uint8), 1)
     except cv2.error:  # it runs away or meets a flat map
         return None
     full = np.eye(3)
-    full[: warp.shape[0]] = warp
+    full[: warp.shape[0]] = found
     if not np.isfinite(full).all() or abs(np.linalg.det(full)) < 1e-6:
         return None
     # ECC takes felt pixels to seen ones; the way back is wanted

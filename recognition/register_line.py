@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from glyphs.maps import EdgeMap
 from recognition.felt_line import DrawnLine, FeltLine, laid
-from recognition.register import Registration, RegisterFailure
+from recognition.register import RegisterFailure, Registration
 
 REACH_HEIGHTS = 0.4
 """How far the line is looked for, character heights."""

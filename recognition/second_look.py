@@ -15,7 +15,7 @@ import numpy as np
 
 from recognition.calibrate import DEFAULT_WEIGHTS, Scored, Weights, lattice_of, residual_of
 from recognition.choice import Choice, ChoiceFlag, blind_warnings, choose
-from recognition.decide import CANDIDATES, Decided, Judged, Thresholds, crowded, word_gaps
+from recognition.decide import CANDIDATES, Decided, Judged, Thresholds, beliefs, crowded, word_gaps
 from recognition.evidence import LineEvidence, PlaceEvidence
 from recognition.frames import LineImage
 from recognition.grammar import Grammar
@@ -220,14 +220,22 @@ def untroubled(decided: Decided, grammar: Grammar | None) -> bool:
 
 
 def lattice_of_reading(decided: Decided) -> Lattice | None:
-    """The lattice of a line that correlation alone has read."""
+    """The lattice of a line that correlation alone has read, over all characters that there are templates of."""
     if decided.judged is None:
         return None
-    reading, (_, templates, _) = decided.reading, decided.judged
+    reading, (_, templates, cells) = decided.reading, decided.judged
+    if len(cells) != len(reading.characters):
+        return None
     chars = tuple(sorted(set(templates.chars)))
-    log = np.full((len(reading.characters), len(chars)), -np.inf)
-    for k, character in enumerate(reading.characters):
-        for candidate in character.candidates:
-            log[k, chars.index(candidate.char)] = np.log(max(candidate.probability, 1e-12))
+    copies = [np.array([t for t, c in enumerate(templates.chars) if c == char]) for char in chars]
+    rows = []
+    for character, cell in zip(reading.characters, cells, strict=True):
+        scores = np.array([cell.scores[own].max() for own in copies])
+        belief = beliefs(scores)
+        # what stands in the way of belief in the leader stands in the way of all of them
+        readable = sum(c.probability for c in character.candidates)
+        rows.append(np.log(np.maximum(min(readable, 1.0) * belief, 1e-12)) - 1e-9)
     boxes = tuple(c.box for c in reading.characters)
+    log = np.minimum(np.stack(rows), 0.0)
+    log = log - np.maximum(np.log(np.exp(log).sum(axis=1, keepdims=True)), 0.0)
     return Lattice(chars, log, boxes, reading.spaces_after)

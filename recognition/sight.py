@@ -37,7 +37,7 @@ NAMED_WEIGHT, FOREIGN_WEIGHT = 0.6, 0.3
 """Weight of templates beside the network, by likelihood on dirty parts; the less where nobody named the font."""
 LEADING_FITS = 2
 """Suppositions looked at closely, of all that were tried."""
-PLAIN_VALUE = 9.0
+PLAIN_VALUE = 16.0
 """Log Bayes factor a character from which a line stands out plainly: no other rotation is looked for."""
 SWEEP_DEG = (-10.0, -8.0, -6.0, -4.0, -2.0, 2.0, 4.0, 6.0, 8.0, 10.0)
 USUAL_TURN_DEG = 5.0
@@ -205,8 +205,8 @@ class SightReader:
         fits = self._glances(search, [(font, t) for font in self.fonts for t in tried])
         if about is None and (not fits or fits[0][0].value < PLAIN_VALUE * fits[0][0].trust.size):
             # dirt hides the rotation from a first look: turn by turn, then
-            led = [(font, f.supposed) for f, font in fits[:LEADING_FITS]]
-            swept = [(font, replace(s, rotation_deg=turn)) for font, s in led for turn in SWEEP_DEG]
+            led = {(font.name, f.supposed.height_mm): font for f, font in fits[:LEADING_FITS]}
+            swept = [(font, Supposed(h, turn)) for (_, h), font in led.items() for turn in SWEEP_DEG]
             fits = sorted((*fits, *self._glances(search, swept)), key=_promise, reverse=True)
         close: list[SightFit] = []
         for glance, font in fits[:LEADING_FITS]:

@@ -68,17 +68,22 @@ def derivatives(log: NDArray[np.float32], *, scale_px: float) -> NDArray[np.floa
     return np.asarray(out * np.float32(scale_px))
 
 
-def limited(layers: NDArray[np.float32], *, clip: float = CLIP) -> NDArray[np.float32]:
-    """The edges, none stronger than `clip` medians, over their root mean square.
+def limited(
+    layers: NDArray[np.float32], *, clip: float = CLIP, valid: NDArray[np.bool_] | None = None
+) -> NDArray[np.float32]:
+    """The edges, none stronger than `clip` medians, over their root mean square; 0 where not valid.
 
     For noise with heavy tails the correlation of limited values is the locally best detector of a faint shape.
     """
     size = np.sqrt((layers**2).sum(axis=0))
-    top = clip * float(np.median(size))
+    good = np.ones(size.shape, dtype=np.bool_) if valid is None else valid
+    if not good.any():
+        return np.zeros_like(layers)
+    top = clip * float(np.median(size[good]))
     if top > 0.0:
         layers = layers * np.minimum(1.0, top / np.maximum(size, 1e-12))
-    mean = math.sqrt(float((layers.astype(np.float64) ** 2).mean()))
-    return np.asarray(layers / max(mean, 1e-12), dtype=np.float32)
+    mean = math.sqrt(float((layers[:, good].astype(np.float64) ** 2).mean()))
+    return np.asarray(np.where(good, layers / max(mean, 1e-12), 0.0), dtype=np.float32)
 
 
 def sight_edges(
@@ -115,10 +120,8 @@ def sight_edges(
         )
     scale = max(0.7, SCALE_HEIGHTS * height_mm / pitch)
     layers = derivatives(log_brightness(photo, contrast=contrast), scale_px=scale)
-    if even:
-        layers = limited(layers)
     blind = ndimage.binary_dilation(clipped(photo), iterations=max(1, math.ceil(2.0 * scale)))
-    layers = np.where(blind, np.float32(0.0), layers)
+    layers = limited(layers, valid=~blind) if even else np.where(blind, np.float32(0.0), layers)
     return EdgeMap(
         enhancement=layers if signed else np.abs(layers),
         directions=DIRECTIONS,

@@ -93,7 +93,13 @@ class SightSearch:
         )
         blur = 0.35 * zoom
         layers = []
-        for image, rim in ((self.log, cv2.BORDER_REPLICATE), (self.blind, cv2.BORDER_REPLICATE)):
+        # beyond the photograph nothing is seen
+        shown = np.ones(self.log.shape, dtype=np.float32)
+        for image, rim in (
+            (self.log, cv2.BORDER_REPLICATE),
+            (self.blind, cv2.BORDER_REPLICATE),
+            (shown, cv2.BORDER_CONSTANT),
+        ):
             seen = cv2.GaussianBlur(image, (0, 0), blur) if zoom > 1.2 else image
             layers.append(
                 np.asarray(
@@ -108,7 +114,10 @@ class SightSearch:
                 )
             )
         made = derivatives(layers[0], scale_px=look.scale_heights * look.pixels)
-        made = limited(made) * (layers[1] < 0.5)
+        # the rim of the photograph is an edge of no mark
+        reach = 2 * math.ceil(2.0 * look.scale_heights * look.pixels) + 1
+        inside = np.asarray(cv2.erode(layers[2], np.ones((reach, reach), dtype=np.uint8)))
+        made = limited(made, valid=(layers[1] < 0.5) & (inside > 0.5))
         return np.pad(made, ((0, 0), (PAD, PAD), (PAD, PAD))).astype(np.float32)
 
     def fit(self, basis: SightBasis, supposed: Supposed, *, light: Floats | None = None) -> SightFit | None:

@@ -16,10 +16,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from glyphs.maps import HeightMap, MapError
+from glyphs.soil import Soil
 from pipeline.batch import Row, read_parts
 from pipeline.npz import write_npz
 from pipeline.parts import discover
 from pipeline.problems import FileProblem
+from pipeline.senses import Senses
 from pipeline.tables import check_output, write_rows
 from pipeline.truth import edit_distance, load_truth, score
 from recognition.reading import (
@@ -57,18 +59,27 @@ def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decisio
 class FakeReader:
     """Reads the mean height of the top row as a number."""
 
-    def read_height_map(self, height_map: HeightMap, *, part_id: str = "") -> Any:
+    def read_height_map(self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Any:
         value = round(float(height_map.z_mm[0].mean()))
         if value == 13:
             raise RuntimeError("a fault\nin the reader")
         if value == 14:
             raise MapError("no such thing")
         if value == 15:
-            return SimpleNamespace(reading=reading("15", confidence=0.2, decision=Decision.REVIEW))
-        return SimpleNamespace(reading=reading(str(value)))
+            return felt(reading("15", confidence=0.2, decision=Decision.REVIEW))
+        return felt(reading(str(value)))
 
     def read_scan(self, scan: object) -> Any:
         raise AssertionError("no scan in these tests")
+
+
+def felt(found: Reading) -> Any:
+    return SimpleNamespace(reading=found, lattice=None, open_lattice=None, height_map=None)
+
+
+def fake_senses() -> Senses:
+    readers: Any = SimpleNamespace(touch=FakeReader(), sight=None, grammar=None, told=None)
+    return Senses(readers)
 
 
 def stamped(folder: Path, *values: int) -> Path:
@@ -81,7 +92,7 @@ def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
     stamped(tmp_path, 11, 12, 13, 14)
     (tmp_path / "part-12.npz").write_bytes(b"rubbish")
     told: list[Row] = []
-    rows = read_parts(discover([tmp_path, tmp_path / "none.npz"]), FakeReader(), on_row=told.append)
+    rows = read_parts(discover([tmp_path, tmp_path / "none.npz"]), fake_senses(), on_row=told.append)
     assert rows == told
     assert [r.part for r in rows] == ["part-11", "part-12", "part-13", "part-14", "none"]
     assert [r.text for r in rows] == ["11", "", "", "", ""]
@@ -96,23 +107,28 @@ def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
 
 
 def test_a_row_tells_the_reading(tmp_path: Path) -> None:
-    (row,) = read_parts(discover([stamped(tmp_path, 11)]), FakeReader())
+    (row,) = read_parts(discover([stamped(tmp_path, 11)]), fake_senses())
     assert (row.decision, row.confidence, row.source, row.font) == ("accept", 0.97, "tactile", "gothic")
     assert (row.height_mm, row.raised) == (5.0, True)
     assert row.flags == "parts of the map are dropouts; too shallow for x: 1 0.212 mm (at least 0.3)"
     assert (row.depth_min_mm, row.depth_mean_mm) == (0.2121, 0.2314)
     assert row.depths == "1 0.212/0.231 1 ?"
     assert row.alternatives == "1:X 2:X"
+    # what nobody asked for is empty
+    assert (row.expected, row.verdict, row.verify_probability) == ("", "", None)
+    assert (row.states, row.grade, row.grades, row.action) == ("", "", "", "")
+    # without a lattice the candidates tell the rivals: 0.9 0.08 and 0.002 a place, over at least (0.982 + 0.018)^2
+    assert row.rivals == "1X 0.072, X1 0.072"
 
 
 def test_a_format_met_with_either_row_first_is_tried_both_ways(tmp_path: Path) -> None:
     z = np.full((4, 5), 15.0)
     z[-1], z[0] = 15.0, 77.0  # by the standard the last row is the top
     x3pio.write(tmp_path / "a.x3p", z * 1e-3, x_scale=1e-4, y_scale=1e-4)
-    (row,) = read_parts(discover([tmp_path]), FakeReader())
+    (row,) = read_parts(discover([tmp_path]), fake_senses())
     assert (row.text, row.confidence) == ("77", 0.97)
     write_npz(tmp_path / "a.npz", HeightMap(z[::-1].astype(np.float32), 0.1))
-    (row,) = read_parts(discover([tmp_path / "a.npz"]), FakeReader())
+    (row,) = read_parts(discover([tmp_path / "a.npz"]), fake_senses())
     assert row.text == "15"
 
 
@@ -132,6 +148,14 @@ ROWS = [
         depth_min_mm=0.21,
         depth_mean_mm=0.23,
         depths="A 0.21/0.23",
+        expected="AB2",
+        verdict="refuted",
+        verify_probability=0.0004,
+        states="3:mismatch 1/2",
+        rivals="AB7 0.02, AB4 0.01",
+        grade="C",
+        grades="AC?",
+        action="clean 2",
     ),
     Row("p,1", "", error='"a", ü\nline two'),
 ]
@@ -149,6 +173,10 @@ def test_tables_hold_the_stated_columns_first(tmp_path: Path) -> None:
     ]
     # what is not known is an empty field, and null where the format has one
     assert [(r["depth_min_mm"], r["depths"]) for r in table] == [("0.21", "A 0.21/0.23"), ("", "")]
+    assert [(r["verdict"], r["verify_probability"], r["action"]) for r in table] == [
+        ("refuted", "0.0004", "clean 2"),
+        ("", "", ""),
+    ]
     lines = (tmp_path / "t.jsonl").read_text(encoding="utf-8").splitlines()
     assert [Row(**json.loads(line)) for line in lines] == ROWS
     arrow = pyarrow.parquet.read_table(tmp_path / "t.parquet")

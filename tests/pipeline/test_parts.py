@@ -47,14 +47,43 @@ def test_two_maps_of_one_stem_are_a_problem(folder: Path) -> None:
     assert "a.npz" in str(a.problem)
 
 
-def test_a_photograph_alone_is_a_problem_only_when_named(folder: Path) -> None:
+def test_a_photograph_alone_is_a_part_where_it_is_meant(folder: Path) -> None:
+    # beside height maps it may be any picture
     assert "c" not in [p.name for p in discover([folder])]
-    (c,) = discover([folder / "c.png"])
-    assert c.problem is not None
-    assert "photograph" in str(c.problem)
+    assert "c" not in [p.name for p in discover([str(folder / "*")])]
+    for given in ([folder / "c.png"], [str(folder / "c.*")]):
+        (c,) = discover(given)
+        assert (c.photo, c.felt, c.problem) == (folder / "c.png", False, None)
+    assert [p.name for p in discover([str(folder / "*.png")])] == ["b", "c"]
+    assert [p.name for p in discover([folder], photos=True)] == ["a", "b", "c", "d"]
     first_the_photo = discover([folder / "b.png", folder / "b.npz"])
     assert len(first_the_photo) == 1
     assert first_the_photo[0].problem is None
+    assert first_the_photo[0].felt
+
+
+def test_the_photograph_beside_a_file_named_is_its_own_where_wanted(folder: Path) -> None:
+    assert discover([folder / "b.npz"])[0].photo is None
+    (b,) = discover([folder / "b.npz"], beside=True)
+    assert (b.height_map, b.photo) == (folder / "b.npz", folder / "b.png")
+    (c,) = discover([folder / "c.png"], beside=True)
+    assert not c.felt
+
+
+def test_a_folder_of_photographs_is_parts(tmp_path: Path) -> None:
+    for name in ("a.jpg", "b.PNG", "notes.txt"):
+        (tmp_path / name).write_bytes(b"x")
+    assert [p.name for p in discover([tmp_path])] == ["a", "b"]
+
+
+def test_two_photographs_of_one_stem_trouble_sight_alone(folder: Path) -> None:
+    (folder / "b.jpg").write_bytes(b"x")
+    (b,) = discover([str(folder / "b.*")])
+    assert b.problem is None
+    assert b.felt
+    assert b.photo_problem is not None
+    assert "b.png" in str(b.photo_problem)
+    assert "b.jpg" in str(b.photo_problem)
 
 
 def test_a_missing_or_unknown_file_is_a_part_to_be_refused_later(folder: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.readers import open_reader
+from pipeline.readers import Readers, open_reader
 from pipeline.settings import ReadSettings, SettingsError, load_settings
 
 
@@ -31,7 +31,7 @@ def test_the_later_goes_over_the_former(tmp_path: Path, monkeypatch: pytest.Monk
     assert settings.font == ("gothic", "futural")
     assert settings.height_mm == 5.0
     assert settings.fidelity == "contact"
-    assert settings.format == "A9"
+    assert settings.format == ("A9",)
     assert load_settings().height_mm == 4.0
 
 
@@ -57,7 +57,12 @@ def test_another_file_by_name_and_fonts_by_environment(
         ('fidelity = "exact"', "fidelity"),
         ('mode = "smell"', "mode"),
         ("font = 5", "font"),
-        ("format = ''", "format"),
+        ("format = ''", "format in .* the format is empty; write a mask"),
+        ("format = ['AA99', 're:[']", r"format in .*toml"),
+        ("check = 'luhm'", "check in .* unknown check digit 'luhm'; known are vin, luhn"),
+        ("exclude = 'I O'", "exclude in .* is 'I O': it has a blank"),
+        ("accept_confidence = 1.5", "accept_confidence in .* is 1.5"),
+        ("accept_margin = -0.1", "accept_margin in .* is -0.1"),
         ("height_mm = ", "no TOML"),
         ('depth_rule = "VIN"', "depth_rule in .* is 'VIN': unknown depth rule 'VIN'; known are 27CFR478.92"),
         ("min_depth_mm = 0", "min_depth_mm in .* is 0"),
@@ -110,3 +115,38 @@ def test_the_reader_is_given_the_rules() -> None:
         ("27CFR478.92", 0.0762),
         ("min_depth_mm", 0.2),
     ]
+
+
+def test_formats_from_every_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "tactile-marks.toml").write_text(
+        'format = ["sets:AB,0-9,0-9", "re:A\\\\d+"]\ncheck = "luhn@2-"\nexclude = "7"\naccept_margin = 0.5\n',
+        encoding="utf-8",
+    )
+    settings = load_settings()
+    assert settings.format == ("sets:AB,0-9,0-9", "re:A\\d+")
+    assert (settings.check, settings.exclude, settings.accept_margin) == (("luhn@2-",), "7", 0.5)
+    # a format has commas of its own, so the environment gives one; check digits have none
+    monkeypatch.setenv("TACTILE_MARKS_FORMAT", "sets:AB,0-9,0-9")
+    monkeypatch.setenv("TACTILE_MARKS_CHECK", "luhn@2-, iso7064mod11_10@2-")
+    settings = load_settings(mode="auto")
+    assert settings.format == ("sets:AB,0-9,0-9",)
+    assert settings.check == ("luhn@2-", "iso7064mod11_10@2-")
+    assert settings.mode == "auto"
+    assert load_settings(format=("AA", "re:A.")).format == ("AA", "re:A.")
+
+
+def test_the_readers_are_told_grammar_and_thresholds() -> None:
+    told = Readers(load_settings(format=("AA99",), accept_confidence=0.5)).told
+    assert told.grammar is not None
+    assert told.grammar.mask == "AA99"
+    assert (told.accept_confidence, told.accept_margin) == (0.5, Readers(load_settings()).told.accept_margin)
+    assert Readers(load_settings()).told.grammar is None
+
+
+def test_sight_that_verifies_knows_the_length_only() -> None:
+    readers = Readers(load_settings(format=("AA99",), font=("gothic",)))
+    sight = readers.open_sight("AB 12")
+    assert readers.open_sight("XY99") is sight
+    assert sight.places is not None
+    assert len(sight.places) == 4
+    assert all("Q" in place and "7" in place for place in sight.places)

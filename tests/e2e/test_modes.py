@@ -1,0 +1,53 @@
+"""One dirty part with its photograph, read by touch, by sight, by both, and held against what it should bear."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from pipeline.cli import main
+
+FORMAT = "AA99"
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made") / "parts"
+    made = ["synth", str(folder), "--parts", "1", "--format", FORMAT, "--seed", "11", "--dirt", "0.2"]
+    assert main(made) == 0
+    assert sorted(p.name for p in folder.iterdir()) == ["part-000.npz", "part-000.png", "truth.csv"]
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def read(parts: Path, *more: str) -> tuple[int, dict[str, object]]:
+    told = ["--font", "gothic", "--format", FORMAT, "--height-mm", "5", "--out", "t.jsonl"]
+    status = main(["read", str(parts), *told, *more])
+    (line,) = Path("t.jsonl").read_text(encoding="utf-8").splitlines()
+    return status, json.loads(line)
+
+
+def test_a_dirty_part_in_every_mode(parts: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with (parts / "truth.csv").open(newline="", encoding="utf-8") as stream:
+        (stamped,) = csv.DictReader(stream)
+    truth = stamped["text"]
+    for mode, source in (("vision", "vision"), ("auto", "fused")):
+        status, row = read(parts, "--mode", mode, "--truth", str(parts / "truth.csv"))
+        assert (status, row["text"], row["source"]) == (0, truth, source)
+        assert "serials 100.00% (1 of 1)" in capsys.readouterr().out
+    # without a mode touch reads; it grades the mark, a letter a character
+    status, row = read(parts, "--verify", str(parts / "truth.csv"))
+    assert (status, row["text"], row["source"], row["verdict"]) == (0, truth, "tactile", "confirmed")
+    assert len(str(row["grades"])) == len(truth)
+    wrong = ("B" if truth[0] != "B" else "K") + truth[1:]
+    status, row = read(parts, "--mode", "tactile", "--verify", wrong)
+    assert (status, row["verdict"], row["expected"]) == (1, "refuted", wrong)
+    assert str(row["states"]).startswith(f"1:mismatch {truth[0]}/{wrong[0]}")
+    assert "this is not the serial expected" in str(row["flags"])

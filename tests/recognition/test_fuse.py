@@ -1,0 +1,231 @@
+"""Both senses as one: against Bayes by hand, and what must never happen."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from recognition.choice import choose
+from recognition.fuse import fuse
+from recognition.fuse_lattices import (
+    SIGHT_ALONE,
+    Reliability,
+    aligned,
+    contradictions,
+    fuse_lattices,
+    tempered,
+)
+from recognition.grammar import Grammar
+from recognition.lattice import Lattice
+from recognition.reader import ReaderSettings, ReadingWithEvidence
+from recognition.reading import Box, Decision, Reading, ReadingFlag
+from recognition.sight import SightReading
+from recognition.sight_combine import as_reading
+
+CHARS = tuple("ABC12")
+PLAIN = Reliability()
+EXACT = 1e-9
+"""Relative: a handful of products in another order."""
+TOLD = ReaderSettings(mask="AA9999")
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+
+
+def boxes(n: int, *, first: float = 0.0, step: float = 4.0) -> tuple[Box, ...]:
+    return tuple(Box(first + step * k, 0.0, first + step * k + 3.0, 5.0) for k in range(n))
+
+
+def lattice(
+    belief: NDArray[np.float64], where: tuple[Box, ...] = (), chars: tuple[str, ...] = CHARS
+) -> Lattice:
+    with np.errstate(divide="ignore"):
+        return Lattice(chars, np.log(belief), where)
+
+
+def of_text(text: str, sure: float | list[float], *, rival: str = "", where: tuple[Box, ...] = ()) -> Lattice:
+    """Beliefs in a text; what is left goes to the rival's characters, or to all alike."""
+    shares = [sure] * len(text) if isinstance(sure, float) else sure
+    out = np.zeros((len(text), len(LETTERS)))
+    for k, (char, share) in enumerate(zip(text, shares, strict=True)):
+        left = 1.0 - share
+        if rival and rival[k] != char:
+            out[k, LETTERS.index(rival[k])] += 0.9 * left
+            left *= 0.1
+        out[k] += left / len(LETTERS)
+        out[k, LETTERS.index(char)] += share
+    return lattice(out, where, tuple(LETTERS))
+
+
+def felt(beliefs: Lattice | None, flags: ReadingFlag = ReadingFlag.NONE) -> ReadingWithEvidence:
+    if beliefs is None:
+        return ReadingWithEvidence(Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS))
+    reading = as_reading(beliefs, TOLD, flags=flags or None, source="tactile")
+    return ReadingWithEvidence(reading, lattice=beliefs)
+
+
+def seen(beliefs: Lattice | None) -> SightReading:
+    empty: MappingProxyType[str, Lattice] = MappingProxyType({})
+    if beliefs is None:
+        nothing = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision")
+        return SightReading(nothing, None, None, "", None, empty)
+    return SightReading(as_reading(beliefs, TOLD), beliefs, None, "templates", None, empty)
+
+
+@st.composite
+def lattices(draw: st.DrawFn, places: int = 3) -> Lattice:
+    rows = draw(
+        st.lists(
+            st.lists(st.floats(0.01, 1.0), min_size=len(CHARS) + 1, max_size=len(CHARS) + 1),
+            min_size=places,
+            max_size=places,
+        )
+    )
+    belief = np.array(rows)
+    return lattice((belief / belief.sum(axis=1, keepdims=True))[:, :-1])
+
+
+@settings(deadline=None, max_examples=60)
+@given(lattices(), lattices())
+def test_bayes_by_hand(one: Lattice, other: Lattice) -> None:
+    """A sense looked with the probability r, and is a uniform guess otherwise."""
+    both = np.exp(fuse_lattices(one, other, reliability=PLAIN).log_belief)
+    for k in range(3):
+        a, b = np.exp(one.log_belief[k]), np.exp(other.log_belief[k])
+        p = (a + (1 - a.sum()) / a.size) * (b + (1 - b.sum()) / b.size)
+        read = 1.0 - (1.0 - a.sum()) * (1.0 - b.sum())
+        np.testing.assert_allclose(both[k], read * p / p.sum(), rtol=EXACT)
+
+
+@settings(deadline=None, max_examples=60)
+@given(lattices(), lattices())
+def test_plain_fusion_knows_no_order(one: Lattice, other: Lattice) -> None:
+    a = fuse_lattices(one, other, reliability=PLAIN).log_belief
+    np.testing.assert_allclose(a, fuse_lattices(other, one, reliability=PLAIN).log_belief, rtol=EXACT)
+
+
+@settings(deadline=None, max_examples=60)
+@given(lattices(), lattices())
+def test_beliefs_stay_beliefs_and_touch_stands_unless_overruled_for_sure(
+    one: Lattice, other: Lattice
+) -> None:
+    both = np.exp(fuse_lattices(one, other).log_belief)
+    assert (both.sum(axis=1) <= 1.0 + EXACT).all()
+    for k in range(3):
+        best = int(one.log_belief[k].argmax())
+        share = both[k] / both[k].sum()
+        assert share[best] >= share.max() * (1.0 - EXACT) or share.max() >= SIGHT_ALONE.convincing - EXACT
+
+
+@settings(deadline=None, max_examples=40)
+@given(lattices())
+def test_a_sense_that_read_nothing_says_nothing(one: Lattice) -> None:
+    blank = lattice(np.full((3, len(CHARS)), 1e-12))
+    uniform = lattice(np.full((3, len(CHARS)), 1.0 / len(CHARS)))
+    share = np.exp(one.log_belief - np.logaddexp.reduce(one.log_belief, axis=1)[:, None])
+    for other in (blank, lattice(np.full((4, len(CHARS)), 0.2))):
+        np.testing.assert_allclose(fuse_lattices(one, other).log_belief.argmax(1), share.argmax(1))
+    # what is believed of the characters does not change, nor that nothing stands there
+    looked = one.log_belief.copy()
+    total = np.exp(np.logaddexp.reduce(looked, axis=1))
+    spread = np.exp(looked) + ((1.0 - total) / len(CHARS))[:, None]
+    np.testing.assert_allclose(
+        np.exp(fuse_lattices(one, blank).log_belief), total[:, None] * spread, rtol=1e-6
+    )
+    np.testing.assert_allclose(np.exp(fuse_lattices(one, uniform).log_belief).argmax(1), share.argmax(1))
+
+
+def test_the_rate_of_errors_is_learned_from_the_other_places() -> None:
+    """The same belief of sight at the last place counts for more where sight was right before."""
+    touch = of_text("AB123", [0.99, 0.99, 0.99, 0.99, 0.4], rival="AB128")
+    right = of_text("AB128", 0.99)
+    wrong = of_text("ZX908", 0.99)
+    at = LETTERS.index("8")
+    with_right = np.exp(fuse_lattices(touch, right).log_belief[4, at])
+    with_wrong = np.exp(fuse_lattices(touch, wrong).log_belief[4, at])
+    odds_right, odds_wrong = (p / (1.0 - p) for p in (with_right, with_wrong))
+    # four places right or wrong: rates of 2 % or 90 % are then the likely ones
+    assert odds_right > 4.0 * odds_wrong
+
+
+def test_places_are_aligned_by_boxes() -> None:
+    touch = of_text("AB1234", 0.9, where=boxes(6))
+    # the camera has lost the first and sees a bolt behind the last
+    sight = of_text("B12347", 0.9, where=boxes(6, first=4.3))
+    assert aligned(touch, sight) == [None, 0, 1, 2, 3, 4]
+    assert choose(fuse_lattices(touch, sight), Grammar(mask="AA9999")).text == "AB1234"
+    assert aligned(touch, of_text("B1", 0.9, where=boxes(2, first=4.3))) == [None, 0, 1, None, None, None]
+    assert aligned(touch, of_text("B1", 0.9)) == [None] * 6
+    assert aligned(touch, of_text("AB1234", 0.9)) == list(range(6))
+    with pytest.raises(ValueError, match="2 boxes for 6 places"):
+        fuse_lattices(touch, sight, sight_boxes=boxes(2))
+
+
+def test_what_the_format_kept_from_sight_is_not_held_against_touch() -> None:
+    touch = lattice(np.array([[0.6, 0.1, 0.1, 0.1, 0.1]]))
+    figures = lattice(np.array([[0.0, 0.0, 0.0, 0.9, 0.1]]))
+    both = fuse_lattices(touch, figures, reliability=PLAIN)
+    odds = np.exp(both.log_belief[0, 0] - both.log_belief[0, 3])
+    # 0.9 of two figures is 1.8 times what it would be unseen
+    np.testing.assert_allclose(odds, 0.6 / (0.1 * 1.8), rtol=EXACT)
+
+
+def test_tempered_beliefs_are_less_sure() -> None:
+    one = of_text("AB1234", 0.99)
+    less = tempered(one, SIGHT_ALONE)
+    np.testing.assert_array_equal(less.log_belief.argmax(1), one.log_belief.argmax(1))
+    assert (less.log_belief.max(1) < one.log_belief.max(1)).all()
+
+
+def test_reliability_is_checked() -> None:
+    for wrong in ({"power": -1.0}, {"rates": ()}, {"rates": (1.2,)}, {"convincing": 2.0}):
+        with pytest.raises(ValueError, match="out of range"):
+            Reliability(**wrong)  # type: ignore[arg-type]
+
+
+def test_both_doubtful_of_the_same_are_sure_together() -> None:
+    touch = of_text("AB1234", [0.99, 0.99, 0.8, 0.99, 0.99, 0.99], rival="AB7234")
+    read = fuse(felt(touch), seen(of_text("AB1234", 0.97)), TOLD)
+    assert felt(touch).reading.decision is Decision.REVIEW
+    assert (read.text, read.decision, read.source) == ("AB1234", Decision.ACCEPT, "fused")
+    assert read.confidence > 0.9
+
+
+def test_senses_sure_of_different_characters_are_never_accepted() -> None:
+    touch, sight = of_text("AB1234", 0.9999), of_text("AB1284", 0.999)
+    assert contradictions(touch, sight) == ((4, "3", "8"),)
+    read = fuse(felt(touch), seen(sight), TOLD)
+    assert ReadingFlag.SENSES_DISAGREE in read.flags
+    assert read.decision is Decision.REVIEW
+    assert read.notes == ("place 5: touch has 3, the camera 8",)
+    # a camera that reads something else altogether is not sure of anything
+    lost = fuse(felt(touch), seen(of_text("XY9876", 0.999)), TOLD)
+    assert (lost.text, lost.decision) == ("AB1234", Decision.ACCEPT)
+
+
+@pytest.mark.parametrize("level", ["decision", "edges"])
+def test_one_sense_alone(level: str) -> None:
+    by_touch = fuse(felt(of_text("AB1234", 0.999)), seen(None), TOLD, level=level)  # type: ignore[arg-type]
+    assert (by_touch.text, by_touch.decision, by_touch.source) == ("AB1234", Decision.ACCEPT, "fused")
+    by_sight = fuse(felt(None), seen(of_text("AB1234", 0.999)), TOLD, level=level)  # type: ignore[arg-type]
+    assert (by_sight.text, by_sight.source) == ("AB1234", "fused")
+    # 2 % at each of six places is wrong whatever the camera believes
+    assert by_sight.confidence < 0.98**6 + EXACT
+    by_none = fuse(felt(None), seen(None), TOLD, level=level)  # type: ignore[arg-type]
+    assert (by_none.text, by_none.decision) == ("", Decision.REJECT)
+
+
+def test_doubts_of_touch_that_sight_cannot_lift_stay() -> None:
+    touch = felt(of_text("AB1234", 0.9999), ReadingFlag.UNREAD_MARKS)
+    read = fuse(touch, seen(of_text("AB1234", 0.999)), TOLD)
+    assert read.decision is Decision.REVIEW
+    assert ReadingFlag.UNREAD_MARKS in read.flags
+
+
+def test_other_counts_without_places_leave_touch_alone() -> None:
+    touch = felt(of_text("AB1234", 0.999, where=boxes(6)))
+    read = fuse(touch, seen(of_text("B123", 0.999)), TOLD)
+    assert (read.text, read.decision) == ("AB1234", Decision.ACCEPT)

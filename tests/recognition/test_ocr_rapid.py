@@ -1,0 +1,96 @@
+"""The network behind the interface of an engine; most of it needs the extra `vision`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glyphs.photo import Photo
+from glyphs.serials import allowed_characters
+from recognition import ocr_rapid
+from recognition.ocr_rapid import RapidEngine
+from recognition.ocr_views import VIEWS, view_of
+from recognition.reader import ALPHABET, ReaderSettings
+from recognition.reading import Decision
+from recognition.sight import SightReader
+from recognition.sight_engine import EngineMissingError
+from recognition.sight_frame import line_crop, whole
+
+PHOTO = Path(__file__).parents[1] / "data" / "photos" / "1X2100H.jpg"
+
+
+def real_photo() -> Photo:
+    import cv2
+
+    return Photo(np.ascontiguousarray(cv2.imread(str(PHOTO))[..., ::-1]))
+
+
+@pytest.fixture(scope="module")
+def engine() -> RapidEngine:
+    pytest.importorskip("onnxruntime", reason="the extra `vision` is not installed")
+    pytest.importorskip("rapidocr", reason="the extra `vision` is not installed")
+    return RapidEngine()
+
+
+def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ocr_rapid, "find_spec", lambda name: None)
+    with pytest.raises(EngineMissingError, match=r'pip install "tactile-marks\[vision\]"'):
+        RapidEngine()
+    with pytest.raises(EngineMissingError, match="vision"):
+        SightReader(ReaderSettings(fonts=("gothic",)), engine="rapidocr")
+
+
+def test_best_without_the_extra_reads_by_templates_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ocr_rapid, "find_spec", lambda name: None)
+    reader = SightReader(ReaderSettings(fonts=("gothic",)), engine="best")
+    assert reader.rapid is None
+    assert reader.by_templates
+    assert "templates alone" in reader.notes[0]
+    assert "vision" in reader.notes[0]
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=lambda v: v.name)
+@pytest.mark.parametrize("colour", [True, False])
+def test_views_have_the_rows_asked_for(view: object, colour: bool) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (60, 300, 3), dtype=np.uint8)
+    shown = view_of(Photo(pixels if colour else pixels[..., 0]), view, rows=48)  # type: ignore[arg-type]
+    assert shown.shape[0] == 48
+    assert shown.shape[2] == 3
+    assert np.ptp(shown) > 20
+
+
+def test_a_real_serial_is_read_with_its_format(engine: RapidEngine) -> None:
+    photo = real_photo()
+    crop = line_crop(photo, whole(photo))
+    lattice = engine.read_line(crop.photo, chars=ALPHABET, places=allowed_characters("9A9999A"))
+    assert lattice is not None
+    assert "".join(lattice.chars[i] for i in lattice.log_belief.argmax(axis=1)) == "1X2100H"
+    # what the format does not allow is impossible, not merely unlikely
+    assert np.isneginf(lattice.log_belief[0, lattice.chars.index("A")])
+    middles = [0.5 * (b.x0_mm + b.x1_mm) for b in lattice.boxes]
+    assert middles == sorted(middles)
+
+
+def test_the_number_of_characters_is_found_without_a_format(engine: RapidEngine) -> None:
+    photo = real_photo()
+    lattice = engine.read_line(line_crop(photo, whole(photo)).photo, chars=ALPHABET, places=None)
+    assert lattice is not None
+    assert "".join(lattice.chars[i] for i in lattice.log_belief.argmax(axis=1)) == "1X2100H"
+
+
+def test_a_real_photograph_end_to_end(engine: RapidEngine) -> None:
+    found = SightReader(ReaderSettings(mask="9A9999A")).read_photo(real_photo())
+    assert found.reading.text == "1X2100H"
+    assert found.reading.decision is not Decision.REJECT
+    assert found.reading.source == "vision"
+    # boxes lie on the characters: the first on the left, the last on the right of 560 pixels
+    assert found.reading.characters[0].box.x1_mm < 150.0
+    assert found.reading.characters[-1].box.x0_mm > 400.0
+
+
+def test_nothing_written_is_not_trusted(engine: RapidEngine) -> None:
+    grey = np.random.default_rng(2).normal(128.0, 4.0, (64, 320)).clip(0, 255).astype(np.uint8)
+    lattice = engine.read_line(Photo(grey), chars=ALPHABET, places=allowed_characters("AA99"))
+    assert lattice is None or np.exp(lattice.log_belief).sum(axis=1).max() < 0.5
