@@ -44,8 +44,13 @@ class Spacing:
     free_after: frozenset[int] = frozenset()
 
 
+# fmt: off
 @njit(cache=True)
-def _chain(reward, half, allowed, free, overlap, reach, gap_free, gap_cost, ahead, behind, step_cost, step_limit, best, from_end, by_template):  # type: ignore[no-untyped-def]
+def _chain(  # type: ignore[no-untyped-def]
+    reward, half, allowed, free, overlap, reach, gap_free, gap_cost,
+    ahead, behind, step_cost, step_limit, best, from_end, by_template,
+):
+# fmt: on
     """best[k, e]: most earned by k + 1 characters whose last ink ends at column e."""
     n_places, n_templates = allowed.shape
     cols = reward.shape[1]

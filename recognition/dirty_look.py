@@ -29,6 +29,12 @@ class DirtyLook:
         """
         self.search, self.places, self.gaps = search, places, gaps
         self._seen: dict[tuple[Hypothesis, bool], LineEvidence | None] = {}
+        self._best: tuple[float, LineFit] | None = None
+
+    @property
+    def best(self) -> LineFit | None:
+        """The line with most evidence of those looked at."""
+        return self._best[1] if self._best is not None else None
 
     def at(self, line: LineFit) -> LineEvidence | None:
         """The evidence of a line; None where nothing is left of it."""
@@ -42,6 +48,9 @@ class DirtyLook:
                 places=self.places,
                 gaps=self.gaps,
             )
+            found = self._seen[key]
+            if found is not None and (self._best is None or found.total > self._best[0]):
+                self._best = (found.total, line)
         return self._seen[key]
 
     def own_shapes(self, line: LineFit) -> bool:

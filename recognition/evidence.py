@@ -141,7 +141,9 @@ def _coarse(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> N
     return made
 
 
-def _sparse(patches: NDArray[np.float32], half_width: NDArray[np.float64], reach: NDArray[np.float64]) -> SparseTemplates:
+def _sparse(
+    patches: NDArray[np.float32], half_width: NDArray[np.float64], reach: NDArray[np.float64]
+) -> SparseTemplates:
     least = reach[None, :, None, None] / (N_PREDICTED - 1)
     t, k, r, c = np.nonzero(np.abs(patches) > least)
     middle_row, middle_col = patches.shape[2] // 2, patches.shape[3] // 2
@@ -360,7 +362,16 @@ def _dense(
     out = np.zeros((sparse.start.size - 1, rows.size, cols.size), dtype=np.float32)
     at = _columns(model, sparse)
     _sum_dense(
-        model.table.ravel(), index, at, sparse.start, sparse.channel, sparse.row, sparse.column, rows, cols, out
+        model.table.ravel(),
+        index,
+        at,
+        sparse.start,
+        sparse.channel,
+        sparse.row,
+        sparse.column,
+        rows,
+        cols,
+        out,
     )
     return out
 
@@ -454,4 +465,3 @@ def _place(
         half_width_mm=half * EVIDENCE_PIXELS * seen.pitch_u_mm,
         covered=float(box.mean()) if box.size else 0.0,
     )
-

@@ -32,7 +32,7 @@ from recognition.marks import graded
 from recognition.mounting import first_look, level
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_line
-from recognition.search import LineSearch
+from recognition.search import LineFit, LineSearch
 from recognition.second_look import SecondLook, is_crisp, lattice_of_reading, second_look, untroubled
 from recognition.templates import TemplateCache
 from whisker_array.array import default_plan
@@ -260,12 +260,7 @@ class Reader:
         if not lines:
             return made
         with clock.step("match"):
-            judged = []
-            for line in lines:
-                templates = search.templates(line.hypothesis, raised=line.raised)
-                image = search.image(line.hypothesis.rotation_deg)
-                settled, cells = refine_line(line, image, templates, edges.directions)
-                judged.append((settled, templates, cells))
+            judged = [self._judge(search, line) for line in lines]
         with clock.step("decide"):
             decided = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
         with clock.step("evidence"):
@@ -288,11 +283,23 @@ class Reader:
             made, reading=_timed(reading, clock), support_mm=support, lattice=lattice, choice=choice
         )
 
+    @staticmethod
+    def _judge(search: LineSearch, line: LineFit) -> Judged:
+        templates = search.templates(line.hypothesis, raised=line.raised)
+        image = search.image(line.hypothesis.rotation_deg)
+        settled, cells = refine_line(line, image, templates, search.edges.directions)
+        return settled, templates, cells
+
     def _again(
         self, look: DirtyLook, judged: list[Judged], flags: ReadingFlag, *, nothing_read: bool
     ) -> SecondLook | None:
         """The reading by evidence, of the line that has most; None where no line is of a font's own shapes."""
-        seen = [(look.at(line), (line, templates, cells)) for line, templates, cells in judged if is_crisp(line)]
+        seen = [
+            (look.at(line), (line, templates, cells)) for line, templates, cells in judged if is_crisp(line)
+        ]
+        if nothing_read and not seen and look.best is not None:
+            # no hand explains the line; dirt may
+            seen = [(look.at(look.best), self._judge(look.search, look.best))]
         kept = [(evidence, one) for evidence, one in seen if evidence is not None]
         if not kept:
             return None

@@ -27,6 +27,8 @@ CLIP = 0.8
 """Edges stronger than so many times the median edge count no more than that: glints and rims of paint do not vote."""
 SCALE_HEIGHTS = 0.022
 """Scale of the derivative, character heights: a sixth of a stroke."""
+LIGHT_HEIGHTS = 0.6
+"""Reach over which the slope of the light is taken off, character heights."""
 DIRECTIONS = (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y)
 
 
@@ -100,8 +102,8 @@ def sight_edges(
         photo: as taken; without a pitch a pixel counts as one mm.
         height_mm: of the characters, about; it sets the scale of the derivative.
         signed: derivatives as they are; else their sizes, where the light is of no account.
-        even: limit strong edges and divide by the map's root mean square; else the relative change of brightness
-            over one scale, as it is.
+        even: limit strong edges, divide by the map's root mean square and take off the slope of the light; else
+            the relative change of brightness over one scale, as it is.
         contrast: as `log_brightness`.
 
     Returns:
@@ -121,7 +123,13 @@ def sight_edges(
     scale = max(0.7, SCALE_HEIGHTS * height_mm / pitch)
     layers = derivatives(log_brightness(photo, contrast=contrast), scale_px=scale)
     blind = ndimage.binary_dilation(clipped(photo), iterations=max(1, math.ceil(2.0 * scale)))
-    layers = limited(layers, valid=~blind) if even else np.where(blind, np.float32(0.0), layers)
+    if even:
+        layers = limited(layers, valid=~blind)
+        reach = LIGHT_HEIGHTS * height_mm / pitch
+        # edges of both signs, none of them large: their mean over a character is the slope of the light
+        slope = [ndimage.gaussian_filter(layer, reach, mode="nearest", truncate=2.0) for layer in layers]
+        layers = layers - np.stack(slope)
+    layers = np.where(blind, np.float32(0.0), layers)
     return EdgeMap(
         enhancement=layers if signed else np.abs(layers),
         directions=DIRECTIONS,

