@@ -54,12 +54,17 @@ class DirtyLook:
         return self._seen[key]
 
     def own_shapes(self, line: LineFit) -> bool:
-        """Whether a line that fits badly is of its font's own shapes all the same."""
-        evidence = self.at(line) if line.placed else None
+        """Whether a line that fits badly is of its font's own shapes all the same.
+
+        Only a format can tell: where any number of characters may stand, every stroke of another font is an I.
+        """
+        evidence = self.at(line) if line.placed and self.places is not None else None
         return evidence is not None and self.stands(evidence)
 
     def better(self, one: LineFit, other: LineFit) -> LineFit:
         """Of two fits of one line, the one with more evidence: under dirt correlation alone may lose its way."""
+        if self.places is None:
+            return other
         first, second = (self.at(line) if line.placed else None for line in (one, other))
         if first is None or second is None:
             return one if second is None else other

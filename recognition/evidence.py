@@ -41,6 +41,7 @@ BESIDE_HEIGHTS = 1.6
 SIDE_HEIGHTS = 0.35
 STEP_COST, STEP_LIMIT, STANDS_OUT = 3.0, 0.9, 0.35
 BLOWS = (1.0, 0.6)
+FAINT = 0.25
 AMPLITUDE_SCORE = 0.6
 AMPLITUDE_RANGE = (0.25, 2.5)
 FLOOR_SHARE = 0.75
@@ -191,6 +192,8 @@ def amplitude_of(fit: LineFit, directions: tuple[TraceDirection, ...]) -> float:
     patches = _coarse(fit.templates, directions)
     image = resampled_to(fit, fit.image)
     profile = ~is_edge_channel(directions)
+    if not profile.any():
+        profile = np.ones_like(profile)
     ratios = []
     for placed, row, score in zip(fit.placed, fit.rows, fit.scores, strict=True):
         if score < AMPLITUDE_SCORE:
@@ -283,6 +286,11 @@ def line_evidence(
         for p, (low, high) in zip(placed, bounds, strict=True)
     )
     beside = _beside(dense.max(axis=1) / ideal[:, None], placed, straight.half_cols)
+    if places is None:
+        # nothing says how many characters there are: a faint one must not pass for a word gap
+        faint_index = model.felt_index(felt / np.float32(FAINT), cover)
+        faint = _dense(model, faint_index, straight, reach, rows, cols)
+        beside = max(beside, _beside(faint.max(axis=1) / ideal[:, None], placed, straight.half_cols))
     return LineEvidence(places=found, total=total * scale, amplitude=amplitude, beside=beside)
 
 

@@ -21,11 +21,11 @@ from glyphs.outlines import BUILTIN_FONTS, load_font
 from glyphs.serials import MaskError
 from glyphs.soil import Soil
 from recognition.choice import Choice
-from recognition.decide import Judged, decide
+from recognition.decide import Decided, Judged, decide
 from recognition.depth import mark_depths
 from recognition.depth_rules import DepthRule, judged_by
 from recognition.dirty_look import DirtyLook
-from recognition.grammar import Grammar
+from recognition.grammar import Grammar, GrammarError
 from recognition.lattice import Lattice
 from recognition.lines import find_lines, hypotheses
 from recognition.marks import graded
@@ -149,7 +149,10 @@ class Reader:
                 raise MaskError(
                     f"the mask {mask!r} is blank; write one character a position: A, 9, * or itself"
                 )
-            self.grammar = Grammar(mask=mask)
+            try:
+                self.grammar = Grammar(mask=mask)
+            except GrammarError as error:
+                raise MaskError(str(error)) from error
         self.places: tuple[str, ...] | None = None
         self.gaps: frozenset[int] = frozenset()
         chars = ALPHABET
@@ -267,6 +270,8 @@ class Reader:
             again = None
             if not untroubled(decided, self.grammar):
                 again = self._again(look, judged, flags, nothing_read=decided.judged is None)
+        if self.places is None:
+            decided, again = _counted_alike(decided, again)
         reading, support, line_read = decided.reading, decided.support_mm, decided.judged
         lattice, choice = lattice_of_reading(decided), None
         if again is not None:
@@ -328,6 +333,22 @@ def _with_depths(reading: Reading, judged: Judged, relief: Relief) -> Reading:
     depths = mark_depths(relief, line, templates, cells, [c.char for c in reading.characters])
     characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
     return replace(reading, characters=characters)
+
+
+def _counted_alike(decided: Decided, again: SecondLook | None) -> tuple[Decided, SecondLook | None]:
+    """Without a format: evidence judges the characters that correlation counts, and doubts the count.
+
+    Evidence passes over a faint character that correlation reads; but what it finds beyond is there.
+    """
+    if again is None or decided.judged is None or len(again.judged[2]) == len(decided.judged[2]):
+        return decided, again
+    unread = ReadingFlag.UNREAD_MARKS in again.reading.flags
+    if len(again.judged[2]) < len(decided.judged[2]) and not unread:
+        return decided, None
+    reading = decided.reading
+    decision = Decision.REVIEW if reading.decision is Decision.ACCEPT else reading.decision
+    doubted = replace(reading, decision=decision, flags=reading.flags | ReadingFlag.UNREAD_MARKS)
+    return decided._replace(reading=doubted), None
 
 
 def _scan_flags(scan: Scan) -> ReadingFlag:

@@ -88,7 +88,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One answer for one place: the character, its correlation with the template, its share of belief."""
+    """One answer for one place: the character, how well its template fits (1 is perfectly), its share of belief."""
 
     char: str
     score: float

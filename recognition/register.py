@@ -90,11 +90,7 @@ class Registration:
 
 
 def register(
-    touch: EdgeMap,
-    sight: EdgeMap,
-    *,
-    height_mm: float,
-    starts: Sequence[ArrayLike] | None = None,
+    touch: EdgeMap, sight: EdgeMap, *, height_mm: float, starts: Sequence[ArrayLike] | None = None
 ) -> Registration:
     """Lay the camera's edges over those felt.
 

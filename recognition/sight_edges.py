@@ -127,7 +127,7 @@ def sight_edges(
         layers = limited(layers, valid=~blind)
         reach = LIGHT_HEIGHTS * height_mm / pitch
         # edges of both signs, none of them large: their mean over a character is the slope of the light
-        slope = [ndimage.gaussian_filter(layer, reach, mode="nearest", truncate=2.0) for layer in layers]
+        slope = [ndimage.gaussian_filter(layer, reach, mode="reflect", truncate=2.0) for layer in layers]
         layers = layers - np.stack(slope)
     layers = np.where(blind, np.float32(0.0), layers)
     return EdgeMap(

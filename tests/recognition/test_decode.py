@@ -196,7 +196,9 @@ def test_pairs_spaced_as_usual_earn_what_the_best_pair_earns(case: Case, data: s
         assert (total, placed) == (0.0, ())
         return
     assert total == pytest.approx(max(possible), abs=1e-9)
-    assert earned_by([(p.template, p.column) for p in placed], case, spacing) == pytest.approx(total, abs=1e-9)
+    assert earned_by([(p.template, p.column) for p in placed], case, spacing) == pytest.approx(
+        total, abs=1e-9
+    )
 
 
 @settings(deadline=None)
@@ -212,10 +214,14 @@ def test_no_chain_earns_more_for_being_spaced(case: Case, data: st.DataObject) -
     assert total <= plain + 1e-9
     # at worst two steps are as wrong as can be
     assert total >= plain - 2 * spacing.limit - 1e-9
-    assert earned_by([(p.template, p.column) for p in placed], case, spacing) == pytest.approx(total, abs=1e-9)
+    assert earned_by([(p.template, p.column) for p in placed], case, spacing) == pytest.approx(
+        total, abs=1e-9
+    )
 
 
-def even(apart: float, *, cost: float = 0.1, limit: float = 1.0, free: frozenset[int] = frozenset()) -> Spacing:
+def even(
+    apart: float, *, cost: float = 0.1, limit: float = 1.0, free: frozenset[int] = frozenset()
+) -> Spacing:
     return Spacing(np.zeros(1), np.full(1, apart), cost, limit, free)
 
 

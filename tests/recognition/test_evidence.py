@@ -85,7 +85,12 @@ def line(feel: Feel) -> tuple[StampedPart, LineImage, LineFit, TemplateSet]:
     part, search, fit = feel()
     image = search.image(0.0)
     noise = np.random.default_rng(2).standard_normal(image.channels.shape) * SENSOR
-    return part, with_channels(image, image.channels + noise), fit, search.templates(fit.hypothesis, raised=False)
+    return (
+        part,
+        with_channels(image, image.channels + noise),
+        fit,
+        search.templates(fit.hypothesis, raised=False),
+    )
 
 
 Line = tuple[StampedPart, LineImage, LineFit, TemplateSet]
@@ -166,7 +171,9 @@ def test_a_clean_line_is_what_was_stamped(line: Line, places: tuple[str, ...] | 
         assert place.half_width_mm == pytest.approx(0.5 * (x1 - x0), abs=0.2)
     assert [p.u_mm for p in found.places] == sorted(p.u_mm for p in found.places)
     assert found.beside < 0.1
-    assert found.total > 0.6 * sum(p.ideal[templates.chars.index(c)] for p, c in zip(found.places, TEXT, strict=True))
+    assert found.total > 0.6 * sum(
+        p.ideal[templates.chars.index(c)] for p, c in zip(found.places, TEXT, strict=True)
+    )
 
 
 def test_the_same_line_gives_the_same_evidence(line: Line) -> None:
@@ -260,9 +267,7 @@ def test_half_a_character_is_enough_for_most(half: str, least: int, line: Line) 
 
 
 def test_half_the_strokes_are_half_the_share(line: Line) -> None:
-    whole, half, none = (
-        look(line, image) for image in (line[1], wiped(line, 2, half="top"), wiped(line, 2))
-    )
+    whole, half, none = (look(line, image) for image in (line[1], wiped(line, 2, half="top"), wiped(line, 2)))
     own = line[3].chars.index("B")
     shares = [float(e.places[2].evidence[own] / e.places[2].ideal[own]) for e in (whole, half, none)]
     assert shares[0] > shares[1] + 0.2

@@ -44,7 +44,10 @@ def line(calm_part: StampedPart, calm_edges: EdgeMap, touch: Touch, gothic: Font
 def grades(line: Line, image: LineImage | None = None, reading: Reading | None = None) -> list[MarkGrade]:
     _, plain, judged, clean = line
     made = graded(
-        reading if reading is not None else plain, judged, image if image is not None else clean, ALL_DIRECTIONS
+        reading if reading is not None else plain,
+        judged,
+        image if image is not None else clean,
+        ALL_DIRECTIONS,
     )
     found = [c.grade for c in made.characters]
     assert all(g is not None for g in found)
@@ -148,8 +151,8 @@ def test_a_faint_line_has_less_contrast(line: Line) -> None:
     for one, other in zip(low, high, strict=True):
         # in proportion, as long as it is not cut off at 1; single precision
         assert value(other, "contrast") == pytest.approx(2.0 * value(one, "contrast"), rel=1e-3)
-        # the best of a stroke's neighbourhood counts, up to half as much again as what is predicted
-        assert 1.0 <= value(one, "contrast") / shares[0] < 1.5
+        # the best of a neighbourhood counts, more than what is predicted: bars felt crosswise by up to a half
+        assert 1.0 <= value(one, "contrast") / shares[0] < 1.7
         assert value(other, "completeness") > 0.95
         assert value(other, "contamination") < 0.01
         assert one.grade is not None
@@ -179,7 +182,9 @@ def test_the_character_that_was_read_is_what_it_is_graded_against(line: Line) ->
 def test_a_character_without_a_template_is_not_graded(line: Line) -> None:
     _, reading, judged, image = line
     unknown = replace(reading.characters[SPOILT], candidates=(Candidate("Z", 0.5, 0.5),))
-    odd = replace(reading, characters=(*reading.characters[:SPOILT], unknown, *reading.characters[SPOILT + 1 :]))
+    odd = replace(
+        reading, characters=(*reading.characters[:SPOILT], unknown, *reading.characters[SPOILT + 1 :])
+    )
     made = graded(odd, judged, image, ALL_DIRECTIONS)
     assert made.characters[SPOILT].grade is None
     assert made.characters[SPOILT] == unknown

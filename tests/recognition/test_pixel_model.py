@@ -78,7 +78,11 @@ def density(e: float, t: float, cover: float, channel: int, noise: float, *, rai
         # filled to a level that is anywhere between 0 and t, felt with noise
         anywhere = stats.uniform(min(t, 0.0), abs(t))
         level = integrate.quad(
-            lambda x: anywhere.pdf(x) * stats.norm(x, noise).pdf(e), min(t, 0), max(t, 0), points=[e], limit=200
+            lambda x: anywhere.pdf(x) * stats.norm(x, noise).pdf(e),
+            min(t, 0),
+            max(t, 0),
+            points=[e],
+            limit=200,
         )[0]
     debris = side * stats.norm(0.0, DEBRIS_SPREAD * reach).pdf(e)
     clean = stats.norm(t, math.hypot(noise, misfit)).pdf(e)
@@ -124,9 +128,7 @@ def test_the_shares_are_all_that_may_happen() -> None:
 
 
 @settings(deadline=None, max_examples=20)
-@given(
-    st.floats(0.03, 0.3), st.floats(0.01, 3.0), st.booleans(), st.booleans(), st.integers(0, N_LEVELS - 1)
-)
+@given(st.floats(0.03, 0.3), st.floats(0.01, 3.0), st.booleans(), st.booleans(), st.integers(0, N_LEVELS - 1))
 def test_no_pixel_overrules_all_others(
     noise: float, reach: float, profile: bool, raised: bool, level: int
 ) -> None:
@@ -198,9 +200,7 @@ def test_without_noise_strokes_have_only_chips_and_levels_to_fear(channel: int) 
     if channel == EDGE:
         nothing += clean * stats.norm(0.0, EDGE_FLOOR * reach).pdf(e)
     limit = math.log(ink / nothing)
-    off = [
-        abs(said(model(share), channel, e, reach) - limit) for share in (0.1, 0.03, 0.01, 0.003, 1e-3)
-    ]
+    off = [abs(said(model(share), channel, e, reach) - limit) for share in (0.1, 0.03, 0.01, 0.003, 1e-3)]
     assert off[-1] < 1e-3
     assert off[-1] < 0.1 * off[0]
 
