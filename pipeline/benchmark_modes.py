@@ -99,12 +99,9 @@ class Senses:
     def felt(self) -> ReadingWithEvidence:
         """Scanned and read by touch."""
         part = self.specimen
-        import inspect
-
-        known = inspect.signature(self._readers.touch.read_height_map).parameters
-        more: dict[str, Any] = {} if part.soil is None or "soil" not in known else {"soil": part.soil}
         felt: ReadingWithEvidence = self._timed(
-            "touch", lambda: self._readers.touch.read_height_map(part.height_map, part_id=part.part, **more)
+            "touch",
+            lambda: self._readers.touch.read_height_map(part.height_map, soil=part.soil, part_id=part.part),
         )
         return felt
 

@@ -95,7 +95,7 @@ class SightReader:
         # format and fonts are checked and prepared as for touch
         told = Reader(settings, fonts=fonts)
         self.settings, self.fonts, self.chars = told.settings, told.fonts, told.chars
-        self.places, self.gaps = told.places, told.gaps
+        self.places, self.gaps, self.grammar = told.places, told.gaps, told.grammar
         self.named = bool(self.settings.fonts or fonts)
         self.calibrated = calibrated
         self.notes: tuple[str, ...] = ()
@@ -158,7 +158,8 @@ class SightReader:
 
     def _sure(self, lattices: dict[str, Lattice]) -> bool:
         return any(
-            as_reading(lattice, self.settings).decision is Decision.ACCEPT for lattice in lattices.values()
+            as_reading(lattice, self.settings, grammar=self.grammar).decision is Decision.ACCEPT
+            for lattice in lattices.values()
         )
 
     def _answer(
@@ -177,7 +178,12 @@ class SightReader:
             lattice = self.calibrated(lattice)
         lattice = replace(lattice, spaces_after=self.gaps)
         foreign = self.by_templates and not self.named and "rapidocr" not in lattices
-        reading = as_reading(lattice, self.settings, flags=ReadingFlag.FOREIGN_SHAPES if foreign else None)
+        reading = as_reading(
+            lattice,
+            self.settings,
+            grammar=self.grammar,
+            flags=ReadingFlag.FOREIGN_SHAPES if foreign else None,
+        )
         edges = None
         if place is not None:
             edges = sight_edges(photo, height_mm=place.height_mm)

@@ -7,13 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.choice import ChoiceFlag, choose
 from recognition.decide import Thresholds
+from recognition.grammar import Grammar
 from recognition.lattice import Lattice
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
 
 FLOOR = 1e-4
 """Belief that one engine leaves to a character, as a share: none rules out what another sees clearly."""
 CANDIDATES = 5
+LEAST_VALID_MASS = 0.02
+"""Belief in all serials of the format together below which another one stands there."""
 EARNED = 1.0
 """What a place read with certainty earns, nats, against what doubt costs: longer lines are not shunned."""
 
@@ -63,24 +67,41 @@ def joined(lattices: Mapping[str, Lattice], weights: Mapping[str, float]) -> Lat
 
 
 def as_reading(
-    lattice: Lattice, settings: Thresholds, *, flags: ReadingFlag | None = None, source: str = "vision"
+    lattice: Lattice,
+    settings: Thresholds,
+    *,
+    grammar: Grammar | None = None,
+    flags: ReadingFlag | None = None,
+    source: str = "vision",
 ) -> Reading:
-    """The best character at every place, accepted where all of them are sure enough.
+    """The best serial, accepted where all of its characters are sure enough.
 
     Args:
         lattice: beliefs.
         settings: thresholds of confidence and margin.
+        grammar: that the serial obeys beyond the characters at each place; what it overrules is not accepted.
         flags: doubts beside these; with any, the reading is not accepted.
         source: of the reading.
     """
-    belief = np.exp(lattice.log_belief)
+    belief, text, mass = np.exp(lattice.log_belief), "", 1.0
+    choice = choose(lattice, grammar) if grammar is not None and lattice.n_places else None
+    if choice is not None and choice.text:
+        belief, text, mass = choice.places, choice.text, choice.valid_mass
     box = lattice.boxes or (Box(0.0, 0.0, 0.0, 0.0),) * lattice.n_places
-    characters = tuple(_character(lattice.chars, row, box[k]) for k, row in enumerate(belief))
+    characters = tuple(
+        _character(lattice.chars, row, box[k], text[k : k + 1]) for k, row in enumerate(belief)
+    )
     confidence = float(np.prod([c.confidence for c in characters])) if characters else 0.0
+    if choice is not None:
+        confidence = choice.probability
     margin = min((c.margin for c in characters), default=0.0)
     doubts = flags if flags is not None else ReadingFlag.NONE
     if not characters:
         return Reading((), Decision.REJECT, 0.0, doubts | ReadingFlag.NO_CHARACTERS, source=source)
+    if choice is not None and (mass < LEAST_VALID_MASS or not choice.text):
+        doubts |= ReadingFlag.FORMAT_OVERRULED
+    if choice is not None and ChoiceFlag.EXHAUSTED in choice.flags:
+        doubts |= ReadingFlag.SEARCH_EXHAUSTED
     sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin and not doubts
     if confidence < settings.accept_confidence:
         doubts |= ReadingFlag.LOW_CONFIDENCE
@@ -105,8 +126,13 @@ def as_reading(
     )
 
 
-def _character(chars: tuple[str, ...], belief: NDArray[np.float64], box: Box) -> CharacterReading:
+def _character(
+    chars: tuple[str, ...], belief: NDArray[np.float64], box: Box, chosen: str = ""
+) -> CharacterReading:
     order = np.argsort(-belief, kind="stable")[:CANDIDATES]
+    if chosen:
+        first = chars.index(chosen)
+        order = np.array([first, *(i for i in order if i != first)][:CANDIDATES])
     kept = [i for i in order if belief[i] > 0.0] or [int(order[0])]
     return CharacterReading(
         tuple(Candidate(chars[i], float(belief[i]), float(min(belief[i], 1.0))) for i in kept), box

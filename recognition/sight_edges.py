@@ -27,8 +27,8 @@ CLIP = 0.8
 """Edges stronger than so many times the median edge count no more than that: glints and rims of paint do not vote."""
 SCALE_HEIGHTS = 0.022
 """Scale of the derivative, character heights: a sixth of a stroke."""
-LIGHT_HEIGHTS = 0.6
-"""Reach over which the slope of the light is taken off, character heights."""
+LIGHT_HEIGHTS = 1.5
+"""Width of the box, run twice, over which the slope of the light is taken off, character heights."""
 DIRECTIONS = (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y)
 
 
@@ -125,9 +125,10 @@ def sight_edges(
     blind = ndimage.binary_dilation(clipped(photo), iterations=max(1, math.ceil(2.0 * scale)))
     if even:
         layers = limited(layers, valid=~blind)
-        reach = LIGHT_HEIGHTS * height_mm / pitch
+        reach = max(1, round(LIGHT_HEIGHTS * height_mm / pitch))
         # edges of both signs, none of them large: their mean over a character is the slope of the light
-        slope = [ndimage.gaussian_filter(layer, reach, mode="reflect", truncate=2.0) for layer in layers]
+        box = [ndimage.uniform_filter(layer, reach, mode="reflect") for layer in layers]
+        slope = [ndimage.uniform_filter(layer, reach, mode="reflect") for layer in box]
         layers = layers - np.stack(slope)
     layers = np.where(blind, np.float32(0.0), layers)
     return EdgeMap(

@@ -24,6 +24,8 @@ from whisker_array.scan import trace_scan
 from whisker_array.touch import Touch
 
 CHARS = "K7B1"
+FOUR = (CHARS,) * 4
+"""A format of as many places as were stamped."""
 
 
 @pytest.fixture(scope="module")
@@ -78,13 +80,15 @@ def test_the_format_is_kept_to(search: LineSearch, fit: LineFit) -> None:
 
 
 def test_a_clean_line_is_of_its_own_shapes(search: LineSearch, fit: LineFit) -> None:
-    look = DirtyLook(search, places=None)
+    look = DirtyLook(search, places=FOUR)
     assert look.own_shapes(fit)
     assert not look.own_shapes(nothing_in(fit))
+    # without a format nobody can tell
+    assert not DirtyLook(search, places=None).own_shapes(fit)
 
 
 def test_of_two_fits_the_one_with_more_evidence(search: LineSearch, fit: LineFit) -> None:
-    look = DirtyLook(search, places=None)
+    look = DirtyLook(search, places=FOUR)
     wrong = search.fit(replace(fit.hypothesis, height_mm=5.9))
     assert wrong.placed
     here, there = look.at(fit), look.at(wrong)
@@ -95,6 +99,8 @@ def test_of_two_fits_the_one_with_more_evidence(search: LineSearch, fit: LineFit
     # nothing to say is less than anything
     assert look.better(fit, nothing_in(fit)) is fit
     assert look.better(nothing_in(fit), fit) is fit
+    # without a format the later one, which correlation has settled
+    assert DirtyLook(search, places=None).better(fit, wrong) is wrong
 
 
 @pytest.mark.parametrize(

@@ -346,7 +346,7 @@ def test_a_line_elsewhere_is_found_elsewhere(pixels: int, line: Line) -> None:
 
 
 def test_a_map_with_more_land_is_read_alike(line: Line) -> None:
-    _, image, fit, _ = line
+    image = line[1]
     # whole pixels of land on the left, of the evidence and of the map at once
     step = round(10 * PIXEL_MM / image.pitch_u_mm)
     assert step * image.pitch_u_mm == pytest.approx(10 * PIXEL_MM, rel=0.25)

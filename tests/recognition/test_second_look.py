@@ -262,7 +262,7 @@ def test_the_lattice_of_a_reading_is_its_candidates(decided: Decided) -> None:
     assert lattice_of_reading(decided._replace(judged=None)) is None
 
 
-# ---------------------------------------------------------------------------------------------- parts through the reader
+# ---------------------------------------------------------------------------------- parts through the reader
 
 
 def states(found: ReadingWithEvidence) -> list[CharacterState | None]:
@@ -295,8 +295,21 @@ def test_a_wiped_character_is_not_read(which: int, share: float, make_part: Make
     assert all(found.reading.text[k] == SERIAL[k] for k in kept)
 
 
-@pytest.mark.xfail(strict=True, reason="a faint character beside or between others is taken for land")
-@pytest.mark.parametrize(("seed", "which", "share"), [(1, 4, 0.25), (1, 5, 0.25), (2, 0, 0.25), (3, 4, 0.15)])
+LEFT_OUT = pytest.mark.xfail(
+    strict=True, reason="correlation and evidence agree on a count that is one short"
+)
+
+
+@pytest.mark.parametrize(
+    ("seed", "which", "share"),
+    [
+        (1, 4, 0.25),
+        (2, 0, 0.25),
+        (3, 4, 0.15),
+        pytest.param(1, 5, 0.15, marks=LEFT_OUT),
+        pytest.param(3, 0, 0.25, marks=LEFT_OUT),
+    ],
+)
 def test_a_faint_character_is_not_left_out_unseen(
     seed: int, which: int, share: float, make_part: Make, reader: Readers
 ) -> None:
@@ -343,5 +356,6 @@ def test_another_font_is_never_accepted_wrongly(name: str, text: str, seed: int,
         pitch_mm=5.0 / 60,
         rng=np.random.default_rng(seed),
     )
-    found = reader().read_height_map(part.height_map).reading
+    # with the height known no time goes into others
+    found = reader(height_mm=5.0).read_height_map(part.height_map).reading
     assert found.decision is not Decision.ACCEPT or found.text == text
