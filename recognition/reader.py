@@ -7,9 +7,6 @@ scan --edge_map--> EdgeMap --localise--> hypotheses --search--> line --refine-->
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -21,15 +18,17 @@ from glyphs.outlines import BUILTIN_FONTS, load_font
 from glyphs.serials import MaskError
 from glyphs.soil import Soil
 from recognition.choice import Choice
+from recognition.clock import Clock
 from recognition.decide import Decided, Judged, decide
 from recognition.depth import mark_depths
-from recognition.depth_rules import DepthRule, judged_by
+from recognition.depth_rules import judged_by
 from recognition.dirty_look import DirtyLook
 from recognition.grammar import Grammar, GrammarError
 from recognition.lattice import Lattice
 from recognition.lines import find_lines, hypotheses
 from recognition.marks import graded
 from recognition.mounting import first_look, level
+from recognition.reader_settings import ReaderSettings
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_line
 from recognition.search import LineFit, LineSearch
@@ -41,43 +40,13 @@ from whisker_array.profiled import estimate_relief
 from whisker_array.relief import Relief, relief_from_edges
 from whisker_array.scan import Scan, trace_scan
 from whisker_array.touch import Touch, default_touch
-from whisker_array.traces import Fidelity, SampleFlag
+from whisker_array.traces import SampleFlag
+
+__all__ = ["ALPHABET", "Reader", "ReaderSettings", "ReadingWithEvidence"]
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 MOST_SCANS = 2
 """Scales at which a height map is scanned in search of a reading that is accepted."""
-
-
-@dataclass(frozen=True)
-class ReaderSettings:
-    """What a reader is told.
-
-    Attributes:
-        fonts: names of built-in fonts or paths of TTF/OTF files; empty for all built-ins.
-        mask: format of the serial (`A` letter, `9` digit, `*` either, others themselves; blanks are word gaps).
-        height_mm: character height, if known.
-        fidelity: how the virtual array feels a height map.
-        accept_confidence: readings at least so sure, and with every margin above `accept_margin`, are accepted.
-        accept_margin: least lead of the first over the second candidate for acceptance.
-        depth_rules: what the mark must meet; a mark that does not is flagged, read all the same.
-        grammar: what the serial obeys; the mask's grammar unless given.
-    """
-
-    fonts: tuple[str, ...] = ()
-    mask: str | None = None
-    height_mm: float | None = None
-    fidelity: Fidelity = Fidelity.CONTACT
-    accept_confidence: float = 0.9
-    accept_margin: float = 0.3
-    depth_rules: tuple[DepthRule, ...] = ()
-    grammar: Grammar | None = None
-
-    def __post_init__(self) -> None:
-        if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
-            raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
-        for name in ("accept_confidence", "accept_margin"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise ValueError(f"{name} is {getattr(self, name)}; it lies between 0 and 1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,21 +77,6 @@ class ReadingWithEvidence:
     def open_lattice(self) -> Lattice | None:
         """Beliefs over the whole alphabet, for verification: the lattice itself, which no format has narrowed."""
         return self.lattice
-
-
-class _Clock:
-    """Where the time goes, by step."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def step(self, name: str) -> Iterator[None]:
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
 class Reader:
@@ -194,7 +148,7 @@ class Reader:
         Raises:
             MapError: a map that cannot be scanned, a soil on another grid.
         """
-        clock = _Clock()
+        clock = Clock()
         with clock.step("mount"):
             levelled = level(height_map)
             look = first_look(levelled)
@@ -224,9 +178,9 @@ class Reader:
 
     def read_scan(self, scan: Scan) -> ReadingWithEvidence:
         """Read a recorded or simulated scan."""
-        return self._read(scan, _Clock(), height_map=None)
+        return self._read(scan, Clock(), height_map=None)
 
-    def _read(self, scan: Scan, clock: _Clock, *, height_map: HeightMap | None) -> ReadingWithEvidence:
+    def _read(self, scan: Scan, clock: Clock, *, height_map: HeightMap | None) -> ReadingWithEvidence:
         with clock.step("edge map"):
             try:
                 edges = edge_map(scan)
@@ -245,11 +199,11 @@ class Reader:
         touch: Touch,
         *,
         relief: Relief | None = None,
-        clock: _Clock | None = None,
+        clock: Clock | None = None,
         flags: ReadingFlag = ReadingFlag.NONE,
     ) -> ReadingWithEvidence:
         """Read an edge map felt with the given touch. Without a relief the reading tells no depths."""
-        clock = clock if clock is not None else _Clock()
+        clock = clock if clock is not None else Clock()
         made = ReadingWithEvidence(_nothing(clock, flags), edge_map=edges, relief=relief)
         search = LineSearch(edges, touch, self.cache, chars=self.chars, places=self.places)
         look = DirtyLook(search, places=self.places, gaps=self.gaps)
@@ -367,7 +321,7 @@ def _scan_flags(scan: Scan) -> ReadingFlag:
     return flags
 
 
-def _nothing(clock: _Clock, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
+def _nothing(clock: Clock, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
     return Reading(
         characters=(),
         decision=Decision.REJECT,
@@ -377,7 +331,7 @@ def _nothing(clock: _Clock, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
     )
 
 
-def _timed(reading: Reading, clock: _Clock) -> Reading:
+def _timed(reading: Reading, clock: Clock) -> Reading:
     return replace(reading, seconds=MappingProxyType(dict(clock.seconds)))
 
 
