@@ -47,8 +47,8 @@ class Weights:
             raise ValueError(f"{self}: doubt and slip are probabilities, the share is positive")
 
 
-DEFAULT_WEIGHTS = Weights(evidence=1.0 / 85.0, residual=-10.0)
-"""Fitted on 1,300 places of parts of two unlike dirt generators (1/90 and -8.5, 1/92 and -5.5), the residual
+DEFAULT_WEIGHTS = Weights(evidence=1.0 / 100.0, residual=-9.0)
+"""Fitted on 1,680 places of parts of two unlike dirt generators (1/122 and -7.5, 1/92 and -5.6); the residual
 rounded up for what correlation adds on clean places, where both fits have hardly a rival to learn from."""
 
 

@@ -39,7 +39,7 @@ SHIFT = 2
 GAP_HEIGHTS = 1.5
 BESIDE_HEIGHTS = 1.6
 SIDE_HEIGHTS = 0.35
-STEP_COST, STEP_LIMIT, STANDS_OUT = 3.0, 0.9, 0.35
+STEP_COST, STEP_LIMIT, STANDS_OUT = 6.0, 1.2, 0.35
 BLOWS = (1.0, 0.6)
 FAINT = 0.25
 AMPLITUDE_SCORE = 0.6
@@ -184,13 +184,13 @@ def reach_of(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> 
     return np.asarray(np.percentile(flat, 99.9, axis=1), dtype=np.float64)
 
 
-def amplitude_of(fit: LineFit, directions: tuple[TraceDirection, ...]) -> float:
+def amplitude_of(fit: LineFit, image: LineImage, directions: tuple[TraceDirection, ...]) -> float:
     """Depth of the marks against the templates', from the characters of the search that fit; 1 without any.
 
     The upper quartile over the floors of their strokes: grime only takes away.
     """
     patches = _coarse(fit.templates, directions)
-    image = resampled_to(fit, fit.image)
+    fine = resampled_to(fit, image)
     profile = ~is_edge_channel(directions)
     if not profile.any():
         profile = np.ones_like(profile)
@@ -201,7 +201,7 @@ def amplitude_of(fit: LineFit, directions: tuple[TraceDirection, ...]) -> float:
         u = fit.image.origin_mm[0] + placed.column * fit.image.pitch_u_mm
         v = fit.image.origin_mm[1] + row * fit.image.pitch_v_mm
         t = patches[placed.template][profile]
-        seen = _window(image, u, v, t.shape[1], t.shape[2])[profile]
+        seen = _window(fine, u, v, t.shape[1], t.shape[2])[profile]
         floor = np.abs(t) > FLOOR_SHARE * np.abs(t).max()
         ratios.append((seen / np.where(floor, t, 1.0))[floor])
     if not ratios:
@@ -246,12 +246,16 @@ def line_evidence(
         gaps: places of that format before a word gap.
     """
     reach = reach_of(templates, directions)
-    amplitude = amplitude_of(replace(fit, templates=templates), directions)
-    seen = padded(resampled_to(fit, image), MARGIN_PIXELS)
-    felt = np.asarray(seen.channels / np.float32(amplitude), dtype=np.float32)
+    amplitude = amplitude_of(replace(fit, templates=templates), image, directions)
+    bare = resampled_to(fit, image)
+    felt = np.asarray(bare.channels / np.float32(amplitude), dtype=np.float32)
     profile = ~is_edge_channel(directions)
     noise = np.maximum(robust_spread(felt), LEAST_NOISE * reach)
+    # before the rim is padded: zeros would pass for the cleanest of the land
     cover = covered(felt, profile=profile, reach=reach, raised=fit.raised, pixels_per_height=EVIDENCE_PIXELS)
+    seen, rim = padded(bare, MARGIN_PIXELS), MARGIN_PIXELS
+    felt = np.pad(felt, ((0, 0), (rim, rim), (rim, rim)))
+    cover = np.pad(cover, rim, mode="edge")
     model = pixel_model(noise=noise, reach=reach, profile=profile, raised=fit.raised)
     index = model.felt_index(felt, cover)
     straight = _turned(templates, directions, 0.0, reach)
@@ -273,7 +277,7 @@ def line_evidence(
     )  # fmt: skip
     if not placed:
         return None
-    spacing = usual_spacing(placed, templates, fit.hypothesis.font, gaps=gaps)
+    spacing = usual_spacing(placed, templates, fit.hypothesis.font, full=ideal / scale, gaps=gaps)
     if spacing is not None and places is not None:
         # what is lost may lie anywhere: then the others' regular distance says where
         total, placed = best_chain(
@@ -311,11 +315,17 @@ def _beside(share: NDArray[np.floating], placed: Sequence[Placed], half_cols: ND
 
 
 def usual_spacing(
-    placed: Sequence[Placed], templates: TemplateSet, font: Font, *, gaps: frozenset[int] = frozenset()
+    placed: Sequence[Placed],
+    templates: TemplateSet,
+    font: Font,
+    *,
+    full: NDArray[np.float64],
+    gaps: frozenset[int] = frozenset(),
 ) -> Spacing | None:
-    """How far apart characters stand, from neighbours that both stand out; None if too few do.
+    """How far apart characters stand, from neighbours that both stand out; None if none do.
 
-    Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely.
+    Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely. `full` (T,) is
+    what each template earns standing there clean.
     """
     glyphs = [font.glyph(c) for c in templates.chars]
     middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])
@@ -324,9 +334,9 @@ def usual_spacing(
     pairs = [
         (a, b)
         for k, (a, b) in enumerate(pairwise(placed))
-        if k not in gaps and min(a.reward, b.reward) > STANDS_OUT
+        if k not in gaps and min(a.reward / full[a.template], b.reward / full[b.template]) > STANDS_OUT
     ]
-    if len(pairs) < 2:
+    if not pairs:
         return None
     apart = np.array([b.column - a.column for a, b in pairs], dtype=np.float64)
     extra = apart - np.array([after[a.template] + before[b.template] for a, b in pairs])

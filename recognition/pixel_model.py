@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-N_FELT, N_PREDICTED, N_LEVELS = 96, 33, 5
+N_FELT, N_PREDICTED, N_LEVELS = 97, 33, 5
 """Steps of e, of t, and of how surely a pixel is covered by dirt."""
 DEBRIS = 0.1
 FILLED_CLEAN, FILLED_COVERED = 0.06, 0.5

@@ -15,7 +15,17 @@ import numpy as np
 
 from recognition.calibrate import DEFAULT_WEIGHTS, Scored, Weights, lattice_of, residual_of
 from recognition.choice import Choice, ChoiceFlag, blind_warnings, choose
-from recognition.decide import CANDIDATES, Decided, Judged, Thresholds, beliefs, crowded, word_gaps
+from recognition.decide import (
+    ACCEPT_MEAN_SCORE,
+    ACCEPT_WORST_SCORE,
+    CANDIDATES,
+    Decided,
+    Judged,
+    Thresholds,
+    beliefs,
+    crowded,
+    word_gaps,
+)
 from recognition.evidence import LineEvidence, PlaceEvidence
 from recognition.frames import LineImage
 from recognition.grammar import Grammar
@@ -92,7 +102,7 @@ def second_look(
         return None
     characters = tuple(_character(k, choice, lattice, evidence.places[k]) for k in range(len(found)))
     flags |= _flags(choice, grammar, characters, settings)
-    if _foreign_shapes(cells, choice, templates, near):
+    if _foreign_shapes(choice, templates, near, counted=gaps is None):
         flags |= ReadingFlag.FOREIGN_SHAPES
     if crowded(found, height):
         flags |= ReadingFlag.AMBIGUOUS
@@ -188,14 +198,16 @@ def _flags(
 
 
 def _foreign_shapes(
-    cells: Sequence[Cell], choice: Choice, templates: TemplateSet, near: Sequence[Cell | None]
+    choice: Choice, templates: TemplateSet, near: Sequence[Cell | None], *, counted: bool
 ) -> bool:
-    """Whether too few characters have the font's own shapes."""
+    """Whether too few characters have the font's own shapes; where no format counts them, nearly all must."""
     scores = [
         float(cell.scores[templates.chars.index(char)]) if cell is not None else 0.0
         for cell, char in zip(near, choice.text, strict=True)
     ]
-    return not scores or float(np.quantile(scores, CLEAN_QUANTILE)) < CLEAN_SCORE
+    if not scores or float(np.quantile(scores, CLEAN_QUANTILE)) < CLEAN_SCORE:
+        return True
+    return counted and (float(np.mean(scores)) < ACCEPT_MEAN_SCORE or min(scores) < ACCEPT_WORST_SCORE)
 
 
 def is_crisp(line: LineFit) -> bool:

@@ -356,6 +356,7 @@ def test_another_font_is_never_accepted_wrongly(name: str, text: str, seed: int,
         pitch_mm=5.0 / 60,
         rng=np.random.default_rng(seed),
     )
-    # with the height known no time goes into others
-    found = reader(height_mm=5.0).read_height_map(part.height_map).reading
+    # far from the gothic every height is tried with every hand: there it is given, to save the time
+    options = {"height_mm": 5.0} if name == "timesr" else {}
+    found = reader(**options).read_height_map(part.height_map).reading
     assert found.decision is not Decision.ACCEPT or found.text == text
