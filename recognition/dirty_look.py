@@ -11,7 +11,8 @@ from recognition.search import Hypothesis, LineFit, LineSearch
 
 OWN_SHARE, OWN_QUANTILE = 0.58, 0.75
 """Share of its ideal evidence that a quarter of the characters reaches in the mark's own font: dirt spoils some of
-them, another font all (0.47 to 0.59 for other hands and fonts, 0.66 and more for the font itself where it is clean)."""
+them, another font most. Clean gothic reaches 0.82 to 0.93, coins and roman letters 0.47 to 0.65; a font of the same
+plain skeleton 0.65 to 0.84, so this only says where other hands need not be tried, not what may be accepted."""
 
 
 class DirtyLook:

@@ -33,6 +33,7 @@ LEAST_NOISE = 0.03
 """Of the largest prediction: a smoother land is not believed."""
 ROW_REACH = 4
 MARGIN_PIXELS = 6
+RIM_PIXELS = 1
 TURNS_DEG = (-2.5, 2.5)
 TURNED_LEADERS = 6
 SHIFT = 2
@@ -302,7 +303,9 @@ def _beside(share: NDArray[np.floating], placed: Sequence[Placed], half_cols: ND
     """Largest share (T, columns) of templates that keep clear of all that was placed, near the line's ends or in it."""
     taken = [(p.column - int(half_cols[p.template]), p.column + int(half_cols[p.template])) for p in placed]
     reach = round(BESIDE_HEIGHTS * EVIDENCE_PIXELS)
-    low, high = max(0, taken[0][0] - reach), min(share.shape[1], taken[-1][1] + reach)
+    # off the rim, where the land's level steps to the padding's
+    rim = MARGIN_PIXELS + RIM_PIXELS
+    low, high = max(rim, taken[0][0] - reach), min(share.shape[1] - rim, taken[-1][1] + reach)
     best = 0.0
     for half in np.unique(half_cols):
         columns = np.arange(low + half, max(low + half, high - half))

@@ -108,8 +108,8 @@ def _ratio(
     part_filled = brim * land + (1.0 - brim) * np.where(np.abs(t) < noise, land, between)
     debris = normal(e, DEBRIS_SPREAD * reach)
     if profile:
-        against = (e < 0.0) if raised else (e > 0.0)
-        debris = debris * np.where(against, 2.0 * DEBRIS_UP, 2.0 * (1.0 - DEBRIS_UP))
+        up = -e if raised else e
+        debris = debris * (1.0 + (2.0 * DEBRIS_UP - 1.0) * np.sign(up))
     if profile:
         # on a wall, half way down, a slight shift changes much; on the floor nothing
         deep = np.abs(t) / reach

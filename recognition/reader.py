@@ -296,8 +296,7 @@ def _counted_alike(decided: Decided, again: SecondLook | None) -> tuple[Decided,
     """
     if again is None or decided.judged is None or len(again.judged[2]) == len(decided.judged[2]):
         return decided, again
-    unread = ReadingFlag.UNREAD_MARKS in again.reading.flags
-    if len(again.judged[2]) < len(decided.judged[2]) and not unread:
+    if len(again.judged[2]) < len(decided.judged[2]):
         return decided, None
     reading = decided.reading
     decision = Decision.REVIEW if reading.decision is Decision.ACCEPT else reading.decision

@@ -17,7 +17,6 @@ from recognition.calibrate import DEFAULT_WEIGHTS, Scored, Weights, lattice_of, 
 from recognition.choice import Choice, ChoiceFlag, blind_warnings, choose
 from recognition.decide import (
     ACCEPT_MEAN_SCORE,
-    ACCEPT_WORST_SCORE,
     CANDIDATES,
     Decided,
     Judged,
@@ -40,6 +39,8 @@ SAME_PLACE_HEIGHTS = 0.3
 """A correlation counts for a place if it was taken no further away."""
 CLEAN_SCORE, CLEAN_QUANTILE = 0.8, 0.75
 """A quarter of the characters must correlate so well: dirt spoils some of them, a foreign font all."""
+COUNTED_WORST = 0.85
+"""Least correlation of every character where no format limits what it may be."""
 BESIDE_SHARE = 0.42
 """Share of its ideal that a template may reach beside the line before something is held to be unread."""
 LEAST_VALID_MASS = 0.02
@@ -207,7 +208,7 @@ def _foreign_shapes(
     ]
     if not scores or float(np.quantile(scores, CLEAN_QUANTILE)) < CLEAN_SCORE:
         return True
-    return counted and (float(np.mean(scores)) < ACCEPT_MEAN_SCORE or min(scores) < ACCEPT_WORST_SCORE)
+    return counted and (float(np.mean(scores)) < ACCEPT_MEAN_SCORE or min(scores) < COUNTED_WORST)
 
 
 def is_crisp(line: LineFit) -> bool:

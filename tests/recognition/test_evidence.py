@@ -238,16 +238,14 @@ def test_ideal_is_what_a_template_has_on_its_own_prediction(line: Line) -> None:
         assert int(np.argmax(there)) == t
 
 
-@pytest.mark.xfail(strict=True, reason="zeros padded around the map pass for the cleanest land")
 def test_clean_characters_are_hardly_covered(line: Line) -> None:
     assert np.mean([p.covered for p in look(line).places]) < 0.05
 
 
-@pytest.mark.xfail(strict=True, reason="floors are looked up in the search's image, 16 pixels to the height")
 def test_depth_needs_no_reference(feel: Feel) -> None:
     for depth in (0.5, 1.0, 1.5):
-        _, _, fit = feel(depth=depth)
-        assert amplitude_of(fit, ALL_DIRECTIONS) == pytest.approx(depth, rel=0.1)
+        _, search, fit = feel(depth=depth)
+        assert amplitude_of(fit, search.image(0.0), ALL_DIRECTIONS) == pytest.approx(depth, rel=0.1)
 
 
 # -------------------------------------------------------------------------------------------------------- dirt
@@ -272,7 +270,7 @@ def test_half_the_strokes_are_half_the_share(line: Line) -> None:
     shares = [float(e.places[2].evidence[own] / e.places[2].ideal[own]) for e in (whole, half, none)]
     assert shares[0] > shares[1] + 0.2
     # missing ink speaks against, but mildly: dirt fills
-    assert shares[1] > shares[2] > -0.5
+    assert shares[1] > shares[2] > -0.8
     assert shares[2] < 0.1
 
 
@@ -360,25 +358,27 @@ def test_a_map_with_more_land_is_read_alike(line: Line) -> None:
 
 
 def test_a_louder_map_has_louder_marks(line: Line) -> None:
-    _, _, fit, _ = line
-    plain = amplitude_of(fit, ALL_DIRECTIONS)
+    _, image, fit, _ = line
+    plain = amplitude_of(fit, image, ALL_DIRECTIONS)
     for times in (0.5, 1.5):
-        louder = replace(fit, image=with_channels(fit.image, fit.image.channels * times))
-        assert amplitude_of(louder, ALL_DIRECTIONS) == pytest.approx(times * plain, rel=1e-4)
+        louder = with_channels(image, image.channels * times)
+        assert amplitude_of(fit, louder, ALL_DIRECTIONS) == pytest.approx(times * plain, rel=1e-4)
 
 
 def test_depth_is_told_from_floors(feel: Feel) -> None:
-    _, _, nominal = feel()
-    plain = amplitude_of(nominal, ALL_DIRECTIONS)
+    _, search, nominal = feel()
+    plain = amplitude_of(nominal, search.image(0.0), ALL_DIRECTIONS)
     assert plain == pytest.approx(1.0, abs=AMPLITUDE)
     for depth in (0.5, 0.75, 1.25, 1.5):
-        _, _, fit = feel(depth=depth)
-        assert amplitude_of(fit, ALL_DIRECTIONS) / plain == pytest.approx(depth, rel=AMPLITUDE)
+        _, search, fit = feel(depth=depth)
+        assert amplitude_of(fit, search.image(0.0), ALL_DIRECTIONS) / plain == pytest.approx(
+            depth, rel=AMPLITUDE
+        )
 
 
 def test_nothing_that_fits_tells_no_depth(line: Line) -> None:
-    _, _, fit, _ = line
-    assert amplitude_of(replace(fit, scores=(0.1,) * len(fit.scores)), ALL_DIRECTIONS) == 1.0
+    _, image, fit, _ = line
+    assert amplitude_of(replace(fit, scores=(0.1,) * len(fit.scores)), image, ALL_DIRECTIONS) == 1.0
 
 
 def test_a_word_gap_costs_no_place(feel: Feel) -> None:
@@ -418,12 +418,17 @@ def apart(spacing: Spacing, one: int, other: int) -> float:
     return float(spacing.after[one] + spacing.before[other])
 
 
+def full(templates: TemplateSet) -> np.ndarray:
+    """Every template earns 1 where it stands clean."""
+    return np.ones(len(templates.chars))
+
+
 @pytest.mark.parametrize("extra", [0.0, 0.3])
 def test_spacing_as_the_font_has_it(extra: float, line: Line, gothic: Font) -> None:
     templates, text = line[3], "K1B17K8"
     which = [templates.chars.index(c) for c in text]
     columns = by_font(gothic, CHARS, text, extra)
-    spacing = usual_spacing(chain(columns, which), templates, gothic)
+    spacing = usual_spacing(chain(columns, which), templates, gothic, full=full(templates))
     assert spacing is not None
     for a, b, left, right in zip(which, which[1:], columns, columns[1:], strict=False):
         # columns are whole
@@ -433,7 +438,9 @@ def test_spacing_as_the_font_has_it(extra: float, line: Line, gothic: Font) -> N
 def test_spacing_that_is_even(line: Line, gothic: Font) -> None:
     templates, text = line[3], "K1B17K8"
     which = [templates.chars.index(c) for c in text]
-    spacing = usual_spacing(chain([20.0 * k for k in range(7)], which), templates, gothic)
+    spacing = usual_spacing(
+        chain([20.0 * k for k in range(7)], which), templates, gothic, full=full(templates)
+    )
     assert spacing is not None
     assert {apart(spacing, a, b) for a in which for b in which} == {20.0}
 
@@ -443,9 +450,14 @@ def test_spacing_leaves_out_gaps_and_what_does_not_stand_out(line: Line, gothic:
     which = [templates.chars.index(c) for c in text]
     columns = [0.0, 20.0, 70.0, 90.0, 110.0, 141.0]
     rewards = [1.0, 1.0, 1.0, 1.0, 1.0, 0.5 * STANDS_OUT]
-    spacing = usual_spacing(chain(columns, which, rewards), templates, gothic, gaps=frozenset({1}))
+    spacing = usual_spacing(
+        chain(columns, which, rewards), templates, gothic, full=full(templates), gaps=frozenset({1})
+    )
     assert spacing is not None
     assert apart(spacing, which[0], which[0]) == pytest.approx(20.0)
     assert spacing.free_after == {1}
-    # of one pair nothing is known
-    assert usual_spacing(chain(columns[:2], which[:2]), templates, gothic) is None
+    # one pair tells it too; of none nothing is known
+    one = usual_spacing(chain(columns[:2], which[:2]), templates, gothic, full=full(templates))
+    assert one is not None
+    assert apart(one, which[0], which[0]) == pytest.approx(20.0)
+    assert usual_spacing(chain(columns[:1], which[:1]), templates, gothic, full=full(templates)) is None

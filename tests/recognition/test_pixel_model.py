@@ -118,6 +118,8 @@ def test_the_look_up_is_the_mixture_at_the_nearest_node(channel: int, raised: bo
         assert abs(near_e - e) <= (0.5 + 1e-6) * 2 * FELT_REACH * reach / (N_FELT - 1)
         assert abs(near_t - t) <= (0.5 + 1e-6) * 2 * reach / (N_PREDICTED - 1)
         near_cover = round(cover * (N_LEVELS - 1)) / (N_LEVELS - 1)
+        if abs(near_e) < 1e-9:
+            continue  # neither above nor below: the density steps there
         direct = expected(near_e, near_t, near_cover, channel, raised=raised)
         assert said(made, channel, e, t, cover) == pytest.approx(direct, abs=FLOAT32, rel=FLOAT32)
 
