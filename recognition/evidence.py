@@ -14,21 +14,27 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from glyphs.glyph import Font
 from glyphs.maps import TraceDirection
 from recognition.covered import covered, robust_spread
 from recognition.decode import Placed, Spacing, best_chain
-from recognition.frames import LineImage, channels, is_edge_channel, padded, resampled
-from recognition.pixel_model import N_PREDICTED, PixelModel, pixel_model
+from recognition.frames import LineImage, is_edge_channel, padded, resampled
+from recognition.pixel_model import PixelModel, pixel_model
 from recognition.search import LineFit
-from recognition.templates import PIXELS, TemplateSet
-from whisker_array.gridding import averaging
+from recognition.sparse_templates import (
+    EVIDENCE_PIXELS,
+    coarse_patches,
+    dense_evidence,
+    ideal_evidence,
+    predicted_columns,
+    reach_of,
+    sum_dense,
+    turned_templates,
+)
+from recognition.templates import TemplateSet
 
-EVIDENCE_PIXELS = 24
-"""Pixels to a character height."""
 LEAST_NOISE = 0.03
 """Of the largest prediction: a smoother land is not believed."""
 ROW_REACH = 4
@@ -46,25 +52,6 @@ FAINT = 0.25
 AMPLITUDE_SCORE = 0.6
 AMPLITUDE_RANGE = (0.25, 2.5)
 FLOOR_SHARE = 0.75
-
-
-@dataclass(frozen=True, eq=False)
-class SparseTemplates:
-    """The ink of every template: where it predicts anything, and what.
-
-    Attributes:
-        start: (T + 1,) where each template's pixels begin in the lists.
-        channel, row, column: (N,) of each; row and column from the reference point.
-        value: (N,) predicted enhancement.
-        half_cols: (T,) half width of the ink, pixels.
-    """
-
-    start: NDArray[np.int64]
-    channel: NDArray[np.int32]
-    row: NDArray[np.int32]
-    column: NDArray[np.int32]
-    value: NDArray[np.float32]
-    half_cols: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,91 +93,12 @@ class LineEvidence:
     beside: float
 
 
-@njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _sum_dense(table, felt, predicted, start, channel, row, column, rows, cols, out):  # type: ignore[no-untyped-def]
-    """out[t, i, j]: evidence of template t with its reference point at (rows[i], cols[j])."""
-    for t in range(start.size - 1):
-        for i in range(rows.size):
-            for n in range(start[t], start[t + 1]):
-                r = rows[i] + row[n]
-                if r < 0 or r >= felt.shape[1]:
-                    continue
-                k, at = channel[n], predicted[n]
-                line = felt[k, r]
-                for j in range(cols.size):
-                    c = cols[j] + column[n]
-                    if 0 <= c < line.size:
-                        out[t, i, j] += table[line[c] + at]
-
-
-def _coarse(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> NDArray[np.float32]:
-    """(T, channels, rows, cols) of the set at EVIDENCE_PIXELS to the height; kept in the set's work space."""
-    kept = templates.work.get("evidence")
-    if isinstance(kept, np.ndarray):
-        return kept
-    fine = channels(templates.patches, directions, axis=1)
-    ratio = PIXELS / EVIDENCE_PIXELS
-
-    def weights(n: int) -> NDArray[np.float32]:
-        half = int((n - 1) // 2 / ratio)
-        at = np.arange(n, dtype=np.float64) - (n - 1) // 2
-        w = averaging(at, np.arange(-half, half + 1) * ratio, ratio).toarray()
-        return np.asarray(w / w.sum(axis=1, keepdims=True), dtype=np.float32)
-
-    made = np.einsum("rR,tkRC,cC->tkrc", weights(fine.shape[2]), fine, weights(fine.shape[3]), optimize=True)
-    made = np.ascontiguousarray(made, dtype=np.float32)
-    templates.work["evidence"] = made
-    return made
-
-
-def _sparse(
-    patches: NDArray[np.float32], half_width: NDArray[np.float64], reach: NDArray[np.float64]
-) -> SparseTemplates:
-    least = reach[None, :, None, None] / (N_PREDICTED - 1)
-    t, k, r, c = np.nonzero(np.abs(patches) > least)
-    middle_row, middle_col = patches.shape[2] // 2, patches.shape[3] // 2
-    return SparseTemplates(
-        start=np.searchsorted(t, np.arange(patches.shape[0] + 1)).astype(np.int64),
-        channel=k.astype(np.int32),
-        row=(r - middle_row).astype(np.int32),
-        column=(c - middle_col).astype(np.int32),
-        value=patches[t, k, r, c],
-        half_cols=np.maximum(1, np.round(half_width * EVIDENCE_PIXELS)).astype(np.int64),
-    )
-
-
-def _turned(
-    templates: TemplateSet, directions: tuple[TraceDirection, ...], turn: float, reach: NDArray[np.float64]
-) -> SparseTemplates:
-    """Sparse templates, turned; kept in the set's work space."""
-    key = ("sparse", turn)
-    kept = templates.work.get(key)
-    if isinstance(kept, SparseTemplates):
-        return kept
-    patches = _coarse(templates, directions)
-    if turn:
-        from scipy import ndimage
-
-        # positive turns from +u to +v, clockwise as seen; ndimage.rotate turns the other way
-        patches = ndimage.rotate(patches, -turn, axes=(3, 2), reshape=False, order=1, mode="constant")
-    made = _sparse(patches, templates.half_width, reach)
-    templates.work[key] = made
-    return made
-
-
-def reach_of(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> NDArray[np.float64]:
-    """(channels,) largest prediction of a set: the range of a channel's table."""
-    patches = _coarse(templates, directions)
-    flat = np.abs(patches).transpose(1, 0, 2, 3).reshape(patches.shape[1], -1)
-    return np.asarray(np.percentile(flat, 99.9, axis=1), dtype=np.float64)
-
-
 def amplitude_of(fit: LineFit, image: LineImage, directions: tuple[TraceDirection, ...]) -> float:
     """Depth of the marks against the templates', from the characters of the search that fit; 1 without any.
 
     The upper quartile over the floors of their strokes: grime only takes away.
     """
-    patches = _coarse(fit.templates, directions)
+    patches = coarse_patches(fit.templates, directions)
     fine = resampled_to(fit, image)
     profile = ~is_edge_channel(directions)
     if not profile.any():
@@ -259,14 +167,14 @@ def line_evidence(
     cover = np.pad(cover, rim, mode="edge")
     model = pixel_model(noise=noise, reach=reach, profile=profile, raised=fit.raised)
     index = model.felt_index(felt, cover)
-    straight = _turned(templates, directions, 0.0, reach)
+    straight = turned_templates(templates, directions, 0.0, reach)
     rows = _rows(fit, seen)
     cols = np.arange(felt.shape[2], dtype=np.int64)
-    dense = _dense(model, index, straight, reach, rows, cols)
+    dense = dense_evidence(model, index, straight, reach, rows, cols)
     allowed = None
     if places is not None:
         allowed = np.array([[c in place for c in templates.chars] for place in places], dtype=np.bool_)
-    ideal = _ideal(model, straight, reach)
+    ideal = ideal_evidence(model, straight, reach)
     # what a template of full evidence earns is the length of line that it explains
     scale = float(np.median(ideal))
     reward = (dense.max(axis=1) / scale).astype(np.float32)
@@ -290,18 +198,25 @@ def line_evidence(
         _place(p, low, high, felt, model, cover, rows, templates, directions, reach, ideal, seen)
         for p, (low, high) in zip(placed, bounds, strict=True)
     )
-    beside = _beside(dense.max(axis=1) / ideal[:, None], placed, straight.half_cols)
+    # clear of where characters were found in the end, not of where the chain supposed them
+    u0, pitch = seen.origin_mm[0], seen.pitch_u_mm
+    taken = [
+        (round((p.u_mm - p.half_width_mm - u0) / pitch), round((p.u_mm + p.half_width_mm - u0) / pitch))
+        for p in found
+    ]
+    beside = _beside(dense.max(axis=1) / ideal[:, None], taken, straight.half_cols)
     if places is None:
         # nothing says how many characters there are: a faint one must not pass for a word gap
         faint_index = model.felt_index(felt / np.float32(FAINT), cover)
-        faint = _dense(model, faint_index, straight, reach, rows, cols)
-        beside = max(beside, _beside(faint.max(axis=1) / ideal[:, None], placed, straight.half_cols))
+        faint = dense_evidence(model, faint_index, straight, reach, rows, cols)
+        beside = max(beside, _beside(faint.max(axis=1) / ideal[:, None], taken, straight.half_cols))
     return LineEvidence(places=found, total=total * scale, amplitude=amplitude, beside=beside)
 
 
-def _beside(share: NDArray[np.floating], placed: Sequence[Placed], half_cols: NDArray[np.int64]) -> float:
-    """Largest share (T, columns) of templates that keep clear of all that was placed, near the line's ends or in it."""
-    taken = [(p.column - int(half_cols[p.template]), p.column + int(half_cols[p.template])) for p in placed]
+def _beside(
+    share: NDArray[np.floating], taken: Sequence[tuple[int, int]], half_cols: NDArray[np.int64]
+) -> float:
+    """Largest share (T, columns) of templates that keep clear of the columns taken, near the line's ends or in it."""
     reach = round(BESIDE_HEIGHTS * EVIDENCE_PIXELS)
     # off the rim, where the land's level steps to the padding's
     rim = MARGIN_PIXELS + RIM_PIXELS
@@ -372,51 +287,6 @@ def _rows(fit: LineFit, seen: LineImage) -> NDArray[np.int64]:
     return np.arange(row - ROW_REACH, row + ROW_REACH + 1, dtype=np.int64)
 
 
-def _dense(
-    model: PixelModel,
-    index: NDArray[np.int32],
-    sparse: SparseTemplates,
-    reach: NDArray[np.float64],
-    rows: NDArray[np.int64],
-    cols: NDArray[np.int64],
-) -> NDArray[np.float32]:
-    out = np.zeros((sparse.start.size - 1, rows.size, cols.size), dtype=np.float32)
-    at = _columns(model, sparse)
-    _sum_dense(
-        model.table.ravel(),
-        index,
-        at,
-        sparse.start,
-        sparse.channel,
-        sparse.row,
-        sparse.column,
-        rows,
-        cols,
-        out,
-    )
-    return out
-
-
-def _columns(model: PixelModel, sparse: SparseTemplates) -> NDArray[np.int32]:
-    reach = model.predicted_reach[sparse.channel]
-    at = (sparse.value / reach + 1.0) * (0.5 * (N_PREDICTED - 1))
-    return np.asarray(np.clip(np.rint(at), 0, N_PREDICTED - 1), dtype=np.int32)
-
-
-def _ideal(model: PixelModel, sparse: SparseTemplates, reach: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(T,) evidence of each template on its own prediction, nothing covered."""
-    at = _columns(model, sparse)
-    felt = np.empty(at.size, dtype=np.int64)
-    for k in range(reach.size):
-        own = sparse.channel == k
-        one = model.felt_index(
-            np.broadcast_to(sparse.value[own], (reach.size, 1, int(own.sum()))), np.zeros((1, 1), np.float32)
-        )
-        felt[own] = one[k, 0]
-    values = model.table.ravel()[felt + at]
-    return np.asarray(np.add.reduceat(values, sparse.start[:-1]), dtype=np.float64)
-
-
 def _place(
     placed: Placed,
     low: int,
@@ -441,8 +311,8 @@ def _place(
     middles = 0.5 * (low + high - 1)
     wide = EVIDENCE_PIXELS // 5
     cols = np.arange(min(placed.column, round(middles)) - wide, max(placed.column, round(middles)) + wide + 1)
-    straight = _turned(templates, directions, 0.0, reach)
-    at = _columns(model, straight)
+    straight = turned_templates(templates, directions, 0.0, reach)
+    at = predicted_columns(model, straight)
     count = straight.start.size - 1
     evidence = np.full(count, -np.inf)
     turns, deep = np.zeros(count), np.ones(count)
@@ -450,7 +320,7 @@ def _place(
     indices = {share: model.felt_index(own / np.float32(share), cover) for share in BLOWS}
     for share, index in indices.items():
         out = np.zeros((count, rows.size, cols.size), dtype=np.float32)
-        _sum_dense(
+        sum_dense(
             model.table.ravel(), index, at, straight.start, straight.channel, straight.row, straight.column,
             rows, cols, out,
         )  # fmt: skip
@@ -460,12 +330,12 @@ def _place(
         evidence[better], deep[better] = top[better], share
         place_row[better], place_col[better] = rows[best[better] // cols.size], cols[best[better] % cols.size]
     for turn in TURNS_DEG:
-        sparse = _turned(templates, directions, turn, reach)
-        at = _columns(model, sparse)
+        sparse = turned_templates(templates, directions, turn, reach)
+        at = predicted_columns(model, sparse)
         for t in np.argsort(-evidence)[:TURNED_LEADERS]:
             part = slice(int(sparse.start[t]), int(sparse.start[t + 1]))
             out = np.zeros((1, 2 * SHIFT + 1, 2 * SHIFT + 1), dtype=np.float32)
-            _sum_dense(
+            sum_dense(
                 model.table.ravel(), indices[float(deep[t])], at[part], np.array([0, part.stop - part.start]),
                 sparse.channel[part], sparse.row[part], sparse.column[part],
                 place_row[t] + np.arange(-SHIFT, SHIFT + 1), place_col[t] + np.arange(-SHIFT, SHIFT + 1), out,

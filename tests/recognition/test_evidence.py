@@ -15,23 +15,25 @@ from glyphs.stamping import StampedPart, StampingVariation, stamp
 from recognition.covered import covered, robust_spread
 from recognition.decode import Placed, Spacing
 from recognition.evidence import (
-    EVIDENCE_PIXELS,
     LEAST_NOISE,
     MARGIN_PIXELS,
     STANDS_OUT,
     LineEvidence,
-    _dense,
-    _ideal,
-    _turned,
     amplitude_of,
     line_evidence,
-    reach_of,
     resampled_to,
     usual_spacing,
 )
 from recognition.frames import LineImage, is_edge_channel, padded
 from recognition.pixel_model import pixel_model
 from recognition.search import Hypothesis, LineFit, LineSearch
+from recognition.sparse_templates import (
+    EVIDENCE_PIXELS,
+    dense_evidence,
+    ideal_evidence,
+    reach_of,
+    turned_templates,
+)
 from recognition.templates import TemplateCache, TemplateSet
 from whisker_array.array import ALL_DIRECTIONS, default_plan
 from whisker_array.edges import edge_map
@@ -192,13 +194,13 @@ def test_the_dense_sum_is_the_sum(line: Line) -> None:
         noise=np.maximum(robust_spread(felt), LEAST_NOISE * reach), reach=reach, profile=profile, raised=False
     )
     cover = covered(felt, profile=profile, reach=reach, raised=False, pixels_per_height=EVIDENCE_PIXELS)
-    index, sparse = model.felt_index(felt, cover), _turned(templates, ALL_DIRECTIONS, 0.0, reach)
+    index, sparse = model.felt_index(felt, cover), turned_templates(templates, ALL_DIRECTIONS, 0.0, reach)
     rng = np.random.default_rng(8)
     _, height, width = felt.shape
     # some rows of the ink lie off the map
     rows = np.array([2, height // 2, height - 3])
     cols = np.sort(rng.choice(width, 5, replace=False))
-    dense = _dense(model, index, sparse, reach, rows, cols)
+    dense = dense_evidence(model, index, sparse, reach, rows, cols)
     table = model.table.ravel()
     for t in range(len(templates.chars)):
         for i, row in enumerate(rows):
@@ -221,8 +223,8 @@ def test_ideal_is_what_a_template_has_on_its_own_prediction(line: Line) -> None:
     model = pixel_model(
         noise=LEAST_NOISE * reach, reach=reach, profile=~is_edge_channel(ALL_DIRECTIONS), raised=False
     )
-    sparse = _turned(templates, ALL_DIRECTIONS, 0.0, reach)
-    ideal = _ideal(model, sparse, reach)
+    sparse = turned_templates(templates, ALL_DIRECTIONS, 0.0, reach)
+    ideal = ideal_evidence(model, sparse, reach)
     assert (ideal > 0.0).all()
     tall = int(np.abs(sparse.row).max()) + 1
     wide = int(np.abs(sparse.column).max()) + 1
@@ -231,7 +233,7 @@ def test_ideal_is_what_a_template_has_on_its_own_prediction(line: Line) -> None:
         part = slice(int(sparse.start[t]), int(sparse.start[t + 1]))
         own[sparse.channel[part], tall + sparse.row[part], wide + sparse.column[part]] = sparse.value[part]
         index = model.felt_index(own, np.zeros(own.shape[1:], np.float32))
-        there = _dense(model, index, sparse, reach, np.array([tall]), np.array([wide]))[:, 0, 0]
+        there = dense_evidence(model, index, sparse, reach, np.array([tall]), np.array([wide]))[:, 0, 0]
         # single precision
         assert there[t] == pytest.approx(ideal[t], rel=1e-4)
         # nobody explains it better than itself
