@@ -120,6 +120,7 @@ def _score_line(
     pixel = height / PIXELS
     fine = resampled(image, pitch_u_mm=pixel * widen, pitch_v_mm=pixel)
     u0, v0 = fine.origin_mm
+    below = _ink_rows(templates, made[0.0])
     found = fit.image
     u_mm = [found.origin_mm[0] + p.column * found.pitch_u_mm for p in fit.placed]
     v_mm = [found.origin_mm[1] + r * found.pitch_v_mm for r in fit.rows]
@@ -150,12 +151,26 @@ def _score_line(
                 row=row,
                 left=max(4, round(anchor - low)),
                 right=max(4, round(high - anchor)),
+                ink_rows=below,
             )
             for anchor in anchors
         ]
         leader = max(seen, key=lambda c: float(c.scores.max()))
         cells.append(replace(leader, scores=np.max([c.scores for c in seen], axis=0)))
     return tuple(cells)
+
+
+def _ink_rows(templates: TemplateSet, straight: NDArray[np.float32]) -> int:
+    """Rows from the middle that the set's ink reaches, hooks below the line among it; kept in its work space."""
+    kept = templates.work.get("ink rows")
+    if isinstance(kept, int):
+        return kept
+    strength = np.abs(straight).max(axis=(0, 1, 3))
+    inked = np.flatnonzero(strength > INK_SHARE * strength.max())
+    middle = straight.shape[2] // 2
+    made = int(max(middle - inked[0], inked[-1] - middle)) + 1
+    templates.work["ink rows"] = made
+    return made
 
 
 def _ink_middle(fine: LineImage, row: int, low: float, high: float, placed: float) -> float:
@@ -187,12 +202,13 @@ def _score_cell(
     row: int,
     left: int,
     right: int,
+    ink_rows: int = 0,
 ) -> Cell:
     pick = slice(None) if only is None else slice(only, only + 1)
     half_width = half_width[pick]
     straight = made[0.0][pick]
     mid_row, mid_col = straight.shape[2] // 2, straight.shape[3] // 2
-    up = min(mid_row, math.ceil(CELL_ROWS_HEIGHTS * PIXELS))
+    up = min(mid_row, max(math.ceil(CELL_ROWS_HEIGHTS * PIXELS), ink_rows))
     left, right = min(left, mid_col), min(right, mid_col)
     sv, su = (SHIFT_ROWS, SHIFT_COLUMNS) if only is None else (1, 1)
     n_channels = fine.channels.shape[0]
