@@ -62,6 +62,7 @@ class ReadingWithEvidence:
         relief: heights and slopes as felt, if it came to that.
         lattice: beliefs of the places before the grammar has its say; None where nothing was read.
         choice: what the grammar made of them; None where the reading rests on correlation alone.
+        open_lattice: beliefs over the whole alphabet, for verification.
     """
 
     reading: Reading
@@ -72,11 +73,7 @@ class ReadingWithEvidence:
     relief: Relief | None = None
     lattice: Lattice | None = None
     choice: Choice | None = None
-
-    @property
-    def open_lattice(self) -> Lattice | None:
-        """Beliefs over the whole alphabet, for verification: the lattice itself, which no format has narrowed."""
-        return self.lattice
+    open_lattice: Lattice | None = None
 
 
 class Reader:
@@ -239,7 +236,12 @@ class Reader:
                 image = search.image(line_read[0].hypothesis.rotation_deg)
                 reading = graded(reading, line_read, image, edges.directions)
         return replace(
-            made, reading=_timed(reading, clock), support_mm=support, lattice=lattice, choice=choice
+            made,
+            reading=_timed(reading, clock),
+            support_mm=support,
+            lattice=lattice,
+            choice=choice,
+            open_lattice=lattice,
         )
 
     @staticmethod
