@@ -11,17 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.glyph import Font
 from glyphs.maps import TraceDirection
 from recognition.covered import covered, robust_spread
-from recognition.decode import Placed, Spacing, best_chain
+from recognition.decode import Placed, best_chain
 from recognition.frames import LineImage, is_edge_channel, padded, resampled
 from recognition.pixel_model import PixelModel, pixel_model
+from recognition.placing import MARGIN_PIXELS, largest_beside, place_bounds, usual_spacing
 from recognition.search import LineFit
 from recognition.sparse_templates import (
     EVIDENCE_PIXELS,
@@ -38,15 +37,10 @@ from recognition.templates import TemplateSet
 LEAST_NOISE = 0.03
 """Of the largest prediction: a smoother land is not believed."""
 ROW_REACH = 4
-MARGIN_PIXELS = 6
-RIM_PIXELS = 1
 TURNS_DEG = (-2.5, 2.5)
 TURNED_LEADERS = 6
 SHIFT = 2
 GAP_HEIGHTS = 1.5
-BESIDE_HEIGHTS = 1.6
-SIDE_HEIGHTS = 0.35
-STEP_COST, STEP_LIMIT, STANDS_OUT = 6.0, 1.2, 0.35
 BLOWS = (1.0, 0.6)
 FAINT = 0.25
 AMPLITUDE_SCORE = 0.6
@@ -193,7 +187,7 @@ def line_evidence(
             reward, straight.half_cols, allowed=allowed, overlap=2, reach=int(GAP_HEIGHTS * EVIDENCE_PIXELS),
             gap_free=EVIDENCE_PIXELS // 2, gap_cost=0.01, spacing=spacing,
         )  # fmt: skip
-    bounds = _bounds(placed, straight.half_cols, felt.shape[2])
+    bounds = place_bounds(placed, straight.half_cols, felt.shape[2])
     found = tuple(
         _place(p, low, high, felt, model, cover, rows, templates, directions, reach, ideal, seen)
         for p, (low, high) in zip(placed, bounds, strict=True)
@@ -204,80 +198,13 @@ def line_evidence(
         (round((p.u_mm - p.half_width_mm - u0) / pitch), round((p.u_mm + p.half_width_mm - u0) / pitch))
         for p in found
     ]
-    beside = _beside(dense.max(axis=1) / ideal[:, None], taken, straight.half_cols)
+    beside = largest_beside(dense.max(axis=1) / ideal[:, None], taken, straight.half_cols)
     if places is None:
         # nothing says how many characters there are: a faint one must not pass for a word gap
         faint_index = model.felt_index(felt / np.float32(FAINT), cover)
         faint = dense_evidence(model, faint_index, straight, reach, rows, cols)
-        beside = max(beside, _beside(faint.max(axis=1) / ideal[:, None], taken, straight.half_cols))
+        beside = max(beside, largest_beside(faint.max(axis=1) / ideal[:, None], taken, straight.half_cols))
     return LineEvidence(places=found, total=total * scale, amplitude=amplitude, beside=beside)
-
-
-def _beside(
-    share: NDArray[np.floating], taken: Sequence[tuple[int, int]], half_cols: NDArray[np.int64]
-) -> float:
-    """Largest share (T, columns) of templates that keep clear of the columns taken, near the line's ends or in it."""
-    reach = round(BESIDE_HEIGHTS * EVIDENCE_PIXELS)
-    # off the rim, where the land's level steps to the padding's
-    rim = MARGIN_PIXELS + RIM_PIXELS
-    low, high = max(rim, taken[0][0] - reach), min(share.shape[1] - rim, taken[-1][1] + reach)
-    best = 0.0
-    for half in np.unique(half_cols):
-        columns = np.arange(low + half, max(low + half, high - half))
-        clear = np.ones(columns.size, dtype=np.bool_)
-        for left, right in taken:
-            clear &= (columns + half < left) | (columns - half > right)
-        if clear.any():
-            best = max(best, float(share[half_cols == half][:, columns[clear]].max()))
-    return best
-
-
-def usual_spacing(
-    placed: Sequence[Placed],
-    templates: TemplateSet,
-    font: Font,
-    *,
-    full: NDArray[np.float64],
-    gaps: frozenset[int] = frozenset(),
-) -> Spacing | None:
-    """How far apart characters stand, from neighbours that both stand out; None if none do.
-
-    Either as the font has it, all letter-spaced alike, or evenly: whichever fits the more closely. `full` (T,) is
-    what each template earns standing there clean.
-    """
-    glyphs = [font.glyph(c) for c in templates.chars]
-    middle = np.array([0.5 * (g.ink_box[0] + g.ink_box[2]) for g in glyphs])
-    after = (np.array([g.advance for g in glyphs]) - middle) * EVIDENCE_PIXELS
-    before = middle * EVIDENCE_PIXELS
-    pairs = [
-        (a, b)
-        for k, (a, b) in enumerate(pairwise(placed))
-        if k not in gaps and min(a.reward / full[a.template], b.reward / full[b.template]) > STANDS_OUT
-    ]
-    if not pairs:
-        return None
-    apart = np.array([b.column - a.column for a, b in pairs], dtype=np.float64)
-    extra = apart - np.array([after[a.template] + before[b.template] for a, b in pairs])
-    cost, limit = STEP_COST / EVIDENCE_PIXELS**2, STEP_LIMIT
-    if np.abs(extra - np.median(extra)).mean() <= np.abs(apart - np.median(apart)).mean():
-        return Spacing(before, after + float(np.median(extra)), cost, limit, gaps)
-    return Spacing(np.zeros_like(before), np.full_like(after, float(np.median(apart))), cost, limit, gaps)
-
-
-def _bounds(placed: Sequence[Placed], half_cols: NDArray[np.int64], width: int) -> list[tuple[int, int]]:
-    """Columns of each place: from halfway to the one neighbour's ink to halfway to the other's."""
-    left = [p.column - int(half_cols[p.template]) for p in placed]
-    right = [p.column + int(half_cols[p.template]) for p in placed]
-    side = round(SIDE_HEIGHTS * EVIDENCE_PIXELS)
-    out = []
-    for i in range(len(placed)):
-        low, high = left[i] - side, right[i] + side
-        if i > 0:
-            low = max(low, (right[i - 1] + left[i]) // 2)
-        if i + 1 < len(placed):
-            high = min(high, (right[i] + left[i + 1]) // 2)
-        out.append((max(0, low), min(width, high + 1)))
-    return out
 
 
 def _rows(fit: LineFit, seen: LineImage) -> NDArray[np.int64]:

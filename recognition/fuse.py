@@ -20,7 +20,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from glyphs.glyph import Font
-from recognition.choice import Choice, ChoiceFlag, blind_warnings, choose
+from recognition.choice import Choice, blind_warnings, choose
 from recognition.decide import CANDIDATES
 from recognition.fuse_lattices import (
     SIGHT_ALONE,
@@ -37,34 +37,14 @@ from recognition.reader import ReaderSettings, ReadingWithEvidence
 from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.sight import SightReading
 from recognition.sight_combine import as_reading
-from recognition.swaps import CharacterState, state_of
+from recognition.swaps import state_of
+from recognition.verdict import CHOICE_FLAGS, choice_flags, decision_of
 
 Level = Literal["decision", "edges"]
 DEFAULT_LEVEL: Level = "decision"
 """As many characters right as by edges, and more readings accepted where touch is in doubt."""
 ALONE_WRONG = 0.02
 """Share of places at which the camera may be wrong whatever it believes, with no touch to compare it with."""
-HOPELESS_SHARE = 0.5
-"""Share of places that neither sense can read from which a part is rejected."""
-LEAST_VALID_MASS = 0.02
-"""Belief in all serials of the format together below which another one stands there."""
-_DOUBTS = (
-    ReadingFlag.LOW_CONFIDENCE
-    | ReadingFlag.AMBIGUOUS
-    | ReadingFlag.FOREIGN_SHAPES
-    | ReadingFlag.UNREAD_MARKS
-    | ReadingFlag.FORMAT_OVERRULED
-    | ReadingFlag.SEARCH_EXHAUSTED
-    | ReadingFlag.CHECK_BLIND
-    | ReadingFlag.SENSES_DISAGREE
-)
-_ANEW = (
-    ReadingFlag.LOW_CONFIDENCE
-    | ReadingFlag.AMBIGUOUS
-    | ReadingFlag.FORMAT_OVERRULED
-    | ReadingFlag.SEARCH_EXHAUSTED
-    | ReadingFlag.CHECK_BLIND
-)
 
 
 def fuse(
@@ -178,34 +158,21 @@ def _reading(
                 grade=old.grade if old is not None and same else None,
             )
         )
-    flags = told.flags & ~_ANEW
+    flags = told.flags & ~CHOICE_FLAGS
     if ReadingFlag.AMBIGUOUS in told.flags and all(
         c.margin >= settings.accept_margin for c in told.characters
     ):
         # not for its margins but for ink that two characters claim
         flags |= ReadingFlag.AMBIGUOUS
-    if choice.probability < settings.accept_confidence:
-        flags |= ReadingFlag.LOW_CONFIDENCE
-    if min(c.margin for c in characters) < settings.accept_margin:
-        flags |= ReadingFlag.AMBIGUOUS
-    if choice.valid_mass < LEAST_VALID_MASS:
-        flags |= ReadingFlag.FORMAT_OVERRULED
-    if ChoiceFlag.EXHAUSTED in choice.flags:
-        flags |= ReadingFlag.SEARCH_EXHAUSTED
+    flags |= choice_flags(choice, grammar, characters, settings)
     blind = blind_warnings(choice, grammar) if grammar is not None else ()
-    if blind:
-        flags |= ReadingFlag.CHECK_BLIND
     if contradicted:
         flags |= ReadingFlag.SENSES_DISAGREE
-    decision = Decision.REVIEW if flags & _DOUBTS else Decision.ACCEPT
-    unread = sum(c.state is not None and c.state.state is CharacterState.NOT_READ for c in characters)
-    if unread >= HOPELESS_SHARE * len(characters):
-        decision = Decision.REJECT
     old_blind = told.notes if ReadingFlag.CHECK_BLIND not in told.flags else ()
     return replace(
         told,
         characters=tuple(characters),
-        decision=decision,
+        decision=decision_of(flags, characters),
         confidence=choice.probability,
         flags=flags,
         source="fused",
@@ -224,7 +191,7 @@ def _by_sight_alone(
         flags = touch.reading.flags | ReadingFlag.NO_CHARACTERS
         return replace(touch.reading, decision=Decision.REJECT, flags=flags, source="fused")
     lattice = tempered(sight.lattice, Reliability(rates=(ALONE_WRONG,)))
-    doubts = sight.reading.flags & ~_ANEW
+    doubts = sight.reading.flags & ~CHOICE_FLAGS
     made = as_reading(lattice, settings, flags=doubts or None, source="fused")
     choice = choose(lattice, grammar)
     if choice.text and choice.text != "".join(c.char for c in made.characters):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recognition.calibrate import DEFAULT_WEIGHTS, Scored, Weights, lattice_of, residual_of
-from recognition.choice import Choice, ChoiceFlag, blind_warnings, choose
+from recognition.choice import Choice, blind_warnings, choose
 from recognition.decide import (
     ACCEPT_MEAN_SCORE,
     CANDIDATES,
@@ -32,8 +32,9 @@ from recognition.lattice import Lattice
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.refine import Cell
 from recognition.search import LineFit
-from recognition.swaps import CharacterState, state_of
+from recognition.swaps import state_of
 from recognition.templates import TemplateSet
+from recognition.verdict import choice_flags, decision_of
 
 SAME_PLACE_HEIGHTS = 0.3
 """A correlation counts for a place if it was taken no further away."""
@@ -43,11 +44,7 @@ COUNTED_WORST = 0.85
 """Least correlation of every character where no format limits what it may be."""
 BESIDE_SHARE = 0.42
 """Share of its ideal that a template may reach beside the line before something is held to be unread."""
-LEAST_VALID_MASS = 0.02
-"""Belief in all serials of the format together below which another one stands there."""
 UNTROUBLED_SCORE, UNTROUBLED_MARGIN = 0.9, 0.98
-HOPELESS_SHARE = 0.5
-"""Share of places that cannot be read from which a part is rejected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,24 +99,16 @@ def second_look(
     if not choice.text:
         return None
     characters = tuple(_character(k, choice, lattice, evidence.places[k]) for k in range(len(found)))
-    flags |= _flags(choice, grammar, characters, settings)
+    flags |= choice_flags(choice, grammar, characters, settings)
     if _foreign_shapes(choice, templates, near, counted=gaps is None):
         flags |= ReadingFlag.FOREIGN_SHAPES
     if crowded(found, height):
         flags |= ReadingFlag.AMBIGUOUS
     if evidence.beside > BESIDE_SHARE:
         flags |= ReadingFlag.UNREAD_MARKS
-    unread = sum(c.state is not None and c.state.state is CharacterState.NOT_READ for c in characters)
-    doubts = (
-        ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS | ReadingFlag.FOREIGN_SHAPES | ReadingFlag.UNREAD_MARKS
-        | ReadingFlag.FORMAT_OVERRULED | ReadingFlag.SEARCH_EXHAUSTED | ReadingFlag.CHECK_BLIND
-    )  # fmt: skip
-    decision = Decision.REVIEW if flags & doubts else Decision.ACCEPT
-    if unread >= HOPELESS_SHARE * len(characters):
-        decision = Decision.REJECT
     reading = Reading(
         characters=characters,
-        decision=decision,
+        decision=decision_of(flags, characters),
         confidence=choice.probability,
         flags=flags,
         font=templates.font,
@@ -179,23 +168,6 @@ def _character(k: int, choice: Choice, lattice: Lattice, place: PlaceEvidence) -
         Candidate(c, float(share[lattice.chars.index(c)]), float(beliefs.get(c, 0.0))) for c in order
     )
     return CharacterReading(candidates=candidates, box=lattice.boxes[k], state=state_of(beliefs))
-
-
-def _flags(
-    choice: Choice, grammar: Grammar | None, characters: Sequence[CharacterReading], settings: Thresholds
-) -> ReadingFlag:
-    flags = ReadingFlag.NONE
-    if choice.probability < settings.accept_confidence:
-        flags |= ReadingFlag.LOW_CONFIDENCE
-    if min(c.margin for c in characters) < settings.accept_margin:
-        flags |= ReadingFlag.AMBIGUOUS
-    if choice.valid_mass < LEAST_VALID_MASS:
-        flags |= ReadingFlag.FORMAT_OVERRULED
-    if ChoiceFlag.EXHAUSTED in choice.flags:
-        flags |= ReadingFlag.SEARCH_EXHAUSTED
-    if grammar is not None and blind_warnings(choice, grammar):
-        flags |= ReadingFlag.CHECK_BLIND
-    return flags
 
 
 def _foreign_shapes(

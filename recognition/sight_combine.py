@@ -12,12 +12,11 @@ from recognition.decide import Thresholds
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.verdict import LEAST_VALID_MASS
 
 FLOOR = 1e-4
 """Belief that one engine leaves to a character, as a share: none rules out what another sees clearly."""
 CANDIDATES = 5
-LEAST_VALID_MASS = 0.02
-"""Belief in all serials of the format together below which another one stands there."""
 EARNED = 1.0
 """What a place read with certainty earns, nats, against what doubt costs: longer lines are not shunned."""
 

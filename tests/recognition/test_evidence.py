@@ -16,16 +16,14 @@ from recognition.covered import covered, robust_spread
 from recognition.decode import Placed, Spacing
 from recognition.evidence import (
     LEAST_NOISE,
-    MARGIN_PIXELS,
-    STANDS_OUT,
     LineEvidence,
     amplitude_of,
     line_evidence,
     resampled_to,
-    usual_spacing,
 )
 from recognition.frames import LineImage, is_edge_channel, padded
 from recognition.pixel_model import pixel_model
+from recognition.placing import MARGIN_PIXELS, STANDS_OUT, usual_spacing
 from recognition.search import Hypothesis, LineFit, LineSearch
 from recognition.sparse_templates import (
     EVIDENCE_PIXELS,
