@@ -1,0 +1,31 @@
+"""Records as JSON and back, by their types alone: one form for the store, the interface and what is published."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter
+
+T = TypeVar("T")
+
+
+@cache
+def _adapter(kind: type[Any]) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def to_json(record: Any) -> dict[str, Any]:
+    """The record as values that JSON has: enums and times as text, tuples as lists."""
+    made: dict[str, Any] = _adapter(type(record)).dump_python(record, mode="json")
+    return made
+
+
+def from_json(kind: type[T], data: Any) -> T:
+    """The record out of what `to_json` made of it.
+
+    Raises:
+        ValueError: data that are no such record.
+    """
+    made: T = _adapter(kind).validate_python(data)
+    return made
