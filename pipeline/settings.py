@@ -10,27 +10,15 @@ A key that is not known is an error wherever it stands.
 
 from __future__ import annotations
 
-import difflib
-import os
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, field_validator
-from pydantic_settings import (
-    BaseSettings,
-    InitSettingsSource,
-    NoDecode,
-    PydanticBaseSettingsSource,
-    SettingsConfigDict,
-)
+from pydantic import Field, field_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-ENV_PREFIX = "TACTILE_MARKS_"
-DEFAULT_FILE = "tactile-marks.toml"
+from pipeline.setting_sources import ENV_PREFIX, SettingsError, load
 
-
-class SettingsError(Exception):
-    """A setting that cannot be: names the key, where it stands, and the mend."""
+__all__ = ["ENV_PREFIX", "ReadSettings", "SettingsError", "load_settings"]
 
 
 class ReadSettings(BaseSettings):
@@ -125,53 +113,4 @@ def load_settings(*, config: Path | None = None, folder: Path | None = None, **f
     Raises:
         SettingsError: unknown keys, values that cannot be, a file that cannot be read.
     """
-    file = config if config is not None else (folder or Path()) / DEFAULT_FILE
-    written = _read_toml(file) if config is not None or file.is_file() else {}
-    given = {key: value for key, value in flags.items() if value is not None}
-    environment = {
-        key.removeprefix(ENV_PREFIX).lower(): key for key in os.environ if key.upper().startswith(ENV_PREFIX)
-    }
-    for keys, where in ((written, str(file)), (environment, "the environment"), (given, "the flags")):
-        for key in keys:
-            _check_known(key, where, shown=environment[key] if keys is environment else key)
-
-    class Sources(ReadSettings):
-        @classmethod
-        def settings_customise_sources(
-            cls,
-            settings_cls: type[BaseSettings],
-            init_settings: PydanticBaseSettingsSource,
-            env_settings: PydanticBaseSettingsSource,
-            dotenv_settings: PydanticBaseSettingsSource,
-            file_secret_settings: PydanticBaseSettingsSource,
-        ) -> tuple[PydanticBaseSettingsSource, ...]:
-            return init_settings, env_settings, InitSettingsSource(settings_cls, written)
-
-    try:
-        return ReadSettings(**Sources(**given).model_dump())
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = str(first["loc"][0])
-        where = "the flags" if key in given else environment.get(key, str(file))
-        message = first["msg"].removeprefix("Value error, ")
-        message = message[:1].lower() + message[1:]
-        raise SettingsError(f"{key} in {where} is {first.get('input')!r}: {message}") from error
-
-
-def _check_known(key: str, where: str, *, shown: str) -> None:
-    known = list(ReadSettings.model_fields)
-    if key not in known:
-        near = difflib.get_close_matches(key.lower(), known, n=2)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"the keys are {', '.join(known)}"
-        raise SettingsError(f"unknown key {shown} in {where}; {hint}")
-
-
-def _read_toml(file: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SettingsError(
-            f"{file} cannot be read ({error.strerror}); check the name after --config"
-        ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{file} is no TOML ({error}); mend that line") from error
+    return load(ReadSettings, config=config, folder=folder, flags=flags)
