@@ -43,6 +43,19 @@ app.command("pipeline.command_demo:demo", name="demo", help="Make, scan and read
 app.command("pipeline.command_figures:figures", name="figures", help="Draw the paper's results and beyond.")
 app.command("pipeline.command_benchmark:benchmark", name="benchmark", help="How well dirty parts are read.")
 app.command("pipeline.command_design:design", name="design", help="Find the whisker to build.")
+app.command(
+    "pipeline.command_serve:serve", name="serve", help="The service: camera first, touch when unsure."
+)
+app.command(
+    "pipeline.command_enroll:enroll",
+    name="enroll",
+    help="Learn a die's shapes from parts that were reviewed.",
+)
+_TOKENS = App(name="tokens", help="Make, list and revoke tokens of the service.")
+_TOKENS.command("pipeline.command_tokens:add", name="add", help="Make a token.")
+_TOKENS.command("pipeline.command_tokens:list_tokens", name="list", help="List the tokens.")
+_TOKENS.command("pipeline.command_tokens:revoke", name="revoke", help="Take a token back.")
+app.command(_TOKENS)
 _LIBRARY.command("pipeline.command_glyphs:list_fonts", name="list", help="List the fonts.")
 _LIBRARY.command("pipeline.command_glyphs:show", name="show", help="Draw a sheet of fonts.")
 _LIBRARY.command("pipeline.command_glyphs:build", name="build", help="Write a glyph database.")

@@ -14,6 +14,7 @@ TITLES = {
     405: "This address has no such method",
     409: "Somebody was quicker",
     411: "The length of the request is not told",
+    408: "The upload has stalled",
     413: "The upload is too large",
     415: "Files of this kind are not read",
     421: "The service does not go by this name",

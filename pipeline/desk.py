@@ -1,0 +1,420 @@
+"""The desk: takes parts in, has them read, keeps what came of it, and sends them on.
+
+    photo, scan --> work folder --> worker: readings, pictures --> evidence folder --> store: one transaction --> answer
+
+Nothing is answered before it is on the disk. What ends on the way, by a bad file or a lost machine, leaves no part;
+the sender asks again, with the same idempotency key, and one part comes of it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import shutil
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import structlog
+
+from pipeline.part_id import new_part_id
+from pipeline.problem import Problem
+from pipeline.records import (
+    EvidenceKind,
+    EvidenceRecord,
+    PartRecord,
+    PartState,
+    ReviewAction,
+    ReviewRecord,
+)
+from pipeline.stage import Camera, ScanOrder, Stage, StageError
+from pipeline.store import AlreadyDoneError, Idempotency, Store
+from pipeline.triage import state_after
+from pipeline.uploads import Upload
+from pipeline.work import Done, Job, read_job
+from pipeline.work_pool import BusyError, WorkerLostError
+
+if TYPE_CHECKING:
+    from pipeline.evidence_folder import EvidenceFolder
+    from pipeline.metrics import Metrics
+    from pipeline.settings import ReadSettings
+    from pipeline.work import Limits
+    from pipeline.work_pool import WorkPool
+
+T = TypeVar("T")
+log = structlog.get_logger("tactile-marks")
+
+
+@dataclass(frozen=True)
+class Received:
+    """What came of a request.
+
+    Attributes:
+        part: as it stands.
+        replayed: whether the same request had been answered before.
+    """
+
+    part: PartRecord
+    replayed: bool = False
+
+
+@dataclass(frozen=True)
+class NewPart:
+    """What is told of a part beside its files.
+
+    Attributes:
+        name: what the line calls it.
+        expected: text that it should bear; empty where none is.
+        database: name of the glyph database; empty for the service's own choice.
+        touch: have the stage feel it at once where the camera is unsure.
+    """
+
+    name: str = ""
+    expected: str = ""
+    database: str = ""
+    touch: bool = False
+
+
+class Desk:
+    """Takes parts in and has them read."""
+
+    def __init__(
+        self,
+        *,
+        store: Store,
+        evidence: EvidenceFolder,
+        pool: WorkPool,
+        stage: Stage,
+        camera: Camera,
+        databases: Callable[[str], Path | None],
+        reading: ReadSettings,
+        limits: Limits,
+        metrics: Metrics,
+        targets: Sequence[str] = (),
+    ) -> None:
+        """Take what it works with.
+
+        Args:
+            store: where records are kept.
+            evidence: where files are kept.
+            pool: where parts are read.
+            stage: feels what the camera is unsure of.
+            camera: photographs a part when a trigger comes.
+            databases: file of the glyph database of a name; raises Problem for one that is not there.
+            reading: how parts are read.
+            limits: of files.
+            metrics: what is counted.
+            targets: of results: webhook, mqtt.
+        """
+        self.store, self.evidence, self.pool, self.metrics = store, evidence, pool, metrics
+        self.stage, self.camera = stage, camera
+        self._databases, self._reading, self._limits = databases, reading, limits
+        self._targets = tuple(targets)
+        self._running: dict[str, asyncio.Future[PartRecord]] = {}
+        self._one_at_the_stage = asyncio.Lock()
+
+    @property
+    def busy(self) -> float | None:
+        """Seconds after which to ask again, while no more parts are taken in; None while they are."""
+        return self.pool.retry_after_s()
+
+    async def receive(
+        self,
+        new: NewPart,
+        *,
+        photo: Upload | None = None,
+        scan: Upload | None = None,
+        idempotency: Idempotency | None = None,
+    ) -> Received:
+        """Read a new part.
+
+        Raises:
+            Problem: nothing to read, files that cannot be used, no room in the queue, a key used for another request.
+        """
+        if photo is None and scan is None:
+            raise Problem(
+                422, "there is neither photo nor scan; send one of them, or both, as multipart/form-data"
+            )
+
+        async def work() -> PartRecord:
+            part_id = new_part_id()
+            done, kept = await self._read(
+                {"photo": photo, "scan": scan}, name=new.name, expected=new.expected, database=new.database
+            )
+            state = state_after(done.readings[-1])
+            part = await self._stored(
+                self.store.add_part,
+                part_id=part_id,
+                name=new.name,
+                state=state,
+                readings=done.readings,
+                evidence=kept,
+                expected=new.expected,
+                database=new.database,
+                plan=done.plan if state is PartState.TOUCH_NEEDED else None,
+                targets=self._targets,
+                idempotency=idempotency,
+            )
+            self._count(part, done)
+            if new.touch and part.state is PartState.TOUCH_NEEDED:
+                with contextlib.suppress(Problem):  # told in its history; the part still waits for touch
+                    return await self.touch(part.id)
+            return part
+
+        return await self._once(idempotency, work)
+
+    async def add_scan(
+        self, part_id: str, scan: Upload, *, idempotency: Idempotency | None = None
+    ) -> Received:
+        """Read a part again with what was felt of it, fused with what the camera saw.
+
+        Raises:
+            Problem: as `receive`; no such part, or one that a person has reviewed.
+        """
+
+        async def work() -> PartRecord:
+            part = await self._stored(self.store.part, part_id)
+            _not_reviewed(part)
+            return await self._read_felt(part, scan, idempotency)
+
+        return await self._once(idempotency, work)
+
+    async def touch(self, part_id: str) -> PartRecord:
+        """Have the service's own stage feel a part, and read it again.
+
+        Raises:
+            Problem: as `add_scan`; a stage that cannot feel it.
+        """
+        part = await self._stored(self.store.part, part_id)
+        _not_reviewed(part)
+        if part.plan is None:
+            raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
+        with self._work_folder() as folder:
+            order = ScanOrder(part_name=part.name, plan=part.plan)
+            try:
+                path = await self._feel(order, folder)
+            except StageError as error:
+                await self._stored(self.store.note_event, part.id, "touch_failed", {"why": str(error)})
+                raise Problem(422, str(error)) from error
+            return await self._read_felt(part, Upload(path, path.name), None)
+
+    async def trigger(self, name: str) -> PartRecord:
+        """Photograph and read the part under the camera; feel it where the camera is unsure.
+
+        Raises:
+            Problem: as `receive`; no photograph and nothing to feel.
+        """
+        with self._work_folder() as folder:
+            try:
+                taken = await asyncio.to_thread(self.camera.take, name)
+                copy = folder / f"taken{taken.suffix.lower()}"
+                await asyncio.to_thread(shutil.copyfile, taken, copy)
+            except StageError as error:
+                raise Problem(422, str(error)) from error
+            except OSError as error:
+                raise Problem(
+                    422, f"the camera's picture of {name} cannot be read ({error.strerror})"
+                ) from error
+            done = await self.receive(NewPart(name=name, touch=True), photo=Upload(copy, taken.name))
+        return done.part
+
+    async def review(
+        self,
+        part_id: str,
+        *,
+        action: ReviewAction,
+        text: str,
+        who: str,
+        token: str,
+        note: str,
+        before: str | None,
+    ) -> PartRecord:
+        """Keep what a person says of a part.
+
+        Raises:
+            Problem: no such part; another person was quicker.
+        """
+        part = await self._stored(
+            self.store.review,
+            part_id,
+            action=action,
+            text=text,
+            who=who,
+            token=token,
+            note=note,
+            before=before,
+            targets=self._targets,
+        )
+        if isinstance(part.review, ReviewRecord):
+            self.metrics.reviews.labels(part.review.action.value).inc()
+        return part
+
+    async def _feel(self, order: ScanOrder, folder: Path) -> Path:
+        """The recording; a stage of iron feels one part at a time, a simulated one as many as there are workers."""
+        if getattr(self.stage, "simulated", False):
+            return await self._in_worker(self.stage.feel, order, folder)
+        async with self._one_at_the_stage:
+            return await asyncio.to_thread(self.stage.feel, order, folder)
+
+    async def _read_felt(self, part: PartRecord, scan: Upload, idempotency: Idempotency | None) -> PartRecord:
+        records = await self._stored(self.store.evidence, part.id)
+        before: dict[EvidenceKind, Path] = {}
+        for record in records:
+            if not record.gone and record.kind in (EvidenceKind.SIGHT, EvidenceKind.PHOTO):
+                before[record.kind] = self.evidence.path(record.sha256)
+        seen = before if EvidenceKind.SIGHT in before else {}
+        done, kept = await self._read(
+            {"scan": scan},
+            name=part.name,
+            expected=part.expected,
+            database=part.database,
+            sight=seen.get(EvidenceKind.SIGHT),
+            photo=seen.get(EvidenceKind.PHOTO) if part.expected else None,
+        )
+        told = await self._stored(
+            self.store.add_readings,
+            part.id,
+            readings=done.readings,
+            state=state_after(done.readings[-1]),
+            evidence=kept,
+            targets=self._targets,
+            idempotency=idempotency,
+        )
+        self._count(told, done)
+        return told
+
+    async def _read(
+        self,
+        uploads: dict[str, Upload | None],
+        *,
+        name: str,
+        expected: str,
+        database: str,
+        sight: Path | None = None,
+        photo: Path | None = None,
+    ) -> tuple[Done, list[EvidenceRecord]]:
+        """Read the files in a worker; keep them and what was made of them."""
+        given = {role: upload for role, upload in uploads.items() if upload is not None}
+        with self._work_folder() as folder:
+            job = Job(
+                folder=folder,
+                part_name=name,
+                expected=expected,
+                database=self._databases(database),
+                sight=sight,
+                photo=photo,
+            )
+            raw: list[tuple[EvidenceKind, Upload]] = []
+            for role, upload in given.items():
+                kind = upload.kind(role)
+                raw.append((kind, upload))
+                job = replace(job, **{kind.value: upload.path}, names={**job.names, kind.value: upload.name})
+            done = await self._in_worker(read_job, job, self._reading, self._limits)
+            return done, await asyncio.to_thread(self._keep, raw, done)
+
+    def _keep(self, raw: list[tuple[EvidenceKind, Upload]], done: Done) -> list[EvidenceRecord]:
+        kept = []
+        for kind, upload in raw:
+            sha256, n_bytes = self.evidence.keep(upload.path)
+            kept.append(
+                EvidenceRecord(kind, sha256, n_bytes, name=upload.name, media_type=upload.media_type(kind))
+            )
+        for made in done.made:
+            sha256, n_bytes = self.evidence.keep(made.path)
+            kept.append(
+                EvidenceRecord(made.kind, sha256, n_bytes, media_type=made.media_type, meta=made.meta)
+            )
+        return kept
+
+    async def _in_worker(self, function: Callable[..., T], *arguments: Any) -> T:
+        from pipeline.problems import FileProblem
+
+        try:
+            future = self.pool.submit(function, *arguments)
+        except BusyError as error:
+            self.metrics.refused.inc()
+            seconds = max(1, round(error.retry_after_s))
+            raise Problem(503, str(error), headers={"Retry-After": str(seconds)}) from error
+        try:
+            return await asyncio.wrap_future(future)
+        except FileProblem as problem:
+            raise Problem(422, str(problem)) from problem
+        except WorkerLostError as error:
+            self.metrics.lost_workers.inc()
+            log.warning("worker lost", why=str(error))
+            raise Problem(422, str(error)) from error
+
+    async def _stored(self, function: Callable[..., T], *arguments: Any, **options: Any) -> T:
+        return await asyncio.to_thread(function, *arguments, **options)
+
+    async def _once(
+        self, idempotency: Idempotency | None, work: Callable[[], Awaitable[PartRecord]]
+    ) -> Received:
+        """Do the work once for a key, however often and at whatever times it is asked for."""
+        if idempotency is None:
+            return Received(await work())
+        running = self._running.get(idempotency.key)
+        if running is not None:
+            # asked again while the first is at work: one answer for both, and for a failure each its own try
+            with contextlib.suppress(Problem):
+                await asyncio.shield(running)
+        done = await self._stored(self.store.remembered, idempotency.key)
+        if done is not None:
+            return Received(await self._replayed(idempotency, *done), replayed=True)
+        future: asyncio.Future[PartRecord] = asyncio.get_running_loop().create_future()
+        self._running[idempotency.key] = future
+        try:
+            part = await work()
+            future.set_result(part)
+            return Received(part)
+        except AlreadyDoneError as error:
+            # another process was quicker
+            part = await self._replayed(idempotency, error.fingerprint, error.part_id)
+            future.set_result(part)
+            return Received(part, replayed=True)
+        except BaseException as error:
+            future.set_exception(
+                error if isinstance(error, Problem) else Problem(500, "the first try failed")
+            )
+            future.exception()  # looked at, so that nobody complains where none waits
+            raise
+        finally:
+            if self._running.get(idempotency.key) is future:
+                del self._running[idempotency.key]
+
+    async def _replayed(self, asked: Idempotency, fingerprint: str, part_id: str) -> PartRecord:
+        if fingerprint != asked.fingerprint:
+            raise Problem(
+                422, "this Idempotency-Key was used for another request; make a new one for every part"
+            )
+        return await self._stored(self.store.part, part_id)
+
+    def _count(self, part: PartRecord, done: Done) -> None:
+        self.metrics.parts.labels(part.state.value).inc()
+        for reading in done.readings:
+            self.metrics.readings.labels(reading.source, reading.decision).inc()
+            self.metrics.reading_seconds.labels(reading.source).observe(reading.seconds)
+        log.info(
+            "part read",
+            part=part.id,
+            name=part.name,
+            state=part.state.value,
+            text=part.text,
+            readings=[f"{r.source}: {r.decision}" for r in done.readings],
+        )
+
+    @contextlib.contextmanager
+    def _work_folder(self) -> Iterator[Path]:
+        folder = self.evidence.new_work_folder()
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _not_reviewed(part: PartRecord) -> None:
+    if part.state is PartState.REVIEWED:
+        raise Problem(
+            409, f"the part {part.id} was reviewed by a person; send it as a new part to read it again"
+        )

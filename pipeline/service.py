@@ -1,0 +1,313 @@
+"""The service: everything that answers, put together and taken apart again in the right order."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from datetime import UTC, datetime, timedelta
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.openapi.utils import get_openapi
+from fastapi.responses import JSONResponse, Response
+from pydantic import TypeAdapter
+from starlette.exceptions import HTTPException
+
+from pipeline.access import COOKIE, Access, DeniedError
+from pipeline.desk import Desk
+from pipeline.evidence_folder import EvidenceFolder
+from pipeline.glyph_databases import GlyphDatabases
+from pipeline.metrics import CONTENT_TYPE_LATEST, Metrics
+from pipeline.pages import pages_router
+from pipeline.problem import Problem, ProblemBody
+from pipeline.routes_parts import parts_router
+from pipeline.service_layers import DoorLayer, RequestLayer, problem_answer
+from pipeline.service_ports import open_ports
+from pipeline.stage import FolderCamera, NoCamera, NoStage, SimulatedStage
+from pipeline.store import ConflictError, NotFoundError, Store, StoreError
+from pipeline.work import Limits
+from pipeline.work_pool import WorkPool
+
+if TYPE_CHECKING:
+    from pipeline.service_settings import ServiceSettings
+    from pipeline.settings import ReadSettings
+
+SWEEP_EVERY_S = 3600.0
+ORPHAN_AGE_S = 3600.0
+"""A file that no record names is left alone for so long: its transaction may be on the way."""
+log = structlog.get_logger("tactile-marks")
+
+
+class Service:
+    """One running service and all that it holds open."""
+
+    def __init__(self, settings: ServiceSettings, reading: ReadSettings) -> None:
+        """Open store and folders, and begin to warm up the workers.
+
+        Raises:
+            StoreError: a store that cannot be opened.
+            FileProblem: folders that cannot be made.
+            ValueError: settings that cannot be.
+        """
+        self.settings = settings
+        self.evidence = EvidenceFolder(settings.evidence_folder)
+        self.store = Store.open(settings.store_url)
+        self.metrics = Metrics()
+        self.access = Access(self.store, required=settings.tokens_asked)
+        self.databases = GlyphDatabases(settings.databases_folder, default=settings.database)
+        limits = Limits(
+            max_photo_pixels=settings.max_photo_pixels,
+            max_map_samples=settings.max_map_samples,
+            memory_mb=settings.worker_memory_mb,
+        )
+        self.pool = WorkPool(
+            reading, limits, workers=settings.workers, queue=settings.queue, timeout_s=settings.job_timeout_s
+        )
+        targets = [name for name in ("webhook", "mqtt") if getattr(settings, name)]
+        self.desk = Desk(
+            store=self.store,
+            evidence=self.evidence,
+            pool=self.pool,
+            stage=SimulatedStage(settings.stage) if settings.stage is not None else NoStage(),
+            camera=FolderCamera(settings.camera) if settings.camera is not None else NoCamera(),
+            databases=self.databases.path,
+            reading=reading,
+            limits=limits,
+            metrics=self.metrics,
+            targets=targets,
+        )
+        self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
+        self.metrics.gauge("workers_ready", "1 while parts can be read.", lambda: float(self.pool.ready()))
+        self.metrics.gauge("outbox", "Results not yet published.", self.store.undelivered)
+
+    def why_not_ready(self) -> str:
+        """What keeps it from reading parts; empty where nothing does."""
+        try:
+            self.store.ping()
+        except StoreError as error:
+            return str(error)
+        return "" if self.pool.ready() else "the workers are warming up"
+
+    def sweep(self) -> None:
+        """Throw away files that no record names, and those whose time is up."""
+        n = self.evidence.sweep(self.store.known_hashes(), older_than_s=ORPHAN_AGE_S)
+        expired = 0
+        if self.settings.retention_days:
+            before = datetime.now(UTC) - timedelta(days=self.settings.retention_days)
+            expired = self.evidence.expire(self.store, before=before)
+        if n or expired:
+            log.info("evidence swept", orphans=n, expired=expired)
+
+    @contextlib.asynccontextmanager
+    async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
+        """Everything that runs beside the requests."""
+        sweeper = asyncio.create_task(self._sweep_for_ever())
+        try:
+            async with open_ports(self.settings, self.desk):
+                yield
+        finally:
+            sweeper.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await sweeper
+            await asyncio.to_thread(self.close)
+
+    def close(self) -> None:
+        """End the workers and close the store."""
+        self.pool.close(self.settings.shutdown_grace_s)
+        self.store.close()
+
+    async def _sweep_for_ever(self) -> None:
+        while True:
+            try:
+                await asyncio.to_thread(self.sweep)
+            except Exception:
+                log.exception("sweep failed")
+            await asyncio.sleep(SWEEP_EVERY_S)
+
+
+def create_app(service: Service) -> FastAPI:
+    """The web application of a service."""
+    settings = service.settings
+    app = FastAPI(
+        title="tactile-marks",
+        summary="Reads die-stamped serials: by camera first, by touch when the camera is unsure.",
+        version=_version(),
+        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
+        docs_url=None,  # its pages would load scripts from the internet
+        redoc_url=None,
+        openapi_url="/openapi.json",
+        lifespan=service.running,
+        max_body_size=settings.max_upload_mb * 1_000_000,
+        telemetry={"tracing": False, "metrics": False, "logs": False},
+        redirect_slashes=False,
+    )
+    app.include_router(parts_router(service.desk, service.access))
+    app.include_router(pages_router(service.desk, service.access))
+    _add_service_routes(app, service)
+    _add_handlers(app)
+    app.openapi = lambda: _described(app, asked=service.access.required)  # type: ignore[method-assign]
+    app.add_middleware(
+        DoorLayer,
+        hosts=_names(settings),
+        busy=lambda: service.desk.busy,
+        refused=service.metrics.refused.inc,
+        uploads=lambda path: (
+            path == "/v1/parts" or (path.startswith("/v1/parts/") and path.endswith("/scan"))
+        ),
+        most_bytes=settings.max_upload_mb * 1_000_000,
+    )
+    app.add_middleware(RequestLayer, metrics=service.metrics)
+    return app
+
+
+def _names(settings: ServiceSettings) -> tuple[str, ...]:
+    """Names that the service answers to; with tokens asked for, or a given list, the browser is no danger."""
+    if settings.tokens_asked and not settings.hosts:
+        return ()
+    return (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")
+
+
+def _add_service_routes(app: FastAPI, service: Service) -> None:
+    @app.get(
+        "/healthz", tags=["service"], summary="Whether the service is alive", response_model=dict[str, str]
+    )
+    async def healthz() -> Any:
+        return {"status": "alive"}
+
+    @app.get(
+        "/readyz",
+        tags=["service"],
+        summary="Whether parts can be read",
+        response_model=dict[str, str],
+        responses={503: {"description": "not yet; the detail tells why"}},
+    )
+    def readyz() -> Any:
+        why = service.why_not_ready()
+        if why:
+            raise Problem(503, why, headers={"Retry-After": "1"})
+        return {"status": "ready"}
+
+    @app.get(
+        "/metrics",
+        tags=["service"],
+        summary="Figures for Prometheus",
+        response_class=Response,
+        responses={200: {"content": {"text/plain": {}}}},
+    )
+    def metrics() -> Any:
+        return Response(service.metrics.page(), media_type=CONTENT_TYPE_LATEST)
+
+    @app.get(
+        "/v1/databases",
+        tags=["service"],
+        summary="Glyph databases that a part may be read with",
+        response_model=list[dict[str, Any]],
+    )
+    def databases(request: Request) -> Any:
+        from pipeline.records import Scope
+
+        service.access.caller(request, Scope.READ)
+        return service.databases.listed()
+
+
+def _add_handlers(app: FastAPI) -> None:
+    """Every failure that is expected, as a problem."""
+
+    def answer(request: Request, problem: Problem) -> JSONResponse:
+        return problem_answer(problem, getattr(request.state, "request_id", ""))
+
+    @app.exception_handler(Problem)
+    async def _problem(request: Request, error: Problem) -> Response:
+        return answer(request, error)
+
+    @app.exception_handler(DeniedError)
+    async def _denied(request: Request, error: DeniedError) -> Response:
+        headers = {"WWW-Authenticate": "Bearer"} if error.status == 401 else {}
+        return answer(request, Problem(error.status, str(error), headers=headers))
+
+    @app.exception_handler(NotFoundError)
+    async def _not_found(request: Request, error: NotFoundError) -> Response:
+        return answer(request, Problem(404, str(error)))
+
+    @app.exception_handler(ConflictError)
+    async def _conflict(request: Request, error: ConflictError) -> Response:
+        return answer(request, Problem(409, str(error)))
+
+    @app.exception_handler(StoreError)
+    async def _store(request: Request, error: StoreError) -> Response:
+        log.error("store", why=str(error))
+        return answer(request, Problem(503, str(error), headers={"Retry-After": "5"}))
+
+    @app.exception_handler(RequestValidationError)
+    async def _invalid(request: Request, error: RequestValidationError) -> Response:
+        first = error.errors()[0]
+        where = ".".join(str(at) for at in first["loc"] if at not in ("body", "query", "path", "header"))
+        detail = f"{where or 'the request'}: {first['msg'][:1].lower()}{first['msg'][1:]}"
+        return answer(request, Problem(422, detail))
+
+    @app.exception_handler(HTTPException)
+    async def _http(request: Request, error: HTTPException) -> Response:
+        detail = str(error.detail)
+        if error.status_code == 404:
+            detail = f"there is nothing at {request.url.path[:200]}; /openapi.json tells what there is"
+        return answer(request, Problem(error.status_code, detail, headers=dict(error.headers or {})))
+
+
+def _described(app: FastAPI, *, asked: bool) -> dict[str, Any]:
+    """The OpenAPI document: problems as they are, and tokens where they are asked for."""
+    if app.openapi_schema:
+        return app.openapi_schema
+    made = get_openapi(
+        title=app.title,
+        version=app.version,
+        summary=app.summary,
+        license_info=app.license_info,
+        routes=app.routes,
+        description="Times are in UTC, lengths in mm. Every failure is application/problem+json (RFC 9457).",
+    )
+    components = made.setdefault("components", {})
+    schemas = components.setdefault("schemas", {})
+    schemas[ProblemBody.__name__] = TypeAdapter(ProblemBody).json_schema()
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    components["securitySchemes"] = {
+        "token": {
+            "type": "http",
+            "scheme": "bearer",
+            "description": "tactile-marks tokens add NAME --scope write",
+        },
+        "page": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "the operator page's"},
+    }
+    if asked:
+        made["security"] = [{"token": []}, {"page": []}]
+    app.openapi_schema = made
+    return made
+
+
+def _version() -> str:
+    try:
+        return version("tactile-marks")
+    except PackageNotFoundError:
+        return "0"
+
+
+def check_folder(settings: ServiceSettings) -> Path:
+    """Make the service's folder.
+
+    Raises:
+        FileProblem: it cannot be made.
+    """
+    from pipeline.problems import FileProblem
+
+    try:
+        settings.folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileProblem(
+            settings.folder, f"cannot be made ({error.strerror})", "name another with --folder"
+        ) from error
+    return settings.folder
