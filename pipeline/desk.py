@@ -20,6 +20,7 @@ import structlog
 
 from pipeline.part_id import new_part_id
 from pipeline.problem import Problem
+from pipeline.problems import FileProblem
 from pipeline.records import (
     EvidenceKind,
     EvidenceRecord,
@@ -105,12 +106,13 @@ class Desk:
             reading: how parts are read.
             limits: of files.
             metrics: what is counted.
-            targets: of results: webhook, mqtt.
+            targets: of results: webhook, mqtt; `on_result` is called when there is something for them.
         """
         self.store, self.evidence, self.pool, self.metrics = store, evidence, pool, metrics
         self.stage, self.camera = stage, camera
         self._databases, self._reading, self._limits = databases, reading, limits
         self._targets = tuple(targets)
+        self.on_result: Callable[[], None] = lambda: None
         self._running: dict[str, asyncio.Future[PartRecord]] = {}
         self._one_at_the_stage = asyncio.Lock()
 
@@ -246,6 +248,7 @@ class Desk:
             before=before,
             targets=self._targets,
         )
+        self.on_result()
         if isinstance(part.review, ReviewRecord):
             self.metrics.reviews.labels(part.review.action.value).inc()
         return part
@@ -311,7 +314,12 @@ class Desk:
                 raw.append((kind, upload))
                 job = replace(job, **{kind.value: upload.path}, names={**job.names, kind.value: upload.name})
             done = await self._in_worker(read_job, job, self._reading, self._limits)
-            return done, await asyncio.to_thread(self._keep, raw, done)
+            try:
+                return done, await asyncio.to_thread(self._keep, raw, done)
+            except FileProblem as problem:
+                log.error("evidence not kept", why=str(problem))
+                busy = "the service cannot keep what was sent; its log tells why"
+                raise Problem(503, busy, headers={"Retry-After": "30"}) from problem
 
     def _keep(self, raw: list[tuple[EvidenceKind, Upload]], done: Done) -> list[EvidenceRecord]:
         kept = []
@@ -328,8 +336,6 @@ class Desk:
         return kept
 
     async def _in_worker(self, function: Callable[..., T], *arguments: Any) -> T:
-        from pipeline.problems import FileProblem
-
         try:
             future = self.pool.submit(function, *arguments)
         except BusyError as error:
@@ -391,6 +397,7 @@ class Desk:
         return await self._stored(self.store.part, part_id)
 
     def _count(self, part: PartRecord, done: Done) -> None:
+        self.on_result()
         self.metrics.parts.labels(part.state.value).inc()
         for reading in done.readings:
             self.metrics.readings.labels(reading.source, reading.decision).inc()

@@ -298,7 +298,7 @@ def parts_router(desk: Desk, access: Access) -> APIRouter:
         summary="A part as it stands",
         responses={
             200: {"content": {"application/json": {"example": PART_EXAMPLE}}},
-            **problems(401, 403, 404),
+            **problems(401, 403, 404, 422),
         },
     )
     def one_part(part_id: PartId, caller: Caller = Reads) -> Any:
@@ -310,7 +310,7 @@ def parts_router(desk: Desk, access: Access) -> APIRouter:
         summary="All that happened to a part",
         responses={
             200: {"content": {"application/json": {"example": HISTORY_EXAMPLE}}},
-            **problems(401, 403, 404),
+            **problems(401, 403, 404, 422),
         },
     )
     def history(part_id: PartId, caller: Caller = Reads) -> Any:

@@ -27,9 +27,9 @@ from pipeline.pages import pages_router
 from pipeline.problem import Problem, ProblemBody
 from pipeline.routes_parts import parts_router
 from pipeline.service_layers import DoorLayer, RequestLayer, problem_answer
-from pipeline.service_ports import open_ports
+from pipeline.service_ports import Ports
 from pipeline.stage import FolderCamera, NoCamera, NoStage, SimulatedStage
-from pipeline.store import ConflictError, NotFoundError, Store, StoreError
+from pipeline.store import ConflictError, NotFoundError, Store, StoreError, UnfitError
 from pipeline.work import Limits
 from pipeline.work_pool import WorkPool
 
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 SWEEP_EVERY_S = 3600.0
 ORPHAN_AGE_S = 3600.0
 """A file that no record names is left alone for so long: its transaction may be on the way."""
+KEYS_KEPT_DAYS = 7.0
+"""A request that is sent again later makes a new part."""
 log = structlog.get_logger("tactile-marks")
 
 
@@ -68,7 +70,7 @@ class Service:
         self.pool = WorkPool(
             reading, limits, workers=settings.workers, queue=settings.queue, timeout_s=settings.job_timeout_s
         )
-        targets = [name for name in ("webhook", "mqtt") if getattr(settings, name)]
+        self.ports = Ports(settings)
         self.desk = Desk(
             store=self.store,
             evidence=self.evidence,
@@ -79,7 +81,7 @@ class Service:
             reading=reading,
             limits=limits,
             metrics=self.metrics,
-            targets=targets,
+            targets=tuple(self.ports.senders),
         )
         self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
         self.metrics.gauge("workers_ready", "1 while parts can be read.", lambda: float(self.pool.ready()))
@@ -100,6 +102,7 @@ class Service:
         if self.settings.retention_days:
             before = datetime.now(UTC) - timedelta(days=self.settings.retention_days)
             expired = self.evidence.expire(self.store, before=before)
+        self.store.forget_keys(datetime.now(UTC) - timedelta(days=KEYS_KEPT_DAYS))
         if n or expired:
             log.info("evidence swept", orphans=n, expired=expired)
 
@@ -108,7 +111,7 @@ class Service:
         """Everything that runs beside the requests."""
         sweeper = asyncio.create_task(self._sweep_for_ever())
         try:
-            async with open_ports(self.settings, self.desk):
+            async with self.ports.opened(self.desk):
                 yield
         finally:
             sweeper.cancel()
@@ -147,7 +150,9 @@ def create_app(service: Service) -> FastAPI:
         redirect_slashes=False,
     )
     app.include_router(parts_router(service.desk, service.access))
-    app.include_router(pages_router(service.desk, service.access))
+    app.include_router(
+        pages_router(service.store, service.evidence, service.access, targets=tuple(service.ports.senders))
+    )
     _add_service_routes(app, service)
     _add_handlers(app)
     app.openapi = lambda: _described(app, asked=service.access.required)  # type: ignore[method-assign]
@@ -237,6 +242,10 @@ def _add_handlers(app: FastAPI) -> None:
     @app.exception_handler(ConflictError)
     async def _conflict(request: Request, error: ConflictError) -> Response:
         return answer(request, Problem(409, str(error)))
+
+    @app.exception_handler(UnfitError)
+    async def _unfit(request: Request, error: UnfitError) -> Response:
+        return answer(request, Problem(422, str(error)))
 
     @app.exception_handler(StoreError)
     async def _store(request: Request, error: StoreError) -> Response:

@@ -46,6 +46,7 @@ class ServiceSettings(BaseSettings):
         camera: folder into which the camera puts its pictures, for triggers.
         tcp_port: of the raw trigger port; closed unless given.
         tcp_format: of its result string.
+        tcp_clients: addresses or networks that may use it, such as 192.168.7.0/24; any unless given.
         opcua_port: of the OPC UA server; closed unless given.
         mqtt: broker that results are published to, mqtt://host:1883 or mqtts://user:password@host:8883.
         mqtt_prefix: first level of the topics.
@@ -77,6 +78,7 @@ class ServiceSettings(BaseSettings):
     camera: Path | None = None
     tcp_port: Port | None = None
     tcp_format: str = ""
+    tcp_clients: Annotated[tuple[str, ...], NoDecode] = ()
     opcua_port: Port | None = None
     mqtt: str = ""
     mqtt_prefix: str = "tactile-marks"
@@ -85,7 +87,7 @@ class ServiceSettings(BaseSettings):
     shutdown_grace_s: float = Field(default=20.0, ge=0.0, le=600.0)
     log: Literal["json", "text"] = "json"
 
-    @field_validator("hosts", mode="before")
+    @field_validator("hosts", "tcp_clients", mode="before")
     @classmethod
     def _one_or_many(cls, value: Any) -> Any:
         if isinstance(value, str):

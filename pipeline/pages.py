@@ -1,0 +1,56 @@
+"""The operator's page: queue, review, parts and dashboard, made on the server; works without script and internet.
+
+/review  /review/{id}  /parts  /parts/{id}  /dashboard  /login  /static/{name}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from pipeline.page_dashboard import add_dashboard
+from pipeline.page_frame import Frame, page_route
+from pipeline.page_login import add_login
+from pipeline.page_parts import add_part_pages
+from pipeline.page_places import LOW_MARGIN
+from pipeline.page_review import add_review_pages
+
+if TYPE_CHECKING:
+    from pipeline.access import Access
+    from pipeline.evidence_folder import EvidenceFolder
+    from pipeline.store import Store
+
+
+def pages_router(
+    store: Store,
+    evidence: EvidenceFolder,
+    access: Access,
+    *,
+    low_margin: float = LOW_MARGIN,
+    targets: Sequence[str] = (),
+) -> APIRouter:
+    """The routes of all pages.
+
+    Args:
+        store: of the parts.
+        evidence: where their pictures are kept; they are shown from `/v1/parts/{id}/pictures/...`.
+        access: who may look, and who may review.
+        low_margin: lead of the first over the second candidate below which a place is marked unsure.
+        targets: where reviewed parts are published, as for `Store.review`.
+    """
+    frame = Frame.make(store, evidence, access, low_margin=low_margin, targets=targets)
+    router = APIRouter(route_class=page_route(frame), include_in_schema=False)
+    add_review_pages(router, frame)
+    add_part_pages(router, frame)
+    add_dashboard(router, frame)
+    add_login(router, frame)
+
+    @router.get("/static/{name}")
+    def static(request: Request, name: str) -> Response:
+        return frame.static.answer(request, name)
+
+    return router

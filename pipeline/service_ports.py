@@ -1,0 +1,84 @@
+"""What the service speaks beside HTTP: trigger ports that it opens, and targets that it publishes results to."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import AsyncIterator
+from typing import TYPE_CHECKING
+
+import structlog
+
+from pipeline.line_dispatch import Dispatcher, Sender
+
+if TYPE_CHECKING:
+    from pipeline.desk import Desk
+    from pipeline.service_settings import ServiceSettings
+
+log = structlog.get_logger("tactile-marks")
+
+
+class Ports:
+    """The trigger ports and the dispatcher of one service."""
+
+    def __init__(self, settings: ServiceSettings) -> None:
+        """Make ready what the settings ask for; nothing is opened or sent yet.
+
+        Raises:
+            MissingExtraError: a library of an extra is not installed.
+            ValueError: an address that cannot be.
+        """
+        self._settings = settings
+        self.senders: dict[str, Sender] = {}
+        if settings.webhook:
+            from pipeline.line_webhook import WebhookSender
+
+            self.senders["webhook"] = WebhookSender(settings.webhook, secret=settings.webhook_secret)
+        if settings.mqtt:
+            from pipeline.line_mqtt import MqttSender
+
+            self.senders["mqtt"] = MqttSender(settings.mqtt, prefix=settings.mqtt_prefix)
+        if settings.tcp_format:
+            from pipeline.line_result_string import ResultString
+
+            ResultString(settings.tcp_format)
+        if settings.opcua_port is not None:
+            from pipeline.line_opcua import require_asyncua
+
+            require_asyncua()
+
+    @contextlib.asynccontextmanager
+    async def opened(self, desk: Desk) -> AsyncIterator[None]:
+        """Open the ports and send what waits; on leaving, what is at work may end first.
+
+        Raises:
+            OSError: an address that cannot be had.
+        """
+        settings, grace_s = self._settings, self._settings.shutdown_grace_s
+        async with contextlib.AsyncExitStack() as stack:
+            if self.senders:
+                dispatcher = Dispatcher(desk.store, self.senders)
+                dispatcher.start()
+                desk.on_result = dispatcher.wake
+                stack.push_async_callback(dispatcher.stop, grace_s=min(grace_s, 10.0))
+            if settings.tcp_port is not None:
+                from pipeline.line_result_string import DEFAULT_FORMAT
+                from pipeline.line_tcp import TcpPort
+
+                tcp = TcpPort(
+                    desk.trigger,
+                    host=settings.host,
+                    port=settings.tcp_port,
+                    template=settings.tcp_format or DEFAULT_FORMAT,
+                    clients=settings.tcp_clients,
+                )
+                await tcp.start()
+                stack.push_async_callback(tcp.stop, grace_s=grace_s)
+                log.info("TCP trigger port", host=tcp.host, port=tcp.port)
+            if settings.opcua_port is not None:
+                from pipeline.line_opcua import OpcUaPort
+
+                opcua = OpcUaPort(desk.trigger, host=settings.host, port=settings.opcua_port)
+                await opcua.start()
+                stack.push_async_callback(opcua.stop)
+                log.info("OPC UA server", host=opcua.host, port=opcua.port)
+            yield

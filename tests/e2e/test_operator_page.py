@@ -1,0 +1,478 @@
+"""The operator's page in a real browser: reviewed by keyboard, nothing asked of other hosts, nothing on the console.
+
+Set TACTILE_MARKS_SCREENSHOTS to a folder to keep pictures of the pages.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+from pipeline.part_id import new_part_id
+from pipeline.records import (
+    CandidateRecord,
+    CharacterRecord,
+    EvidenceKind,
+    EvidenceRecord,
+    PartState,
+    ReadingRecord,
+    ReviewAction,
+)
+
+MM = 0.05
+CELL, LEFT, TOP, TALL = 80, 60, 70, 90  # pixels of the drawings
+PICTURES = {"photo": EvidenceKind.PHOTO_PICTURE, "edges": EvidenceKind.EDGES_PICTURE}
+SETTLED_MS = 350
+"""An Enter sooner after a page has come is taken for one meant for the page before."""
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
+
+
+def needed(found: Any, what: str) -> Any:
+    """What was found; skips without it, or fails where everything must be tested."""
+    if not found:
+        if os.environ.get("TACTILE_MARKS_TEST_ALL") == "1":
+            pytest.fail(f"{what} is not installed, and TACTILE_MARKS_TEST_ALL asks for every test")
+        pytest.skip(f"{what} is not installed")
+    return found
+
+
+def character(char: str, place: int, rivals: str = "") -> CharacterRecord:
+    x0, y0 = (LEFT + CELL * place) * MM, TOP * MM
+    box = (x0, y0, x0 + (CELL - 12) * MM, y0 + TALL * MM)
+    if not rivals:
+        return CharacterRecord((CandidateRecord(char, 0.998, 0.93),), box, "read", "A")
+    shares = np.array([0.5, 0.3, 0.1, 0.05, 0.02])
+    made = tuple(CandidateRecord(c, float(p), 0.8) for c, p in zip(char + rivals, shares, strict=False))
+    return CharacterRecord(made, box, "confused", "D")
+
+
+def reading(text: str, *, source: str, unsure: dict[int, str]) -> ReadingRecord:
+    places = tuple(character(c, k, unsure.get(k, "")) for k, c in enumerate(text))
+    told = ("a character is uncertain",)
+    return ReadingRecord(source, text, "review", 0.62, places, told, "gothic", 5.0, seconds=0.4)
+
+
+@dataclass
+class Service:
+    """A service that answers at a loopback address, and the store behind it."""
+
+    url: str
+    store: Any
+    evidence: Any
+    drawn: int = 0
+
+    def draw(self, text: str, kind: EvidenceKind, *, around: int = 0) -> EvidenceRecord:
+        """A picture of the text with its characters in their boxes, and so many pixels around all."""
+        import cv2
+
+        self.drawn += 1
+        rows, cols = TOP + TALL + 60, 2 * LEFT + CELL * len(text)
+        rng = np.random.default_rng(self.drawn)
+        felt = kind is EvidenceKind.EDGES_PICTURE
+        noise = rng.normal(0.0, 6.0 if felt else 14.0, (rows, cols, 1))
+        pixels = np.clip((246 if felt else 150) + noise, 0, 255).astype(np.uint8).repeat(3, axis=2)
+        ink = (145, 78, 27) if felt else (70, 70, 70)
+        for k, char in enumerate(text):
+            at = (LEFT + CELL * k + 6, TOP + TALL - 10)
+            cv2.putText(pixels, char, at, cv2.FONT_HERSHEY_SIMPLEX, 2.8, ink, 8)
+        pixels = cv2.copyMakeBorder(pixels, around, around, around, around, cv2.BORDER_REFLECT)
+        rows, cols = pixels.shape[:2]
+        path = self.evidence.incoming / f"drawn-{self.drawn}.png"
+        assert cv2.imwrite(str(path), pixels)
+        sha256, n_bytes = self.evidence.keep(path)
+        first_mm = -around * MM
+        meta = {"x0_mm": first_mm, "y0_mm": first_mm, "mm_per_pixel": MM, "width": cols, "height": rows}
+        return EvidenceRecord(kind, sha256, n_bytes, path.name, "image/png", meta)
+
+    def add(
+        self,
+        text: str,
+        *,
+        name: str = "P-1",
+        unsure: dict[int, str] | None = None,
+        pictures: bool = True,
+        around: int = 0,
+    ) -> str:
+        """A part to be reviewed."""
+        unsure = {5: "B38E"} if unsure is None else unsure
+        readings = [reading(text, source=source, unsure=unsure) for source in ("vision", "fused")]
+        evidence = [self.draw(text, kind, around=around) for kind in PICTURES.values()] if pictures else []
+        part_id = new_part_id()
+        self.store.add_part(
+            part_id=part_id, name=name, state=PartState.REVIEW, readings=readings, evidence=evidence
+        )
+        return part_id
+
+
+@pytest.fixture
+def service(tmp_path: Path) -> Iterator[Service]:
+    """The pages, and a route for their pictures; any service with both can stand in its place."""
+    uvicorn = pytest.importorskip("uvicorn")
+    from fastapi import FastAPI
+    from fastapi.responses import FileResponse
+
+    from pipeline.access import Access
+    from pipeline.evidence_folder import EvidenceFolder
+    from pipeline.pages import pages_router
+    from pipeline.store import Store
+
+    store = Store.open(f"sqlite:///{tmp_path / 'store.db'}")
+    evidence = EvidenceFolder(tmp_path / "evidence")
+    app = FastAPI()
+    app.include_router(pages_router(store, evidence, Access(store, required=False)))
+
+    @app.get("/v1/parts/{part_id}/pictures/{which}", response_class=FileResponse)
+    def picture(part_id: str, which: str) -> FileResponse:
+        found = [e for e in store.evidence(part_id) if e.kind is PICTURES[which]][-1]
+        return FileResponse(evidence.path(found.sha256), media_type=found.media_type)
+
+    config = uvicorn.Config(app, host="127.0.0.1", port=0, log_level="warning")
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    waited = threading.Event()
+    while not server.started:
+        assert thread.is_alive(), "the server has ended before it began"
+        waited.wait(0.01)
+    port = server.servers[0].sockets[0].getsockname()[1]
+    yield Service(f"http://127.0.0.1:{port}", store, evidence)
+    server.should_exit = True
+    thread.join(10.0)
+    store.close()
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    """A browser without a window."""
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        needed(None, "playwright")
+        raise
+    path = needed(shutil.which("chromium") or shutil.which("chromium-browser"), "chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@dataclass
+class Desk:
+    """A page of the browser, and everything that went wrong on it."""
+
+    page: Any
+    wrong: list[str] = field(default_factory=list)
+    hosts: set[str | None] = field(default_factory=set)
+
+    def settled(self) -> None:
+        """Wait until the page takes keys."""
+        self.page.wait_for_load_state("load")
+        self.page.wait_for_timeout(SETTLED_MS)
+
+    def shown(self) -> str:
+        """The serial as it stands in the field."""
+        return str(self.page.input_value("#text"))
+
+    def chosen(self) -> tuple[int, int]:
+        """What is selected in the field."""
+        made = self.page.evaluate("(() => {const t = document.getElementById('text');"
+                                  "return [t.selectionStart, t.selectionEnd]})()")  # fmt: skip
+        return (made[0], made[1])
+
+    def picture(self, name: str) -> None:
+        """Keep a screenshot, where a folder for them is given."""
+        folder = os.environ.get("TACTILE_MARKS_SCREENSHOTS")
+        if folder:
+            Path(folder).mkdir(parents=True, exist_ok=True)
+            self.page.screenshot(path=Path(folder) / f"{name}.png")
+
+
+@pytest.fixture
+def sit_down(chromium: Any, service: Service) -> Iterator[Callable[..., Desk]]:
+    """Opens a page for a person; in the end nothing may have gone wrong, and no other host been asked."""
+    desks: list[Desk] = []
+    contexts = []
+
+    def open_desk(*, who: str = "Ada", **options: Any) -> Desk:
+        context = chromium.new_context(**{"viewport": {"width": 1280, "height": 900}, **options})
+        contexts.append(context)
+        if who:
+            context.add_cookies([{"name": "tactile_marks_who", "value": who, "url": service.url}])
+        desk = Desk(context.new_page())
+        desk.page.on("console", lambda m: desk.wrong.append(m.text))
+        desk.page.on("pageerror", lambda e: desk.wrong.append(str(e)))
+        desk.page.on("request", lambda r: desk.hosts.add(urlsplit(r.url).hostname))
+        desks.append(desk)
+        return desk
+
+    yield open_desk
+    for context in contexts:
+        context.close()
+    for desk in desks:
+        assert desk.wrong == []
+        assert desk.hosts <= {"127.0.0.1"}
+
+
+def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[..., Desk]) -> None:
+    ids = [service.add(text, name=f"P-{k}") for k, text in enumerate(("KX407251", "KX407252", "KX407253"))]
+    desk = sit_down()
+    page = desk.page
+    page.goto(f"{service.url}/")
+    desk.settled()
+    desk.picture("queue")
+    page.keyboard.press("Enter")
+    page.wait_for_url(f"**/review/{ids[0]}")
+    desk.settled()
+    assert desk.chosen() == (5, 6)  # the first place in doubt
+    desk.picture("review")
+    page.keyboard.press("Enter")  # right as it is
+    page.wait_for_url(f"**/review/{ids[1]}?done={ids[0]}")
+    assert "confirmed for P-0" in page.inner_text(".flash")
+    desk.settled()
+    page.keyboard.press("8")  # typing replaces and goes on
+    assert desk.shown() == "KX407852"
+    assert desk.chosen() == (6, 7)
+    assert "Save correction" in page.inner_text(".button.main")
+    desk.picture("corrected")
+    page.keyboard.press("Enter")
+    page.wait_for_url(f"**/review/{ids[2]}?done={ids[1]}")
+    desk.settled()
+    page.keyboard.press("Alt+u")
+    page.wait_for_url(f"**/review?done={ids[2]}")
+    assert "Nothing waits for you" in page.inner_text("main")
+    reviews = [service.store.reviews(i)[-1] for i in ids]
+    assert [(r.action, r.before, r.after, r.who) for r in reviews] == [
+        (ReviewAction.CONFIRM, "KX407251", "KX407251", "Ada"),
+        (ReviewAction.CORRECT, "KX407252", "KX407852", "Ada"),
+        (ReviewAction.UNREADABLE, "KX407253", "", "Ada"),
+    ]
+    assert service.store.part(ids[1]).state is PartState.REVIEWED
+
+
+def test_places_are_chosen_and_candidates_taken_by_key(
+    service: Service, sit_down: Callable[..., Desk]
+) -> None:
+    part_id = service.add("KX407251")
+    desk = sit_down()
+    page = desk.page
+    page.goto(f"{service.url}/review/{part_id}")
+    desk.settled()
+    page.keyboard.press("Alt+3")  # 2, B, 3, 8, E
+    assert desk.shown() == "KX407351"
+    page.keyboard.press("ArrowUp")
+    assert desk.shown() == "KX407B51"
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("ArrowDown")
+    assert desk.shown() == "KX407B51"
+    for keys, chosen in (
+        (("ArrowLeft",), (4, 5)),
+        (("Home",), (0, 1)),
+        (("End",), (8, 8)),
+        (("ArrowRight",), (8, 8)),
+    ):
+        for key in keys:
+            page.keyboard.press(key)
+        assert desk.chosen() == chosen
+    page.keyboard.type("9a")  # beyond the end it grows; marks without small letters get none
+    assert desk.shown() == "KX407B519A"
+    page.keyboard.press("Backspace")
+    page.keyboard.press("Home")
+    page.keyboard.press("Delete")
+    assert desk.shown() == "X407B519"
+    page.keyboard.press("Insert")
+    page.keyboard.type("K")
+    assert desk.shown() == "KX407B519"
+    # the places are still who they were: the chosen place's card goes with its character
+    page.keyboard.press("Insert")
+    for _ in range(4):
+        page.keyboard.press("ArrowRight")
+    assert page.get_attribute(".place.chosen", "data-place") == "5"
+    page.keyboard.press("Escape")
+    assert desk.shown() == "KX407251"
+    assert service.store.reviews(part_id) == ()
+
+
+def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
+    service: Service, sit_down: Callable[..., Desk]
+) -> None:
+    part_id = service.add("KX407251")
+    desk = sit_down()
+    page = desk.page
+    page.goto(f"{service.url}/review/{part_id}")
+    desk.settled()
+    assert page.locator(".box.chosen[data-place='5']").count() == 2
+    page.locator("[data-which=edges] .box[data-place='2'] .edge").hover()
+    assert page.locator(".box.hover[data-place='2']").count() == 2
+    page.locator("[data-which=photo] .box[data-place='2'] .edge").click()
+    assert desk.chosen() == (2, 3)
+    page.locator(".place[data-place='5'] .candidate").nth(1).click()
+    assert desk.shown() == "KX407B51"
+    assert desk.chosen() == (5, 6)
+    # the boxes lie on the ink: the middle of each is over its drawn character
+    drawn = page.evaluate(
+        "[...document.querySelectorAll('[data-which=edges] .edge')].map((r) => [r.getBBox().x, r.getBBox().y])"
+    )
+    assert drawn == pytest.approx(
+        np.array([[LEFT + CELL * k + 0.5, TOP + 0.5] for k in range(8)]), abs=0.01
+    )  # hundredths of a pixel are written
+
+
+def test_the_line_fills_the_picture_until_the_whole_is_asked_for(
+    service: Service, sit_down: Callable[..., Desk]
+) -> None:
+    part_id = service.add("KX407251", around=300)
+    desk = sit_down()
+    page = desk.page
+    page.goto(f"{service.url}/review/{part_id}")
+    desk.settled()
+    box = page.locator("[data-which=photo] .box[data-place='2'] .edge")
+    near = box.bounding_box()["width"]
+    assert near > 40  # of the 1280 of the window, for each of eight characters and both pictures
+    desk.picture("line")
+    page.keyboard.press("Alt+z")
+    assert box.bounding_box()["width"] < 0.7 * near
+    desk.picture("whole")
+    page.keyboard.press("Alt+z")
+    assert box.bounding_box()["width"] == near
+
+
+def test_a_picture_that_does_not_come_is_told_in_words(
+    service: Service, sit_down: Callable[..., Desk]
+) -> None:
+    part_id = service.add("KX407251")
+    desk = sit_down()
+    desk.page.route("**/pictures/photo*", lambda route: route.abort())
+    desk.page.goto(f"{service.url}/review/{part_id}")
+    desk.page.wait_for_selector("[data-which=photo] .failed")
+    assert "could not be loaded" in desk.page.inner_text("[data-which=photo]")
+    assert desk.page.locator("[data-which=edges] svg").count() == 1
+    assert all("Failed to load resource" in w for w in desk.wrong)
+    desk.wrong.clear()
+
+
+def test_an_enter_held_down_confirms_one_part_only(service: Service, sit_down: Callable[..., Desk]) -> None:
+    ids = [service.add("KX407251"), service.add("KX407252")]
+    desk = sit_down()
+    page = desk.page
+    page.goto(f"{service.url}/review/{ids[0]}")
+    desk.settled()
+    page.keyboard.down("Enter")
+    page.wait_for_url(f"**/review/{ids[1]}?*")
+    desk.settled()
+    for _ in range(5):
+        page.keyboard.down("Enter")  # as a key held down repeats
+    page.keyboard.up("Enter")
+    page.wait_for_timeout(200)
+    assert service.store.part(ids[1]).state is PartState.REVIEW
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/review?done=*")
+    assert [len(service.store.reviews(i)) for i in ids] == [1, 1]
+
+
+def test_a_name_is_asked_for_once_and_skipped_parts_stay(
+    service: Service, sit_down: Callable[..., Desk]
+) -> None:
+    ids = [service.add("KX407251"), service.add("KX407252")]
+    desk = sit_down(who="")
+    page = desk.page
+    page.goto(f"{service.url}/review/{ids[0]}")
+    desk.settled()
+    assert page.evaluate("document.activeElement.id") == "who"
+    page.keyboard.press("Enter")
+    assert service.store.reviews(ids[0]) == ()
+    page.keyboard.type("Grace")
+    page.keyboard.press("Enter")  # on to the serial
+    assert page.evaluate("document.activeElement.id") == "text"
+    page.keyboard.press("Enter")
+    page.wait_for_url(f"**/review/{ids[1]}?*")
+    assert page.input_value("#who") == "Grace"
+    desk.settled()
+    service.add("KX407253")
+    page.keyboard.press("Alt+n")
+    page.wait_for_url(lambda url: ids[1] not in url)
+    assert service.store.part(ids[1]).state is PartState.REVIEW
+
+
+def test_it_works_without_script(service: Service, sit_down: Callable[..., Desk]) -> None:
+    ids = [service.add("KX407251"), service.add("KX407252")]
+    desk = sit_down(who="", java_script_enabled=False)
+    page = desk.page
+    page.goto(f"{service.url}/review")
+    page.click("a.row >> nth=0")
+    page.fill("#who", "Ada")
+    page.fill("#text", "KX407257")
+    page.press("#text", "Enter")
+    page.wait_for_url(f"**/review/{ids[1]}?*")
+    page.click("#unreadable")
+    page.wait_for_url("**/review?done=*")
+    assert [service.store.reviews(i)[-1].after for i in ids] == ["KX407257", ""]
+
+
+def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Callable[..., Desk]) -> None:
+    desk = sit_down()
+    desk.page.goto(f"{service.url}/review")
+    assert "Nothing waits" in desk.page.inner_text("main")
+    service.add("KX407251", name="late")
+    desk.page.wait_for_selector("text=late", timeout=15_000)
+    assert desk.page.inner_text("#waiting") == "1"
+
+
+def test_the_dashboard_tells_what_reviews_have_said(service: Service, sit_down: Callable[..., Desk]) -> None:
+    ids = [service.add("KX407251", pictures=False) for _ in range(4)]
+    for part_id in ids[:2]:
+        service.store.review(part_id, action=ReviewAction.CONFIRM, text="", who="Ada")
+    service.store.review(ids[2], action=ReviewAction.CORRECT, text="KX407257", who="Ada")
+    desk = sit_down()
+    desk.page.goto(f"{service.url}/dashboard")
+    figures = {
+        tile.get_attribute("data-figure"): tile.query_selector(".figure").inner_text()
+        for tile in desk.page.query_selector_all(".tile")
+    }
+    assert figures["parts"] == "4"
+    assert figures["right"].split() == ["66.7", "%"]
+    assert figures["characters"].split() == ["95.8", "%"]  # 23 of 24
+    desk.picture("dashboard")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (800, 1100)])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_fit_their_window(
+    service: Service, sit_down: Callable[..., Desk], width: int, height: int, scheme: str
+) -> None:
+    part_id = service.add("KX407251", name="a-rather-long-name-as-lines-send-them-0001")
+    long_id = service.add("A1B2C3D4E5F6G7H8J9K0L1M2N3P4Q5R6S7T8U9V0", name="forty")
+    odd_id = service.add("<b>\"x'&", name="<script>alert(1)</script>", unsure={2: "})|"})
+    service.store.review(odd_id, action=ReviewAction.CORRECT, text="<i>\"x'&", who="<Ada>", note="'\"&")
+    desk = sit_down(viewport={"width": width, "height": height}, color_scheme=scheme)
+    page = desk.page
+    pages = {
+        "queue": "/review", "part": f"/review/{part_id}", "long": f"/review/{long_id}",
+        "odd": f"/review/{odd_id}", "parts": "/parts", "history": f"/parts/{odd_id}", "dashboard": "/dashboard",
+    }  # fmt: skip
+    for name, address in pages.items():
+        page.goto(service.url + address)
+        page.wait_for_load_state("load")
+        desk.picture(f"{name}-{width}-{scheme}")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, name
+        if name == "part":  # all that is needed to decide is in sight
+            for what in ("#text", ".button.main", "[data-which=photo] svg", "[data-which=edges] svg"):
+                box = page.locator(what).bounding_box()
+                assert box["y"] + box["height"] <= height, what
+            for which in ("photo", "edges"):
+                assert page.locator(f"[data-which={which}] svg").bounding_box()["width"] > 0.45 * width

@@ -1,0 +1,69 @@
+"""Files that nobody should send, sent to a real service: no 5xx, no hang, bounded memory, and nothing of them stays."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from pathlib import Path
+
+import httpx
+
+from pipeline.service_process import ServiceProcess, service_process
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "pipeline"))
+from bad_files import SECRET, bad_maps, bad_photos, bad_scans
+
+JOB_TIMEOUT_S = 20.0
+MOST_MEMORY_MB = 3000.0
+"""Of the web server and its worker together at any moment; a worker at rest has about 600, the corpus declares
+terabytes."""
+
+
+def test_a_corpus_of_bad_files_does_no_harm(tmp_path: Path) -> None:
+    options = (
+        "--workers",
+        "1",
+        "--job-timeout-s",
+        str(JOB_TIMEOUT_S),
+        "--font",
+        "gothic",
+        "--height-mm",
+        "5",
+    )
+    sent, slowest_s, most_mb = 0, 0.0, 0.0
+    with (
+        service_process(tmp_path / "service", *options) as service,
+        httpx.Client(base_url=service.url, timeout=4 * JOB_TIMEOUT_S) as http,
+    ):
+        for role, files in (("photo", bad_photos()), ("scan", bad_maps()), ("scan", bad_scans())):
+            for name, data in files:
+                start = time.perf_counter()
+                answer = http.post("/v1/parts", files={role: (name, data)})
+                slowest_s = max(slowest_s, time.perf_counter() - start)
+                most_mb = max(most_mb, _memory_mb(service))
+                sent += 1
+                assert answer.status_code in (201, 413, 415, 422), f"{name}: {answer.text}"
+                assert SECRET not in answer.text, name
+                assert str(tmp_path) not in answer.text, name
+        assert http.get("/readyz").status_code == 200
+        assert not list((tmp_path / "service" / "evidence" / "incoming").iterdir())
+    assert sent >= 100
+    assert slowest_s < 1.5 * JOB_TIMEOUT_S
+    assert most_mb < MOST_MEMORY_MB
+    assert "request failed" not in service.log.read_text()
+
+
+def _memory_mb(service: ServiceProcess) -> float:
+    """Resident memory of the service and all below it."""
+    total, todo = 0.0, [service.process.pid]
+    while todo:
+        at = todo.pop()
+        try:
+            told = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{at}/status").read_text())
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        total += float(told[1]) / 1000.0 if told else 0.0
+        for listed in Path(f"/proc/{at}/task").glob("*/children"):
+            todo += [int(child) for child in listed.read_text().split()]
+    return total

@@ -1,0 +1,189 @@
+"""`kill -9` under load: whatever was answered is there, whole, and what was not is neither twice nor half there."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import signal
+import sqlite3
+import threading
+import time
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+
+from pipeline.service_process import ServiceProcess, service_process
+from pipeline.synth import SynthSpec, write_part
+
+ROUNDS = 3
+SENDERS = 3
+PARTS = 6
+OPTIONS = ("--workers", "1", "--format", "A99", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
+    folder = tmp_path_factory.mktemp("parts")
+    spec = SynthSpec(mask="A99", seed=3, height_mm=4.0)
+    for number in range(PARTS):
+        write_part(spec, folder / f"part-{number}", number, photos=False)
+    return [(folder / f"part-{number}.npz").read_bytes() for number in range(PARTS)]
+
+
+class Senders:
+    """Send parts with a key each, again and again until there is an answer, as a line would."""
+
+    def __init__(self, files: list[bytes]) -> None:
+        self.files = files
+        self.answered: dict[str, dict[str, object]] = {}
+        self.asked: set[str] = set()
+        self._lock = threading.Lock()
+
+    def keep_sending(self, url: str, stop: threading.Event, who: str) -> None:
+        number = 0
+        with httpx.Client(base_url=url, timeout=30.0) as http:
+            while not stop.is_set():
+                key = f"{who}-{number}"
+                number += 1
+                with self._lock:
+                    self.asked.add(key)
+                try:
+                    self.send(http, key)
+                except httpx.TransportError:
+                    return  # killed
+
+    def send(self, http: httpx.Client, key: str) -> dict[str, object]:
+        data = self.files[hash_of(key) % len(self.files)]
+        answer = http.post(
+            "/v1/parts",
+            files={"scan": ("part.npz", data)},
+            data={"name": key},
+            headers={"Idempotency-Key": key},
+        )
+        assert answer.status_code in (200, 201), answer.text
+        with self._lock:
+            self.answered[key] = answer.json()
+        return answer.json()
+
+
+def hash_of(key: str) -> int:
+    return int(hashlib.sha256(key.encode()).hexdigest()[:8], 16)
+
+
+def kill(service: ServiceProcess) -> None:
+    os.kill(service.process.pid, signal.SIGKILL)
+    service.process.wait()
+
+
+def test_nothing_answered_is_lost_and_nothing_is_half_there(tmp_path: Path, files: list[bytes]) -> None:
+    rng = np.random.default_rng(8)
+    senders = Senders(files)
+    folder = tmp_path / "service"
+    for turn in range(ROUNDS):
+        with service_process(folder, *OPTIONS) as service:
+            stop = threading.Event()
+            threads = [
+                threading.Thread(
+                    target=senders.keep_sending, args=(service.url, stop, f"turn{turn}-sender{k}")
+                )
+                for k in range(SENDERS)
+            ]
+            for thread in threads:
+                thread.start()
+            before = len(senders.answered)
+            until = time.monotonic() + 60.0
+            # under load: at least a few answers, then at any moment of the next
+            while len(senders.answered) < before + 3 and time.monotonic() < until:
+                time.sleep(0.02)
+            time.sleep(float(rng.uniform(0.0, 0.4)))
+            kill(service)
+            stop.set()
+            for thread in threads:
+                thread.join()
+        assert len(senders.answered) >= before + 3
+        _whole(folder)
+    answered = dict(senders.answered)
+    with (
+        service_process(folder, *OPTIONS) as service,
+        httpx.Client(base_url=service.url, timeout=60.0) as http,
+    ):
+        for key, told in answered.items():
+            now = http.get(f"/v1/parts/{told['id']}").json()
+            assert now["name"] == key
+            assert now["reading"] == told["reading"]
+            assert http.get(told["links"]["edges"]).status_code == 200  # type: ignore[index]
+        # what nobody answered is asked again, with its key
+        for key in sorted(senders.asked):
+            again = senders.send(http, key)
+            if key in answered:
+                assert again["id"] == answered[key]["id"]
+        listed = http.get("/v1/parts", params={"limit": 500}).json()
+        assert sorted(part["name"] for part in listed) == sorted(senders.asked)
+    _whole(folder)
+
+
+def _whole(folder: Path) -> None:
+    """Every part of the store has its reading, its received event and its files, as long and as hashed as told."""
+    with contextlib.closing(sqlite3.connect(folder / "store.db")) as store:
+        assert store.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        parts = {row[0] for row in store.execute("SELECT id FROM parts")}
+        for table in ("readings", "events", "evidence"):
+            assert {row[0] for row in store.execute(f"SELECT DISTINCT part_id FROM {table}")} == parts
+        rows = list(store.execute("SELECT sha256, n_bytes FROM evidence"))
+    assert rows
+    kept = {path.name.split(".")[0]: path for path in (folder / "evidence").rglob("*") if path.is_file()}
+    for sha256, n_bytes in rows:
+        data = kept[sha256].read_bytes()
+        assert len(data) == n_bytes
+        assert hashlib.sha256(data).hexdigest() == sha256
+
+
+def test_a_killed_worker_is_replaced_and_the_service_goes_on(tmp_path: Path, files: list[bytes]) -> None:
+    with (
+        service_process(tmp_path / "service", *OPTIONS) as service,
+        httpx.Client(base_url=service.url, timeout=60.0) as http,
+    ):
+        workers = _children(service.process.pid)
+        assert workers
+        for worker in workers:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(worker, signal.SIGKILL)
+        statuses = [
+            http.post("/v1/parts", files={"scan": ("part.npz", data)}).status_code for data in files[:3]
+        ]
+        assert statuses[-1] == 201
+        assert set(statuses) <= {201, 422, 503}  # the part at which a worker dies may be told so, never a 500
+        assert http.get("/healthz").status_code == 200
+
+
+def _children(pid: int) -> list[int]:
+    """All processes below this one."""
+    found, todo = [], [pid]
+    while todo:
+        at = todo.pop()
+        for listed in Path(f"/proc/{at}/task").glob("*/children"):
+            below = [int(child) for child in listed.read_text().split()]
+            found += below
+            todo += below
+    return found
+
+
+def test_workers_end_with_a_killed_service(tmp_path: Path) -> None:
+    with service_process(tmp_path / "service", *OPTIONS) as service:
+        workers = _children(service.process.pid)
+        assert workers
+        kill(service)
+        until = time.monotonic() + 20.0
+        while any(_alive(w) for w in workers) and time.monotonic() < until:
+            time.sleep(0.05)
+        assert not [w for w in workers if _alive(w)]
+
+
+def _alive(pid: int) -> bool:
+    try:
+        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
