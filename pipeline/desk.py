@@ -12,7 +12,7 @@ import asyncio
 import contextlib
 import shutil
 from collections.abc import Awaitable, Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -26,8 +26,6 @@ from pipeline.records import (
     EvidenceRecord,
     PartRecord,
     PartState,
-    ReviewAction,
-    ReviewRecord,
 )
 from pipeline.stage import Camera, ScanOrder, Stage, StageError
 from pipeline.store import AlreadyDoneError, Idempotency, Store
@@ -112,7 +110,7 @@ class Desk:
         self.stage, self.camera = stage, camera
         self._databases, self._reading, self._limits = databases, reading, limits
         self._targets = tuple(targets)
-        self.on_result: Callable[[], None] = lambda: None
+        self.on_result: Callable[[], object] = lambda: None
         self._running: dict[str, asyncio.Future[PartRecord]] = {}
         self._one_at_the_stage = asyncio.Lock()
 
@@ -221,35 +219,15 @@ class Desk:
             done = await self.receive(NewPart(name=name, touch=True), photo=Upload(copy, taken.name))
         return done.part
 
-    async def review(
-        self,
-        part_id: str,
-        *,
-        action: ReviewAction,
-        text: str,
-        who: str,
-        token: str,
-        note: str,
-        before: str | None,
-    ) -> PartRecord:
-        """Keep what a person says of a part.
+    def say(self, part_id: str, **said: Any) -> PartRecord:
+        """Keep what a person says of a part, and send it on; arguments as `Store.review`.
 
         Raises:
-            Problem: no such part; another person was quicker.
+            StoreError: as `Store.review`.
         """
-        part = await self._stored(
-            self.store.review,
-            part_id,
-            action=action,
-            text=text,
-            who=who,
-            token=token,
-            note=note,
-            before=before,
-            targets=self._targets,
-        )
+        part = self.store.review(part_id, targets=self._targets, **said)
         self.on_result()
-        if isinstance(part.review, ReviewRecord):
+        if part.review is not None:
             self.metrics.reviews.labels(part.review.action.value).inc()
         return part
 
@@ -300,19 +278,19 @@ class Desk:
         """Read the files in a worker; keep them and what was made of them."""
         given = {role: upload for role, upload in uploads.items() if upload is not None}
         with self._work_folder() as folder:
+            raw = {upload.kind(role): upload for role, upload in given.items()}
+            paths = {kind: upload.path for kind, upload in raw.items()}
             job = Job(
                 folder=folder,
+                photo=paths.get(EvidenceKind.PHOTO, photo),
+                scan=paths.get(EvidenceKind.SCAN),
+                height_map=paths.get(EvidenceKind.HEIGHT_MAP),
+                sight=sight,
                 part_name=name,
                 expected=expected,
                 database=self._databases(database),
-                sight=sight,
-                photo=photo,
+                names={kind.value: upload.name for kind, upload in raw.items()},
             )
-            raw: list[tuple[EvidenceKind, Upload]] = []
-            for role, upload in given.items():
-                kind = upload.kind(role)
-                raw.append((kind, upload))
-                job = replace(job, **{kind.value: upload.path}, names={**job.names, kind.value: upload.name})
             done = await self._in_worker(read_job, job, self._reading, self._limits)
             try:
                 return done, await asyncio.to_thread(self._keep, raw, done)
@@ -321,9 +299,9 @@ class Desk:
                 busy = "the service cannot keep what was sent; its log tells why"
                 raise Problem(503, busy, headers={"Retry-After": "30"}) from problem
 
-    def _keep(self, raw: list[tuple[EvidenceKind, Upload]], done: Done) -> list[EvidenceRecord]:
+    def _keep(self, raw: dict[EvidenceKind, Upload], done: Done) -> list[EvidenceRecord]:
         kept = []
-        for kind, upload in raw:
+        for kind, upload in raw.items():
             sha256, n_bytes = self.evidence.keep(upload.path)
             kept.append(
                 EvidenceRecord(kind, sha256, n_bytes, name=upload.name, media_type=upload.media_type(kind))

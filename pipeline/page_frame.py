@@ -9,7 +9,7 @@ from __future__ import annotations
 import hmac
 import re
 import secrets
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from pipeline.access import Access, Caller, DeniedError
 from pipeline.page_places import LOW_MARGIN, part_cells
 from pipeline.page_static import StaticFiles
-from pipeline.records import PartState, Scope
+from pipeline.records import PartRecord, PartState, Scope
 from pipeline.store_errors import NotFoundError, StoreError, UnfitError
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class Frame:
         static: script and style.
         environment: templates.
         low_margin: lead of the first over the second candidate below which a place is unsure.
-        targets: where reviewed parts are published.
+        review: keeps what a person says; arguments as `Store.review`.
     """
 
     store: Store
@@ -83,7 +83,7 @@ class Frame:
     static: StaticFiles
     environment: jinja2.Environment
     low_margin: float
-    targets: tuple[str, ...] = ()
+    review: Callable[..., PartRecord]
 
     @classmethod
     def make(
@@ -93,7 +93,7 @@ class Frame:
         access: Access,
         *,
         low_margin: float = LOW_MARGIN,
-        targets: Sequence[str] = (),
+        review: Callable[..., PartRecord] | None = None,
     ) -> Frame:
         """With the templates and files of the package."""
         static = StaticFiles()
@@ -108,7 +108,7 @@ class Frame:
         environment.globals["state_names"] = STATE_NAMES
         environment.globals["part_cells"] = lambda part: part_cells(part, low_margin=low_margin)
         environment.filters.update(iso=_iso, utc=_utc, view=_view)
-        return cls(store, evidence, access, static, environment, low_margin, tuple(targets))
+        return cls(store, evidence, access, static, environment, low_margin, review or store.review)
 
     def page(
         self,

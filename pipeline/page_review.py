@@ -101,7 +101,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
             return _review_page(frame, request, part, said=said, fault=fault, status=422)
         asked = _action(action, said.text, before)
         try:
-            frame.store.review(
+            frame.review(
                 part_id,
                 action=asked,
                 text=said.text if asked is ReviewAction.CORRECT else "",
@@ -109,7 +109,6 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
                 token=caller.name if frame.access.required else "",
                 note=said.note,
                 before=before,
-                targets=frame.targets,
             )
         except ConflictError:
             now = frame.store.part(part_id)

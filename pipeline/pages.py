@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from fastapi import APIRouter
@@ -22,6 +22,7 @@ from pipeline.page_review import add_review_pages
 if TYPE_CHECKING:
     from pipeline.access import Access
     from pipeline.evidence_folder import EvidenceFolder
+    from pipeline.records import PartRecord
     from pipeline.store import Store
 
 
@@ -31,7 +32,7 @@ def pages_router(
     access: Access,
     *,
     low_margin: float = LOW_MARGIN,
-    targets: Sequence[str] = (),
+    review: Callable[..., PartRecord] | None = None,
 ) -> APIRouter:
     """The routes of all pages.
 
@@ -40,9 +41,9 @@ def pages_router(
         evidence: where their pictures are kept; they are shown from `/v1/parts/{id}/pictures/...`.
         access: who may look, and who may review.
         low_margin: lead of the first over the second candidate below which a place is marked unsure.
-        targets: where reviewed parts are published, as for `Store.review`.
+        review: keeps what a person says, `Store.review` unless given.
     """
-    frame = Frame.make(store, evidence, access, low_margin=low_margin, targets=targets)
+    frame = Frame.make(store, evidence, access, low_margin=low_margin, review=review)
     router = APIRouter(route_class=page_route(frame), include_in_schema=False)
     add_review_pages(router, frame)
     add_part_pages(router, frame)

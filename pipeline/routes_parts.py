@@ -259,10 +259,10 @@ def parts_router(desk: Desk, access: Access) -> APIRouter:
         summary="Confirm or correct what was read",
         responses=problems(400, 401, 403, 404, 409, 422),
     )
-    async def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> Any:
+    def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> Any:
         if body.action is not ReviewAction.UNREADABLE and not body.text.strip():
             raise Problem(422, "the text is empty; give the serial, or the action unreadable")
-        part = await desk.review(
+        part = desk.say(
             found(part_id),
             action=body.action,
             text=body.text.strip(),

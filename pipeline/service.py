@@ -150,9 +150,7 @@ def create_app(service: Service) -> FastAPI:
         redirect_slashes=False,
     )
     app.include_router(parts_router(service.desk, service.access))
-    app.include_router(
-        pages_router(service.store, service.evidence, service.access, targets=tuple(service.ports.senders))
-    )
+    app.include_router(pages_router(service.store, service.evidence, service.access, review=service.desk.say))
     _add_service_routes(app, service)
     _add_handlers(app)
     app.openapi = lambda: _described(app, asked=service.access.required)  # type: ignore[method-assign]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 from collections.abc import AsyncIterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 import structlog
@@ -58,7 +60,9 @@ class Ports:
             if self.senders:
                 dispatcher = Dispatcher(desk.store, self.senders)
                 dispatcher.start()
-                desk.on_result = dispatcher.wake
+                loop = asyncio.get_running_loop()
+                # results come from threads as well
+                desk.on_result = partial(loop.call_soon_threadsafe, dispatcher.wake)
                 stack.push_async_callback(dispatcher.stop, grace_s=min(grace_s, 10.0))
             if settings.tcp_port is not None:
                 from pipeline.line_result_string import DEFAULT_FORMAT

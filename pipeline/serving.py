@@ -44,9 +44,10 @@ def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str]
     if settings.tokens_asked and not service.store.tokens():
         service.close()
         bound.close()
+        where = "" if settings.store else f" --store {settings.store_url}"
         raise CommandError(
             f"serve: {settings.host} can be reached from elsewhere and there is no token yet; make one with: "
-            f"tactile-marks tokens add NAME --scope read --scope write --scope review --folder {settings.folder}",
+            f"tactile-marks tokens add NAME --scope read --scope write --scope review{where}",
             status=USAGE,
         )
     server = uvicorn.Server(

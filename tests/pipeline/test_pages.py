@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -70,7 +71,10 @@ class Shop:
         self.evidence = EvidenceFolder(folder / "evidence")
         app = FastAPI()
         router = pages_router(
-            self.store, self.evidence, Access(self.store, required=required), targets=("webhook",)
+            self.store,
+            self.evidence,
+            Access(self.store, required=required),
+            review=partial(self.store.review, targets=("webhook",)),
         )
         app.include_router(router)
         self.client = TestClient(app, follow_redirects=False)
