@@ -33,9 +33,13 @@ def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str]
         CommandError: an address that is taken, a store that cannot be opened, tokens asked for and none there.
         FileProblem: a folder that cannot be made.
     """
-    set_up_logs(settings.log)
     check_folder(settings)
-    bound = _listening(settings)
+    bound = _listening(settings.host, settings.port, option="--port")
+    for port, option in ((settings.tcp_port, "--tcp-port"), (settings.opcua_port, "--opcua-port")):
+        if port:
+            _listening(
+                settings.host, port, option=option
+            ).close()  # told here in a line, not out of a running server
     try:
         service = Service(settings, reading)
     except StoreError as error:
@@ -50,6 +54,7 @@ def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str]
             f"tactile-marks tokens add NAME --scope read --scope write --scope review{where}",
             status=USAGE,
         )
+    set_up_logs(settings.log)
     server = uvicorn.Server(
         uvicorn.Config(
             create_app(service),
@@ -69,19 +74,18 @@ def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str]
     return 0 if server.started else 1
 
 
-def _listening(settings: ServiceSettings) -> socket.socket:
+def _listening(host: str, port: int, *, option: str) -> socket.socket:
     """The socket, bound before anything else is begun, so that an address in use is told at once."""
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
     bound = socket.socket(family, socket.SOCK_STREAM)
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        bound.bind((settings.host, settings.port))
+        bound.bind((host, port))
         bound.listen(2048)
     except OSError as error:
         bound.close()
         raise CommandError(
-            f"serve: cannot listen on {settings.host}:{settings.port} ({error.strerror}); name another --port",
-            status=USAGE,
+            f"serve: cannot listen on {host}:{port} ({error.strerror}); name another {option}", status=USAGE
         ) from error
     bound.set_inheritable(False)
     return bound
