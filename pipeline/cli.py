@@ -14,12 +14,9 @@ PROGRAM = "tactile-marks"
 
 
 def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
+    from pipeline.program_version import program_version
 
-    try:
-        return version(PROGRAM)
-    except PackageNotFoundError:
-        return "0 (not installed)"
+    return program_version()
 
 
 app = App(

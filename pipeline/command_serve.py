@@ -30,6 +30,7 @@ def serve(
     retention_days: float | None = None,
     stage: Path | None = None,
     camera: Path | None = None,
+    line_host: str | None = None,
     tcp_port: int | None = None,
     tcp_format: str | None = None,
     opcua_port: int | None = None,
@@ -82,6 +83,8 @@ def serve(
         Folder of height maps that the simulated whisker stage feels: NAME.npz is the part called NAME.
     camera
         Folder into which the camera puts its pictures: NAME.png is the part called NAME.
+    line_host
+        Address of the TCP port and the OPC UA server, 127.0.0.1 unless given; they know no tokens.
     tcp_port
         Raw trigger port for line controllers.
     tcp_format
@@ -138,6 +141,7 @@ def serve(
             retention_days=retention_days,
             stage=stage,
             camera=camera,
+            line_host=line_host,
             tcp_port=tcp_port,
             tcp_format=tcp_format,
             opcua_port=opcua_port,

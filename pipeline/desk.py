@@ -104,13 +104,16 @@ class Desk:
             reading: how parts are read.
             limits: of files.
             metrics: what is counted.
-            targets: of results: webhook, mqtt; `on_result` is called when there is something for them.
+            targets: of results: webhook, mqtt; `on_result` is called when there is something for them,
+                `on_part` with every part that was read.
         """
         self.store, self.evidence, self.pool, self.metrics = store, evidence, pool, metrics
         self.stage, self.camera = stage, camera
         self._databases, self._reading, self._limits = databases, reading, limits
         self._targets = tuple(targets)
         self.on_result: Callable[[], object] = lambda: None
+        self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
+        self._telling: set[asyncio.Future[None]] = set()
         self._running: dict[str, asyncio.Future[PartRecord]] = {}
         self._one_at_the_stage = asyncio.Lock()
 
@@ -376,6 +379,10 @@ class Desk:
 
     def _count(self, part: PartRecord, done: Done) -> None:
         self.on_result()
+        if self.on_part is not None and part.state is not PartState.TOUCH_NEEDED:
+            telling = asyncio.ensure_future(self.on_part(part))
+            self._telling.add(telling)  # a task that nobody holds may vanish
+            telling.add_done_callback(self._telling.discard)
         self.metrics.parts.labels(part.state.value).inc()
         for reading in done.readings:
             self.metrics.readings.labels(reading.source, reading.decision).inc()

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +24,7 @@ from pipeline.glyph_databases import GlyphDatabases
 from pipeline.metrics import CONTENT_TYPE_LATEST, Metrics
 from pipeline.pages import pages_router
 from pipeline.problem import Problem, ProblemBody
+from pipeline.program_version import program_version
 from pipeline.routes_parts import parts_router
 from pipeline.service_layers import DoorLayer, RequestLayer, problem_answer
 from pipeline.service_ports import Ports
@@ -139,7 +139,7 @@ def create_app(service: Service) -> FastAPI:
     app = FastAPI(
         title="tactile-marks",
         summary="Reads die-stamped serials: by camera first, by touch when the camera is unsure.",
-        version=_version(),
+        version=program_version(),
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
         docs_url=None,  # its pages would load scripts from the internet
         redoc_url=None,
@@ -294,13 +294,6 @@ def _described(app: FastAPI, *, asked: bool) -> dict[str, Any]:
         made["security"] = [{"token": []}, {"page": []}]
     app.openapi_schema = made
     return made
-
-
-def _version() -> str:
-    try:
-        return version("tactile-marks")
-    except PackageNotFoundError:
-        return "0"
 
 
 def check_folder(settings: ServiceSettings) -> Path:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import structlog
 
 from pipeline.line_dispatch import Dispatcher, Sender
+from pipeline.program_version import program_version
 
 if TYPE_CHECKING:
     from pipeline.desk import Desk
@@ -70,7 +71,7 @@ class Ports:
 
                 tcp = TcpPort(
                     desk.trigger,
-                    host=settings.host,
+                    host=settings.line_host,
                     port=settings.tcp_port,
                     template=settings.tcp_format or DEFAULT_FORMAT,
                     clients=settings.tcp_clients,
@@ -81,8 +82,17 @@ class Ports:
             if settings.opcua_port is not None:
                 from pipeline.line_opcua import OpcUaPort
 
-                opcua = OpcUaPort(desk.trigger, host=settings.host, port=settings.opcua_port)
+                opcua = OpcUaPort(
+                    desk.trigger,
+                    host=settings.line_host,
+                    port=settings.opcua_port,
+                    version=program_version(),
+                    users=settings.opcua_users,
+                    certificate=settings.opcua_certificate,
+                    private_key=settings.opcua_key,
+                )
                 await opcua.start()
-                stack.push_async_callback(opcua.stop)
+                stack.push_async_callback(opcua.stop, grace_s=grace_s)
+                desk.on_part = opcua.show
                 log.info("OPC UA server", host=opcua.host, port=opcua.port)
             yield

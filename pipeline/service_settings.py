@@ -44,10 +44,13 @@ class ServiceSettings(BaseSettings):
         retention_days: for which photographs and scans are kept; 0 is for ever.
         stage: folder of height maps that the simulated whisker stage feels; without it there is no stage.
         camera: folder into which the camera puts its pictures, for triggers.
+        line_host: address of the TCP port and the OPC UA server, which know no tokens.
         tcp_port: of the raw trigger port; closed unless given.
         tcp_format: of its result string.
         tcp_clients: addresses or networks that may use it, such as 192.168.7.0/24; any unless given.
         opcua_port: of the OPC UA server; closed unless given.
+        opcua_certificate, opcua_key: of the server; with them only signed and encrypted connections are taken.
+        opcua_users: passwords by name; without any everybody may call who can reach it.
         mqtt: broker that results are published to, mqtt://host:1883 or mqtts://user:password@host:8883.
         mqtt_prefix: first level of the topics.
         webhook: URL that results are posted to.
@@ -76,10 +79,14 @@ class ServiceSettings(BaseSettings):
     retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
     stage: Path | None = None
     camera: Path | None = None
+    line_host: str = "127.0.0.1"
     tcp_port: Port | None = None
     tcp_format: str = ""
     tcp_clients: Annotated[tuple[str, ...], NoDecode] = ()
     opcua_port: Port | None = None
+    opcua_certificate: Path | None = None
+    opcua_key: Path | None = None
+    opcua_users: dict[str, str] = Field(default_factory=dict, repr=False)
     mqtt: str = ""
     mqtt_prefix: str = "tactile-marks"
     webhook: str = ""
@@ -92,6 +99,13 @@ class ServiceSettings(BaseSettings):
     def _one_or_many(cls, value: Any) -> Any:
         if isinstance(value, str):
             return tuple(name.strip() for name in value.split(",") if name.strip())
+        return value
+
+    @field_validator("tcp_clients")
+    @classmethod
+    def _networks(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for network in value:
+            ipaddress.ip_network(network)
         return value
 
     @field_validator("webhook")
@@ -114,17 +128,23 @@ class ServiceSettings(BaseSettings):
             raise ValueError(
                 f"the host {self.host} can be reached from elsewhere; without tokens listen on 127.0.0.1 only"
             )
+        if not is_loopback(self.line_host):
+            if self.tcp_port is not None and not self.tcp_clients:
+                raise ValueError(
+                    f"the TCP port at {self.line_host} can be reached from elsewhere and asks for no token; name the "
+                    "addresses that may call: tcp_clients"
+                )
+            if self.opcua_port is not None and not (self.opcua_certificate and self.opcua_users):
+                raise ValueError(
+                    f"the OPC UA server at {self.line_host} can be reached from elsewhere; give it "
+                    "opcua_certificate, opcua_key and opcua_users"
+                )
         return self
 
     @property
     def on_loopback(self) -> bool:
         """Whether only this machine can call."""
-        if self.host == "localhost":
-            return True
-        try:
-            return ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return False
+        return is_loopback(self.host)
 
     @property
     def tokens_asked(self) -> bool:
@@ -145,6 +165,16 @@ class ServiceSettings(BaseSettings):
     def databases_folder(self) -> Path:
         """Where glyph databases are looked for."""
         return self.databases if self.databases is not None else self.folder / "databases"
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address can be reached from its own machine alone."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def load_service_settings(
