@@ -1,0 +1,81 @@
+"""What the store refuses, and text that every database can hold."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+MAX_TEXT = 200
+"""Longest serial, name of a part or of a person."""
+MAX_ROWS = 10_000
+"""Longest list given at once."""
+MAX_NOTE = 4000
+"""Longest note of a review."""
+
+# no database holds NUL in a text, and UTF-8 has no half surrogates
+_UNFIT = re.compile("[\x00\ud800-\udfff]")
+
+
+class StoreError(Exception):
+    """The store cannot do it: says what is wrong and the mend."""
+
+
+class NotFoundError(StoreError):
+    """There is no such thing in the store."""
+
+
+class ConflictError(StoreError):
+    """The store has moved on since the caller last looked."""
+
+
+class AlreadyDoneError(ConflictError):
+    """The request with this idempotency key was carried out before, or meanwhile by another.
+
+    Attributes:
+        part_id: what came of it.
+        fingerprint: of the request that was carried out.
+    """
+
+    def __init__(self, part_id: str, fingerprint: str) -> None:
+        super().__init__(f"this idempotency key has made part {part_id} already; ask for that part")
+        self.part_id = part_id
+        self.fingerprint = fingerprint
+
+
+class UnfitError(StoreError, ValueError):
+    """A value that no store can hold or that makes no sense: the caller's mistake."""
+
+
+def fit(text: str, what: str, *, limit: int = MAX_TEXT) -> str:
+    """The text, if it can be stored.
+
+    Raises:
+        UnfitError: it is too long, or has characters that no database holds.
+    """
+    if len(text) > limit:
+        raise UnfitError(f"{what} has {len(text)} characters; give at most {limit}")
+    if _UNFIT.search(text):
+        raise UnfitError(f"{what} has a NUL or half a surrogate pair; leave that character out")
+    return text
+
+
+def fit_limit(limit: int) -> int:
+    """The most rows of a list, if that is a number of rows.
+
+    Raises:
+        UnfitError: it is not.
+    """
+    if not 1 <= limit <= MAX_ROWS:
+        raise UnfitError(f"a list of {limit} cannot be given; ask for 1 to {MAX_ROWS}")
+    return limit
+
+
+def cleaned(value: Any) -> Any:
+    """JSON values with what no database holds replaced by U+FFFD, for text that nobody can mend any more."""
+    if isinstance(value, str):
+        return _UNFIT.sub("\ufffd", value)
+    if isinstance(value, dict):
+        return {cleaned(k): cleaned(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [cleaned(v) for v in value]
+    return value

@@ -1,0 +1,208 @@
+"""Programs that tests need, and stores in every database: the same tests run on SQLite and on a real PostgreSQL.
+
+Nothing starts unless a test asks for it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import itertools
+import os
+import pwd
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from store_samples import Clock
+
+    from pipeline.store import Store
+
+_PLACES = ("/usr/sbin", "/usr/local/sbin", *map(str, Path("/usr/lib/postgresql").glob("*/bin")))
+_START_S = 30.0
+_PR_SET_PDEATHSIG = 1
+
+
+def program(name: str) -> str:
+    """Where a program is; skips the test, or fails it where everything must be tested."""
+    found = shutil.which(name) or shutil.which(name, path=os.pathsep.join(_PLACES))
+    if found is None:
+        told = f"{name} is not installed"
+        if os.environ.get("TACTILE_MARKS_TEST_ALL") == "1":
+            pytest.fail(f"{told}, and TACTILE_MARKS_TEST_ALL asks for every test")
+        pytest.skip(told)
+    return found
+
+
+@pytest.fixture(scope="session")
+def find_program() -> Callable[[str], str]:
+    """`program`, for test modules, which cannot import this one by its name."""
+    return program
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[Callable[[str], str]]:
+    """A PostgreSQL of this session: gives the URL of a database of its, by name.
+
+    It listens on a socket in its own folder and on no port, and ends with this process however that ends.
+    """
+    initdb, server = program("initdb"), program("postgres")
+    user = _unprivileged()
+    folder = Path(tempfile.mkdtemp(prefix="tactile-marks-pg-"))
+    process: subprocess.Popen[bytes] | None = None
+    try:
+        if user is not None:
+            os.chown(folder, user, -1)
+        data = folder / "data"
+        subprocess.run(
+            [
+                initdb,
+                "-D",
+                data,
+                "-U",
+                "postgres",
+                "-A",
+                "trust",
+                "-E",
+                "UTF8",
+                "--locale=C.UTF-8",
+                "--no-sync",
+            ],
+            check=True,
+            capture_output=True,
+            cwd=folder,
+            user=user,
+        )
+        options = {
+            "listen_addresses": "",
+            "unix_socket_directories": str(folder),
+            "fsync": "off",
+            "max_connections": "200",
+        }
+        with (folder / "log").open("wb") as log:
+            process = subprocess.Popen(
+                [server, "-D", data, *(f"--{k}={v}" for k, v in options.items())],
+                stdout=log,
+                stderr=log,
+                cwd=folder,
+                user=user,
+                preexec_fn=_end_with_parent,
+            )
+
+        def url(name: str) -> str:
+            return f"postgresql://postgres@/{name}?host={folder}"
+
+        _await_server(url("postgres"), process, folder / "log")
+        yield url
+    finally:
+        if process is not None:
+            process.send_signal(signal.SIGQUIT)
+            process.wait(_START_S)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def empty_stores(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, pytest.FixtureRequest], str]:
+    """Makes the URL of a new, empty store in the database of that name; its tables are made but once."""
+    from pipeline.store import Store
+
+    numbers = itertools.count()
+    folder = tmp_path_factory.mktemp("stores")
+    templates: dict[str, str] = {}
+
+    def new_store(backend: str, request: pytest.FixtureRequest) -> str:
+        name = f"store_{next(numbers)}"
+        if backend == "sqlite":
+            template, made = folder / "template.db", folder / f"{name}.db"
+            if backend not in templates:
+                templates[backend] = str(template)
+                Store.open(f"sqlite:///{template}").close()
+            shutil.copyfile(template, made)
+            return f"sqlite:///{made}"
+        url: Callable[[str], str] = request.getfixturevalue("postgres")
+        if backend not in templates:
+            templates[backend] = "template_store"
+            _administer(url("postgres"), "CREATE DATABASE template_store")
+            Store.open(url("template_store")).close()
+        _administer(url("postgres"), f"CREATE DATABASE {name} TEMPLATE template_store STRATEGY FILE_COPY")
+        return url(name)
+
+    return new_store
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def store_url(
+    request: pytest.FixtureRequest, empty_stores: Callable[[str, pytest.FixtureRequest], str]
+) -> str:
+    """An empty store with its tables, in one database after the other."""
+    return empty_stores(request.param, request)
+
+
+@pytest.fixture
+def clock() -> Clock:
+    """The time of `store`."""
+    from store_samples import Clock
+
+    return Clock()
+
+
+@pytest.fixture
+def store(store_url: str, clock: Clock) -> Iterator[Store]:
+    """An empty store, in one database after the other."""
+    from pipeline.store import Store
+
+    with contextlib.closing(Store.open(store_url, now=clock)) as opened:
+        yield opened
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def blank_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """A database without any table."""
+    if request.param == "sqlite":
+        return f"sqlite:///{tmp_path}/blank.db"
+    url: Callable[[str], str] = request.getfixturevalue("postgres")
+    name = f"blank_{time.monotonic_ns()}"
+    _administer(url("postgres"), f"CREATE DATABASE {name}")
+    return url(name)
+
+
+def _administer(url: str, command: str) -> None:
+    import psycopg
+
+    with psycopg.connect(url, autocommit=True) as connection:
+        connection.execute(command.encode())
+
+
+def _await_server(url: str, process: subprocess.Popen[bytes], log: Path) -> None:
+    import psycopg
+
+    end_s = time.monotonic() + _START_S
+    while True:
+        with contextlib.suppress(psycopg.OperationalError):
+            psycopg.connect(url).close()
+            return
+        if process.poll() is not None or time.monotonic() > end_s:
+            pytest.fail(f"PostgreSQL does not start: {log.read_text(errors='replace')[-2000:]}")
+        time.sleep(0.02)
+
+
+def _unprivileged() -> int | None:
+    """Whom to run the server as, which refuses root; None: as we are."""
+    if os.geteuid() != 0:
+        return None
+    for name in ("postgres", "nobody"):
+        with contextlib.suppress(KeyError):
+            return pwd.getpwnam(name).pw_uid
+    pytest.fail("PostgreSQL does not run as root, and there is neither a user postgres nor nobody")
+
+
+def _end_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGQUIT)
