@@ -22,6 +22,10 @@ class FileProblem(Exception):  # noqa: N818 - a row of a table, more than an exc
         self.problem = problem
         self.mend = mend
 
+    def __reduce__(self) -> tuple[type[FileProblem], tuple[str, str, str]]:
+        # an exception is pickled by its message alone unless told otherwise
+        return (type(self), (str(self.path), self.problem, self.mend))
+
     def __str__(self) -> str:
         return " ".join(f"{self.path}: {self.problem}; {self.mend}".split())
 

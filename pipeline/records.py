@@ -142,6 +142,8 @@ class ScanPlanRecord:
         seconds: the scan takes.
         height_mm: character height that it is made for.
         reason: why touch is needed, in words.
+        middle_mm: x, y in the region's frame of what lies under the middle of the photograph, by which a stage
+            finds the region; None where the scale is not known: the region is then the stage's whole field.
     """
 
     region_mm: tuple[float, float, float, float]
@@ -154,6 +156,7 @@ class ScanPlanRecord:
     seconds: float
     height_mm: float
     reason: str
+    middle_mm: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

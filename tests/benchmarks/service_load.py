@@ -132,7 +132,8 @@ def main() -> None:
             f"{chosen.parts} parts, dirt {chosen.dirt}, {chosen.workers} workers, {chosen.seconds:.0f} s each"
         )
         print(
-            f"{'kind':<6} {'clients':>7} {'answers':>8} {'errors':>7} {'a second':>9} {'p50 s':>7} {'p99 s':>7}  statuses"
+            f"{'kind':<6} {'clients':>7} {'answers':>8} {'errors':>7} {'a second':>9} {'p50 s':>7} "
+            f"{'p99 s':>7}  statuses"
         )
         with service_process(folder / "service", *options) as service:
             for kind in chosen.kinds:
