@@ -171,6 +171,45 @@ def _children(pid: int) -> list[int]:
     return found
 
 
+def test_one_key_at_once_is_one_part_and_who_is_at_work_may_end(tmp_path: Path, files: list[bytes]) -> None:
+    """Four senders of one part; then a service that is asked to end while it reads."""
+    with service_process(tmp_path / "service", *OPTIONS) as service:
+        answers: list[httpx.Response] = []
+
+        def send(key: str, data: bytes) -> None:
+            headers = {"Idempotency-Key": key}
+            scan = {"scan": ("part.npz", data)}
+            answers.append(httpx.post(f"{service.url}/v1/parts", files=scan, headers=headers, timeout=60.0))
+
+        at_once = [threading.Thread(target=send, args=("one", files[0])) for _ in range(4)]
+        for thread in at_once:
+            thread.start()
+        for thread in at_once:
+            thread.join()
+        assert sorted(a.status_code for a in answers) == [200, 200, 200, 201]
+        assert len({a.json()["id"] for a in answers}) == 1
+        answers.clear()
+        last = [threading.Thread(target=send, args=(f"last-{k}", data)) for k, data in enumerate(files[:4])]
+        for thread in last:
+            thread.start()
+        until = time.monotonic() + 30.0
+        while _waiting(service) < 1.0 and not answers and time.monotonic() < until:
+            time.sleep(0.01)
+        service.process.send_signal(signal.SIGTERM)
+        for thread in last:
+            thread.join()
+        assert [a.status_code for a in answers] == [201] * 4
+        # the signal is passed on once everything is closed
+        assert service.process.wait(30.0) in (0, -signal.SIGTERM)
+        assert "Application shutdown complete" in service.log.read_text()
+
+
+def _waiting(service: ServiceProcess) -> float:
+    page = httpx.get(f"{service.url}/metrics", timeout=30.0).text
+    (line,) = (text for text in page.splitlines() if text.startswith("tactile_marks_jobs_waiting "))
+    return float(line.split()[1])
+
+
 def test_workers_end_with_a_killed_service(tmp_path: Path) -> None:
     with service_process(tmp_path / "service", *OPTIONS) as service:
         workers = _children(service.process.pid)
