@@ -78,7 +78,7 @@ def serve(
     database
         Name of the one that is used where a request names none.
     retention_days
-        Days for which photographs and scans are kept; 0 is for ever.
+        Days for which photographs, scans and pictures are kept; 0 is for ever.
     stage
         Folder of height maps that the simulated whisker stage feels: NAME.npz is the part called NAME.
     camera

@@ -41,7 +41,7 @@ class ServiceSettings(BaseSettings):
         max_photo_pixels, max_map_samples: of one file, looked at before it is decoded.
         databases: folder of glyph databases (.glyphs) that requests may choose from; in the folder unless given.
         database: name of the one that is used where a request names none.
-        retention_days: for which photographs and scans are kept; 0 is for ever.
+        retention_days: for which photographs, scans and pictures are kept, whatever became of the part; 0 is for ever.
         stage: folder of height maps that the simulated whisker stage feels; without it there is no stage.
         camera: folder into which the camera puts its pictures, for triggers.
         line_host: address of the TCP port and the OPC UA server, which know no tokens.
