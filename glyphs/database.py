@@ -28,8 +28,11 @@ from glyphs.glyph import Font, Glyph
 from glyphs.maps import EdgeMap, TraceDirection
 
 FORMAT_NAME = "tactile-marks glyph database"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+_READABLE_VERSIONS = (1, 2)
 _BLOCK_BYTES = 512
+_EXEMPLAR_TEXTS = ("char", "font_name", "note", "enrolled_at", "part", "evidence")
+_EXEMPLAR_NUMBERS = ("height_mm", "rotation_deg", "raised")
 
 
 class DatabaseError(ValueError):
@@ -46,9 +49,16 @@ class Exemplar:
         edge_map: what was felt.
         note: anything the enroller wants to say.
         enrolled_at: ISO 8601 time, given by the caller.
+        relief: (rows, cols) float32 height over the land in character heights, negative in the mark, on the grid of
+            the edge map; NaN where not known. None where it was not felt: such an exemplar teaches nothing.
+        height_mm: character height; 0 where unknown.
+        rotation_deg: of its line in the plate frame; the edge map lies in the line's frame.
+        raised: whether the mark stands out.
+        part: name of the part.
+        evidence: SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once.
 
     Raises:
-        DatabaseError: not one character, or a time that is not ISO 8601.
+        DatabaseError: not one character, a time that is not ISO 8601, or a relief on another grid.
     """
 
     char: str
@@ -56,8 +66,18 @@ class Exemplar:
     edge_map: EdgeMap
     note: str
     enrolled_at: str
+    relief: NDArray[np.float32] | None = None
+    height_mm: float = 0.0
+    rotation_deg: float = 0.0
+    raised: bool = False
+    part: str = ""
+    evidence: str = ""
 
     def __post_init__(self) -> None:
+        if self.relief is not None and np.shape(self.relief) != self.edge_map.shape:
+            raise DatabaseError(
+                f"a relief of {np.shape(self.relief)} does not fit the edge map {self.edge_map.shape}"
+            )
         if len(self.char) != 1:
             raise DatabaseError(f"an exemplar stands for one character, not for {self.char!r}")
         try:
@@ -150,9 +170,9 @@ def load_database(path: str | Path) -> GlyphDatabase:
         ) from error
 
 
-def _block(body: bytes) -> bytes:
+def _block(body: bytes, version: int = FORMAT_VERSION) -> bytes:
     """The user block in front of an HDF5 body."""
-    text = f"{FORMAT_NAME}\nformat_version {FORMAT_VERSION}\nsha256 {hashlib.sha256(body).hexdigest()}\n"
+    text = f"{FORMAT_NAME}\nformat_version {version}\nsha256 {hashlib.sha256(body).hexdigest()}\n"
     return text.encode("ascii").ljust(_BLOCK_BYTES, b"\0")
 
 
@@ -170,7 +190,7 @@ def _checked_body(data: bytes, name: str) -> bytes:
             "update this program to read it"
         )
     body = data[_BLOCK_BYTES:]
-    if data[:_BLOCK_BYTES] != _block(body):
+    if not any(data[:_BLOCK_BYTES] == _block(body, version) for version in _READABLE_VERSIONS):
         raise DatabaseError(
             f"{name!r} is damaged or cut short (its digest does not fit); restore it from a copy"
         )
@@ -227,6 +247,11 @@ def _pack_font(group: Any, font: Font) -> None:
     group["line_glyph"] = np.array([k for k, _ in lines], dtype=np.uint32)
     group["line_points"] = np.array([len(line) for _, line in lines], dtype=np.uint32)
     group["points"] = np.concatenate([line for _, line in lines] or [np.empty((0, 2))])
+    felt = [(k, g.felt) for k, g in enumerate(glyphs) if g.felt is not None]
+    if felt:
+        group["guessed"] = np.array([g.guessed for g in glyphs], dtype=np.uint8)
+        for k, relief in felt:
+            _pack_layer(group, f"felt/{k}", relief)
 
 
 def _unpack_font(group: Any) -> Font:
@@ -235,6 +260,8 @@ def _unpack_font(group: Any) -> Font:
     lines = np.split(points, ends[:-1]) if ends.size else []
     owner = _numbers(group, "line_glyph")
     outlined, advance, stroke = (_numbers(group, key) for key in ("outlined", "advance", "stroke"))
+    guessed = _numbers(group, "guessed") if "guessed" in group else np.zeros(outlined.size)
+    felt = group.get("felt", {})
     glyphs = {}
     for k, code in enumerate(_numbers(group, "characters")):
         own = tuple(line for line, o in zip(lines, owner, strict=True) if o == k)
@@ -244,6 +271,8 @@ def _unpack_font(group: Any) -> Font:
             contours=own if outlined[k] else (),
             advance=float(advance[k]),
             stroke=float(stroke[k]),
+            felt=_numbers(felt, str(k)) if str(k) in felt else None,
+            guessed=bool(guessed[k]),
         )
     return Font(
         str(group.attrs["name"]), glyphs, float(group.attrs["stroke_ratio"]), str(group.attrs["source"])
@@ -252,13 +281,19 @@ def _unpack_font(group: Any) -> Font:
 
 def _pack_exemplar(group: Any, exemplar: Exemplar) -> None:
     edges = exemplar.edge_map
-    for key in ("char", "font_name", "note", "enrolled_at"):
+    for key in _EXEMPLAR_TEXTS + _EXEMPLAR_NUMBERS:
         group.attrs[key] = getattr(exemplar, key)
     group.attrs["pitch_mm"] = edges.pitch_mm
     group.attrs["origin_mm"] = np.array(edges.origin_mm, dtype=np.float64)
     group.attrs["directions_deg"] = np.array([int(d) for d in edges.directions], dtype=np.int32)
-    group.create_dataset("enhancement", data=edges.enhancement, compression="gzip", compression_opts=4)
-    group.create_dataset("valid", data=edges.valid.astype(np.uint8), compression="gzip", compression_opts=4)
+    _pack_layer(group, "enhancement", edges.enhancement)
+    _pack_layer(group, "valid", edges.valid.astype(np.uint8))
+    if exemplar.relief is not None:
+        _pack_layer(group, "relief", exemplar.relief)
+
+
+def _pack_layer(group: Any, key: str, values: NDArray[Any]) -> None:
+    group.create_dataset(key, data=values, compression="gzip", compression_opts=4, shuffle=True)
 
 
 def _unpack_exemplar(group: Any) -> Exemplar:
@@ -270,8 +305,11 @@ def _unpack_exemplar(group: Any) -> Exemplar:
         pitch_mm=float(group.attrs["pitch_mm"]),
         origin_mm=(x, y),
     )
-    char, font_name, note, at = (str(group.attrs[k]) for k in ("char", "font_name", "note", "enrolled_at"))
-    return Exemplar(char, font_name, edges, note, at)
+    # what the first format did not have stays as it is by default
+    more: dict[str, Any] = {k: str(group.attrs[k]) for k in _EXEMPLAR_TEXTS if k in group.attrs}
+    more.update({k: group.attrs[k].item() for k in _EXEMPLAR_NUMBERS if k in group.attrs})
+    relief = _numbers(group, "relief") if "relief" in group else None
+    return Exemplar(edge_map=edges, relief=relief, **more)
 
 
 def _numbers(group: Any, key: str) -> Any:

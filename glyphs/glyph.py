@@ -19,6 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Points = NDArray[np.float64]
 
+FELT_PIXELS = 40
+"""Pixels to the cap height of a relief that was felt."""
+
 
 class FontError(ValueError):
     """A font or glyph that cannot be used: the message says what is wrong and how to mend it."""
@@ -39,6 +42,16 @@ def _point_arrays(name: str, char: str, arrays: tuple[Points, ...], least: int) 
     return tuple(out)
 
 
+def _felt(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
+    array = np.array(relief, dtype=np.float32)
+    if array.ndim != 2 or array.shape[0] % 2 == 0 or array.shape[1] % 2 == 0:
+        raise FontError(f"the relief of {char!r} has shape {array.shape}; rows and columns must be odd")
+    if not np.isfinite(array).all():
+        raise FontError(f"the relief of {char!r} has heights that are not finite")
+    array.flags.writeable = False
+    return array
+
+
 @dataclass(frozen=True, eq=False)
 class Glyph:
     """One character's shape in the glyph frame.
@@ -50,6 +63,11 @@ class Glyph:
             a stroke glyph. A space has neither.
         advance: distance to the next character's origin, cap heights.
         stroke: width of the stroke the centre lines were set in for, cap heights; 0 for contours.
+        felt: relief of a character learned by touch, (rows, cols) float32, both odd, FELT_PIXELS to the cap height,
+            in cap heights, negative in the mark; its middle pixel is the middle of the ink across and half the cap
+            height up, row 0 the top. Templates are made of it, where the contours only draw its outline. None of
+            any other glyph.
+        guessed: whether a learned font has this character from another font's likeness only.
 
     Raises:
         FontError: both strokes and contours, wrong shapes, values not finite, stroke outside 0 <= s < 1.
@@ -60,6 +78,8 @@ class Glyph:
     contours: tuple[Points, ...] = ()
     advance: float = 0.0
     stroke: float = 0.0
+    felt: NDArray[np.float32] | None = None
+    guessed: bool = False
 
     def __post_init__(self) -> None:
         if len(self.char) != 1:
@@ -76,6 +96,8 @@ class Glyph:
             raise FontError(
                 f"stroke of {self.char!r} is {self.stroke}; it must be at least 0 and below 1 cap height"
             )
+        if self.felt is not None:
+            object.__setattr__(self, "felt", _felt(self.char, self.felt))
 
     @property
     def inked(self) -> bool:
@@ -142,6 +164,11 @@ class Font:
             )
         object.__setattr__(self, "glyphs", MappingProxyType(dict(self.glyphs)))
 
+    @cached_property
+    def learned(self) -> bool:
+        """Whether its shapes were felt rather than drawn."""
+        return any(glyph.felt is not None for glyph in self.glyphs.values())
+
     def glyph(self, char: str) -> Glyph:
         """The glyph of a character.
 
@@ -198,6 +225,7 @@ def transformed(glyph: Glyph, *, x_scale: float = 1.0, shear: float = 0.0) -> Gl
         strokes=tuple(move(s) for s in glyph.strokes),
         contours=tuple(move(c) for c in glyph.contours),
         advance=glyph.advance * x_scale,
+        felt=None,
     )
 
 

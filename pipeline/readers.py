@@ -68,7 +68,7 @@ class Readers:
         """
         from recognition.sight import SightReader
 
-        return SightReader(self.told, fonts=self.fonts)
+        return SightReader(self.told, fonts=_whole(self.fonts))
 
     def open_sight(self, expected: str) -> SightReader:
         """Reads photographs for verification: any character at as many places as the text has.
@@ -85,7 +85,7 @@ class Readers:
         sets = (chars,) * len(text)
         if sets not in self._open:
             told = replace(self.told, grammar=Grammar(sets=sets))
-            self._open[sets] = SightReader(told, fonts=self.fonts)
+            self._open[sets] = SightReader(told, fonts=_whole(self.fonts))
         return self._open[sets]
 
 
@@ -111,6 +111,17 @@ def _fonts(settings: ReadSettings) -> tuple[tuple[str, ...], tuple[Font, ...]]:
         raise DatabaseError(f"{settings.database} holds no font; add one with: tactile-marks glyphs build")
     fonts = tuple(font for name, font in kept.items() if not settings.font or name in settings.font)
     return tuple(name for name in settings.font if name not in kept), fonts
+
+
+def _whole(fonts: tuple[Font, ...]) -> tuple[Font, ...]:
+    """The fonts without those learned in part, unless there are no others.
+
+    Touch doubts what may be a character that was never felt (`recognition.guesses`); sight cannot.
+    """
+    from recognition.reader import ALPHABET
+
+    whole = tuple(f for f in fonts if not any(f.glyphs[c].guessed for c in ALPHABET if c in f.glyphs))
+    return whole or fonts
 
 
 def _depth_rules(settings: ReadSettings) -> tuple[DepthRule, ...]:

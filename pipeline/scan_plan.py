@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from whisker_array.array import RasterPlan
 
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
-"""Land felt around the line, character heights: dirt may have hidden a character at an end, or led the camera astray."""
+"""Land felt around the line, character heights: dirt may have hidden a character at an end."""
 TRUSTED_SHARE = 0.8
 """Mean belief in the characters seen, from which the line is taken to lie where the camera says; below it the whole
 picture is felt: half a line, felt well, would be worse than a longer scan."""

@@ -17,6 +17,7 @@ from pipeline.records import ReadingRecord
 from pipeline.sight_file import KeptSight, load_sight, moved
 from pipeline.work import Job, Limits, told
 from pipeline.work_limits import check_map, check_photo, check_scan
+from pipeline.work_sizes import read_at_sizes
 
 if TYPE_CHECKING:
     from glyphs.maps import HeightMap
@@ -34,7 +35,7 @@ class Seen:
 
     Attributes:
         sensed: its reading, held against the text expected if there is one.
-        photo: in the frame it was read in.
+        photo: as it was read: in the frame and at the size.
         kept: what a later job needs of it.
         seconds: it took.
     """
@@ -102,7 +103,7 @@ class JobSenses:
             width, height = over.size_mm
             photo = replace(photo, centre_mm=(0.5 * width, 0.5 * height))
         with told(self.job, "photo", self.job.photo):
-            sight = self.readers.sight.read_photo(photo)
+            photo, sight = read_at_sizes(photo, self.readers.sight.read_photo)
             open_lattice = None
             if self.expected and self.readers.grammar is not None:
                 open_lattice = self.readers.open_sight(self.expected).read_photo(photo).lattice

@@ -91,6 +91,10 @@ def find_lines(
         if not leader.placed or not rival:
             continue
         line = refine_geometry(search, leader, spans=spans)
+        if refined and refined[0].mean_score >= GOOD_SCORE and refined[0].hypothesis.font.learned:
+            # the die's own shapes leave nothing to be explained by other hands of other fonts
+            refined.append(line)
+            continue
         if look is not None and line.mean_score < GOOD_SCORE:
             kept = look.better(leader, line)
             if look.own_shapes(kept):

@@ -24,6 +24,7 @@ from recognition.depth import mark_depths
 from recognition.depth_rules import judged_by
 from recognition.dirty_look import DirtyLook
 from recognition.grammar import Grammar, GrammarError
+from recognition.guesses import doubted_guesses
 from recognition.lattice import Lattice
 from recognition.lines import find_lines, hypotheses
 from recognition.marks import graded
@@ -42,7 +43,7 @@ from whisker_array.scan import Scan, trace_scan
 from whisker_array.touch import Touch, default_touch
 from whisker_array.traces import SampleFlag
 
-__all__ = ["ALPHABET", "Reader", "ReaderSettings", "ReadingWithEvidence"]
+__all__ = ["ALPHABET", "Reader", "ReaderSettings", "ReadingWithEvidence", "relief_of"]
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 MOST_SCANS = 2
@@ -186,7 +187,7 @@ class Reader:
                     _nothing(clock, _scan_flags(scan)), scan=scan, height_map=height_map
                 )
         with clock.step("depth"):
-            relief = _relief(scan, edges)
+            relief = relief_of(scan, edges)
         found = self.read_edge_map(edges, scan.touch, relief=relief, clock=clock, flags=_scan_flags(scan))
         return replace(found, scan=scan, height_map=height_map)
 
@@ -232,6 +233,8 @@ class Reader:
                 reading = _with_depths(reading, line_read, relief)
             reading = judged_by(reading, self.settings.depth_rules)
         if line_read is not None:
+            reading = doubted_guesses(reading, line_read, self.places)
+        if line_read is not None:
             with clock.step("grade"):
                 image = search.image(line_read[0].hypothesis.rotation_deg)
                 reading = graded(reading, line_read, image, edges.directions)
@@ -274,7 +277,7 @@ class Reader:
         )
 
 
-def _relief(scan: Scan, edges: EdgeMap) -> Relief | None:
+def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
     """The surface as felt; None where friction or whisker tell no heights."""
     try:
         if scan.others or any(s.plan.pushed for s in scan.sweeps):

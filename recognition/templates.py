@@ -27,7 +27,7 @@ from glyphs.die import (
     shape_relief_mm,
     to_plate,
 )
-from glyphs.glyph import Font, Glyph, signed_distance
+from glyphs.glyph import FELT_PIXELS, Font, Glyph, signed_distance
 from glyphs.maps import HeightMap, TraceDirection
 from whisker_array.array import RasterPlan, WhiskerArray
 from whisker_array.edges import edge_map
@@ -198,12 +198,26 @@ def _relief(
 ) -> NDArray[np.float32]:
     """Sunk relief of one glyph at offsets (u, v) from its middle, its outline grown but no taller."""
     height = CANONICAL_HEIGHT_MM
+    if shape.felt is not None and not key.grow:
+        return _felt_relief(shape.felt, u, v)
     if not key.grow:
         return shape_relief_mm(shape, key.die, u + middle[0], v + middle[1], height_mm=height)
     shrink = 1.0 - 2.0 * key.grow
     x, y = (u / shrink + middle[0]) / height, (v / shrink + middle[1]) / height
     distance = signed_distance(shape, x, y, stroke=shape.stroke)
     return relief_mm((distance * shrink - key.grow) * height, key.die)
+
+
+def _felt_relief(
+    felt: NDArray[np.float32], u: NDArray[np.float64], v: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Relief of a learned glyph at offsets (u right, v up) from its middle, mm, as it was felt."""
+    from scipy import ndimage
+
+    pixel = CANONICAL_HEIGHT_MM / FELT_PIXELS
+    at = [felt.shape[0] // 2 - v / pixel, felt.shape[1] // 2 + u / pixel]
+    found = ndimage.map_coordinates(felt, at, order=1, mode="constant")
+    return np.asarray(found * np.float32(CANONICAL_HEIGHT_MM), dtype=np.float32)
 
 
 def _upright(patches: NDArray[np.float32], rotation_deg: float) -> NDArray[np.float32]:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from glyphs import database as module
 from glyphs.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
 from glyphs.die import Face, default_die
+from glyphs.glyph import Font, Glyph
 from glyphs.maps import EdgeMap
 from glyphs.outlines import load_font
 
@@ -113,8 +114,8 @@ def test_any_truncation_and_any_noise_is_noticed(saved, tmp_path, data):
 
 def test_a_newer_version_is_named_as_such(saved, tmp_path):
     path = tmp_path / "newer.h5"
-    path.write_bytes(saved.read_bytes().replace(b"format_version 1\n", b"format_version 2\n", 1))
-    with pytest.raises(DatabaseError, match=r"newer\.h5.*version 2, newer than 1.*update"):
+    path.write_bytes(saved.read_bytes().replace(b"format_version 2\n", b"format_version 3\n", 1))
+    with pytest.raises(DatabaseError, match=r"newer\.h5.*version 3, newer than 2.*update"):
         load_database(path)
 
 
@@ -186,3 +187,51 @@ def test_a_failed_save_leaves_the_old_file_and_no_litter(full, tmp_path, monkeyp
 def test_values_refuse(make, message):
     with pytest.raises(DatabaseError, match=message):
         make()
+
+
+def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
+    relief = np.random.default_rng(1).normal(size=(53, 65)).astype(np.float32)
+    square = np.array([[0.1, 0.0], [0.5, 0.0], [0.5, 1.0], [0.1, 1.0]])
+    glyphs = {
+        "8": Glyph("8", contours=(square,), advance=0.6, felt=relief),
+        "B": Glyph("B", contours=(square,), advance=0.6, felt=-relief, guessed=True),
+        "-": Glyph("-", contours=(square,), advance=0.6),
+    }
+    edges = EdgeMap(relief[None], (0,), relief > 0, 0.125, (-4.0, -3.25))
+    felt = np.where(relief > 1.0, np.nan, relief)
+    values = {"relief": felt, "height_mm": 5.0, "rotation_deg": -2.5, "raised": True}
+    one = exemplar(edge_map=edges, part="part-7", evidence="ab" * 32, **values)
+    save_database(GlyphDatabase({"press": Font("press", glyphs, 0.0, "")}, {}, (one,)), tmp_path / "l.glyphs")
+    back = load_database(tmp_path / "l.glyphs")
+    font = back.fonts["press"]
+    assert font.learned
+    assert [g.guessed for g in font.glyphs.values()] == [False, True, False]
+    assert np.array_equal(font.glyphs["B"].felt, -relief)
+    assert font.glyphs["-"].felt is None
+    twin = back.exemplars[0]
+    assert np.array_equal(twin.relief, felt, equal_nan=True)
+    assert (twin.height_mm, twin.rotation_deg, twin.raised) == (5.0, -2.5, True)
+    assert (twin.part, twin.evidence) == ("part-7", "ab" * 32)
+
+
+def test_a_file_of_the_first_format_is_read(saved, tmp_path):
+    body = tmp_path / "body.h5"
+    body.write_bytes(saved.read_bytes()[module._BLOCK_BYTES :])
+    with h5py.File(body, "r+") as file:
+        file.attrs["format_version"] = 1
+        for group in file["exemplars"].values():
+            for key in ("part", "evidence", "height_mm", "rotation_deg", "raised"):
+                del group.attrs[key]
+    path = tmp_path / "first.h5"
+    path.write_bytes(module._block(body.read_bytes(), 1) + body.read_bytes())
+    back = load_database(path)
+    assert list(back.fonts) == list(load_database(saved).fonts)
+    assert [(e.char, e.relief, e.part, e.height_mm) for e in back.exemplars] == [
+        ("8", None, "", 0.0),
+        ("B", None, "", 0.0),
+    ]
+
+
+def test_an_exemplar_whose_relief_does_not_fit_is_refused():
+    with pytest.raises(DatabaseError, match="does not fit the edge map"):
+        exemplar(relief=np.zeros((3, 3), dtype=np.float32))

@@ -34,7 +34,9 @@ def wait_for(path: str) -> str:
 
 def mark_and_wait(mark: str, path: str) -> int:
     """Tell that it runs, then wait for a file."""
-    Path(mark).write_text(str(os.getpid()))
+    # whole or not at all: the worker may be killed as soon as the mark is there
+    Path(f"{mark}.tmp").write_text(str(os.getpid()))
+    Path(f"{mark}.tmp").rename(mark)
     wait_for(path)
     return os.getpid()
 
