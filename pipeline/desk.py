@@ -27,7 +27,7 @@ from pipeline.records import (
     PartRecord,
     PartState,
 )
-from pipeline.stage import Camera, ScanOrder, Stage, StageError
+from pipeline.stage import Camera, ScanOrder, SimulatedStage, Stage, StageError
 from pipeline.store import AlreadyDoneError, Idempotency, Store
 from pipeline.triage import state_after
 from pipeline.uploads import Upload
@@ -236,7 +236,7 @@ class Desk:
 
     async def _feel(self, order: ScanOrder, folder: Path) -> Path:
         """The recording; a stage of iron feels one part at a time, a simulated one as many as there are workers."""
-        if getattr(self.stage, "simulated", False):
+        if isinstance(self.stage, SimulatedStage):
             return await self._in_worker(self.stage.feel, order, folder)
         async with self._one_at_the_stage:
             return await asyncio.to_thread(self.stage.feel, order, folder)

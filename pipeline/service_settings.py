@@ -69,7 +69,7 @@ class ServiceSettings(BaseSettings):
     hosts: Annotated[tuple[str, ...], NoDecode] = ()
     workers: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1, le=256)
     queue: int = Field(default=64, ge=0, le=100_000)
-    job_timeout_s: float = Field(default=60.0, gt=0.0, le=3600.0)
+    job_timeout_s: float = Field(default=120.0, gt=0.0, le=3600.0)
     worker_memory_mb: int = Field(default=4096, ge=0, le=1_000_000)
     max_upload_mb: Megabytes = 100
     max_photo_pixels: int = Field(default=40_000_000, ge=64)
