@@ -1,0 +1,69 @@
+"""Reliefs of one character laid over each other: small shifts and turns, and what most of them have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+AGREEMENT, FALL = 0.75, 0.08
+"""Correlation with its siblings that a relief must have, and by how much it may fall short of their usual one: blows
+of one die reach 0.93 to 0.99, worn or soiled ones less, look-alikes (O and 0) 0.9 at most."""
+SHIFT_PIXELS, TURNS_DEG = 3, (-3.0, -1.5, 0.0, 1.5, 3.0)
+ROUNDS = 2
+LEADERS = 7
+"""Of many siblings, those among which the one most like the others is looked for."""
+
+Patch = NDArray[np.float32]
+
+
+def likeness(one: Patch, other: Patch) -> float:
+    """Correlation of two reliefs as they lie."""
+    a, b = one - one.mean(), other - other.mean()
+    return float((a * b).sum() / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-12))
+
+
+def laid_over(patch: Patch, reference: Patch) -> tuple[float, Patch]:
+    """Best correlation of a relief with another over small shifts and turns, and the relief so moved."""
+    from scipy import ndimage
+
+    n = SHIFT_PIXELS
+    inner = reference[n:-n, n:-n].astype(np.float32)
+    inner = inner - inner.mean()
+    size = max(float(np.sqrt((inner**2).sum())), 1e-12)
+    best = (-2.0, 0, 0)
+    moved = patch
+    for turn in TURNS_DEG:
+        turned = ndimage.rotate(patch, turn, reshape=False, order=1, mode="constant") if turn else patch
+        windows = np.lib.stride_tricks.sliding_window_view(turned, inner.shape).reshape(-1, inner.size)
+        square = np.einsum("ij,ij->i", windows, windows) - windows.sum(axis=1) ** 2 / inner.size
+        score = windows @ inner.ravel() / (np.sqrt(np.maximum(square, 1e-12)) * size)
+        at = int(np.argmax(score))
+        if float(score[at]) > best[0]:
+            best, moved = (float(score[at]), at // (2 * n + 1), at % (2 * n + 1)), turned
+    score_, down, right = best
+    moved = ndimage.shift(moved, (n - down, n - right), order=0, mode="constant")
+    return score_, np.asarray(moved, dtype=np.float32)
+
+
+def common_relief(patches: Sequence[Patch]) -> tuple[Patch, list[int]]:
+    """The median of those reliefs that agree, and which these are; of two that do not, the first alone."""
+    if len(patches) == 1:
+        return patches[0], [0]
+    leaders = list(patches[:LEADERS])
+    table = np.array(
+        [[laid_over(q, p)[0] if p is not q else np.nan for q in leaders] for p in leaders], dtype=np.float64
+    )
+    reference = leaders[int(np.argmax(np.nanmedian(table, axis=1)))]
+    agree: list[int] = []
+    for _ in range(ROUNDS):
+        laid = [laid_over(p, reference) for p in patches]
+        usual = float(np.median([score for score, _ in laid]))
+        agree = [k for k, (score, _) in enumerate(laid) if score >= max(AGREEMENT, usual - FALL)]
+        if len(agree) < 2:
+            return patches[0], [0]
+        stack = np.stack([laid[k][1] for k in agree])
+        middle = np.median(stack, axis=0) if len(agree) > 2 else stack.mean(axis=0)
+        reference = np.asarray(middle, dtype=np.float32)
+    return reference, agree
