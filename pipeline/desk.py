@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
+from pipeline.once import Once, Received
 from pipeline.part_id import new_part_id
 from pipeline.problem import Problem
 from pipeline.problems import FileProblem
@@ -28,7 +29,7 @@ from pipeline.records import (
     PartState,
 )
 from pipeline.stage import Camera, ScanOrder, SimulatedStage, Stage, StageError
-from pipeline.store import AlreadyDoneError, Idempotency, Store
+from pipeline.store import Idempotency, Store
 from pipeline.triage import state_after
 from pipeline.uploads import Upload
 from pipeline.work import Done, Job, read_job
@@ -43,19 +44,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
-
-
-@dataclass(frozen=True)
-class Received:
-    """What came of a request.
-
-    Attributes:
-        part: as it stands.
-        replayed: whether the same request had been answered before.
-    """
-
-    part: PartRecord
-    replayed: bool = False
 
 
 @dataclass(frozen=True)
@@ -114,7 +102,7 @@ class Desk:
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
         self._telling: set[asyncio.Future[None]] = set()
-        self._running: dict[str, asyncio.Future[PartRecord]] = {}
+        self._once = Once(store)
         self._one_at_the_stage = asyncio.Lock()
 
     @property
@@ -165,7 +153,7 @@ class Desk:
                     return await self.touch(part.id)
             return part
 
-        return await self._once(idempotency, work)
+        return await self._once.done(idempotency, work)
 
     async def add_scan(
         self, part_id: str, scan: Upload, *, idempotency: Idempotency | None = None
@@ -181,7 +169,7 @@ class Desk:
             _not_reviewed(part)
             return await self._read_felt(part, scan, idempotency)
 
-        return await self._once(idempotency, work)
+        return await self._once.done(idempotency, work)
 
     async def touch(self, part_id: str) -> PartRecord:
         """Have the service's own stage feel a part, and read it again.
@@ -334,48 +322,6 @@ class Desk:
 
     async def _stored(self, function: Callable[..., T], *arguments: Any, **options: Any) -> T:
         return await asyncio.to_thread(function, *arguments, **options)
-
-    async def _once(
-        self, idempotency: Idempotency | None, work: Callable[[], Awaitable[PartRecord]]
-    ) -> Received:
-        """Do the work once for a key, however often and at whatever times it is asked for."""
-        if idempotency is None:
-            return Received(await work())
-        running = self._running.get(idempotency.key)
-        if running is not None:
-            # asked again while the first is at work: one answer for both, and for a failure each its own try
-            with contextlib.suppress(Problem):
-                await asyncio.shield(running)
-        done = await self._stored(self.store.remembered, idempotency.key)
-        if done is not None:
-            return Received(await self._replayed(idempotency, *done), replayed=True)
-        future: asyncio.Future[PartRecord] = asyncio.get_running_loop().create_future()
-        self._running[idempotency.key] = future
-        try:
-            part = await work()
-            future.set_result(part)
-            return Received(part)
-        except AlreadyDoneError as error:
-            # another process was quicker
-            part = await self._replayed(idempotency, error.fingerprint, error.part_id)
-            future.set_result(part)
-            return Received(part, replayed=True)
-        except BaseException as error:
-            future.set_exception(
-                error if isinstance(error, Problem) else Problem(500, "the first try failed")
-            )
-            future.exception()  # looked at, so that nobody complains where none waits
-            raise
-        finally:
-            if self._running.get(idempotency.key) is future:
-                del self._running[idempotency.key]
-
-    async def _replayed(self, asked: Idempotency, fingerprint: str, part_id: str) -> PartRecord:
-        if fingerprint != asked.fingerprint:
-            raise Problem(
-                422, "this Idempotency-Key was used for another request; make a new one for every part"
-            )
-        return await self._stored(self.store.part, part_id)
 
     def _count(self, part: PartRecord, done: Done) -> None:
         self.on_result()

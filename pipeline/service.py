@@ -11,25 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 import structlog
 from fastapi import FastAPI, Request
-from fastapi.exceptions import RequestValidationError
-from fastapi.openapi.utils import get_openapi
-from fastapi.responses import JSONResponse, Response
-from pydantic import TypeAdapter
-from starlette.exceptions import HTTPException
+from fastapi.responses import Response
 
-from pipeline.access import COOKIE, Access, DeniedError
+from pipeline.access import Access
 from pipeline.desk import Desk
 from pipeline.evidence_folder import EvidenceFolder
 from pipeline.glyph_databases import GlyphDatabases
 from pipeline.metrics import CONTENT_TYPE_LATEST, Metrics
 from pipeline.pages import pages_router
-from pipeline.problem import Problem, ProblemBody
+from pipeline.problem import Problem
 from pipeline.program_version import program_version
+from pipeline.routes_lookup import lookup_router
 from pipeline.routes_parts import parts_router
-from pipeline.service_layers import DoorLayer, RequestLayer, problem_answer
+from pipeline.service_layers import DoorLayer, RequestLayer
+from pipeline.service_openapi import described
 from pipeline.service_ports import Ports
+from pipeline.service_problems import add_problem_handlers
 from pipeline.stage import FolderCamera, NoCamera, NoStage, SimulatedStage
-from pipeline.store import ConflictError, NotFoundError, Store, StoreError, UnfitError
+from pipeline.store import Store, StoreError
 from pipeline.work import Limits
 from pipeline.work_pool import WorkPool
 
@@ -150,10 +149,11 @@ def create_app(service: Service) -> FastAPI:
         redirect_slashes=False,
     )
     app.include_router(parts_router(service.desk, service.access))
+    app.include_router(lookup_router(service.desk, service.access))
     app.include_router(pages_router(service.store, service.evidence, service.access, review=service.desk.say))
     _add_service_routes(app, service)
-    _add_handlers(app)
-    app.openapi = lambda: _described(app, asked=service.access.required)  # type: ignore[method-assign]
+    add_problem_handlers(app)
+    app.openapi = lambda: described(app, asked=service.access.required)  # type: ignore[method-assign]
     app.add_middleware(
         DoorLayer,
         hosts=_names(settings),
@@ -216,84 +216,6 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
 
         service.access.caller(request, Scope.READ)
         return service.databases.listed()
-
-
-def _add_handlers(app: FastAPI) -> None:
-    """Every failure that is expected, as a problem."""
-
-    def answer(request: Request, problem: Problem) -> JSONResponse:
-        return problem_answer(problem, getattr(request.state, "request_id", ""))
-
-    @app.exception_handler(Problem)
-    async def _problem(request: Request, error: Problem) -> Response:
-        return answer(request, error)
-
-    @app.exception_handler(DeniedError)
-    async def _denied(request: Request, error: DeniedError) -> Response:
-        headers = {"WWW-Authenticate": "Bearer"} if error.status == 401 else {}
-        return answer(request, Problem(error.status, str(error), headers=headers))
-
-    @app.exception_handler(NotFoundError)
-    async def _not_found(request: Request, error: NotFoundError) -> Response:
-        return answer(request, Problem(404, str(error)))
-
-    @app.exception_handler(ConflictError)
-    async def _conflict(request: Request, error: ConflictError) -> Response:
-        return answer(request, Problem(409, str(error)))
-
-    @app.exception_handler(UnfitError)
-    async def _unfit(request: Request, error: UnfitError) -> Response:
-        return answer(request, Problem(422, str(error)))
-
-    @app.exception_handler(StoreError)
-    async def _store(request: Request, error: StoreError) -> Response:
-        log.error("store", why=str(error))
-        return answer(request, Problem(503, str(error), headers={"Retry-After": "5"}))
-
-    @app.exception_handler(RequestValidationError)
-    async def _invalid(request: Request, error: RequestValidationError) -> Response:
-        first = error.errors()[0]
-        where = ".".join(str(at) for at in first["loc"] if at not in ("body", "query", "path", "header"))
-        detail = f"{where or 'the request'}: {first['msg'][:1].lower()}{first['msg'][1:]}"
-        return answer(request, Problem(422, detail))
-
-    @app.exception_handler(HTTPException)
-    async def _http(request: Request, error: HTTPException) -> Response:
-        detail = str(error.detail)
-        if error.status_code == 404:
-            detail = f"there is nothing at {request.url.path[:200]}; /openapi.json tells what there is"
-        return answer(request, Problem(error.status_code, detail, headers=dict(error.headers or {})))
-
-
-def _described(app: FastAPI, *, asked: bool) -> dict[str, Any]:
-    """The OpenAPI document: problems as they are, and tokens where they are asked for."""
-    if app.openapi_schema:
-        return app.openapi_schema
-    made = get_openapi(
-        title=app.title,
-        version=app.version,
-        summary=app.summary,
-        license_info=app.license_info,
-        routes=app.routes,
-        description="Times are in UTC, lengths in mm. Every failure is application/problem+json (RFC 9457).",
-    )
-    components = made.setdefault("components", {})
-    schemas = components.setdefault("schemas", {})
-    schemas[ProblemBody.__name__] = TypeAdapter(ProblemBody).json_schema()
-    for name in ("HTTPValidationError", "ValidationError"):
-        schemas.pop(name, None)
-    components["securitySchemes"] = {
-        "token": {
-            "type": "http",
-            "scheme": "bearer",
-            "description": "tactile-marks tokens add NAME --scope write",
-        },
-        "page": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "the operator page's"},
-    }
-    if asked:
-        made["security"] = [{"token": []}, {"page": []}]
-    app.openapi_schema = made
-    return made
 
 
 def check_folder(settings: ServiceSettings) -> Path:
