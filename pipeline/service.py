@@ -27,7 +27,8 @@ from pipeline.service_layers import DoorLayer, RequestLayer
 from pipeline.service_openapi import described
 from pipeline.service_ports import Ports
 from pipeline.service_problems import add_problem_handlers
-from pipeline.stage import FolderCamera, NoCamera, NoStage, SimulatedStage
+from pipeline.stage import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
+from pipeline.stage_driver import load_driver
 from pipeline.store import Store, StoreError
 from pipeline.work import Limits
 from pipeline.work_pool import WorkPool
@@ -74,8 +75,8 @@ class Service:
             store=self.store,
             evidence=self.evidence,
             pool=self.pool,
-            stage=SimulatedStage(settings.stage) if settings.stage is not None else NoStage(),
-            camera=FolderCamera(settings.camera) if settings.camera is not None else NoCamera(),
+            stage=_stage(settings),
+            camera=_camera(settings),
             databases=self.databases.path,
             reading=reading,
             limits=limits,
@@ -216,6 +217,20 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
 
         service.access.caller(request, Scope.READ)
         return service.databases.listed()
+
+
+def _stage(settings: ServiceSettings) -> Stage:
+    if settings.stage_driver:
+        driver: Stage = load_driver(settings.stage_driver, verb="feel")
+        return driver
+    return SimulatedStage(settings.stage) if settings.stage is not None else NoStage()
+
+
+def _camera(settings: ServiceSettings) -> Camera:
+    if settings.camera_driver:
+        driver: Camera = load_driver(settings.camera_driver, verb="take")
+        return driver
+    return FolderCamera(settings.camera) if settings.camera is not None else NoCamera()
 
 
 def check_folder(settings: ServiceSettings) -> Path:

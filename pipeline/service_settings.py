@@ -43,8 +43,10 @@ class ServiceSettings(BaseSettings):
         database: name of the one that is used where a request names none.
         retention_days: for which photographs, scans and pictures are kept, whatever became of the part; 0 is for ever.
         stage: folder of height maps that the simulated whisker stage feels; without it there is no stage.
+        stage_driver: "module:callable" that gives a driver of a real stage instead (`pipeline.stage.Stage`).
         camera: folder into which the camera puts its pictures, for triggers.
         line_host: address of the TCP port and the OPC UA server, which know no tokens.
+        camera_driver: "module:callable" that gives a driver of a real camera instead (`pipeline.stage.Camera`).
         tcp_port: of the raw trigger port; closed unless given.
         tcp_format: of its result string.
         tcp_clients: addresses or networks that may use it, such as 192.168.7.0/24; any unless given.
@@ -78,7 +80,9 @@ class ServiceSettings(BaseSettings):
     database: str = ""
     retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
     stage: Path | None = None
+    stage_driver: str = ""
     camera: Path | None = None
+    camera_driver: str = ""
     line_host: str = "127.0.0.1"
     tcp_port: Port | None = None
     tcp_format: str = ""

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from pipeline.part_id import new_part_id
 from pipeline.record_json import from_json
 from pipeline.records import PartState, ReviewAction, ScanPlanRecord, Scope
 from pipeline.service import Service
+from pipeline.stage import ScanOrder, SimulatedStage
+from pipeline.stage_driver import load_driver
 from pipeline.synth import SynthSpec, write_part
 
 CLEAN, FILTHY = "clean", "filthy"
@@ -298,6 +301,44 @@ def test_results_wait_for_their_targets_once_touch_is_done(tmp_path: Path, parts
         assert service.store.undelivered() == 1
         service.store.review(waiting["id"], action=ReviewAction.CONFIRM, text="", who="Anna")
         assert service.store.part(waiting["id"]).state is PartState.REVIEWED
+
+
+class Iron:
+    """A driver of a stage, as an integrator writes one: here it has a recording ready."""
+
+    recording: Path
+
+    def feel(self, order: ScanOrder, into: Path) -> Path:
+        assert order.plan.region_mm[2] > order.plan.region_mm[0]
+        return Path(shutil.copy(self.recording, into / "felt.h5"))
+
+
+def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
+    tmp_path: Path, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Iron.recording = SimulatedStage(parts).feel(ScanOrder(CLEAN, _whole_plate()), tmp_path)
+    monkeypatch.setattr("pipeline.synth.iron_stage", Iron, raising=False)
+    with inline_service(tmp_path / "s", stage_driver="pipeline.synth:iron_stage") as (service, client):
+        part_id = new_part_id()
+        service.store.add_part(part_id=part_id, name=CLEAN, state=PartState.TOUCH_NEEDED, plan=_whole_plate())
+        part = client.post(f"/v1/parts/{part_id}/touch").json()
+        assert (part["state"], part["text"]) == ("accepted", truth(parts, CLEAN))
+    for wrong, says in (
+        ("nowhere", "module:callable"),
+        ("no.such:thing", "found"),
+        ("json:no_such", "found"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            load_driver(wrong, verb="feel")
+    with pytest.raises(ValueError, match="no method 'feel'"):
+        load_driver("builtins:dict", verb="feel")
+
+
+def _whole_plate() -> ScanPlanRecord:
+    return ScanPlanRecord(
+        region_mm=(0.0, 0.0, 60.0, 15.0), directions_deg=(0, 90, 180, 270), passes=1, line_pitch_mm=0.125,
+        sample_pitch_mm=0.0625, speed_mm_s=50.0, preload_mm=1.0, seconds=1.0, height_mm=5.0, reason="to try it",
+    )  # fmt: skip
 
 
 def test_health_readiness_metrics_and_request_ids(client: TestClient) -> None:
