@@ -1,6 +1,6 @@
 """The operator's page in a real browser: reviewed by keyboard, nothing asked of other hosts, nothing on the console.
 
-Set TACTILE_MARKS_SCREENSHOTS to a folder to keep pictures of the pages.
+Set MARKS_SCREENSHOTS to a folder to keep pictures of the pages.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ ARGUMENTS = [
 def needed(found: Any, what: str) -> Any:
     """What was found; skips without it, or fails where everything must be tested."""
     if not found:
-        if os.environ.get("TACTILE_MARKS_TEST_ALL") == "1":
-            pytest.fail(f"{what} is not installed, and TACTILE_MARKS_TEST_ALL asks for every test")
+        if os.environ.get("MARKS_TEST_ALL") == "1":
+            pytest.fail(f"{what} is not installed, and MARKS_TEST_ALL asks for every test")
         pytest.skip(f"{what} is not installed")
     return found
 
@@ -197,7 +197,7 @@ class Desk:
 
     def picture(self, name: str) -> None:
         """Keep a screenshot, where a folder for them is given."""
-        folder = os.environ.get("TACTILE_MARKS_SCREENSHOTS")
+        folder = os.environ.get("MARKS_SCREENSHOTS")
         if folder:
             Path(folder).mkdir(parents=True, exist_ok=True)
             self.page.screenshot(path=Path(folder) / f"{name}.png")

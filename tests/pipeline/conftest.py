@@ -36,8 +36,8 @@ def program(name: str) -> str:
     found = shutil.which(name) or shutil.which(name, path=os.pathsep.join(_PLACES))
     if found is None:
         told = f"{name} is not installed"
-        if os.environ.get("TACTILE_MARKS_TEST_ALL") == "1":
-            pytest.fail(f"{told}, and TACTILE_MARKS_TEST_ALL asks for every test")
+        if os.environ.get("MARKS_TEST_ALL") == "1":
+            pytest.fail(f"{told}, and MARKS_TEST_ALL asks for every test")
         pytest.skip(told)
     return found
 

@@ -26,8 +26,12 @@ FAR_FROM_NOW_S = 1e9
 
 
 def test_a_part_goes_out_on_every_line(
-    tmp_path: Path, find_program: Callable[[str], str], store_url: str
+    tmp_path: Path,
+    find_program: Callable[[str], str],
+    empty_stores: Callable[[str, pytest.FixtureRequest], str],
+    request: pytest.FixtureRequest,
 ) -> None:
+    store_url = empty_stores("postgresql", request)
     truth = write_part(SynthSpec(mask="AA99", seed=2), tmp_path / "P17", 0, photos=True)
     hook, posted = _receiver()
     broker = Broker(tmp_path, find_program("mosquitto"))
