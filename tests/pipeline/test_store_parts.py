@@ -216,7 +216,10 @@ def test_an_id_is_given_once(store: Store) -> None:
     assert store.part(part.id) == part
 
 
-@pytest.mark.parametrize("part_id", ["01KB0000000000000000000017", "", "../../etc/passwd", "x\x00", "\ud800", "'; DROP"])
+NOT_THERE = "01KB0000000000000000000017"
+
+
+@pytest.mark.parametrize("part_id", [NOT_THERE, "", "../../etc/passwd", "x\x00", "\ud800", "'; DROP"])
 def test_parts_that_are_not_there(store: Store, part_id: str) -> None:
     for ask in (store.part, store.readings, store.evidence, store.reviews, store.history):
         with pytest.raises(NotFoundError, match="check the id"):
