@@ -234,7 +234,7 @@ def _camera(settings: ServiceSettings) -> Camera:
 
 
 def check_folder(settings: ServiceSettings) -> Path:
-    """Make the service's folder.
+    """Make the service's folder, and in it the one for glyph databases.
 
     Raises:
         FileProblem: it cannot be made.
@@ -243,6 +243,8 @@ def check_folder(settings: ServiceSettings) -> Path:
 
     try:
         settings.folder.mkdir(parents=True, exist_ok=True)
+        if settings.databases is None:
+            settings.databases_folder.mkdir(exist_ok=True)
     except OSError as error:
         raise FileProblem(
             settings.folder, f"cannot be made ({error.strerror})", "name another with --folder"
