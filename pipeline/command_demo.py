@@ -56,15 +56,10 @@ def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = Fa
 def _serve(out: Path, *, stay: bool) -> int:
     """The service at work, part by part."""
     with failures_told():
-        try:
-            from pipeline.client import ServiceError
-            from pipeline.service_demo import ServedPart, run_service_demo
-            from pipeline.service_process import NotServingError
-        except ModuleNotFoundError as error:
-            raise CommandError(
-                f"demo --service needs {error.name}; install it with: pip install 'tactile-marks[service]'",
-                status=USAGE,
-            ) from error
+        import pipeline.serving  # noqa: F401 - what is not installed is told before parts are made
+        from pipeline.client import ServiceError
+        from pipeline.service_demo import ServedPart, run_service_demo
+        from pipeline.service_process import NotServingError
 
         def tell(part: ServedPart) -> None:
             print(f"{part.name}  dirt {part.dirt:.1f}  stamped {part.truth}")

@@ -155,11 +155,6 @@ def serve(
                 "serve: mode is set, and a service reads with the camera first and then by touch; leave it out",
                 status=USAGE,
             )
-        try:
-            from pipeline.serving import run
-        except ModuleNotFoundError as error:
-            raise CommandError(
-                f"serve needs {error.name}; install it with: pip install 'tactile-marks[service]'",
-                status=USAGE,
-            ) from error
+        from pipeline.serving import run
+
         return run(settings, reading, say=lambda line: print(line, file=sys.stderr, flush=True))

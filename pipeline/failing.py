@@ -19,9 +19,28 @@ class CommandError(Exception):
         self.status = status
 
 
+_EXTRAS = {
+    **dict.fromkeys(
+        (
+            "fastapi",
+            "uvicorn",
+            "starlette",
+            "sqlalchemy",
+            "alembic",
+            "structlog",
+            "prometheus_client",
+            "httpx",
+        ),
+        "service",
+    ),
+    "jinja2": "report",
+}
+"""Libraries that only some commands need, and the extra that brings them."""
+
+
 @contextlib.contextmanager
 def failures_told() -> Iterator[None]:
-    """Turn what a person can mend into a CommandError: files (status 1), settings and arguments (2)."""
+    """Turn what a person can mend into a CommandError: files (status 1), settings, arguments and extras (2)."""
     from pipeline.parts import NothingFoundError
     from pipeline.problems import FileProblem
     from pipeline.settings import SettingsError
@@ -30,5 +49,23 @@ def failures_told() -> Iterator[None]:
         yield
     except (FileProblem, NothingFoundError) as error:
         raise CommandError(str(error), status=FAILED) from error
+    except ModuleNotFoundError as error:
+        raise CommandError(_missing(error), status=USAGE) from error
     except (SettingsError, ValueError) as error:
         raise CommandError(str(error), status=USAGE) from error
+
+
+def _missing(error: ModuleNotFoundError) -> str:
+    """What to install for a library that is not there.
+
+    Raises:
+        ModuleNotFoundError: the error itself, where no extra would bring it.
+    """
+    from pipeline.missing_extra import MissingExtraError
+
+    if isinstance(error, MissingExtraError):
+        return str(error)
+    library = (error.name or "").partition(".")[0]
+    if library not in _EXTRAS:
+        raise error
+    return str(MissingExtraError("this command", library, _EXTRAS[library]))
