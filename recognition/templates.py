@@ -280,11 +280,16 @@ def stretched(templates: TemplateSet, scales: tuple[float, ...]) -> TemplateSet:
     return made
 
 
+MOST_BYTES = 1_500_000_000
+"""Of templates and what matching derives from them: a foreign font on a large map tries dozens of hands, 0.2 GB
+each."""
+
+
 class TemplateCache:
     """Keeps the template sets last used; a reader owns one."""
 
-    def __init__(self, *, keep: int = 64) -> None:
-        self._keep = keep
+    def __init__(self, *, keep: int = 64, most_bytes: int = MOST_BYTES) -> None:
+        self._keep, self._most_bytes = keep, most_bytes
         self._sets: OrderedDict[object, TemplateSet] = OrderedDict()
 
     def get(self, font: Font, chars: str, key: TemplateKey) -> TemplateSet:
@@ -292,9 +297,29 @@ class TemplateCache:
         full = (font.name, font.source, chars, key)
         found = self._sets.get(full)
         if found is None:
+            self._make_room()
             found = predict_templates(font, chars, key)
             self._sets[full] = found
-            while len(self._sets) > self._keep:
-                self._sets.popitem(last=False)
         self._sets.move_to_end(full)
         return found
+
+    def _make_room(self) -> None:
+        """Forget the sets longest unused, until one more is within the limits."""
+        sizes = [_n_bytes(kept) for kept in self._sets.values()]
+        total = sum(sizes)
+        for size in sizes:
+            if len(self._sets) < self._keep and total <= self._most_bytes:
+                break
+            self._sets.popitem(last=False)
+            total -= size
+
+
+def _n_bytes(value: object) -> int:
+    """Bytes of the arrays that a set, or anything derived from it, holds."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes
+    if isinstance(value, dict):
+        return sum(_n_bytes(v) for v in value.values())
+    if isinstance(value, tuple | list):
+        return sum(_n_bytes(v) for v in value)
+    return sum(_n_bytes(v) for v in vars(value).values()) if hasattr(value, "__dict__") else 0

@@ -216,3 +216,17 @@ def test_rounding_is_to_a_geometric_ladder(step: float) -> None:
         near = rounded(value, step)
         assert abs(np.log(near / value)) <= 0.5 * np.log1p(step) + 1e-12
         assert rounded(near, step) == pytest.approx(near, rel=1e-12)
+
+
+def test_the_cache_forgets_the_longest_unused_where_their_arrays_grow_too_large() -> None:
+    font, touch = load_font("gothic"), default_touch(5.0)
+    keys = [template_key(font, touch, ALL_DIRECTIONS, height_mm=5.0, grow=0.01 * k) for k in range(4)]
+    cache = TemplateCache(most_bytes=10_000_000)
+    first = cache.get(font, "AB", keys[0])
+    second = cache.get(font, "AB", keys[1])
+    assert cache.get(font, "AB", keys[0]) is first
+    # what matching derives counts as well
+    second.work["derived"] = ("of it", [np.zeros(20_000_000, dtype=np.uint8)])
+    cache.get(font, "AB", keys[2])
+    assert cache.get(font, "AB", keys[0]) is first
+    assert cache.get(font, "AB", keys[1]) is not second
