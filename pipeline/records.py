@@ -40,10 +40,6 @@ class EvidenceKind(StrEnum):
     SIGHT_EDGES_PICTURE = "sight_edges_picture"
 
 
-RAW_KINDS = (EvidenceKind.PHOTO, EvidenceKind.SCAN, EvidenceKind.HEIGHT_MAP)
-PICTURE_KINDS = (EvidenceKind.PHOTO_PICTURE, EvidenceKind.EDGES_PICTURE, EvidenceKind.SIGHT_EDGES_PICTURE)
-
-
 class ReviewAction(StrEnum):
     """What a person did with a reading."""
 

@@ -117,23 +117,6 @@ class Done:
     plan: ScanPlanRecord | None = None
 
 
-def felt_kind(name: str) -> EvidenceKind:
-    """Whether a file of this name is a recording or a height map.
-
-    Raises:
-        FileProblem: it is neither.
-    """
-    from pipeline.files import CORE_SUFFIXES, is_height_map, is_scan
-
-    path = Path(name)
-    if is_scan(path):
-        return EvidenceKind.SCAN
-    if is_height_map(path):
-        return EvidenceKind.HEIGHT_MAP
-    known = ", ".join((".h5", *CORE_SUFFIXES, ".sur"))
-    raise FileProblem(path.name or "scan", "is of no format known for what is felt", f"send {known} ...")
-
-
 def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
     """Read a part.
 

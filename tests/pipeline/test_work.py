@@ -16,7 +16,7 @@ from pipeline.scan_plan import plan_of
 from pipeline.settings import ReadSettings
 from pipeline.stage import ScanOrder, SimulatedStage
 from pipeline.synth import SynthSpec, make_soiled, write_part
-from pipeline.work import Done, Job, Limits, felt_kind, read_job
+from pipeline.work import Done, Job, Limits, read_job
 from pipeline.work_readers import MOST_KEPT, readers_of
 
 LIMITS = Limits()
@@ -209,13 +209,6 @@ def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: 
         read_job(Job(folder, photo=parts.photo, database=path), SETTINGS, LIMITS)
     assert str(caught.value).startswith("dies: ")
     assert str(tmp_path) not in str(caught.value)
-
-
-def test_kind_of_what_is_felt() -> None:
-    assert felt_kind("a.H5") is EvidenceKind.SCAN
-    assert felt_kind("a.x3p") is EvidenceKind.HEIGHT_MAP
-    with pytest.raises(FileProblem, match="no format known"):
-        felt_kind("a.exe")
 
 
 def test_readers_are_kept_until_their_database_changes(tmp_path: Path) -> None:
