@@ -1,15 +1,14 @@
-"""A run over many parts: one row a part, whatever happens to it.
+"""One part, one row, whatever happens to it.
 
-    parts --load--> HeightMap, Scan, Photo --senses--> Sensed --> Row --on_row--> (table, file, progress)
+    part --load--> HeightMap, Scan, Photo --senses--> Sensed --> Row --> (table, page, store)
 
-One part is in memory at a time. `read_part` neither keeps nor needs state beyond the readers', so that a
-later pool of workers can be handed (senses, part) pairs in place of the loop in `read_parts`.
+Nothing is kept from part to part but what the readers keep; `pipeline.run` goes through many.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -94,47 +93,36 @@ class Row:
     action: str = ""
 
 
-def read_parts(
-    parts: Iterable[Part],
-    senses: PartSenses,
-    *,
-    grammar: Grammar | None = None,
-    on_row: Callable[[Row], None] | None = None,
-) -> list[Row]:
-    """Read every part; a part that cannot be read is a row with its error and the run goes on.
+def read_part(part: Part, senses: PartSenses, *, grammar: Grammar | None = None) -> Row:
+    """Read one part; one that cannot be read is a row with its error."""
+    return told_row(part.name, _file(part), lambda: (senses.sense(part), grammar))[0]
+
+
+def told_row(
+    name: str, file: str, sense: Callable[[], tuple[Sensed, Grammar | None]]
+) -> tuple[Row, Sensed | None]:
+    """The row of a part, whatever happens to it, and what was sensed of it.
 
     Args:
-        parts: in the order of the rows.
-        senses: read them.
-        grammar: what serials may be; rivals are of it.
-        on_row: told every row as it comes.
+        name: of the part.
+        file: that an error is told of, unless it names one itself.
+        sense: loads and reads the part; also gives what serials may be, of which rivals are.
     """
-    rows = []
-    for part in parts:
-        row = read_part(part, senses, grammar=grammar)
-        rows.append(row)
-        if on_row is not None:
-            on_row(row)
-    return rows
-
-
-def read_part(part: Part, senses: PartSenses, *, grammar: Grammar | None = None) -> Row:
-    """Read one part."""
     from glyphs.maps import MapError
     from recognition.verify import VerifyError
 
     started = time.perf_counter()
     try:
-        sensed = senses.sense(part)
-        return row_of(part.name, sensed, seconds=_since(started), grammar=grammar)
+        sensed, grammar = sense()
+        return row_of(name, sensed, seconds=_since(started), grammar=grammar), sensed
     except FileProblem as problem:
-        return Row(part.name, seconds=_since(started), error=str(problem))
+        told = str(problem)
     except (MapError, VerifyError) as error:
-        return Row(part.name, seconds=_since(started), error=f"{_file(part)}: {_one_line(error)}")
+        told = f"{file}: {_one_line(error)}"
     # A fault of the program in one part may not cost a night's run the other parts; the row tells its kind.
     except Exception as error:
-        fault = f"{_file(part)}: fault of the program, {type(error).__name__}: {_one_line(error)}"
-        return Row(part.name, seconds=_since(started), error=fault)
+        told = f"{file}: fault of the program, {type(error).__name__}: {_one_line(error)}"
+    return Row(name, seconds=_since(started), error=told), None
 
 
 def row_of(name: str, sensed: Sensed, *, seconds: float, grammar: Grammar | None = None) -> Row:

@@ -9,25 +9,23 @@ order, and how often the run was broken off.
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+from pipeline.allocator import kept_memory
 from pipeline.benchmark_modes import ModeReader, ModeSettings, Readers, Senses, open_mode
 from pipeline.benchmark_parts import Condition, Item, Parts
+from pipeline.crew import Crew
+from pipeline.program_version import program_mark
 from pipeline.trials import Trial, TrialBook, answer_of
 
 Result = TypeVar("Result")
 _AGAIN = "what is done is kept, the same command goes on from there; try fewer --jobs"
-
-_MALLOC = {"MALLOC_TRIM_THRESHOLD_": str(1 << 30), "MALLOC_MMAP_THRESHOLD_": str(1 << 30)}
-"""Maps of tens of megabytes come and go; without this every one is given back to the system and cleared anew."""
 
 
 class WorkerDiedError(RuntimeError):
@@ -79,6 +77,7 @@ def run_benchmark(
     folder: Path,
     *,
     jobs: int = 1,
+    crew: Crew | None = None,
     on_start: Callable[[int, int], None] | None = None,
     on_part: Callable[[Sequence[Trial]], None] | None = None,
 ) -> list[Trial]:
@@ -88,6 +87,7 @@ def run_benchmark(
         benchmark: what to try.
         folder: where the trials are kept; made if need be.
         jobs: worker processes; 1 works in this one.
+        crew: works instead, such as a cluster.
         on_start: told how many parts there are and how many of these are done already.
         on_part: told of every part as it is done.
 
@@ -107,12 +107,27 @@ def run_benchmark(
     missing = [item for item in items if item.part not in book.done]
     if on_start is not None:
         on_start(len(items), len(items) - len(missing))
-    tasks = [(benchmark, item) for item in missing]
-    for trials in in_workers(try_part, tasks, jobs=jobs, ordered=False):
+    for trials in _tried(benchmark, missing, jobs=jobs, crew=crew):
         book.add(trials[0].part, trials)
         if on_part is not None:
             on_part(trials)
     return [trial for item in items for trial in book.done[item.part]]
+
+
+def _tried(
+    benchmark: Benchmark, items: Sequence[Item], *, jobs: int, crew: Crew | None
+) -> Iterator[tuple[Trial, ...]]:
+    """The trials of every part, as they are done."""
+    if crew is None:
+        tasks = [(benchmark, item) for item in items]
+        yield from in_workers(try_part, tasks, jobs=jobs, ordered=False)
+        return
+    for outcome in crew.calls(try_part, benchmark, items):
+        if outcome.result is not None:
+            yield outcome.result
+        else:
+            assert outcome.error is not None
+            yield _failed(benchmark, outcome.task, outcome.error)
 
 
 def in_workers(
@@ -135,24 +150,12 @@ def in_workers(
     import joblib
 
     how = "generator" if ordered else "generator_unordered"
-    with _environment(_MALLOC), joblib.parallel_config(backend="loky", inner_max_num_threads=1):
+    with kept_memory(), joblib.parallel_config(backend="loky", inner_max_num_threads=1):
         pool = joblib.Parallel(n_jobs=jobs, return_as=how, batch_size=1, pre_dispatch="2*n_jobs")
         try:
             yield from pool(joblib.delayed(_alone)(act, task) for task in tasks)
         except BrokenExecutor as error:
             raise WorkerDiedError(f"a worker died, perhaps for want of memory; {_AGAIN}") from error
-
-
-@contextlib.contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set for the workers that start meanwhile what the user has not set."""
-    fresh = {name: value for name, value in values.items() if name not in os.environ}
-    os.environ.update(fresh)
-    try:
-        yield
-    finally:
-        for name in fresh:
-            os.environ.pop(name, None)
 
 
 def _alone(act: Callable[..., Result], task: tuple[Any, ...]) -> Result:
@@ -166,27 +169,27 @@ def _alone(act: Callable[..., Result], task: tuple[Any, ...]) -> Result:
 
 def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
     """Make one part and read it by every mode; what fails is told in the trial, and the run goes on."""
-    condition = item.condition
-    blanks = [
-        Trial(
-            item.part,
-            item.number,
-            condition.severity,
-            condition.font_name,
-            condition.format,
-            mode,
-            item.truth,
-        )
-        for mode in benchmark.modes
-    ]
     try:
         specimen = benchmark.parts.make(item)
     except Exception as error:
-        return tuple(replace(b, error=f"the part: {_told(error)}") for b in blanks)
-    blanks = [replace(b, truth=specimen.truth) for b in blanks]
-    readers = readers_for(benchmark.settings_for(condition))
+        return _failed(benchmark, item, error)
+    blanks = [replace(b, truth=specimen.truth) for b in _blanks(benchmark, item)]
+    readers = readers_for(benchmark.settings_for(item.condition))
     senses = Senses(specimen, readers)
     return tuple(_read(blank, senses, readers) for blank in blanks)
+
+
+def _blanks(benchmark: Benchmark, item: Item) -> list[Trial]:
+    kind = item.condition
+    return [
+        Trial(item.part, item.number, kind.severity, kind.font_name, kind.format, mode, item.truth)
+        for mode in benchmark.modes
+    ]
+
+
+def _failed(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, ...]:
+    """The trials of a part that could not be made, or whose worker was lost."""
+    return tuple(replace(b, error=f"the part: {_told(error)}") for b in _blanks(benchmark, item))
 
 
 def _read(blank: Trial, senses: Senses, readers: Readers) -> Trial:
@@ -220,23 +223,3 @@ def _mode(name: str, readers: Readers) -> ModeReader:
 
 def _told(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"[:500]
-
-
-@lru_cache(maxsize=1)
-def program_mark() -> str:
-    """A hash of the program's text: trials of two versions do not belong in one table."""
-    import glyphs
-    import pipeline
-    import recognition
-    import whisker_array
-
-    digest = hashlib.sha256()
-    for package in (glyphs, whisker_array, recognition, pipeline):
-        for path in _sources(Path(str(package.__file__)).parent):
-            digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _sources(folder: Path) -> Iterable[Path]:
-    # what draws the report has no say in the trials
-    return sorted(p for p in folder.glob("*.py") if not p.name.startswith(("report", "command_")))

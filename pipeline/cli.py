@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from typing import Literal
 
 from cyclopts import App, CycloptsError
 
@@ -48,6 +49,7 @@ app.command(
     name="enroll",
     help="Learn a die's shapes from parts that were reviewed.",
 )
+app.command("pipeline.command_worker:worker", name="worker", help="Lend this machine to runs on a cluster.")
 _TOKENS = App(name="tokens", help="Make, list and revoke tokens of the service.")
 _TOKENS.command("pipeline.command_tokens:add", name="add", help="Make a token.")
 _TOKENS.command("pipeline.command_tokens:list_tokens", name="list", help="List the tokens.")
@@ -57,6 +59,30 @@ _LIBRARY.command("pipeline.command_glyphs:list_fonts", name="list", help="List t
 _LIBRARY.command("pipeline.command_glyphs:show", name="show", help="Draw a sheet of fonts.")
 _LIBRARY.command("pipeline.command_glyphs:build", name="build", help="Write a glyph database.")
 app.command(_LIBRARY)
+
+
+@app.command
+def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
+    """Print what makes a shell complete commands and options.
+
+    For bash, in ~/.bashrc: eval "$(tactile-marks completion bash)"; for zsh the same in ~/.zshrc, after compinit; for
+    fish: tactile-marks completion fish > ~/.config/fish/completions/tactile-marks.fish
+
+    Parameters
+    ----------
+    shell
+        Which shell.
+    """
+    script = app.generate_completion(shell=shell)
+    # many an argument is the name of a file or something else: where nothing better is known, complete files
+    if shell == "bash":
+        script = script.replace("\ncomplete -F ", "\ncomplete -o bashdefault -o default -F ")
+    elif shell == "zsh":
+        script += (
+            f'\n_{PROGRAM}_or_file() {{ _cyclopts_{PROGRAM} "$@" || _files }}\ncompdef _{PROGRAM}_or_file {PROGRAM}'
+        )
+    print(script)
+    return 0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -30,6 +30,7 @@ def benchmark(
     formats: str | None = None,
     seed: int = 1,
     jobs: int = 1,
+    cluster: str | None = None,
     peers: Annotated[bool, Parameter(negative="")] = False,
     height_mm: float = 5.0,
     depth_mm: float = 0.2,
@@ -66,6 +67,8 @@ def benchmark(
         Of everything random.
     jobs
         Worker processes.
+    cluster
+        Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
     peers
         RapidOCR and Tesseract read the same photographs and edge maps.
     height_mm
@@ -129,7 +132,7 @@ def benchmark(
                 light_elevation_deg=light_elevation_deg,
             )
         chosen = _listed(modes) + (tuple(PEERS) if peers else ())
-        written = _run(Benchmark(source, chosen, told), out, jobs=jobs)
+        written = _run(Benchmark(source, chosen, told), out, jobs=jobs, cluster=cluster)
     _tell(written)
     return 0
 
@@ -145,15 +148,24 @@ def _numbers(text: str) -> list[float]:
         raise ValueError(f"severities are {text!r}; give numbers separated by commas") from error
 
 
-def _run(benchmark: Benchmark, out: Path, *, jobs: int) -> Written:
+def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:
+    from contextlib import nullcontext
+
     from pipeline.benchmark import WorkerDiedError, run_benchmark
+    from pipeline.crew_cluster import ClusterCrew, ClusterError
     from pipeline.report import command_line, write_report
 
     with _Progress() as progress:
         try:
-            trials = run_benchmark(
-                benchmark, out, jobs=jobs, on_start=progress.start, on_part=progress.on_part
-            )
+            with ClusterCrew(cluster) if cluster is not None else nullcontext() as crew:
+                trials = run_benchmark(
+                    benchmark,
+                    out,
+                    jobs=jobs,
+                    crew=crew,
+                    on_start=progress.start,
+                    on_part=progress.on_part,
+                )
             progress.say("drawing the report")
             return write_report(benchmark, trials, out, command=command_line(), jobs=jobs)
         except KeyboardInterrupt as error:
@@ -161,7 +173,7 @@ def _run(benchmark: Benchmark, out: Path, *, jobs: int) -> Written:
                 f"interrupted; what is done stands in {out}, the same command goes on from there",
                 status=INTERRUPTED,
             ) from error
-        except WorkerDiedError as error:
+        except (WorkerDiedError, ClusterError) as error:
             raise CommandError(str(error)) from error
 
 

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import sys
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from pipeline.failing import USAGE, CommandError, failures_told
-
-if TYPE_CHECKING:
-    from pipeline.batch import Row
+from pipeline.failing import INTERRUPTED, USAGE, CommandError, failures_told
 
 ModeName = Literal["tactile", "vision", "fused", "auto"]
 FidelityName = Literal["pointwise", "contact"]
@@ -21,6 +16,7 @@ Texts = Annotated[list[str] | None, Parameter(negative="")]
 
 def read(
     *inputs: str,
+    manifest: Texts = None,
     mode: ModeName | None = None,
     font: Texts = None,
     format: Texts = None,
@@ -36,18 +32,27 @@ def read(
     accept_confidence: float | None = None,
     accept_margin: float | None = None,
     truth: Path | None = None,
-    out: Path | None = None,
+    out: str | None = None,
+    evidence: Path | None = None,
+    summary: Path | None = None,
+    jobs: int | None = None,
+    cluster: str | None = None,
+    part_timeout_s: float = 900.0,
     config: Path | None = None,
 ) -> int:
-    """Read the serials of parts: height maps, scans and photographs, or folders and globs of them.
+    """Read the serials of parts: height maps, scans and photographs, folders, globs and manifests of them.
 
-    The exit status is 1 if any part could not be read, and with --verify unless every part is confirmed.
+    Rows are kept as they come: a run that was broken off goes on when the same command is given again. The exit
+    status is 1 if any part could not be read, and where texts are expected unless every part is confirmed.
 
     Parameters
     ----------
     inputs
         Height maps (.npz, .x3p, .sdf, .sur ...), scans (.h5) and photographs (.png, .jpg ...), or folders and globs
-        of them; files of one stem are one part.
+        of them; files of one stem are one part. URLs (s3://, gs:// ...) with the extra cluster, and manifests.
+    manifest
+        Table (.csv, .parquet) of parts, with the columns part, height_map, scan, photo, expected, format, font, of
+        which any may be missing; may be repeated. Files are named from where the table lies.
     mode
         Senses that read: touch, the camera, both together, or whatever a part has files for. Without it touch
         reads, and the camera what is a photograph only.
@@ -83,22 +88,31 @@ def read(
     truth
         CSV with the columns part and text; prints the accuracy.
     out
-        Table to write: .csv, .jsonl or .parquet.
+        Table to write (.csv, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
+        Parts that cannot be read are listed beside it, in NAME.quarantine.csv, a manifest itself.
+    evidence
+        The service's folder of evidence: with a store, pictures of the parts to be reviewed are put there.
+    summary
+        JSON file for the counts, reasons, rate and slowest parts that are printed.
+    jobs
+        Worker processes; one for each core unless given, or none for a few parts.
+    cluster
+        Address of a Dask scheduler (tcp://HOST:8786), whose workers read instead. Needs the extra cluster.
+    part_timeout_s
+        A part that takes a worker process longer is given up.
     config
         TOML file with settings; tactile-marks.toml in the working folder is read by itself.
     """
-    from pipeline.batch import read_parts
-    from pipeline.expected import load_expected
-    from pipeline.parts import discover
-    from pipeline.read_table import print_table
-    from pipeline.readers import Readers
-    from pipeline.senses import Mode, Senses
+    from pipeline.crew_cluster import ClusterError
+    from pipeline.production import Asked, produce
+    from pipeline.run_setup import Means, Target
     from pipeline.settings import load_settings
-    from pipeline.tables import check_output, write_rows
-    from pipeline.truth import load_truth, score
 
-    if not inputs:
-        raise CommandError("read: name a height map, a scan, a photograph, a folder or a glob", status=USAGE)
+    given = (*inputs, *(manifest or ()))
+    if not given:
+        raise CommandError(
+            "read: name a height map, a scan, a photograph, a folder, a glob or a manifest", status=USAGE
+        )
     with failures_told():
         settings = load_settings(
             config=config,
@@ -116,52 +130,19 @@ def read(
             accept_confidence=accept_confidence,
             accept_margin=accept_margin,
         )
-        if out is not None:
-            check_output(out)
-        stamped = load_truth(truth) if truth is not None else None
-        wanted = Mode(settings.mode) if settings.mode is not None else None
-        sight = wanted in (Mode.VISION, Mode.FUSED, Mode.AUTO)
-        parts = discover(inputs, photos=sight and wanted is not Mode.FUSED, beside=sight)
-        readers = Readers(settings)
-        expected = load_expected(verify, readers.grammar) if verify is not None else None
-        senses = Senses(readers, mode=wanted, expected=expected)
-        senses.prepare(parts)
-        with _progress(len(parts)) as advance:
-            rows = read_parts(parts, senses, grammar=readers.grammar, on_row=advance)
-        print_table(rows)
-        if out is not None:
-            write_rows(rows, out)
-            print(f"wrote {out}")
-        if stamped is not None:
-            print(score(rows, stamped).describe())
-        if expected is not None and (missing := expected.not_among(row.part for row in rows)):
-            print(f"{len(missing)} of the table of {verify} not read: {', '.join(missing[:5])}")
-    if expected is not None:
-        return 0 if all(row.verdict == "confirmed" for row in rows) else 1
-    return 1 if any(row.error for row in rows) else 0
-
-
-class _Progress:
-    """A bar on the terminal; called with every row."""
-
-    def __init__(self, total: int) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        columns = (TextColumn("reading"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-        self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-        self._task = self._bar.add_task("reading", total=total)
-
-    def __enter__(self) -> _Progress:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def __call__(self, _: Row) -> None:
-        self._bar.advance(self._task)
-
-
-def _progress(total: int) -> AbstractContextManager[Any]:
-    return _Progress(total) if total > 1 and sys.stderr.isatty() else nullcontext()
+        target = Target(out, evidence)
+        target.check()
+        means = Means(jobs, cluster, part_timeout_s)
+        try:
+            return produce(
+                Asked(inputs, tuple(manifest or ()), verify, truth, summary), settings, target, means
+            )
+        except ClusterError as error:
+            raise CommandError(str(error)) from error
+        except KeyboardInterrupt as error:
+            if out is None:
+                raise
+            raise CommandError(
+                f"interrupted; what is done stands in {out}, the same command goes on from there",
+                status=INTERRUPTED,
+            ) from error

@@ -21,11 +21,10 @@ _COLOUR = {
     "undecided": "yellow",
     "refuted": "red",
 }
-_DECISIONS, _VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
 
 
 def print_table(rows: Sequence[Row]) -> None:
-    """Print the rows, and how many there are of each kind."""
+    """Print the rows."""
     from rich.console import Console
     from rich.table import Table
 
@@ -40,8 +39,6 @@ def print_table(rows: Sequence[Row]) -> None:
     for cells in shown:
         table.add_row(*cells.values())
     console.print(table)
-    if len(rows) > 1:
-        print(_counts(rows, verified=verified))
 
 
 def _cells(row: Row, *, verified: bool, graded: bool) -> dict[str, Text]:
@@ -81,11 +78,3 @@ def notes(row: Row) -> str:
         told.append(f"or {row.rivals}")
     told.append(row.action)
     return "; ".join(part for part in told if part)
-
-
-def _counts(rows: Sequence[Row], *, verified: bool) -> str:
-    wrong = sum(bool(row.error) for row in rows)
-    told = [f"{n} {d}" for d in _DECISIONS if (n := sum(r.decision == d for r in rows))]
-    if verified:
-        told += [f"{n} {v}" for v in _VERDICTS if (n := sum(r.verdict == v for r in rows))]
-    return ", ".join([f"{len(rows)} parts", *told, *([f"{wrong} with an error"] if wrong else [])])

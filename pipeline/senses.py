@@ -10,7 +10,6 @@ auto       touch                sight             touch and sight, fused
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from glyphs.photo import Photo
     from glyphs.soil import Soil
     from pipeline.expected import Expected
+    from pipeline.listed import ListedPart
     from recognition.grammar import Grammar
     from recognition.lattice import Lattice
     from recognition.reader import ReaderSettings, ReadingWithEvidence
@@ -118,13 +118,13 @@ class Sensed:
     verification: Verification | None = None
 
 
-def senses_of(part: Part, mode: Mode | None) -> tuple[Sense, ...]:
+def senses_of(part: Part | ListedPart, mode: Mode | None) -> tuple[Sense, ...]:
     """The senses that read a part.
 
     Raises:
         FileProblem: a file that the mode needs is not there.
     """
-    felt, seen = part.felt, part.photo is not None
+    felt, seen = bool(part.height_map or part.scan), bool(part.photo)
     named = part.scan or part.height_map or part.photo or part.name
     if mode in (Mode.TACTILE, Mode.FUSED) and not felt:
         raise FileProblem(named, "has no height map and no scan", "add one, or read it with --mode vision")
@@ -144,24 +144,6 @@ class Senses:
         self, readers: SenseReaders, *, mode: Mode | None = None, expected: Expected | None = None
     ) -> None:
         self.readers, self.mode, self.expected = readers, mode, expected
-
-    def prepare(self, parts: Sequence[Part]) -> None:
-        """Open the readers that the parts need, so that what cannot be used is told before the run.
-
-        Raises:
-            ValueError: a font or format that cannot be used.
-        """
-        needed: set[Sense] = set()
-        for part in parts:
-            if part.problem is None:
-                try:
-                    needed.update(senses_of(part, self.mode))
-                except FileProblem:
-                    continue  # told in its row
-        if Sense.TOUCH in needed or not needed:
-            _ = self.readers.touch
-        if Sense.SIGHT in needed:
-            _ = self.readers.sight
 
     def sense(self, part: Part) -> Sensed:
         """Load the part, read it, and verify it if a text is expected of it.

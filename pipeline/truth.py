@@ -113,23 +113,40 @@ def part_name(cell: str) -> str:
     return path.stem if known else cell
 
 
+class Scores:
+    """Rows held against the truth, as they come."""
+
+    def __init__(self, truth: Mapping[str, str]) -> None:
+        self._truth = truth
+        self._seen: set[str] = set()
+        self._parts = self._right = self._characters = self._edits = self._without = 0
+
+    def add(self, row: Row) -> None:
+        """Count one row."""
+        name = row.part if row.part in self._truth else row.part.rpartition("/")[2]
+        if name not in self._truth:
+            self._without += 1
+            return
+        self._seen.add(name)
+        stamped, read = ("".join(t.split()) for t in (self._truth[name], row.text))
+        distance = edit_distance(stamped, read)
+        self._parts += 1
+        self._right += distance == 0
+        self._characters += len(stamped)
+        self._edits += distance
+
+    def accuracy(self) -> Accuracy:
+        """Of the rows so far."""
+        not_read = len(self._truth) - len(self._seen)
+        return Accuracy(self._parts, self._right, self._characters, self._edits, self._without, not_read)
+
+
 def score(rows: Iterable[Row], truth: Mapping[str, str]) -> Accuracy:
     """Compare the rows with the truth."""
-    parts = right = characters = edits = without = 0
-    seen = set()
+    scores = Scores(truth)
     for row in rows:
-        name = row.part if row.part in truth else row.part.rpartition("/")[2]
-        if name not in truth:
-            without += 1
-            continue
-        seen.add(name)
-        stamped, read = ("".join(t.split()) for t in (truth[name], row.text))
-        distance = edit_distance(stamped, read)
-        parts += 1
-        right += distance == 0
-        characters += len(stamped)
-        edits += distance
-    return Accuracy(parts, right, characters, edits, without, len(truth) - len(seen))
+        scores.add(row)
+    return scores.accuracy()
 
 
 def edit_distance(one: str, other: str) -> int:

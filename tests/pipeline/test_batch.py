@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from glyphs.maps import HeightMap, MapError
 from glyphs.soil import Soil
-from pipeline.batch import Row, read_parts
+from pipeline.batch import Row, read_part
 from pipeline.npz import write_npz
 from pipeline.parts import discover
 from pipeline.problems import FileProblem
@@ -91,9 +91,8 @@ def stamped(folder: Path, *values: int) -> Path:
 def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
     stamped(tmp_path, 11, 12, 13, 14)
     (tmp_path / "part-12.npz").write_bytes(b"rubbish")
-    told: list[Row] = []
-    rows = read_parts(discover([tmp_path, tmp_path / "none.npz"]), fake_senses(), on_row=told.append)
-    assert rows == told
+    senses = fake_senses()
+    rows = [read_part(part, senses) for part in discover([tmp_path, tmp_path / "none.npz"])]
     assert [r.part for r in rows] == ["part-11", "part-12", "part-13", "part-14", "none"]
     assert [r.text for r in rows] == ["11", "", "", "", ""]
     assert [bool(r.error) for r in rows] == [False, True, True, True, True]
@@ -107,7 +106,7 @@ def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
 
 
 def test_a_row_tells_the_reading(tmp_path: Path) -> None:
-    (row,) = read_parts(discover([stamped(tmp_path, 11)]), fake_senses())
+    (row,) = (read_part(part, fake_senses()) for part in discover([stamped(tmp_path, 11)]))
     assert (row.decision, row.confidence, row.source, row.font) == ("accept", 0.97, "tactile", "gothic")
     assert (row.height_mm, row.raised) == (5.0, True)
     assert row.flags == "parts of the map are dropouts; too shallow for x: 1 0.212 mm (at least 0.3)"
@@ -125,10 +124,10 @@ def test_a_format_met_with_either_row_first_is_tried_both_ways(tmp_path: Path) -
     z = np.full((4, 5), 15.0)
     z[-1], z[0] = 15.0, 77.0  # by the standard the last row is the top
     x3pio.write(tmp_path / "a.x3p", z * 1e-3, x_scale=1e-4, y_scale=1e-4)
-    (row,) = read_parts(discover([tmp_path]), fake_senses())
+    (row,) = (read_part(part, fake_senses()) for part in discover([tmp_path]))
     assert (row.text, row.confidence) == ("77", 0.97)
     write_npz(tmp_path / "a.npz", HeightMap(z[::-1].astype(np.float32), 0.1))
-    (row,) = read_parts(discover([tmp_path / "a.npz"]), fake_senses())
+    (row,) = (read_part(part, fake_senses()) for part in discover([tmp_path / "a.npz"]))
     assert row.text == "15"
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from pipeline.parts import NothingFoundError, discover
+from pipeline.problems import FileProblem
 
 
 @pytest.fixture
@@ -37,6 +39,18 @@ def test_globs_and_files_keep_their_order_and_stand_once(folder: Path) -> None:
 def test_one_stem_in_two_folders_is_two_parts(folder: Path) -> None:
     names = [p.name for p in discover([folder / "a.npz", folder / "deeper"])]
     assert names == [f"{folder.name}/a", "deeper/a"]
+
+
+def test_as_much_of_the_folders_as_makes_names_unique(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for folder in (".", "x/lot", "y/lot", "y/other"):
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        Path(folder, "a.npz").write_bytes(b"x")
+    Path("y/other/b.npz").write_bytes(b"x")
+    parts = discover([".", "x/lot", "y/lot", "y/other"])
+    assert [p.name for p in parts] == ["a", "x/lot/a", "y/lot/a", "other/a", "b"]
 
 
 def test_two_maps_of_one_stem_are_a_problem(folder: Path) -> None:
@@ -96,6 +110,34 @@ def test_a_name_that_no_file_can_have_is_a_problem() -> None:
     (part,) = discover(["x" * 5000 + ".npz"])
     assert part.problem is not None
     assert "name" in part.problem.mend
+
+
+def test_a_name_of_other_bytes_can_be_printed(tmp_path: Path) -> None:
+    (tmp_path / os.fsdecode(b"st\xfcck.npz")).write_bytes(b"x")
+    (part,) = discover([tmp_path])
+    assert part.name.encode() == b"st?ck"
+    assert part.height_map is not None
+    assert part.height_map.read_bytes() == b"x"
+
+
+def test_photographs_beside_are_found_by_their_stems(tmp_path: Path) -> None:
+    files = [tmp_path / f"{n}.npz" for n in range(3000)]
+    for number, file in enumerate(files):
+        file.write_bytes(b"x")
+        if number % 2:
+            file.with_suffix(".jpg").write_bytes(b"x")
+    parts = discover(files, beside=True)
+    assert [p.photo for p in parts] == [f.with_suffix(".jpg") if n % 2 else None for n, f in enumerate(files)]
+
+
+def test_a_folder_that_goes_away_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def forbidden(path: str) -> None:
+        raise PermissionError(13, "Permission denied", path)
+
+    # a mode that forbids it would not keep out root
+    monkeypatch.setattr(os, "scandir", forbidden)
+    with pytest.raises(FileProblem, match=r"cannot be listed \(Permission denied\); check its permissions"):
+        discover([tmp_path])
 
 
 @pytest.mark.parametrize("given", [[], ["*.npz"], ["."]])

@@ -47,7 +47,6 @@ def test_doubts_stand_in_the_notes(capsys: pytest.CaptureFixture[str]) -> None:
     assert "grade" in shown.splitlines()[0]
     assert "verdict" not in shown
     assert "a character is uncertain; 2:confused B/8; or A812 0.400; clean 2" in shown
-    assert shown.splitlines()[-1] == "2 parts, 1 accept, 1 review"
 
 
 def test_long_notes_are_not_cut_off_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
@@ -56,7 +55,7 @@ def test_long_notes_are_not_cut_off_a_terminal(capsys: pytest.CaptureFixture[str
     assert f"{long}" in capsys.readouterr().out
 
 
-def test_verdicts_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_verdicts_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     refuted = Row("b", "A812", "accept", 0.9, "tactile", 1.0, flags="place 2: 8 stands where B is expected")
     refuted = Row(
         **{**refuted.__dict__, "verdict": "refuted", "expected": "AB12", "states": "2:mismatch 8/B"}
@@ -67,7 +66,7 @@ def test_verdicts_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
     print_table([refuted, Row("c", error="broken")])
     shown = capsys.readouterr().out
     assert "verdict" in shown.splitlines()[0]
-    assert shown.splitlines()[-1] == "2 parts, 1 accept, 1 refuted, 1 with an error"
+    assert shown.splitlines()[1].split()[:5] == ["b", "A812", "accept", "0.900", "refuted"]
 
 
 # ------------------------------------------------------------------------------------------------- exit status

@@ -15,10 +15,12 @@ from glyphs.maps import HeightMap
 from glyphs.photo import Photo
 from glyphs.soil import Soil
 from pipeline.expected import Expected
+from pipeline.listed import listed_of
 from pipeline.npz import soil_members, write_npz
 from pipeline.parts import Part, discover
 from pipeline.photos import write_photo
 from pipeline.problems import FileProblem
+from pipeline.run_setup import open_readers
 from pipeline.senses import Mode, Sense, Senses, senses_of
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
@@ -205,7 +207,7 @@ def test_only_the_readers_needed_are_opened(folder: Path) -> None:
         ),  # none can be read: what is wrong with the font is told all the same
     ):
         readers = FakeReaders()
-        Senses(readers, mode=mode).prepare([part(folder, names)])
+        open_readers(readers, [listed_of(part(folder, names))], mode=mode)
         assert readers.opened == opened
 
 

@@ -1,0 +1,163 @@
+"""What a worker does with one part of a run. Order, part and answer are words and can be sent anywhere."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.batch import Row, told_row
+from pipeline.listed import ListedPart
+from pipeline.problems import FileProblem
+from pipeline.records import EvidenceKind, ReadingRecord
+from pipeline.settings import ReadSettings, SettingsError
+
+if TYPE_CHECKING:
+    from pipeline.readers import Readers
+    from pipeline.senses import Sense, Sensed
+    from pipeline.work import MadeFile
+    from recognition.grammar import Grammar
+
+MOST_READERS = 16
+"""Fonts and formats that a worker keeps readers of; a manifest may name any number."""
+
+
+@dataclass(frozen=True)
+class RunOrder:
+    """How the parts of a run are read.
+
+    Attributes:
+        settings: of reading; a part's own format and font go before theirs.
+        verify: whether texts are expected; of a part without one its row then says so.
+        for_store: whether the record for the store is wanted as well.
+        pictures: whether pictures of parts that are not accepted are wanted.
+        sent: contents of files that the settings name, for machines that do not have them (`pipeline.run_files`).
+    """
+
+    settings: ReadSettings
+    verify: bool = False
+    for_store: bool = False
+    pictures: bool = False
+    sent: Mapping[str, bytes] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of a part, for a person who reviews it; the fields are those of `pipeline.work.MadeFile`."""
+
+    kind: EvidenceKind
+    name: str
+    content: bytes
+    media_type: str
+    meta: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class ReadPart:
+    """A part as it was read.
+
+    Attributes:
+        listed: as it was listed.
+        row: of the table.
+        record: for the store, where it is wanted and there is a reading.
+        pictures: where they are wanted.
+    """
+
+    listed: ListedPart
+    row: Row
+    record: ReadingRecord | None = None
+    pictures: tuple[Picture, ...] = ()
+
+
+def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
+    """Fetch a part's files and read it; a part that cannot be read has a row with its error."""
+    file = listed.files[0] if listed.files else listed.name
+    row, sensed = told_row(listed.name, file, lambda: _sensed(order, listed))
+    if sensed is None or not order.for_store:
+        return ReadPart(listed, row)
+    from pipeline.work_records import reading_record
+
+    database = order.settings.database.stem if order.settings.database is not None else ""
+    record = reading_record(sensed, seconds=row.seconds, database=database)
+    wanted = order.pictures and row.decision != "accept"
+    return ReadPart(listed, row, record, _pictures(sensed) if wanted else ())
+
+
+def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
+    """The settings that a part is read with: its own format and fonts go before the run's."""
+    own: dict[str, tuple[str, ...]] = {}
+    if listed.format:
+        own["format"] = (listed.format,)
+    if listed.font:
+        own["font"] = tuple(name.strip() for name in listed.font.split(",") if name.strip())
+    return settings.model_copy(update=own) if own else settings
+
+
+def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, Grammar | None]:
+    from pipeline.expected import Expected
+    from pipeline.missing_extra import MissingExtraError
+    from pipeline.remote import fetched
+    from pipeline.senses import Mode, Senses, senses_of
+
+    mode = Mode(order.settings.mode) if order.settings.mode is not None else None
+    readers = _readers_for(order, listed, senses_of(listed, mode) if listed.problem is None else ())
+    expected = Expected(listed.expected) if listed.expected or order.verify else None
+    if listed.expected and readers.grammar is not None:
+        broken = readers.grammar.objections(listed.expected)
+        if broken:
+            raise FileProblem(
+                listed.name, f"should bear {listed.expected!r}, but {'; '.join(broken)}", "mend one"
+            )
+    try:
+        with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
+            return Senses(readers, mode=mode, expected=expected).sense(part), readers.grammar
+    except MissingExtraError as error:
+        raise FileProblem(listed.name, str(error), "where its worker runs") from error
+
+
+def _readers_for(order: RunOrder, listed: ListedPart, needed: Sequence[Sense]) -> Readers:
+    """The readers of a part, opened for the senses that are needed.
+
+    Raises:
+        FileProblem: a font, format, database or lexicon that cannot be used.
+    """
+    from pipeline.run_files import settled
+    from pipeline.senses import Sense
+
+    try:
+        readers = _readers(settings_of(settled(order.settings, order.sent), listed))
+        for sense in needed:
+            _ = readers.touch if sense is Sense.TOUCH else readers.sight
+        return readers
+    except (SettingsError, ValueError) as error:
+        own = listed.format or listed.font
+        mend = "mend its format or font in the manifest" if own else "mend the settings"
+        raise FileProblem(listed.name, f"cannot be read so ({error})", mend) from error
+
+
+@lru_cache(maxsize=MOST_READERS)
+def _readers(settings: ReadSettings) -> Readers:
+    from pipeline.readers import Readers
+
+    return Readers(settings)
+
+
+def _pictures(sensed: Sensed) -> tuple[Picture, ...]:
+    """As the service keeps them of a part."""
+    from pipeline.work_pictures import edges_picture, photo_picture, sight_edges_picture
+
+    with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
+        folder = Path(name)
+        made: list[MadeFile] = []
+        if sensed.touch is not None:
+            made += edges_picture(sensed.touch.edge_map, folder)
+        if sensed.photo is not None:
+            place = sensed.sight.place if sensed.sight is not None else None
+            made.append(photo_picture(sensed.photo, folder))
+            made += sight_edges_picture(sensed.photo, place.height_mm if place is not None else 0.0, folder)
+        return tuple(
+            Picture(m.kind, m.path.name, m.path.read_bytes(), m.media_type, dict(m.meta)) for m in made
+        )

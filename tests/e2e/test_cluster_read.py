@@ -1,0 +1,116 @@
+"""`read` and `benchmark` with `--cluster`: a real scheduler, two workers, one of them lost in the middle."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from glyphs.maps import HeightMap
+from pipeline.npz import read_npz, write_npz
+from pipeline.synth import SynthSpec, write_part
+
+pytest.importorskip("distributed")
+sys.path.append(str(Path(__file__).parents[1] / "pipeline"))
+from cluster_process import ClusterProcess, cluster_process, environment
+
+PARTS = 30
+WAIT_S = 120.0
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A manifest of parts by URL and by name, one of which is not there."""
+    folder = tmp_path_factory.mktemp("lot")
+    spec = SynthSpec(mask="A9", seed=3, height_mm=4.0, variation=False)
+    write_part(spec, folder / "made", 0, photos=False)
+    surface = read_npz(folder / "made.npz")
+    (folder / "made.npz").unlink()
+    with (folder / "lot.csv").open("w", newline="") as stream:
+        table = csv.writer(stream)
+        table.writerow(("part", "height_map", "format"))
+        for number in range(PARTS):
+            path = folder / f"part-{number:02d}.npz"
+            write_npz(path, HeightMap(surface.z_mm, surface.pitch_mm))
+            table.writerow((path.stem, path.as_uri() if number % 2 else path.name, "A9"))
+        table.writerow(("gone", (folder / "gone.npz").as_uri(), "A9"))
+    return folder
+
+
+def run(cluster: ClusterProcess, folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "pipeline.cli", *arguments, "--cluster", cluster.address],
+        cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment(),
+    )  # fmt: skip
+
+
+def wait_for_lines(path: Path, count: int, process: subprocess.Popen[str]) -> None:
+    until = time.monotonic() + WAIT_S
+    while not path.exists() or len(path.read_bytes().splitlines()) < count:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_a_worker_lost_in_the_middle_costs_no_part(parts: Path, tmp_path: Path) -> None:
+    (logs := tmp_path / "logs").mkdir()
+    with cluster_process(logs) as cluster:
+        arguments = ("--font", "gothic", "--height-mm", "4", "--out", "rows.jsonl")
+        process = run(cluster, tmp_path, "read", str(parts / "lot.csv"), *arguments)
+        wait_for_lines(tmp_path / "rows.jsonl", 6, process)
+        cluster.lose(cluster.workers[0])
+        told, error = process.communicate(timeout=WAIT_S)
+        assert process.returncode == 1, error + cluster.told()  # the part that is not there
+    rows = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
+    assert [row["part"] for row in rows] == [*(f"part-{k:02d}" for k in range(PARTS)), "gone"]
+    assert [row["part"] for row in rows if row["error"]] == ["gone"], rows
+    assert "gone.npz: is not there" in rows[-1]["error"]
+    (text,) = {row["text"] for row in rows[:-1]}
+    assert len(text) == 2
+    assert f"{PARTS + 1} parts" in told
+    with (tmp_path / "rows.quarantine.csv").open(newline="") as stream:
+        assert [bad["part"] for bad in csv.DictReader(stream)] == ["gone"]
+
+
+def test_a_benchmark_is_the_same_on_a_cluster(tmp_path: Path) -> None:
+    (logs := tmp_path / "logs").mkdir()
+    arguments = (
+        *("benchmark", "--out", "there", "--parts", "4", "--severities", "0", "--modes", "tactile"),
+        *("--formats", "A9", "--height-mm", "4"),
+    )
+    with cluster_process(logs) as cluster:
+        process = run(cluster, tmp_path, *arguments)
+        wait_for_lines(tmp_path / "there" / "trials.jsonl", 2, process)
+        cluster.lose(cluster.workers[1])
+        _, error = process.communicate(timeout=WAIT_S)
+        assert process.returncode == 0, error + cluster.told()
+    here = ("here" if a == "there" else a for a in arguments)
+    subprocess.run(
+        [sys.executable, "-m", "pipeline.cli", *here],
+        cwd=tmp_path,
+        env=environment(),
+        check=True,
+        timeout=WAIT_S,
+    )
+    assert answers(tmp_path / "there") == answers(tmp_path / "here")
+
+
+def answers(folder: Path) -> list[tuple[str, ...]]:
+    with (folder / "benchmark.csv").open(newline="") as stream:
+        kept = ("part", "mode", "truth", "text", "decision", "error")
+        return [tuple(row[k] for k in kept) for row in csv.DictReader(stream)]
+
+
+def test_no_scheduler_is_one_line(tmp_path: Path, parts: Path) -> None:
+    nowhere = subprocess.run(
+        [sys.executable, "-m", "pipeline.cli", "read", str(parts / "part-00.npz"), "--cluster", "tcp://127.0.0.1:9"],
+        cwd=tmp_path, env=environment(), text=True, capture_output=True, timeout=WAIT_S, check=False,
+    )  # fmt: skip
+    assert nowhere.returncode == 1
+    assert nowhere.stderr.count("\n") == 1
+    assert "no Dask scheduler answers at tcp://127.0.0.1:9" in nowhere.stderr

@@ -1,0 +1,192 @@
+"""`kill -9` in the middle of a night's run: the same command goes on, reads no part again and loses none."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pyarrow.parquet
+import pytest
+import sqlalchemy as sa
+
+from glyphs.maps import HeightMap
+from pipeline.npz import read_npz, write_npz
+from pipeline.synth import SynthSpec, write_part
+
+PARTS = 24
+WAIT_S = 90.0
+TREE = Path(__file__).parents[2]
+READ = ("read", "parts", "--font", "gothic", "--format", "A9", "--height-mm", "4", "--jobs", "2")
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of parts, one of them bad."""
+    folder = tmp_path_factory.mktemp("night") / "parts"
+    folder.mkdir()
+    spec = SynthSpec(mask="A9", seed=3, height_mm=4.0, variation=False)
+    write_part(spec, folder / "part-00", 0, photos=False)
+    surface = read_npz(folder / "part-00.npz")
+    for number in range(1, PARTS):
+        write_npz(folder / f"part-{number:02d}.npz", HeightMap(surface.z_mm, surface.pitch_mm))
+    (folder / "part-07.npz").write_bytes(b"rubbish")
+    return folder
+
+
+def command(folder: Path, out: str) -> list[str]:
+    return [sys.executable, "-m", "pipeline.cli", *READ, "--out", out]
+
+
+def started(parts: Path, folder: Path, out: str) -> subprocess.Popen[str]:
+    if not (folder / "parts").exists():
+        (folder / "parts").symlink_to(parts)
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("TACTILE_MARKS_")}
+    return subprocess.Popen(
+        command(folder, out), cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        env={**environment, "PYTHONPATH": str(TREE)},
+    )  # fmt: skip
+
+
+def children(pid: int) -> list[int]:
+    """Processes that a process has started, from Linux's own list."""
+    return [int(p) for f in Path(f"/proc/{pid}/task").glob("*/children") for p in f.read_text().split()]
+
+
+def lines(path: Path) -> list[bytes]:
+    """Whole lines of a table that is being written."""
+    return path.read_bytes().splitlines(keepends=True) if path.exists() else []
+
+
+def killed_after(process: subprocess.Popen[str], table: Path, rows: int) -> None:
+    until = time.monotonic() + WAIT_S
+    while len([line for line in lines(table) if line.endswith(b"\n")]) < rows:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    workers = children(process.pid)
+    process.kill()
+    process.communicate()
+    while any(alive(pid) for pid in workers):  # they end with the run, however it ends
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize("out", ["rows.csv", "rows.jsonl", "rows.parquet"])
+def test_a_killed_run_goes_on_where_it_ended(parts: Path, tmp_path: Path, out: str) -> None:
+    table = tmp_path / (out + (".rows.jsonl" if out.endswith("parquet") else ""))
+    before: dict[str, float] = {}
+    for rows in (5, 12):
+        killed_after(started(parts, tmp_path, out), table, rows + (out == "rows.csv"))
+        kept = read_lines(table)
+        assert len(kept) >= rows
+        assert len({part for part, _ in kept}) == len(kept)
+        # what was read before is there as it was
+        assert {part: seconds for part, seconds in kept if part in before} == before
+        before = dict(kept)
+    process = started(parts, tmp_path, out)
+    told, error = process.communicate(timeout=WAIT_S)
+    assert process.returncode == 1, error  # the bad part
+    assert f"going on with a run that was broken off: {len(before)} parts are read already" in told
+    assert f"{PARTS} parts" in told
+    rows_of = read_table(tmp_path / out)
+    assert [str(row["part"]) for row in rows_of] == [f"part-{k:02d}" for k in range(PARTS)]
+    assert [row["part"] for row in rows_of if row["error"]] == ["part-07"]
+    assert {str(row["text"]) for row in rows_of if not row["error"]} == {rows_of[0]["text"]}
+    # not one was read again: the time it took is that of the first reading
+    seconds = {str(row["part"]): float(str(row["seconds"])) for row in rows_of}
+    assert {part: seconds[part] for part in before} == before
+    with (tmp_path / "rows.quarantine.csv").open(newline="") as stream:
+        (bad,) = csv.DictReader(stream)
+    assert bad["part"] == "part-07"
+    assert Path(bad["height_map"]).name == "part-07.npz"
+    assert not [p.name for p in tmp_path.iterdir() if p.name.endswith((".unfinished", ".rows.jsonl"))]
+
+
+def test_a_killed_run_into_a_store_goes_on(parts: Path, tmp_path: Path) -> None:
+    out = "sqlite:///parts.db"
+    process = started(parts, tmp_path, out)
+    until = time.monotonic() + WAIT_S
+    while not (tables := list(tmp_path.glob("tactile-marks-*.jsonl"))):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    killed_after(process, tables[0], 6)
+    kept = stored(tmp_path / "parts.db")
+    assert 5 <= len(kept) < PARTS
+    process = started(parts, tmp_path, out)
+    _, error = process.communicate(timeout=WAIT_S)
+    assert process.returncode == 1, error
+    after = stored(tmp_path / "parts.db")
+    assert sorted(name for name, _ in after) == [f"part-{k:02d}" for k in range(PARTS) if k != 7]
+    assert set(kept) <= set(after)
+    assert not list(tmp_path.glob("tactile-marks-*.jsonl*"))
+
+
+def test_a_killed_worker_costs_no_part(parts: Path, tmp_path: Path) -> None:
+    process = started(parts, tmp_path, "rows.csv")
+    until = time.monotonic() + WAIT_S
+    while len(lines(tmp_path / "rows.csv")) < 5:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    workers = [
+        pid for pid in children(process.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]
+    assert len(workers) == 2
+    os.kill(workers[0], signal.SIGKILL)
+    _, error = process.communicate(timeout=WAIT_S)
+    assert process.returncode == 1, error
+    rows = read_table(tmp_path / "rows.csv")
+    assert [row["part"] for row in rows] == [f"part-{k:02d}" for k in range(PARTS)]
+    assert [row["part"] for row in rows if row["error"]] == ["part-07"]
+
+
+def test_a_second_run_on_the_same_table_is_refused(parts: Path, tmp_path: Path) -> None:
+    process = started(parts, tmp_path, "rows.csv")
+    until = time.monotonic() + WAIT_S
+    while not lines(tmp_path / "rows.csv"):
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    _, error = started(parts, tmp_path, "rows.csv").communicate(timeout=WAIT_S)
+    assert "rows.csv" in error
+    assert "another run" in error
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=WAIT_S)
+    assert process.returncode == 130
+    assert "the same command goes on from there" in error
+
+
+def stored(path: Path) -> list[tuple[str, str]]:
+    engine = sa.create_engine(f"sqlite:///{path}")
+    with engine.connect() as connection:
+        return [tuple(row) for row in connection.execute(sa.text("select name, id from parts"))]
+
+
+def read_lines(path: Path) -> list[tuple[str, float]]:
+    """Part and seconds of every row of a table that is being written."""
+    if path.suffix == ".csv":
+        return [(str(row["part"]), float(str(row["seconds"]))) for row in read_table(path)]
+    rows = [json.loads(line) for line in lines(path) if line.endswith(b"\n")]
+    return [(row["part"], row["seconds"]) for row in rows]
+
+
+def read_table(path: Path) -> list[dict[str, object]]:
+    if path.suffix == ".parquet":
+        return list(pyarrow.parquet.read_table(path).to_pylist())
+    if path.suffix == ".jsonl":
+        return [json.loads(line) for line in path.read_text().splitlines()]
+    whole = b"".join(line for line in lines(path) if line.endswith(b"\n"))
+    return list(csv.DictReader(whole.decode().splitlines()))

@@ -1,0 +1,49 @@
+"""Functions that workers of a crew are asked to call: those of a test module are not theirs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+
+def doubled(order: int, task: int) -> int:
+    return order + 2 * task
+
+
+def odd_fails(order: str, task: int) -> int:
+    if task % 2:
+        raise ValueError(f"{order}: {task} is odd")
+    return task
+
+
+def dies_of_seven(folder: str, task: int) -> int:
+    """Kill the worker that has to do with 7, every time; note who tried what."""
+    with Path(folder, f"{task}.txt").open("a") as stream:
+        stream.write(f"{os.getpid()}\n")
+    if task == 7:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return task
+
+
+def dies_once(folder: str, task: int) -> int:
+    """Kill the first worker that has to do with 3."""
+    mark = Path(folder, "died")
+    if task == 3 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return task
+
+
+def slow_seven(_: str, task: int) -> int:
+    if task == 7:
+        time.sleep(60.0)
+    return task
+
+
+def noted(folder: str, task: int) -> int:
+    """Take a little while, so that a worker can be lost in the middle; note who did it."""
+    time.sleep(0.05)
+    Path(folder, f"{task}.txt").write_text(f"{os.getpid()}\n")
+    return task
