@@ -70,16 +70,11 @@ def list_remote(url: str) -> list[str]:
         path = str(files._strip_protocol(url.rstrip("/")))
         if is_web(url) and url.endswith("/"):
             path += "/"
-        if has_magic(url):
-            found = [name for name, entry in files.glob(path, detail=True).items() if _is_file(entry)]
-        else:
-            found = [str(entry["name"]) for entry in files.ls(path, detail=True) if _is_file(entry)]
-        bare = url.rstrip("/")
-        if bare.endswith(
-            path.rstrip("/")
-        ):  # what the file system leaves out of its names: s3://, sftp://host
-            before = bare[: len(bare) - len(path.rstrip("/"))]
-            return sorted({before + name for name in found})
+        entries = files.glob(path, detail=True).values() if has_magic(url) else files.ls(path, detail=True)
+        found = [str(entry["name"]) for entry in entries if _is_file(entry)]
+        bare, path = url.rstrip("/"), path.rstrip("/")
+        if bare.endswith(path):  # the names lack what stands before: s3://, sftp://host
+            return sorted({bare.removesuffix(path) + name for name in found})
         return sorted({str(files.unstrip_protocol(name)) for name in found})
 
 

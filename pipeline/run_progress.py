@@ -49,7 +49,7 @@ class Progress:
             self._bar.advance(self._task)
             return
         now = time.monotonic()
-        if now - self._told_s >= LINE_EVERY_S:
+        if now - self._told_s >= LINE_EVERY_S and self._done < self._total:
             self._told_s = now
             rate = (self._done - self._before) / (now - self._began_s)
             left_min = (self._total - self._done) / rate / 60.0
