@@ -78,9 +78,7 @@ def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
     if shell == "bash":
         script = script.replace("\ncomplete -F ", "\ncomplete -o bashdefault -o default -F ")
     elif shell == "zsh":
-        script += (
-            f'\n_{PROGRAM}_or_file() {{ _cyclopts_{PROGRAM} "$@" || _files }}\ncompdef _{PROGRAM}_or_file {PROGRAM}'
-        )
+        script += f'\n_{PROGRAM}_or_file() {{ _cyclopts_{PROGRAM} "$@" || _files }}\ncompdef _{PROGRAM}_or_file {PROGRAM}'
     print(script)
     return 0
 

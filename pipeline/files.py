@@ -32,7 +32,7 @@ FORMATS_SUFFIXES = (
 .txt) is tried too when the file is named on its own."""
 SCAN_SUFFIXES = (".h5", ".hdf5")
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-_MAX_SCAN_BYTES = 4_000_000_000
+MAX_SCAN_BYTES = 4_000_000_000
 
 
 def is_height_map(path: Path) -> bool:
@@ -89,7 +89,7 @@ def read_scan(path: str | Path) -> Scan:
     """
     from whisker_array.recording import RecordingError, load_scan
 
-    require_file(Path(path), most_bytes=_MAX_SCAN_BYTES)
+    require_file(Path(path), most_bytes=MAX_SCAN_BYTES)
     try:
         return load_scan(path)
     except RecordingError as error:

@@ -11,7 +11,7 @@ import os
 from collections.abc import Sequence
 
 from pipeline.listed import ListedPart, has_magic, is_url, is_web, local_name
-from pipeline.manifest import is_manifest, read_manifest
+from pipeline.manifest import is_manifest, read_manifest, speaks_of_no_files
 from pipeline.parts import FoundFiles, NothingFoundError, key_and_kind, named_apart
 from pipeline.remote import list_remote
 
@@ -37,6 +37,8 @@ def list_parts(
     found = FoundFiles(photos=photos)
     for given in inputs:
         name = local_name(given)
+        if len(inputs) > 1 and speaks_of_no_files(name):
+            continue  # of a folder that the shell has spelled out
         if is_manifest(name) and not os.path.isdir(name):
             found.add_told(read_manifest(name))
         elif is_url(name):

@@ -1,4 +1,4 @@
-"""Tables of parts: which files are whose, and what the parts should bear; and such a table of the bad ones.
+"""Tables of parts: which files are whose, and what the parts should bear.
 
 part,height_map,scan,photo,expected,format,font
 A1,maps/A1.npz,,photos/A1.png,KB74,AA99,block          relative to the table
@@ -15,15 +15,16 @@ import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
-from pipeline.listed import ListedPart, absolute, beside, is_url, local_name, problem_of, split_name
+from pipeline.listed import ListedPart, beside, is_url, local_name, problem_of, split_name
 from pipeline.parts import named_apart
 from pipeline.problems import FileProblem, require_file
 from pipeline.remote import copied
 
 COLUMNS = ("part", "height_map", "scan", "photo", "expected", "format", "font")
-_FILES = COLUMNS[1:4]
+FILES = COLUMNS[1:4]
+"""Those of files."""
 _OTHERS = ("height_mm",)
 """Columns of this program's own tables that are spelled much like one of these, and are none."""
 _CLOSE = 0.8
@@ -32,12 +33,21 @@ _MAX_BYTES = 2_000_000_000
 _BATCH_ROWS = 8192
 _MOST_HEAD = 100_000
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
-_HEAD = ",".join((*COLUMNS, "problem")) + "\n"
 
 
 def is_manifest(name: str) -> bool:
     """Whether a path or URL ends as a table of parts does."""
     return split_name(name)[1].lower().endswith((".csv", ".parquet"))
+
+
+def speaks_of_no_files(name: str) -> bool:
+    """Whether a CSV on this machine is of what parts bear, as a truth or a table of rows is, and of no files."""
+    path = Path(name)
+    if path.suffix.lower() != ".csv" or not path.is_file():
+        return False
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
+        head = {cell.strip().strip('"').lower() for cell in re.split(r"[,;\t]", stream.readline(_MOST_HEAD))}
+    return {"part", "text"} <= head and head.isdisjoint(FILES)
 
 
 def read_manifest(source: str) -> list[ListedPart]:
@@ -93,10 +103,10 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> ListedPart:
         raise problem_of(
             source, f"{where} has a line break or control character under {column}", "check its quotes"
         )
-    files = {column: beside(source, cells[column]) for column in _FILES if cells.get(column)}
+    files = {column: beside(source, cells[column]) for column in FILES if cells.get(column)}
     lasts = [split_name(file)[1] for file in files.values()]
     if not lasts:
-        raise problem_of(source, f"{where} names no file", f"fill one of {', '.join(_FILES)}")
+        raise problem_of(source, f"{where} names no file", f"fill one of {', '.join(FILES)}")
     if not all(lasts):
         raise problem_of(source, f"{where} names a folder", "name a file")
     return ListedPart(
@@ -127,10 +137,10 @@ def _columns(source: str, header: Sequence[str]) -> dict[str, int]:
                     f"has a column {heading.strip()!r}, which is none of {', '.join(COLUMNS)}",
                     f"call it {close} if that is meant, or something quite different",
                 )
-    if not any(column in found for column in _FILES):
+    if not any(column in found for column in FILES):
         told = ", ".join(h.strip() for h in header)[:200] or "none"
         raise problem_of(
-            source, f"has the columns {told}", f"its first line must name one of {', '.join(_FILES)}"
+            source, f"has the columns {told}", f"its first line must name one of {', '.join(FILES)}"
         )
     return found
 
@@ -220,116 +230,3 @@ def _is_text(kind: Any, name: str) -> bool:
         kind = kind.value_type
     text = types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind)
     return bool(text or types.is_null(kind) or (name == "part" and types.is_integer(kind)))
-
-
-class Quarantine:
-    """The parts that could not be read, as a manifest of its own: what was mended is read by naming it as input.
-
-    Attributes:
-        path: the CSV; there from the first bad part on.
-        kept: what an earlier run left there, moved; None where there was nothing.
-    """
-
-    def __init__(self, path: Path, *, keep: bool = False) -> None:
-        """Begin the list, or go on with one.
-
-        Args:
-            path: of the CSV.
-            keep: go on with what is there, without a last line that was not written to its end; else a list
-                that is there is moved to the same name with a ~.
-
-        Raises:
-            FileProblem: what is there is no such list, or cannot be moved or read.
-        """
-        self.path, self.kept = path, None
-        self._stream: IO[str] | None = None
-        self._names: set[str] = set()
-        with self._writing():
-            if not path.exists() or not self._is_ours():
-                return
-            if keep:
-                self._names = self._taken_up()
-            else:
-                self.kept = path.with_name(path.name + "~")
-                os.replace(path, self.kept)
-
-    @property
-    def count(self) -> int:
-        """Parts in the list."""
-        return len(self._names)
-
-    def add(self, listed: ListedPart, problem: str) -> None:
-        """Append a part, once; it is the kernel's before this returns.
-
-        Raises:
-            FileProblem: it cannot be written.
-        """
-        name = _one_line(listed.name)
-        if name in self._names:
-            return
-        files = {column: absolute(getattr(listed, column)) for column in _FILES}
-        if not listed.files and listed.problem is not None:
-            files["height_map"] = absolute(str(listed.problem.path))
-        told = (listed.expected, listed.format, listed.font, problem)
-        with self._writing():
-            if self._stream is None:
-                self._stream = self.path.open("a", encoding="utf-8", newline="")
-                if self._stream.tell() == 0:
-                    self._stream.write(_HEAD)
-            row = [name, *(_one_line(cell) for cell in (*files.values(), *told))]
-            csv.writer(self._stream, lineterminator="\n").writerow(row)
-            self._stream.flush()
-        self._names.add(name)
-
-    def close(self) -> None:
-        """Bring it to the disk."""
-        if self._stream is not None:
-            stream, self._stream = self._stream, None
-            with self._writing(), stream:
-                stream.flush()
-                os.fsync(stream.fileno())
-
-    def _is_ours(self) -> bool:
-        """Whether a list is there; one that was broken off in its first line, or is empty, is none."""
-        with self.path.open("rb") as stream:
-            head = stream.read(len(_HEAD))
-        if head == _HEAD.encode():
-            return True
-        if not _HEAD.encode().startswith(head):
-            raise FileProblem(self.path, "is no list of bad parts", "name another file for it")
-        self.path.unlink()
-        return False
-
-    def _taken_up(self) -> set[str]:
-        """Cut off what is not whole, and give the names of the rest."""
-        whole = position = quotes = 0
-        with self.path.open("rb") as stream:
-            for line in stream:
-                position += len(line)
-                quotes += line.count(b'"')
-                if line.endswith(b"\n") and quotes % 2 == 0:
-                    whole = position
-        os.truncate(self.path, whole)
-        try:
-            with self.path.open(encoding="utf-8", newline="") as text:
-                return {row["part"] for row in csv.DictReader(text, strict=True)}
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise FileProblem(
-                self.path, f"is damaged ({error})", "remove it and start the same command again"
-            ) from error
-
-    @contextlib.contextmanager
-    def _writing(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise FileProblem(
-                self.path,
-                f"cannot be written ({error.strerror or error})",
-                "make room or check its permissions, and start the same command again",
-            ) from error
-
-
-def _one_line(cell: str) -> str:
-    """A cell that the next reader of the table takes: one line, and UTF-8."""
-    return _CONTROL.sub("?", cell).encode("utf-8", "backslashreplace").decode()

@@ -14,6 +14,7 @@ from pipeline.batch import Row
 from pipeline.expected import load_expected
 from pipeline.listed import ListedPart
 from pipeline.listing import list_parts
+from pipeline.program_version import program_version
 from pipeline.readers import Readers
 from pipeline.run import Run
 from pipeline.run_progress import Progress
@@ -110,6 +111,7 @@ def _description(asked: Asked, settings: ReadSettings) -> dict[str, Any]:
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
         "inputs": [*asked.inputs, *asked.manifests],
         "verify": asked.verify,
+        "program": program_version(),
     }
 
 

@@ -138,7 +138,8 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
         entry: dict[str, Any] = {"name": url, "type": "file"} if is_web(url) else files.info(path)
         if url.endswith("/") or not _is_file(entry):
             raise UrlProblem(url, "is no file", "name a file, or the folder among the inputs")
-        guard.set_size(entry.get("size"))
+        size: Any = entry.get("size")
+        guard.set_size(size)
         folder = tempfile.TemporaryDirectory(prefix="tactile-marks-", ignore_cleanup_errors=True)
     with folder as name:
         target = Path(name) / harmless_name(split_name(url)[1])
@@ -169,9 +170,9 @@ def _of_url(fault: FileProblem, part: Part, listed: ListedPart) -> UrlProblem | 
 def _most_bytes(kind: str) -> int:
     """What the readers of that kind take at most."""
     if kind == "scan":
-        from pipeline.files import _MAX_SCAN_BYTES
+        from pipeline.files import MAX_SCAN_BYTES
 
-        return _MAX_SCAN_BYTES
+        return MAX_SCAN_BYTES
     if kind == "photo":
         from pipeline.photos import MAX_PHOTO_BYTES
 

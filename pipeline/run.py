@@ -19,7 +19,7 @@ from pipeline.run_summary import Summary
 from pipeline.run_task import ReadPart, RunOrder, read_listed
 
 if TYPE_CHECKING:
-    from pipeline.manifest import Quarantine
+    from pipeline.quarantine import Quarantine
     from pipeline.run_book import RunBook
 
 

@@ -107,7 +107,7 @@ def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
         FileProblem: the table holds another run, is being written, or cannot be.
         StoreError: a store that cannot be opened.
     """
-    from pipeline.manifest import Quarantine
+    from pipeline.quarantine import Quarantine
     from pipeline.run_book import RunBook
     from pipeline.run_store import RunStore
     from pipeline.trials import key_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -99,7 +99,7 @@ def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
 def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, Grammar | None]:
     from pipeline.expected import Expected
     from pipeline.missing_extra import MissingExtraError
-    from pipeline.remote import fetched
+    from pipeline.remote import fetched, originally
     from pipeline.senses import Mode, Senses, senses_of
 
     mode = Mode(order.settings.mode) if order.settings.mode is not None else None
@@ -113,7 +113,9 @@ def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, Grammar | None
             )
     try:
         with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
-            return Senses(readers, mode=mode, expected=expected).sense(part), readers.grammar
+            sensed = Senses(readers, mode=mode, expected=expected).sense(part)
+            notes = tuple(originally(note, part, listed) for note in sensed.reading.notes)
+            return replace(sensed, reading=replace(sensed.reading, notes=notes)), readers.grammar
     except MissingExtraError as error:
         raise FileProblem(listed.name, str(error), "where its worker runs") from error
 

@@ -198,3 +198,13 @@ def test_a_part_is_words_alone_and_small() -> None:
     assert not hasattr(part, "__dict__")
     # header, and a word for each of nine fields: a million parts are a hundred megabytes and their names
     assert sys.getsizeof(part) <= 112
+
+
+def test_tables_of_texts_among_the_files_of_a_folder_are_passed_over(tmp_path: Path) -> None:
+    """`read lot/*`: the shell names the truth and an earlier table, too."""
+    for name, head in (("truth.csv", "part,text"), ("rows.csv", "part,text,decision")):
+        (tmp_path / name).write_text(f"{head}\na,AB12\n")
+    (tmp_path / "a.npz").write_bytes(b"x")
+    assert [p.name for p in list_parts([str(p) for p in sorted(tmp_path.iterdir())])] == ["a"]
+    with pytest.raises(FileProblem, match="must name one of"):
+        list_parts([str(tmp_path / "truth.csv")])

@@ -20,9 +20,10 @@ from pyarrow import parquet
 
 from pipeline.batch import Row
 from pipeline.listed import ListedPart
-from pipeline.manifest import COLUMNS, Quarantine, is_manifest, read_manifest
+from pipeline.manifest import COLUMNS, is_manifest, read_manifest
 from pipeline.parts import discover
 from pipeline.problems import FileProblem
+from pipeline.quarantine import Quarantine
 
 
 def table(folder: Path, text: str | bytes, name: str = "lot.csv") -> str:

@@ -6,6 +6,7 @@ import contextlib
 import http.server
 import multiprocessing
 import pickle
+import resource
 import socket
 import tempfile
 import threading
@@ -175,6 +176,16 @@ def test_what_is_too_long_is_not_copied(
 
     monkeypatch.setattr(MemoryFileSystem, "get_file", never)
     refused(memory("lot/b.npz", bytes(1001)), r"is 0\.0 GB long, over the limit of 0\.0 GB; crop it")
+
+
+def test_a_full_disk_is_told_as_one(memory: Callable[[str, bytes], str]) -> None:
+    url = memory("lot/a.npz", bytes(100_000))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        refused(url, "cannot be copied .*; make room in the folder that TMPDIR names")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,10 @@ from glyphs.maps import HeightMap
 from pipeline.batch import Row
 from pipeline.crew import InlineCrew, Outcome
 from pipeline.listed import ListedPart
-from pipeline.manifest import Quarantine, read_manifest
+from pipeline.manifest import read_manifest
 from pipeline.npz import write_npz
 from pipeline.problems import FileProblem
+from pipeline.quarantine import Quarantine
 from pipeline.run import Run
 from pipeline.run_book import RunBook
 from pipeline.run_files import files_to_send, settled
