@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import HeightMap
-from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg
+from recognition.localise import MIN_RELIEF_SHARE, bands, line_rotation_deg
+from recognition.mounting_fit import (
+    BRACKET,
+    Terms,
+    blurred,
+    median_and_quantile,
+    median_near,
+    steepness_squared,
+    tukey,
+    without_form,
+)
 
 MIN_HEIGHT_SHARE = 0.04
 """Of the map's smaller side: characters lower than this are not looked for unless their height is given."""
@@ -39,37 +48,35 @@ def level(height_map: HeightMap, *, degree: int = 2) -> HeightMap:
     z = height_map.z_mm
     rows, cols = z.shape
     step = max(1, int(np.sqrt(z.size / 40_000)))
-    thin = z[::step, ::step].astype(np.float64)
-    v, u = np.meshgrid(
-        np.linspace(-1.0, 1.0, rows)[::step], np.linspace(-1.0, 1.0, cols)[::step], indexing="ij"
-    )
+    thin = np.ascontiguousarray(z[::step, ::step], dtype=np.float64)
+    row_terms, col_terms = np.linspace(-1.0, 1.0, rows), np.linspace(-1.0, 1.0, cols)
+    terms = Terms(col_terms[::step], row_terms[::step], degree)
     known = np.isfinite(thin)
-    design, target = _terms(u[known], v[known], degree), thin[known]
-    weight: NDArray[np.floating[Any]] = np.ones(target.size)
-    coefficients = np.zeros(design.shape[1])
+    all_known = bool(known.all())
+    weight = known.astype(np.float64)
+    weighted = np.where(known, thin, 0.0)
+    middle = spread = 0.0
     for _ in range(12):
-        weighted = design * weight[:, None]
-        normal = weighted.T @ design + 1e-10 * target.size * np.eye(design.shape[1])
-        coefficients = np.asarray(np.linalg.solve(normal, weighted.T @ target))
-        residual = target - design @ coefficients
-        spread = 1.4826 * float(np.median(np.abs(residual - np.median(residual))))
+        normal = terms.normal(weight)
+        normal[np.diag_indices_from(normal)] += 1e-10 * np.count_nonzero(known)
+        coefficients = np.asarray(np.linalg.solve(normal, terms.right(weighted)))
+        over = thin - terms.surface(coefficients)
+        residual = over.ravel() if all_known else over[known]
+        middle = median_near(residual, middle, BRACKET * spread)
+        spread = 1.4826 * median_near(residual, spread / 1.4826, BRACKET * spread, about=middle)
         if spread <= 0.0:
             break
-        weight = np.clip(1.0 - ((residual - np.median(residual)) / (3.0 * spread)) ** 2, 0.0, None) ** 2
-    row_terms = np.linspace(-1.0, 1.0, rows)
-    col_terms = np.linspace(-1.0, 1.0, cols)
-    form = np.zeros((rows, cols), dtype=np.float32)
-    for c, (i, j) in zip(coefficients, _powers(degree), strict=True):
-        form += np.float32(c) * np.outer(row_terms**j, col_terms**i).astype(np.float32)
-    return HeightMap(z - form, height_map.pitch_mm)
-
-
-def _powers(degree: int) -> list[tuple[int, int]]:
-    return [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
-
-
-def _terms(u: NDArray[np.float64], v: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
-    return np.stack([u**i * v**j for i, j in _powers(degree)], axis=-1)
+        tukey(thin.ravel(), over.ravel(), middle, 1.0 / (3.0 * spread), weight.ravel(), weighted.ravel())
+    out = np.empty(z.shape, dtype=np.float32)
+    without_form(
+        z,
+        np.stack([row_terms**j for j in terms.power_v]),
+        np.stack([col_terms**i for i in terms.power_u]),
+        coefficients.astype(np.float32),
+        out,
+    )
+    out.flags.writeable = False  # so that it is not copied
+    return HeightMap(out, height_map.pitch_mm)
 
 
 def relief_mm(height_map: HeightMap) -> float:
@@ -81,10 +88,17 @@ def relief_mm(height_map: HeightMap) -> float:
     return float(high - low)
 
 
+def _activity(z: NDArray[np.float32], pitch_mm: float) -> NDArray[np.float64]:
+    """`localise.activity_of` both slopes of a map, without laying them out."""
+    activity = np.empty(z.shape)
+    steepness_squared(z, pitch_mm, activity)
+    floor, top = median_and_quantile(activity, 0.97)
+    activity -= floor
+    return np.asarray(np.clip(activity, 0.0, max(top - floor, 1e-300), out=activity))
+
+
 def first_look(levelled: HeightMap) -> FirstLook:
     """Rotation and heights worth trying, from the slopes of a levelled map."""
-    from scipy import ndimage
-
     rows = levelled.shape[0]
     smaller = min(levelled.size_mm)
     deepest = relief_mm(levelled)
@@ -93,13 +107,15 @@ def first_look(levelled: HeightMap) -> FirstLook:
     step = max(1, rows // WORK_ROWS)
     z = np.where(np.isfinite(levelled.z_mm), levelled.z_mm, 0.0)
     if step > 1:
+        from scipy import ndimage
+
         z = ndimage.uniform_filter(z, size=step)[step // 2 :: step, step // 2 :: step]
     pitch = levelled.pitch_mm * step
-    z = ndimage.gaussian_filter(z, 0.7)
-    gv, gu = np.gradient(z, pitch)
-    activity = activity_of(np.stack([gu, gv]).astype(np.float32))
+    activity = _activity(blurred(z, 0.7), pitch)
     rotation = line_rotation_deg(activity)
     if rotation:
+        from scipy import ndimage
+
         activity = ndimage.rotate(activity, rotation, reshape=True, order=1)
     found = bands(activity, pitch_mm=pitch)
     heights = [b.height_mm for b in found if b.height_mm > MIN_HEIGHT_SHARE * smaller]

@@ -154,7 +154,7 @@ class Limits:
         k: least and greatest l2 / l1.
         beta_rad: least and greatest setting angle.
         lift_share: least e_y.D11 (n - mu t) on a wall over its land value; the contact solver calls a jam at a
-            tenth (`contact.JAM_FORCE`).
+            tenth (`contact_kernel.JAM_FORCE`).
         safety: yield stress over the greatest stress allowed.
         force_n: greatest normal force, against wear and scratches.
         linear_error: greatest error of the linear beam in force or moment on the land.

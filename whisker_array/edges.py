@@ -6,12 +6,15 @@ line, tilt of the part. What remains is (1 + h/d0) F(slope, mu) - 1, the paper's
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.gridding import FeltLines, common_grid, on_grid
-from whisker_array.land import line_drift, plate_land, whisker_gain
+from whisker_array.land import land_coefficients, over_land, whisker_gain, without_drift
+from whisker_array.land_fit import in_order
 from whisker_array.registration import registration_mm
 from whisker_array.scan import Scan, Sweep, only
 from whisker_array.sensor import apply_calibration
@@ -33,15 +36,26 @@ def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
     The offset is that of the pass's own air samples where there are any, so slow drift between passes goes
     too.
     """
-    raw = np.asarray(sweep.moment_n_mm, dtype=np.float64)
+    raw, offset = _signal(scan, sweep)
+    return raw.astype(np.float64) - offset[..., None]
+
+
+def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArray[np.float64]]:
+    """Moments (passes, whiskers, samples) of the gain known, and the offsets (passes, whiskers) still in them."""
+    raw: NDArray[np.floating[Any]] = np.asarray(sweep.moment_n_mm)
     air = sweep.air_n_mm
     if scan.calibration is not None:
-        raw = np.asarray(apply_calibration(raw, scan.calibration), dtype=np.float64)
+        raw = apply_calibration(raw, scan.calibration)
         if air.shape[2]:
             air = apply_calibration(air, scan.calibration)
-    if air.shape[2]:
-        raw = raw - np.median(air, axis=2, keepdims=True)
-    return raw
+    return raw, _median(air).astype(np.float64) if air.shape[2] else np.zeros(air.shape[:2])
+
+
+def _median(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+    """np.median of the last axis; of a few samples at a time its checks take longer than sorting."""
+    ordered, n = np.sort(values, axis=-1), values.shape[-1]
+    middle = 0.5 * (ordered[..., (n - 1) // 2] + ordered[..., n // 2])
+    return np.where(np.isnan(ordered[..., -1]), np.nan, middle)
 
 
 def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> FeltLines:
@@ -55,31 +69,30 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> FeltLines:
     Raises:
         MapError: no usable samples, or no land.
     """
-    moment = calibrated_moments(scan, sweep)
-    moment = np.where(sweep.flags & UNUSABLE, np.nan, moment)
-    lines = moment.reshape(-1, moment.shape[2])
-    place = sweep.plan.line_mm.ravel()
-    whisker = np.tile(np.arange(moment.shape[1]), moment.shape[0])
-    lead = sweep.plan.n_lead
-    core = slice(lead, lines.shape[1] - lead)
-    keep = np.isfinite(lines[:, core]).any(axis=1)
+    raw, offset = _signal(scan, sweep)
+    shape, lead = raw.shape, sweep.plan.n_lead
+    order = np.argsort(sweep.plan.line_mm, axis=None, kind="stable")
+    place = sweep.plan.line_mm.ravel()[order]
+    whisker = np.tile(np.arange(shape[1]), shape[0])[order]
+    lines = np.empty((order.size, max(shape[2] - 2 * lead, 0)))
+    signal, flags = (np.ascontiguousarray(values).reshape(-1, shape[2]) for values in (raw, sweep.flags))
+    keep = in_order(signal, flags, offset.ravel(), order, lead, UNUSABLE, lines)
     if keep.sum() < 2:
         raise MapError(
             f"no usable samples in the {int(sweep.plan.direction)}° sweep: "
             + SampleFlag(int(np.bitwise_or.reduce(sweep.flags, axis=None))).describe()
         )
-    order = np.flatnonzero(keep)[np.argsort(place[keep], kind="stable")]
-    lines, place, whisker = lines[order][:, core], place[order], whisker[order]
-    position = sweep.plan.position_mm()[core]
+    if not keep.all():
+        lines, place, whisker = lines[keep], place[keep], whisker[keep]
+    position = sweep.plan.position_mm()[lead : shape[2] - lead]
     if ideal:
         return FeltLines(lines / scan.touch.land_moment_n_mm() - 1.0, place, position, sweep.plan.direction)
     if scan.calibration is None:
-        lines = lines / whisker_gain(lines, whisker)[:, None]
-    land = plate_land(lines)
-    if not np.isfinite(land).all() or np.median(np.abs(land)) == 0.0:
+        lines /= whisker_gain(lines, whisker)[:, None]
+    land = land_coefficients(lines)
+    if not np.isfinite(land).all() or not land.any():
         raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
-    ratio = lines / land
-    return FeltLines(ratio / line_drift(ratio) - 1.0, place, position, sweep.plan.direction)
+    return FeltLines(without_drift(over_land(lines, land)), place, position, sweep.plan.direction)
 
 
 def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeMap:
@@ -103,7 +116,9 @@ def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeM
         shift = registration_mm(layers, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm)
         if shift:
             layers, valid = on_grid(felt, grid, shift=shift)
-    stack = np.stack([np.where(valid, layer, 0.0) for layer in layers]).astype(np.float32)
+    stack = np.zeros((len(layers), *valid.shape), dtype=np.float32)
+    for into, layer in zip(stack, layers, strict=True):
+        np.copyto(into, layer, casting="same_kind", where=valid)
     return EdgeMap(
         enhancement=stack,
         directions=scan.directions,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import MapError, TraceDirection
+from whisker_array.spreading import spread, triangles
 
 Lines = NDArray[np.float64]
 
@@ -96,13 +97,11 @@ def on_grid(
     for each in felt:
         dx, dy = (shift or {}).get(each.direction, (0.0, 0.0))
         along_x = each.direction.along_x
-        layer, good = _layer(
+        pixel_along, pixel_across = (grid.x_mm, grid.y_mm) if along_x else (grid.y_mm, grid.x_mm)
+        layer, good = spread(
             each.values,
-            each.along_mm + (dx if along_x else dy),
-            each.place_mm + (dy if along_x else dx),
-            pixel_along=grid.x_mm if along_x else grid.y_mm,
-            pixel_across=grid.y_mm if along_x else grid.x_mm,
-            pitch_mm=grid.pitch_mm,
+            triangles(each.along_mm + (dx if along_x else dy), pixel_along, grid.pitch_mm),
+            triangles(each.place_mm + (dy if along_x else dx), pixel_across, grid.pitch_mm),
         )
         layers.append(layer if along_x else layer.T)
         valid &= good if along_x else good.T
@@ -113,40 +112,5 @@ def averaging(position: NDArray[Any], pixel: NDArray[Any], pitch: float) -> Any:
     """Sparse (pixels, samples) weights of a triangle one pixel (or one step, if larger) wide to each side."""
     from scipy import sparse
 
-    order = np.argsort(position, kind="stable")
-    ordered = position[order]
-    step = float(np.median(np.diff(ordered))) if position.size > 1 else pitch
-    reach = max(pitch, step) * (1.0 + 1e-6)
-    first, last = np.searchsorted(ordered, pixel - reach), np.searchsorted(ordered, pixel + reach)
-    count = last - first
-    row = np.repeat(np.arange(pixel.size), count)
-    col = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
-    weight = np.clip(1.0 - np.abs(pixel[row] - ordered[col]) / reach, 0.0, None)
-    return sparse.csr_array((weight, (row, order[col])), shape=(pixel.size, position.size))
-
-
-def _layer(
-    values: NDArray[np.float64],
-    along_mm: NDArray[np.float64],
-    across_mm: NDArray[np.float64],
-    *,
-    pixel_along: NDArray[np.float64],
-    pixel_across: NDArray[np.float64],
-    pitch_mm: float,
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Enhancement (lines, samples) averaged onto the grid, (across, along), with its validity."""
-    weights_along = averaging(along_mm, pixel_along, pitch_mm)
-    weights_across = averaging(across_mm, pixel_across, pitch_mm)
-    known = np.isfinite(values)
-
-    def spread(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        result: NDArray[np.float64] = weights_across @ (weights_along @ values.T).T
-        return result
-
-    expected = weights_across.sum(axis=1)[:, None] * weights_along.sum(axis=1)[None, :]
-    if known.all():
-        weight, total = expected, spread(values)
-    else:
-        weight, total = spread(known.astype(np.float64)), spread(np.where(known, values, 0.0))
-    valid = (weight > 0.5 * expected) & (expected > 0.0)
-    return np.where(valid, total / np.maximum(weight, 1e-12), 0.0), valid
+    band = triangles(np.asarray(position, np.float64), np.asarray(pixel, np.float64), pitch)
+    return sparse.csr_array((band.weight, band.sample, band.first), shape=(pixel.size, position.size))

@@ -12,11 +12,14 @@ compared with the half difference, and the play that agrees best is taken off.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import TraceDirection
 from whisker_array.enhancement import moment_ratio
+from whisker_array.play import correlation, disagreements
 from whisker_array.touch import Touch
 
 LIMIT_PIXELS = 6
@@ -86,7 +89,7 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
     lines = np.argsort(-strength)[:MOST_LINES]
     ahead, behind = ahead[lines], behind[lines]
     plays = np.arange(-LIMIT_PIXELS, LIMIT_PIXELS + 1)
-    cost = np.array([_disagreement(ahead, behind, 0.5 * p, touch, pitch_mm) for p in plays])
+    cost = _costs(ahead, behind, 0.5 * plays, touch, pitch_mm)
     best = int(np.argmin(cost))
     if not 0 < best < plays.size - 1 or cost[best] > 0.98 * np.median(cost):
         return 0.0
@@ -95,18 +98,19 @@ def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -
     return float(plays[best] + (0.5 * (before - after) / curve if curve > 0.0 else 0.0))
 
 
-def _disagreement(ahead: Layer, behind: Layer, half: float, touch: Touch, pitch_mm: float) -> float:
-    """Mean square of felt less predicted edges, were the play twice `half`."""
-    a, b = _moved(ahead, half), _moved(behind, -half)
-    total, edges = 0.5 * (a + b), 0.5 * (a - b)
-    reach = 1.0 + total
-    for _ in range(2):
-        slope = np.clip(np.gradient(reach, axis=1) * touch.preload_mm / pitch_mm, -STEEPEST, STEEPEST)
-        rising = np.nan_to_num(moment_ratio(slope, touch.friction, touch.tip), nan=1.0)
-        falling = np.nan_to_num(moment_ratio(-slope, touch.friction, touch.tip), nan=1.0)
-        reach = (1.0 + total) / np.maximum(0.5 * (rising + falling), 0.1)
-    predicted = 0.5 * reach * (rising - falling)
-    return float(((edges - predicted)[:, LIMIT_PIXELS:-LIMIT_PIXELS] ** 2).mean())
+def _costs(
+    ahead: Layer, behind: Layer, halves: NDArray[np.floating[Any]], touch: Touch, pitch_mm: float
+) -> Layer:
+    """Mean square of felt less predicted edges, were the play twice each of `halves`."""
+    mu, row, arm = touch.friction, touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
+    moment_ratio(0.0, mu, touch.tip)  # refuses a whisker that jams on the land
+    per_land = (row[1] - row[0] * mu) / (arm[1] - arm[0] * mu)
+    return np.asarray(
+        disagreements(
+            ahead, behind, halves, touch.preload_mm / pitch_mm, STEEPEST, mu,
+            np.ascontiguousarray(row), np.ascontiguousarray(arm), float(per_land), LIMIT_PIXELS,
+        )
+    )  # fmt: skip
 
 
 def _moved(layer: Layer, pixels: float) -> Layer:
@@ -122,15 +126,10 @@ def _moved(layer: Layer, pixels: float) -> Layer:
 
 
 def _offset_pixels(reference: Layer, moved: Layer) -> tuple[float, float]:
-    """(rows, cols) by which `moved` must be shifted to lie on `reference`, by circular correlation."""
-    from scipy import fft
-
-    shape = [fft.next_fast_len(n + 16, real=True) for n in reference.shape]
-    a = fft.rfft2(reference - reference.mean(), shape)
-    b = fft.rfft2(moved - moved.mean(), shape)
-    correlation = fft.irfft2(a * np.conj(b), shape)
+    """(rows, cols) by which `moved` must be shifted to lie on `reference`, by correlation."""
     reach = LIMIT_PIXELS + 1
-    window = np.roll(correlation, (reach, reach), (0, 1))[: 2 * reach + 1, : 2 * reach + 1]
+    a, b = (np.ascontiguousarray(layer - layer.mean(), dtype=np.float32) for layer in (reference, moved))
+    window = correlation(a, b, reach)
     r, c = np.unravel_index(int(np.argmax(window)), window.shape)
     if not (0 < r < 2 * reach and 0 < c < 2 * reach):
         return (0.0, 0.0)

@@ -13,19 +13,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import EdgeMap, MapError, TraceDirection
+from whisker_array.both_ways import both_ways
 from whisker_array.contact import land_lag_mm
-from whisker_array.estimate import (
-    is_profiler,
-    lift_from_slope,
-    moment_per_lift,
-    slope_from_turned,
-    tip_shift_mm,
-)
+from whisker_array.estimate import is_profiler, moment_per_lift, tip_shift_mm
 from whisker_array.touch import Touch
 
 Layer = NDArray[np.float64]
@@ -113,29 +109,31 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
         MapError: friction at which the whisker jams on the land.
     """
     mu = touch.friction if friction is None else friction
-    felt = {d: 1.0 + edges.enhancement[i].astype(np.float64) for i, d in enumerate(edges.directions)}
+    felt = dict(zip(edges.directions, edges.enhancement, strict=True))
     if is_profiler(touch.tip):
-        lift = np.mean(list(felt.values()), axis=0)
-        return _relief(edges, touch, lift, {}, mu=mu, route=Route.PROFILED)
+        return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.PROFILED)
     land = float(moment_per_lift(np.arctan(mu), touch.tip))
     if not np.isfinite(land):
         raise MapError(f"at a friction of {mu} the whisker jams on the land; check the friction")
-    lifts, slopes = [], {}
+    total, count = np.zeros(edges.shape), np.zeros(edges.shape, dtype=np.uint8)
+    slopes = {}
     for axis, (ahead, back) in enumerate(_PAIRS):
         if ahead not in felt or back not in felt:
             continue
-        # per mm of preload the moment is (1 + e) G on the land
-        one, other = felt[ahead] * land, felt[back] * land
-        slope = np.clip(slope_from_turned(one, other, touch.tip, mu=mu), -STEEPEST, STEEPEST)
-        slopes[axis] = slope
-        lifts += [
-            lift_from_slope(one, slope, touch.tip, mu=mu),
-            lift_from_slope(other, -slope, touch.tip, mu=mu),
-        ]
-    if not lifts:
-        lift = np.mean(list(felt.values()), axis=0)
-        return _relief(edges, touch, lift, {}, mu=mu, route=Route.FLOORS)
-    return _relief(edges, touch, mean_of_known(lifts), slopes, mu=mu, route=Route.TURNED)
+        slopes[axis] = np.empty(edges.shape, dtype=np.float32)
+        row, arm = (
+            np.ascontiguousarray(a) for a in (touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm)
+        )
+        both_ways(felt[ahead], felt[back], row, arm, mu, land, STEEPEST, slopes[axis], total, count)
+    if not slopes:
+        return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.FLOORS)
+    lift = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return _relief(edges, touch, lift, slopes, mu=mu, route=Route.TURNED)
+
+
+def _mean_lift(edges: EdgeMap) -> Layer:
+    """Lift in preloads were the surface level everywhere."""
+    return np.asarray(1.0 + edges.enhancement.mean(axis=0, dtype=np.float64))
 
 
 def settled(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
@@ -173,10 +171,21 @@ def mean_of_known(lifts: Sequence[Layer]) -> Layer:
 
 
 def _relief(
-    edges: EdgeMap, touch: Touch, lift: Layer, slopes: dict[int, Layer], *, mu: float, route: Route
+    edges: EdgeMap,
+    touch: Touch,
+    lift: Layer,
+    slopes: dict[int, NDArray[np.float32]],
+    *,
+    mu: float,
+    route: Route,
 ) -> Relief:
-    def masked(values: Layer) -> NDArray[np.float32]:
-        return np.where(edges.valid, values, np.nan).astype(np.float32)
+    unknown = None if edges.valid.all() else ~edges.valid
+
+    def masked(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+        out = values.astype(np.float32, copy=False)
+        if unknown is not None:
+            out[unknown] = np.nan
+        return out
 
     return Relief(
         height_mm=masked((lift - 1.0) * touch.preload_mm),

@@ -71,19 +71,28 @@ def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArr
 
 @njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
 def _dilate(z, drow, dcol, lift):  # type: ignore[no-untyped-def]
-    rows, cols = z.shape
+    rows = z.shape[0]
     out = np.empty_like(z)
     for r in prange(rows):
-        for c in range(cols):
-            best = z[r, c]
-            for k in range(drow.size):
-                rr = min(max(r + drow[k], 0), rows - 1)
-                cc = min(max(c + dcol[k], 0), cols - 1)
-                value = z[rr, cc] + lift[k]
-                if value > best:
-                    best = value
-            out[r, c] = best
+        for c in range(z.shape[1]):
+            out[r, c] = z[r, c]
+        for k in range(drow.size):
+            _raise(z[min(max(r + drow[k], 0), rows - 1)], dcol[k], lift[k], out[r])
     return out
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
+def _raise(line, shift, lift, best):  # type: ignore[no-untyped-def]
+    """The larger of `best` and the line, moved left by `shift` and lifted, its ends repeated."""
+    cols = best.size
+    first, last = min(max(-shift, 0), cols), max(min(cols - shift, cols), 0)
+    for c in range(first, last):
+        value = line[c + shift] + lift
+        best[c] = value if value > best[c] else best[c]
+    for c in range(first):
+        best[c] = max(best[c], line[0] + lift)
+    for c in range(last, cols):
+        best[c] = max(best[c], line[cols - 1] + lift)
 
 
 def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
@@ -118,15 +127,20 @@ def _interleave(z, friction, inv_two_pitch, fields):  # type: ignore[no-untyped-
     rows, cols = z.shape
     for r in prange(rows):
         up, down = max(r - 1, 0), min(r + 1, rows - 1)
-        for c in range(cols):
-            left, right = max(c - 1, 0), min(c + 1, cols - 1)
+        # one-sided at the rim of the map
+        inv_rows = inv_two_pitch if down - up == 2 else inv_two_pitch + inv_two_pitch
+        beside, last = friction[r % friction.shape[0]], cols - 1
+        each = 1 if beside.size == cols else 0  # of a map; otherwise one number for all
+        for c in range(1, last):
             fields[r, c, 0] = z[r, c]
-            along_cols = (z[r, right] - z[r, left]) * inv_two_pitch
-            along_rows = (z[down, c] - z[up, c]) * inv_two_pitch
-            # one-sided at the rim of the map
-            fields[r, c, 1] = along_cols if right - left == 2 else along_cols + along_cols
-            fields[r, c, 2] = along_rows if down - up == 2 else along_rows + along_rows
-            fields[r, c, 3] = friction[r % friction.shape[0], c % friction.shape[1]]
+            fields[r, c, 1] = (z[r, c + 1] - z[r, c - 1]) * inv_two_pitch
+            fields[r, c, 2] = (z[down, c] - z[up, c]) * inv_rows
+            fields[r, c, 3] = beside[c * each]
+        for c, left, right in ((0, 0, 1), (last, last - 1, last)):
+            fields[r, c, 0] = z[r, c]
+            fields[r, c, 1] = (z[r, right] - z[r, left]) * (inv_two_pitch + inv_two_pitch)
+            fields[r, c, 2] = (z[down, c] - z[up, c]) * inv_rows
+            fields[r, c, 3] = beside[c * each]
 
 
 def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
@@ -202,21 +216,40 @@ def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
     Rows are then the lateral coordinate, in its plate order. A kernel written for +x serves all directions.
     """
     dropout = surface.dropout if direction.along_x else surface.dropout.T
+    dropout = dropout[:, ::-1] if direction.backward else dropout
     return replace(
         surface,
         fields=_orient(surface.fields, direction),
-        dropout=np.ascontiguousarray(dropout[:, ::-1] if direction.backward else dropout),
+        dropout=np.ascontiguousarray(dropout) if dropout.any() else np.zeros(dropout.shape, dtype=np.bool_),
         yielding=None if surface.yielding is None else _orient(surface.yielding, direction),
     )
 
 
 def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[np.float32]:
-    if not direction.along_x:
-        fields = fields.transpose(1, 0, 2)[:, :, [0, 2, 1, 3, 5, 4, 6][: fields.shape[2]]]
-    if direction.backward:
-        signs = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0], dtype=np.float32)
-        fields = fields[:, ::-1] * signs[: fields.shape[2]]
-    return np.ascontiguousarray(fields, dtype=np.float32)
+    if direction is TraceDirection.FORWARD_X:
+        return np.ascontiguousarray(fields, dtype=np.float32)
+    layers = fields.shape[2]
+    order = np.array([0, 1, 2, 3, 4, 5, 6] if direction.along_x else [0, 2, 1, 3, 5, 4, 6])[:layers]
+    backward = [1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0] if direction.backward else [1.0] * 7
+    rows, cols = fields.shape[:2] if direction.along_x else fields.shape[1::-1]
+    out = np.empty((rows, cols, layers), dtype=np.float32)
+    signs = np.array(backward, dtype=np.float32)[:layers]
+    _turn(fields, direction.along_x, direction.backward, order, signs, out)
+    return out
+
+
+@njit(parallel=True, cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
+def _turn(fields, along_x, backward, order, signs, out):  # type: ignore[no-untyped-def]
+    rows, cols, layers = out.shape
+    tile = 16  # pixels of both maps that stay in the cache
+    for block in prange((rows + tile - 1) // tile):
+        for left in range(0, cols, tile):
+            for r in range(block * tile, min(block * tile + tile, rows)):
+                for c in range(left, min(left + tile, cols)):
+                    there = cols - 1 - c if backward else c
+                    pixel = fields[r, there] if along_x else fields[there, r]
+                    for k in range(layers):
+                        out[r, c, k] = signs[k] * pixel[order[k]]
 
 
 @njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]

@@ -52,10 +52,16 @@ def trace_sweep(
     on_part = (across >= -slack) & (across <= reach_across + slack)
     beyond = (along < -slack) | (along > reach_along + slack)
     beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False
-    heights, mu, dropout = sample_lines(
-        oriented, lines_mm=lines[on_part], start_mm=start, step_mm=sweep.step_mm, n_samples=sweep.n_samples
-    )
     tip = touch.tip.pushed() if sweep.pushed else touch.tip
+    dropout = None
+    if fidelity is Fidelity.POINTWISE or oriented.dropout.any():
+        heights, mu, dropout = sample_lines(
+            oriented,
+            lines_mm=lines[on_part],
+            start_mm=start,
+            step_mm=sweep.step_mm,
+            n_samples=sweep.n_samples,
+        )
     if fidelity is Fidelity.POINTWISE:
         if oriented.yielding is not None:
             top, stiffness, _ = sample_lines(
@@ -89,6 +95,8 @@ def trace_sweep(
     moment = np.zeros((lines.size, sweep.n_samples), dtype=np.float32)
     flags = np.full(moment.shape, np.uint8(SampleFlag.OUTSIDE))
     moment[on_part] = some.moment_n_mm
-    flags[on_part] = some.flags | np.where(dropout, np.uint8(SampleFlag.DROPOUT), np.uint8(0))
+    flags[on_part] = some.flags
+    if dropout is not None:
+        flags[on_part] |= np.where(dropout, np.uint8(SampleFlag.DROPOUT), np.uint8(0))
     flags[:, beyond] |= np.uint8(SampleFlag.OUTSIDE)
     return Traces(moment_n_mm=moment, flags=flags)

@@ -16,9 +16,11 @@ from scipy import optimize
 from glyphs.die import Face, default_die
 from glyphs.maps import HeightMap
 from glyphs.outlines import load_font
+from glyphs.soil import Soil
 from glyphs.stamping import stamp
 from whisker_array.array import default_plan
 from whisker_array.contact import land_lag_mm, trace_contact
+from whisker_array.contact_kernel import ABREAST
 from whisker_array.defaults import default_whisker
 from whisker_array.enhancement import land_moment_n_mm
 from whisker_array.pointwise import trace_pointwise
@@ -385,13 +387,27 @@ def test_the_same_whatever_the_number_of_threads() -> None:
         np.testing.assert_array_equal(other, runs[0])
 
 
-def test_lines_do_not_know_of_each_other() -> None:
-    surface = surface_of(lambda x, z: 0.1 * np.sin(3 * x) * np.cos(2 * z), pitch=0.03, size=(4.0, 3.0))
-    lines = np.array([0.5, 1.3, 2.1])
-    together = trace(surface, RIBBON, lines=lines, start=0.3, step=0.03, n=110).moment_n_mm
-    for i in range(3):
-        alone = trace(surface, RIBBON, lines=lines[i : i + 1], start=0.3, step=0.03, n=110).moment_n_mm
-        np.testing.assert_array_equal(alone[0], together[i])
+@pytest.mark.parametrize("dirty", [False, True])
+def test_lines_do_not_know_of_each_other(dirty: bool) -> None:
+    """Traced abreast in more than one block, or each alone: some settle at once, some jam, some lose contact."""
+    lines = np.linspace(0.3, 2.7, 2 * ABREAST + 3)
+    y, x = np.mgrid[:101, :134] * 0.03
+    rough = (0.1 * np.sin(3 * x) * np.cos(2 * y) * (y > 1.0)).astype(np.float32)
+    rough[60:70, 40:] += 2.5  # a wall that jams
+    rough[80:90, 60:90] -= 1.5  # a hole deeper than the preload
+    soil = None
+    if dirty:
+        thickness = np.where(x > 1.5, 0.1, 0.0).astype(np.float32)
+        soil = Soil(thickness, np.full(x.shape, 5.0, np.float32), np.full(x.shape, MU, np.float32))
+    surface = prepare_surface(HeightMap(rough, 0.03), tip_radius_mm=0.06, friction=MU, soil=soil)
+    together = trace(surface, RIBBON, lines=lines, start=0.3, step=0.03, n=110)
+    seen = SampleFlag(int(np.bitwise_or.reduce(together.flags, axis=None)))
+    assert SampleFlag.JAMMED in seen
+    assert SampleFlag.CONTACT_LOST in seen
+    for i in range(lines.size):
+        alone = trace(surface, RIBBON, lines=lines[i : i + 1], start=0.3, step=0.03, n=110)
+        np.testing.assert_array_equal(alone.moment_n_mm[0], together.moment_n_mm[i])
+        np.testing.assert_array_equal(alone.flags[0], together.flags[i])
 
 
 def test_the_lag_is_that_of_the_sliding_force() -> None:
