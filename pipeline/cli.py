@@ -78,7 +78,8 @@ def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
     if shell == "bash":
         script = script.replace("\ncomplete -F ", "\ncomplete -o bashdefault -o default -F ")
     elif shell == "zsh":
-        script += f'\n_{PROGRAM}_or_file() {{ _cyclopts_{PROGRAM} "$@" || _files }}\ncompdef _{PROGRAM}_or_file {PROGRAM}'
+        either = f"_{PROGRAM}_or_file"
+        script += f'\n{either}() {{ _cyclopts_{PROGRAM} "$@" || _files }}\ncompdef {either} {PROGRAM}'
     print(script)
     return 0
 

@@ -221,16 +221,23 @@ def _tell(written: Written) -> None:
     from pipeline.report_pictures import severity_name
 
     console = Console() if sys.stdout.isatty() else Console(width=140)
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in ("dirt", "mode", "parts", "serials", "characters", "accepted", "accepted wrong", "errors"):
-        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    # no wider than 80 columns
+    table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")
+    headings = (
+        "dirt", "mode", "parts", "serials", "chars", "accepted", "accepted wrong", "errors", "ms", "read ms",
+    )  # fmt: skip
+    for heading in headings:
+        table.add_column(
+            heading, justify="left" if heading == "mode" else "right", no_wrap=" " not in heading
+        )
     for g in written.statistics.by_severity:
         table.add_row(
             severity_name(g.key.severity), g.key.mode, str(g.serials.total), f"{g.serials.value:.2%}",
             f"{g.characters.value:.2%}", f"{g.accepted.value:.1%}", str(g.split.accepted_wrong),
-            str(g.split.failed),
+            str(g.split.failed), f"{1000 * g.compute_s[0]:.0f}", f"{1000 * g.reading_s[0]:.0f}",
         )  # fmt: skip
     console.print(table)
+    print("ms: median time to compute a part; read ms: less the simulated scan")
     for verdict in written.verdicts:
         if verdict.met is not None:
             word = "met" if verdict.met else "NOT MET"

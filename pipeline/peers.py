@@ -19,6 +19,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -29,6 +30,7 @@ from numpy.typing import NDArray
 from glyphs.serials import allowed_characters
 from pipeline.benchmark_modes import ModeReader, ModeUnavailableError, Senses
 from pipeline.benchmark_parts import Box
+from pipeline.trials import UNUSED
 
 if TYPE_CHECKING:
     from glyphs.maps import EdgeMap
@@ -79,7 +81,17 @@ class _Peer:
     def read(self, senses: Senses) -> Reading:
         picture = touch_picture(senses) if self._sense == "touch" else photo_picture(senses)
         line = self._engine.read_line(picture) if min(picture.shape[:2]) >= 8 else []
-        return reading_of(line, places=self._places)
+        reading = reading_of(line, places=self._places)
+        return replace(reading, seconds=edge_map_seconds(senses)) if self._sense == "touch" else reading
+
+
+def edge_map_seconds(senses: Senses) -> dict[str, float]:
+    """Where the time of touch went for one who takes its edge map, and the place of the line if the truth lacks it."""
+    told = senses.felt.reading.seconds
+    steps = {step: told.get(step, 0.0) for step in ("mount", "scan", "edge map")}
+    if senses.specimen.line_mm is not None:
+        steps[UNUSED] = max(0.0, senses.seconds.get("touch", 0.0) - sum(steps.values()))
+    return steps
 
 
 def reading_of(line: Line, *, places: tuple[str, ...] = ()) -> Reading:

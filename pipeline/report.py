@@ -33,6 +33,7 @@ from pipeline.trials import Trial
 PAGE, TABLE, FIGURES = "report.html", "benchmark.csv", "benchmark.json"
 _TEMPLATE = "report.html.j2"
 _MOST_MISTAKES = 12
+_TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
 
 
 class ReportError(ValueError):
@@ -114,7 +115,7 @@ def _write_table(trials: Sequence[Trial], path: Path) -> None:
     headings = (
         "part", "severity", "font", "format", "mode", "truth", "text", "right", "decision", "confidence",
         "characters", "characters_right", "lowest_confidence", "lowest_margin", "flags", "error", "compute_s",
-        "scan_s",
+        "reading_s", "simulated_s", "scan_s",
     )  # fmt: skip
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream)
@@ -124,7 +125,8 @@ def _write_table(trials: Sequence[Trial], path: Path) -> None:
                 t.part, "" if t.severity is None else t.severity, t.font, t.format, t.mode, t.truth, t.text,
                 int(t.right), t.decision, t.confidence, len(t.truth), characters_right(t),
                 min((c.confidence for c in t.characters), default=""),
-                min((c.margin for c in t.characters), default=""), t.flags, t.error, t.compute_s, t.scan_s,
+                min((c.margin for c in t.characters), default=""), t.flags, t.error,
+                round(t.used_s, 4), round(t.reading_s, 4), t.simulated_s, t.scan_s,
             ))  # fmt: skip
 
 
@@ -142,7 +144,7 @@ def _figures(
         "by_mode": plain(list(found.by_mode)),
         "comparisons": plain(list(found.comparisons)),
         "times": [
-            {**plain(g.key), "compute_s_median_p95": plain(g.compute_s), "scan_s_median_p95": plain(g.scan_s)}
+            {**plain(g.key), **{f"{name}_median_p95": plain(getattr(g, name)) for name in _TIMES}}
             for g in found.by_severity
         ],
     }
@@ -180,7 +182,7 @@ def _page(
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters.update(percent=_percent, severity=severity_name, span=_span, seconds=_seconds, p=_p)
+    environment.filters.update(percent=_percent, severity=severity_name, span=_span, ms=_ms, p=_p)
     several = len({(g.key.font, g.key.format) for g in found.groups}) > 1
     errors = [t for t in trials if t.error]
     return environment.get_template(_TEMPLATE).render(
@@ -255,8 +257,8 @@ def _span(ends: Share | tuple[float, float]) -> str:
     return f"{100 * low:.1f} – {100 * high:.1f}"
 
 
-def _seconds(spread: tuple[float, float]) -> str:
-    return "–" if not any(spread) else f"{spread[0]:.3g} ({spread[1]:.3g})"
+def _ms(seconds: float) -> str:
+    return f"{1000 * seconds:.0f}" if seconds >= 0.01 else f"{1000 * seconds:.1f}"
 
 
 def _p(value: float) -> str:

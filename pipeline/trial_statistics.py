@@ -75,7 +75,9 @@ class Group:
         serial_reliability: of the confidence in whole serials.
         character_reliability: of the confidence in single characters.
         confused: what was read for what.
-        compute_s: (median, 95th percentile) of the program's time for a part.
+        compute_s: (median, 95th percentile) of the program's time for a part: the simulated scan and the reading.
+        reading_s: (median, 95th percentile) of the reading alone.
+        simulated_s: (median, 95th percentile) of simulating the scan.
         scan_s: (median, 95th percentile) of the real array's.
     """
 
@@ -91,6 +93,8 @@ class Group:
     character_reliability: Reliability
     confused: Confusion
     compute_s: tuple[float, float]
+    reading_s: tuple[float, float]
+    simulated_s: tuple[float, float]
     scan_s: tuple[float, float]
 
 
@@ -173,7 +177,9 @@ def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
         serial_reliability=reliability([t.confidence for t in read], [t.right for t in read]),
         character_reliability=reliability(said, was),
         confused=confusion(trials),
-        compute_s=_spread([t.compute_s for t in read]),
+        compute_s=_spread([t.used_s for t in read]),
+        reading_s=_spread([t.reading_s for t in read]),
+        simulated_s=_spread([t.simulated_s for t in read]),
         scan_s=_spread([t.scan_s for t in read]),
     )
 

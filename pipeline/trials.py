@@ -1,8 +1,8 @@
 """What a benchmark keeps: one trial a part and mode, one line of JSON a part, appended as soon as it is done.
 
-    trials.jsonl    {"benchmark": {...}, "key": "..."}            the first line: what is tried, and its hash
-                    {"part": "...", "trials": [{...}, {...}]}     a part, read by every mode
-                    {"part": "...", "tri                          a last line may be torn: that part is tried again
+    trials.jsonl    {"format_version": 2, "benchmark": {...}, "key": "..."}    the first line: what is tried, its hash
+                    {"part": "...", "trials": [{...}, {...}]}                  a part, read by every mode
+                    {"part": "...", "tri                                       a torn last line is tried again
 
 A folder that was left half done is taken up where it stood; one that holds another benchmark is refused.
 """
@@ -23,6 +23,11 @@ if TYPE_CHECKING:
     from recognition.reading import Reading
 
 TRIALS_FILE = "trials.jsonl"
+FORMAT_VERSION = 2
+"""The first told no version, nor simulated_s and unused_s."""
+UNUSED = "unused"
+"""Step of a reading's time for what ran on the way and does not belong to the mode."""
+_SIMULATION = ("mount", "scan")  # steps of a reading's time that a real array has not
 _MAX_FILE_BYTES = 4_000_000_000
 
 
@@ -59,8 +64,11 @@ class Trial:
         characters: the places as read.
         flags: what the reader says about it.
         error: why there is no reading; empty when there is one.
-        compute_s: time that the program took for it, making the part not counted.
+        compute_s: time that the program took for it, making the part and its photograph not counted.
         scan_s: time that the real array would take for the scan; 0 without touch.
+        simulated_s: of compute_s, what stands in for the array: mounting the map and simulating the scan.
+        unused_s: of compute_s, what ran on the way and is no part of the mode: touch's own reading, where another
+            program reads its edge map.
     """
 
     part: str
@@ -78,6 +86,18 @@ class Trial:
     error: str = ""
     compute_s: float = 0.0
     scan_s: float = 0.0
+    simulated_s: float = field(default=0.0, compare=False)
+    unused_s: float = field(default=0.0, compare=False)
+
+    @property
+    def used_s(self) -> float:
+        """Computing that the mode needs: the simulated scan and the reading."""
+        return max(0.0, self.compute_s - self.unused_s)
+
+    @property
+    def reading_s(self) -> float:
+        """Of that the reading: from the scan or the photograph to the answer."""
+        return max(0.0, self.used_s - self.simulated_s)
 
     @property
     def right(self) -> bool:
@@ -101,6 +121,8 @@ def answer_of(reading: Reading) -> dict[str, Any]:
             for c in reading.characters
         ),
         "flags": "; ".join(reading.messages()),
+        "simulated_s": round(sum(reading.seconds.get(step, 0.0) for step in _SIMULATION), 4),
+        "unused_s": round(reading.seconds.get(UNUSED, 0.0), 4),
     }
 
 
@@ -169,7 +191,11 @@ class TrialBook:
         self.done[part] = kept
 
     def _heading(self) -> str:
-        heading = {"benchmark": dict(self.description), "key": key_of(self.description)}
+        heading = {
+            "format_version": FORMAT_VERSION,
+            "benchmark": dict(self.description),
+            "key": key_of(self.description),
+        }
         return json.dumps(heading, ensure_ascii=False) + "\n"
 
     def _check_heading(self, line: str) -> None:
@@ -177,6 +203,14 @@ class TrialBook:
         held = heading.get("benchmark") if heading else None
         if heading is None or not isinstance(held, dict):
             raise FileProblem(self.path, "is no book of trials", "name another folder")
+        version = heading.get("format_version", 1)
+        if version != FORMAT_VERSION:
+            newer = isinstance(version, int) and version > FORMAT_VERSION
+            raise FileProblem(
+                self.path,
+                f"has format version {_short(version)}; this program writes {FORMAT_VERSION}",
+                "update this program, or name another folder" if newer else "name another folder",
+            )
         if heading.get("key") != key_of(self.description):
             wanted = json.loads(json.dumps(dict(self.description)))
             differ = sorted(k for k in {*held, *wanted} if held.get(k) != wanted.get(k))

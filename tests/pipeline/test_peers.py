@@ -8,7 +8,9 @@ from glyphs.photo import Photo
 from pipeline import peers
 from pipeline.benchmark_modes import ModeSettings, ModeUnavailableError, Readers, Senses, open_mode
 from pipeline.benchmark_parts import Specimen
-from recognition.reading import Decision, ReadingFlag
+from pipeline.trials import UNUSED
+from recognition.reader import ReadingWithEvidence
+from recognition.reading import Decision, Reading, ReadingFlag
 
 CLASSES = ("", "A", "B")
 
@@ -77,6 +79,18 @@ def test_edges_are_drawn_dark_whatever_their_sign_and_direction() -> None:
     picture = peers.draw_edges(edges)
     assert (picture[[2, 6]] == 0).all()
     assert (picture[[0, 4, 9]] == 255).all()
+
+
+@pytest.mark.parametrize("placed", [True, False])
+def test_who_reads_an_edge_map_is_charged_for_it_and_not_for_touchs_own_reading(placed: bool) -> None:
+    """But where the truth tells no place, touch's reading is what the line was found by."""
+    part = senses(None, (10.0, 6.0, 30.0, 14.0) if placed else None)
+    steps = {"mount": 0.1, "scan": 2.0, "edge map": 0.4, "search": 3.0, "match": 0.3}
+    felt = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=steps)
+    part.__dict__["felt"], part.seconds["touch"] = ReadingWithEvidence(felt), 6.0
+    told = peers.edge_map_seconds(part)
+    assert (told["mount"], told["scan"], told["edge map"]) == (0.1, 2.0, 0.4)
+    assert told.get(UNUSED, 0.0) == pytest.approx(3.5 if placed else 0.0)
 
 
 @pytest.mark.parametrize("engine", ["rapidocr", "tesseract"])

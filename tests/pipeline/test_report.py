@@ -59,6 +59,7 @@ def trial(part: int, text: str, **more: object) -> Trial:
         "part": f"gothic-A9-dirt0.3-{part:04d}", "number": part, "severity": 0.3, "font": "gothic", "format": "A9",
         "mode": "tactile", "truth": "A1", "decision": "accept", "confidence": 0.9,
         "characters": tuple(ReadCharacter(c, 0.95, 0.9) for c in text), "compute_s": 1.0, "scan_s": 60.0,
+        "simulated_s": 0.75 if more.get("mode", "tactile") == "tactile" else 0.0,
     }  # fmt: skip
     return Trial(text=text, **{**given, **more})  # type: ignore[arg-type]
 
@@ -114,7 +115,21 @@ def test_the_figures_are_those_of_the_trials(written: report.Written) -> None:
         "accepted_right": 1, "accepted_wrong": 1, "review": 1, "rejected": 1, "failed": 1,
     }  # fmt: skip
     assert told["parts"] == 5
-    assert told["times"][0]["scan_s_median_p95"] == [60.0, 60.0]
+    times = told["times"][0]
+    assert times["scan_s_median_p95"] == [60.0, 60.0]
+    assert (times["compute_s_median_p95"], times["simulated_s_median_p95"]) == ([1.0, 1.0], [0.75, 0.75])
+    assert times["reading_s_median_p95"] == [0.25, 0.25]
+
+
+def test_the_time_of_reading_stands_beside_the_accuracy(written: report.Written) -> None:
+    text = written.page.read_text(encoding="utf-8")
+    summary = text[text.index('id="summary"') : text.index('id="accuracy"')]
+    assert "<th>reading, ms</th>" in summary
+    assert "<td>250</td><td>250</td></tr>" in summary  # tactile, less the simulated scan
+    assert "<td>1000</td><td>1000</td></tr>" in summary  # vision
+    with written.table.open(encoding="utf-8", newline="") as stream:
+        first = next(csv.DictReader(stream))
+    assert [float(first[k]) for k in ("compute_s", "reading_s", "simulated_s")] == [1.0, 0.25, 0.75]
 
 
 def test_the_worst_parts_begin_with_the_lie(written: report.Written) -> None:
@@ -159,6 +174,10 @@ def test_two_parts_from_the_command_line(
     assert main(arguments) == 0
     said = capsys.readouterr().out
     assert f"wrote {out / 'report.html'}" in said
+    assert said.splitlines()[0].endswith(" ms read ms")
+    row = said.splitlines()[1].split()
+    assert row[1] == "tactile"
+    assert 0 < int(row[-1]) < int(row[-2])  # the scan is simulated
     page = Page((out / "report.html").read_text(encoding="utf-8"))
     assert sum(r.startswith("data:image/jpeg") for r in page.refers) == 2
     first = json.loads((out / "benchmark.json").read_text())

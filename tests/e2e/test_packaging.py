@@ -1,0 +1,225 @@
+"""What `pip install tactile-marks` gives: a wheel built from an sdist of this tree, in an environment of its own.
+
+packages, pyproject.toml ... --copy--> tree --> sdist --unpacked--> wheel --pip--> environment, another folder
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import tomllib
+import zipfile
+from dataclasses import dataclass
+from email.parser import Parser
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGES = PROJECT["tool"]["setuptools"]["packages"]
+SETUPTOOLS = 77
+"""The first that knows a licence by its SPDX name."""
+SCRAPS = shutil.ignore_patterns("__pycache__", ".*", "*~")
+
+
+@dataclass(frozen=True)
+class Installed:
+    """An environment with the wheel, and a folder to work in that is far from the sources; `tree` is their copy."""
+
+    tree: Path
+    sdist: Path
+    wheel: Path
+    bin: Path
+    work: Path
+
+    def run(self, *command: str, status: int = 0) -> str:
+        """Run a program of the environment; what it printed."""
+        program = self.bin / command[0]
+        keep = {
+            k: v for k, v in os.environ.items() if k != "PYTHONPATH" and not k.startswith("TACTILE_MARKS_")
+        }
+        done = subprocess.run(
+            [program, *command[1:]], cwd=self.work, env=keep, capture_output=True, text=True
+        )
+        assert done.returncode == status, done.stdout + done.stderr
+        return done.stdout
+
+    def python(self, program: str, *arguments: str) -> str:
+        """Run a program text."""
+        return self.run("python", "-c", program, *arguments)
+
+
+def missing(what: str) -> None:
+    """Skip the test, or fail it where everything must be tested."""
+    if os.environ.get("MARKS_TEST_ALL") == "1":
+        pytest.fail(f"{what}, and MARKS_TEST_ALL asks for every test")
+    pytest.skip(what)
+
+
+def backend(folder: Path) -> dict[str, str]:
+    """Environment variables under which a setuptools that is new enough is found."""
+    try:
+        if int(version("setuptools").split(".")[0]) >= SETUPTOOLS:
+            return dict(os.environ)
+    except PackageNotFoundError:
+        pass
+    asked = ("--quiet", "--disable-pip-version-check", "--target", str(folder), f"setuptools>={SETUPTOOLS}")
+    if subprocess.run([sys.executable, "-m", "pip", "install", *asked], capture_output=True).returncode:
+        missing(f"setuptools {SETUPTOOLS} is not installed and cannot be fetched")
+    return {**os.environ, "PYTHONPATH": str(folder)}
+
+
+def built(kind: str, tree: Path, out: Path, environment: dict[str, str]) -> Path:
+    """An sdist or a wheel, as any front end has it built."""
+    program = "import sys, setuptools.build_meta as b; getattr(b, 'build_' + sys.argv[1])(sys.argv[2])"
+    subprocess.run(
+        [sys.executable, "-c", program, kind, str(out)],
+        cwd=tree,
+        env=environment,
+        capture_output=True,
+        check=True,
+    )
+    (made,) = out.iterdir()
+    return made
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    base = tmp_path_factory.mktemp("packaging")
+    for name in ("tree", "sdist", "wheel", "work"):
+        (base / name).mkdir()
+    for name in PACKAGES:
+        shutil.copytree(ROOT / name, base / "tree" / name, ignore=SCRAPS)
+    for name in ("pyproject.toml", PROJECT["project"]["readme"], *PROJECT["project"]["license-files"]):
+        shutil.copy(ROOT / name, base / "tree" / name)
+    environment = backend(base / "backend")
+    sdist = built("sdist", base / "tree", base / "sdist", environment)
+    with tarfile.open(sdist) as archive:
+        archive.extractall(base, filter="data")
+    wheel = built("wheel", base / sdist.name.removesuffix(".tar.gz"), base / "wheel", environment)
+
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", base / "env"], check=True)
+    python = base / "env" / "bin" / "python"
+    asked = ("install", "--quiet", "--disable-pip-version-check", "--no-deps", "--no-index", str(wheel))
+    subprocess.run([sys.executable, "-m", "pip", "--python", python, *asked], capture_output=True, check=True)
+    # the libraries of this environment, after the wheel; its .pth files, which may name the sources, do not count
+    found = subprocess.run(
+        [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"],
+        capture_output=True,
+        check=True,
+    )
+    own, libraries = Path(found.stdout.decode().strip()), sysconfig.get_path("purelib")
+    (own / "libraries.pth").write_text(f"{libraries}\n", encoding="utf-8")
+    return Installed(base / "tree", sdist, wheel, python.parent, base / "work")
+
+
+def test_the_wheel_holds_every_file_of_the_packages_and_nothing_else(installed: Installed) -> None:
+    sources = {
+        path.relative_to(installed.tree).as_posix()
+        for name in PACKAGES
+        for path in (installed.tree / name).rglob("*")
+        if path.is_file()
+    }
+    with zipfile.ZipFile(installed.wheel) as archive:
+        held = {name for name in archive.namelist() if ".dist-info/" not in name}
+        info = {n.partition(".dist-info/")[2]: n for n in archive.namelist() if ".dist-info/" in n}
+        assert held == sources
+        assert {f"{name}/py.typed" for name in PACKAGES} < held
+        assert archive.read(info["licenses/LICENSE"]) == (ROOT / "LICENSE").read_bytes()
+        assert "tactile-marks = pipeline.cli:main" in archive.read(info["entry_points.txt"]).decode()
+        told = Parser().parsestr(archive.read(info["METADATA"]).decode())
+    assert (told["Name"], told["Version"]) == ("tactile-marks", PROJECT["project"]["version"])
+    assert told["License-Expression"] == "Apache-2.0"
+    extras = set(PROJECT["project"]["optional-dependencies"])
+    assert set(told.get_all("Provides-Extra")) == extras
+    with tarfile.open(installed.sdist) as archive:
+        inner = {name.partition("/")[2] for name in archive.getnames()}
+    assert {*sources, "pyproject.toml", "README.md", "LICENSE"} <= inner
+
+
+def test_the_command_comes_from_the_wheel_and_answers(installed: Installed) -> None:
+    where = installed.python("import glyphs, whisker_array, recognition, pipeline as p; print(glyphs, whisker_array, "
+                             "recognition, p)")  # fmt: skip
+    assert where.count(str(installed.bin.parent)) == len(PACKAGES)
+    assert str(ROOT) not in where.replace(str(installed.bin.parent), "")
+    said = installed.run("tactile-marks", "--help")
+    assert "Usage: tactile-marks" in said
+    assert installed.run("python", "-m", "pipeline", "--help") == said
+    assert installed.run("tactile-marks", "--version").strip() == PROJECT["project"]["version"]
+    assert "gothic" in installed.run("tactile-marks", "glyphs", "list")
+    assert "complete -o" in installed.run("tactile-marks", "completion", "bash")
+
+
+def test_a_part_is_made_and_read(installed: Installed) -> None:
+    """By the camera: touch would compile its kernels anew, which takes most of a minute."""
+    made = ("--parts", "1", "--format", "99", "--font", "gothic", "--seed", "1", "--photo")
+    installed.run("tactile-marks", "synth", "parts", *made)
+    told = ("--font", "gothic", "--format", "99", "--height-mm", "5", "--truth", "parts/truth.csv")
+    installed.run("tactile-marks", "read", "parts/part-000.png", *told, "--out", "rows.csv")
+    truth = (installed.work / "parts" / "truth.csv").read_text(encoding="utf-8").splitlines()[1].split(",")[1]
+    row = (installed.work / "rows.csv").read_text(encoding="utf-8").splitlines()[1].split(",")
+    assert row[:2] == ["part-000", truth]
+
+
+def test_a_store_is_made_by_the_migrations_of_the_wheel(installed: Installed) -> None:
+    pytest.importorskip("alembic")
+    installed.python(
+        "from pipeline.store_open import open_database; open_database('sqlite:///store.db').close();"
+        "open_database('sqlite:///store.db').close()"
+    )
+    assert (installed.work / "store.db").stat().st_size > 0
+
+
+def test_pages_and_reports_find_their_templates_and_styles(installed: Installed) -> None:
+    pytest.importorskip("starlette")
+    pytest.importorskip("jinja2")
+    program = """
+import jinja2
+from pathlib import Path
+from pipeline import report
+from pipeline.benchmark import Benchmark
+from pipeline.benchmark_modes import ModeSettings
+from pipeline.benchmark_parts import SynthParts
+from pipeline.page_static import StaticFiles
+from pipeline.trials import Trial
+
+report.rank_worst = lambda trials: []  # its pictures need touch, see above
+trials = [Trial("p", 0, 0.0, "gothic", "A9", "vision", "A1", "A1", "accept", 0.9)]
+benchmark = Benchmark(SynthParts((0.0,), ("gothic",), ("A9",), 1), ("vision",), ModeSettings())
+Path("bench").mkdir()
+print(report.write_report(benchmark, trials, Path("bench")).page.stat().st_size)
+for name in ("page.css", "page.js", "review.js", "page_icon.svg"):
+    print(StaticFiles().address(name))
+loader = jinja2.PackageLoader("pipeline", "templates")
+print(len(loader.list_templates()))
+"""
+    said = installed.python(program).split()
+    assert int(said[0]) > 10_000
+    assert int(said[-1]) == len(list((ROOT / "pipeline" / "templates").glob("*.j2")))
+    assert "</html>" in (installed.work / "bench" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_users_mypy_sees_the_types(installed: Installed) -> None:
+    if importlib.util.find_spec("mypy") is None:
+        missing("mypy is not installed")
+    script = installed.work / "use.py"
+    script.write_text(
+        "from recognition.reader import Reader\n"
+        "reading = Reader().read_scan(3).reading\n"
+        "reveal_type(reading.confidence)\n"
+    )
+    python, cache = str(installed.bin / "python"), str(installed.work / "mypy")
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--python-executable", python, "--cache-dir", cache, script.name],
+        cwd=installed.work, capture_output=True, text=True,
+    )  # fmt: skip
+    assert 'has incompatible type "int"; expected "Scan"' in done.stdout
+    assert 'Revealed type is "float"' in done.stdout.replace("builtins.", "")
+    assert "Found 1 error in 1 file" in done.stdout
