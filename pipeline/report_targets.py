@@ -105,5 +105,5 @@ def _fused(statistics: Statistics) -> Iterator[Verdict]:
         )
         if not met and p >= SIGNIFICANT:
             found += "; no more than chance may bring"
-        sure = p < SIGNIFICANT if not met else c.characters.low >= 0.0
+        sure = p < SIGNIFICANT if not met else c.characters.low > 0.0
         yield Verdict(FUSED, c.severity, f"not below {c.second}, the better single mode", found, met, sure)

@@ -27,8 +27,8 @@ from pipeline.atomic import replacing
 from pipeline.batch import Row
 from pipeline.problems import FileProblem
 from pipeline.row_files import RowFile, read_rows
+from pipeline.run_description import differences, key_of
 from pipeline.tables import LINE_FORMS, check_output, write_parquet, write_rows
-from pipeline.trials import key_of
 
 FORMAT_VERSION = 1
 
@@ -195,9 +195,7 @@ class RunBook:
     def _check_same(self, held: Mapping[str, Any]) -> None:
         if held.get("key") == key_of(self.description):
             return
-        was, now = held["description"], json.loads(json.dumps(dict(self.description)))
-        differ = sorted(k for k in {*was, *now} if was.get(k) != now.get(k))
-        told = "; ".join(f"{k} was {_short(was.get(k))}, now {_short(now.get(k))}" for k in differ[:4])
+        told = differences(held["description"], self.description)
         raise FileProblem(self.path, f"is of another run, not finished ({told})", self._mend())
 
     def _make_place(self) -> None:
@@ -285,8 +283,3 @@ def _sync_folder(path: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -109,8 +109,8 @@ def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
     """
     from pipeline.quarantine import Quarantine
     from pipeline.run_book import RunBook
+    from pipeline.run_description import key_of
     from pipeline.run_store import RunStore
-    from pipeline.trials import key_of
 
     if target.out is None:
         yield Run()

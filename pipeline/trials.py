@@ -9,7 +9,6 @@ A folder that was left half done is taken up where it stood; one that holds anot
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.atomic import replacing
 from pipeline.problems import FileProblem, require_file
+from pipeline.run_description import differences, in_short, key_of
 
 if TYPE_CHECKING:
     from recognition.reading import Reading
@@ -126,11 +126,6 @@ def answer_of(reading: Reading) -> dict[str, Any]:
     }
 
 
-def key_of(description: Mapping[str, Any]) -> str:
-    """Hash of what is tried; equal descriptions have equal keys whatever the order of their entries."""
-    return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()[:16]
-
-
 @dataclass
 class TrialBook:
     """The trials of one benchmark in its folder.
@@ -208,15 +203,11 @@ class TrialBook:
             newer = isinstance(version, int) and version > FORMAT_VERSION
             raise FileProblem(
                 self.path,
-                f"has format version {_short(version)}; this program writes {FORMAT_VERSION}",
+                f"has format version {in_short(version)}; this program writes {FORMAT_VERSION}",
                 "update this program, or name another folder" if newer else "name another folder",
             )
         if heading.get("key") != key_of(self.description):
-            wanted = json.loads(json.dumps(dict(self.description)))
-            differ = sorted(k for k in {*held, *wanted} if held.get(k) != wanted.get(k))
-            told = "; ".join(
-                f"{k} was {_short(held.get(k))}, now {_short(wanted.get(k))}" for k in differ[:4]
-            )
+            told = differences(held, self.description)
             raise FileProblem(
                 self.path, f"holds another benchmark ({told})", "name another folder or remove that one"
             )
@@ -262,8 +253,3 @@ def _trial(values: Mapping[str, Any]) -> Trial:
         raise ValueError("the fields are not those of a trial")
     characters = tuple(ReadCharacter(**c) for c in values["characters"])
     return Trial(**{**values, "characters": characters})
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,5 +1,6 @@
 """A whisker and its use as TOML: what `design` writes, a workshop builds and `scan` feels with.
 
+format_version = 1
 kind = "L"                     or "straight": l_mm instead of l1_mm, l2_mm, l3_mm
 l1_mm = 35.04                  lengths in mm, angles in degrees
 ...
@@ -26,6 +27,8 @@ from whisker_array.sections import MUSIC_WIRE, Material, Rectangle, Round
 from whisker_array.touch import Touch
 from whisker_array.whisker import LShaped, Straight, WhiskerError
 
+FORMAT_VERSION = 1
+"""Of a file that tells none, too: it was the first."""
 _MOST_BYTES = 100_000
 _WRITABLE = "an L-shaped or straight whisker with a ribbon or round section throughout"
 
@@ -162,6 +165,10 @@ def read_whisker_file(path: Path) -> WhiskerFile:
         raise FileProblem(path, f"is no TOML ({error})", "mend that line") from error
     except OSError as error:
         raise FileProblem(path, f"cannot be read ({error.strerror})", "check its permissions") from error
+    version = written.pop("format_version", FORMAT_VERSION)
+    if version != FORMAT_VERSION:
+        says = f"has format version {version!r}; this program reads {FORMAT_VERSION}"
+        raise FileProblem(path, says, "update this program, or write the file anew")
     kind = written.get("kind")
     if not isinstance(kind, str) or kind not in _KINDS:
         says = "has no kind" if kind is None else f"has the kind {kind!r}"
@@ -238,7 +245,8 @@ def _lines(path: Path, content: WhiskerFile) -> list[str]:
         section = {"kind": "round", "diameter_mm": w.section.diameter_mm}
     else:
         raise FileProblem(path, f"cannot hold {w.section}", f"write {_WRITABLE}")
-    lines = ["# a whisker of tactile-marks and its use; lengths in mm", *_pairs(shape | use)]
+    version = f"format_version = {FORMAT_VERSION}"
+    lines = ["# a whisker of tactile-marks and its use; lengths in mm", version, *_pairs(shape | use)]
     m = w.material
     if _MATERIALS.get(m.name) == m:
         lines += _pairs({"material": m.name})

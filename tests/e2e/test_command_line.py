@@ -152,3 +152,15 @@ def test_fonts_are_listed_shown_and_kept(capsys: pytest.CaptureFixture[str]) -> 
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:3]] == ["gothic", "futural"]
     assert main(["glyphs", "show", "gothic", "--out", "sheet.png"]) == 0
     assert Path("sheet.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_output_that_is_no_text_is_shown_all_the_same(tmp_path: Path) -> None:
+    (tmp_path / "part-\udcff.npz").write_bytes(b"rubbish")
+    shown = subprocess.run(
+        [sys.executable, "-m", "pipeline", "read", ".", "--out", "rows.csv"],
+        cwd=tmp_path, capture_output=True, check=False, env={"PYTHONPATH": str(ROOT), "PATH": ""},
+    )  # fmt: skip
+    assert shown.returncode == 1
+    assert b"Traceback" not in shown.stderr
+    assert b"part-\\udcff" in shown.stdout
+    assert b"part-\\udcff" in (tmp_path / "rows.csv").read_bytes()

@@ -22,8 +22,9 @@ from pipeline.benchmark_modes import (
 )
 from pipeline.benchmark_parts import Condition, FolderParts, Item, Specimen, SynthParts
 from pipeline.problems import FileProblem
+from pipeline.run_description import key_of
 from pipeline.trial_statistics import plain, statistics_of
-from pipeline.trials import TRIALS_FILE, Trial, TrialBook, key_of
+from pipeline.trials import TRIALS_FILE, Trial, TrialBook
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
 from whisker_array.traces import Fidelity
 

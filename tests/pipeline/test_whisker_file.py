@@ -162,3 +162,14 @@ def test_what_cannot_be_written_is_refused_and_leaves_no_file(tmp_path: Path) ->
         with pytest.raises(FileProblem, match="cannot hold"):
             write_whisker_file(tmp_path / "w.toml", tube)
     assert not list(tmp_path.iterdir())
+
+
+def test_versions_of_the_format(tmp_path: Path) -> None:
+    path = tmp_path / "whisker.toml"
+    path.write_text(GOOD)
+    content = read_whisker_file(path)  # of before versions were told
+    write_whisker_file(path, content)
+    assert "format_version = 1\n" in path.read_text()
+    path.write_text("format_version = 2\n" + GOOD)
+    with pytest.raises(FileProblem, match="format version 2; this program reads 1; update this program"):
+        read_whisker_file(path)
