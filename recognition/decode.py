@@ -46,16 +46,40 @@ class Spacing:
 
 # fmt: off
 @njit(cache=True)
+def _before(  # type: ignore[no-untyped-def]
+    best, by_template, half, start, overlap, reach, gap_free, gap_cost, expected, behind, step_cost, step_limit
+):
+    """Most earned by a chain that a character starting there may follow, and its end; -1 where none may."""
+    before, at = _NONE, -1
+    for e in range(max(0, start - reach), min(best.size, start + overlap)):
+        value = best[e] - gap_cost * max(0, start - e - gap_free)
+        last = by_template[e]
+        if step_limit > 0.0 and last >= 0:
+            off = expected - (e - half[last]) - behind[last]
+            value -= min(step_cost * off * off, step_limit)
+        if value > before:
+            before, at = value, e
+    return before, at
+
+
+@njit(cache=True)
 def _chain(  # type: ignore[no-untyped-def]
     reward, half, allowed, free, overlap, reach, gap_free, gap_cost,
     ahead, behind, step_cost, step_limit, best, from_end, by_template,
 ):
-# fmt: on
     """best[k, e]: most earned by k + 1 characters whose last ink ends at column e."""
     n_places, n_templates = allowed.shape
     cols = reward.shape[1]
+    earlier, earlier_end = np.empty(cols), np.empty(cols, dtype=np.int64)
     for k in range(n_places):
-        placed = False
+        placed, spaced = False, step_limit[k] > 0.0
+        if k > 0 and not spaced:
+            # what may stand before depends on where a character starts alone
+            for start in range(cols):
+                earlier[start], earlier_end[start] = _before(
+                    best[k - 1], by_template[k - 1], half, start, overlap, reach, gap_free, gap_cost,
+                    0.0, behind, 0.0, 0.0,
+                )
         for t in range(n_templates):
             if not allowed[k, t]:
                 continue
@@ -66,17 +90,13 @@ def _chain(  # type: ignore[no-untyped-def]
                 start, end = c - half[t], c + half[t]
                 before, at = 0.0, -1
                 if k > 0:
-                    before = _NONE
-                    low = max(0, start - reach)
-                    for e in range(low, min(cols, start + overlap)):
-                        gap = start - e
-                        value = best[k - 1, e] - gap_cost * max(0, gap - gap_free)
-                        last = by_template[k - 1, e]
-                        if step_limit[k] > 0.0 and last >= 0:
-                            off = c - (e - half[last]) - behind[last] - ahead[t]
-                            value -= min(step_cost * off * off, step_limit[k])
-                        if value > before:
-                            before, at = value, e
+                    if spaced:
+                        before, at = _before(
+                            best[k - 1], by_template[k - 1], half, start, overlap, reach, gap_free, gap_cost,
+                            c - ahead[t], behind, step_cost, step_limit[k],
+                        )
+                    else:
+                        before, at = earlier[start], earlier_end[start]
                     if at < 0:
                         continue
                 value = before + gain
@@ -87,6 +107,7 @@ def _chain(  # type: ignore[no-untyped-def]
                     placed = True
         if not placed:
             return
+# fmt: on
 
 
 def best_chain(

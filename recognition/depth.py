@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.centre_lines import centre_line
+from recognition.depth_sampling import across, deepest, mean_depths, robust_plane
 from recognition.reading import MarkDepth
 from recognition.refine import Cell
 from recognition.search import FREE_WIDTHS, LineFit
@@ -103,17 +104,6 @@ class _Field:
         self.pitch_mm = relief.pitch_mm
         self.origin_mm = (relief.origin_mm[0] - relief.pitch_mm, relief.origin_mm[1] - relief.pitch_mm)
 
-    def at(self, points: Points) -> NDArray[np.float64]:
-        """Bilinear at (..., 2) of (row, col); NaN beside what was felt."""
-        rows, cols = self.depth_mm.shape
-        row, col = np.clip(points[..., 0], 0.0, rows - 1.001), np.clip(points[..., 1], 0.0, cols - 1.001)
-        r, c = row.astype(np.intp), col.astype(np.intp)
-        down, right = row - r, col - c
-        flat, first = self.depth_mm.ravel(), r * cols + c
-        upper = flat[first] * (1.0 - right) + flat[first + 1] * right
-        lower = flat[first + cols] * (1.0 - right) + flat[first + cols + 1] * right
-        return np.asarray(upper * (1.0 - down) + lower * down)
-
 
 def _placed(field: _Field, line: LineFit, templates: TemplateSet, cell: Cell, char: str) -> _Mark:
     """The centre line of a character where it was read."""
@@ -150,13 +140,11 @@ def _settled(field: _Field, mark: _Mark, *, height_mm: float) -> _Mark:
     thinned = mark.points[::SETTLE_EVERY] - middle
     step = SETTLE_HEIGHTS / SETTLE_STEPS * height_mm / field.pitch_mm
     moves = np.arange(-SETTLE_STEPS, SETTLE_STEPS + 1) * step
-    shifts = middle + np.stack(np.meshgrid(moves, moves, indexing="ij"), axis=-1)
 
     def along(poses: list[Points]) -> NDArray[np.float64]:
         """(poses, shifts down, shifts right) mean depth; places not felt count as land."""
         tried = np.stack([thinned @ pose for pose in poses])
-        depth = field.at(tried[:, None, None] + shifts[None, :, :, None])
-        return np.asarray(np.where(np.isfinite(depth), depth, 0.0).mean(axis=3))
+        return np.asarray(mean_depths(field.depth_mm, tried, middle, moves))
 
     poses = [_turn(angle) for angle in SETTLE_TURNS_DEG]
     turn = poses[int(np.argmax(along(poses).max(axis=(1, 2))))]
@@ -206,15 +194,13 @@ def _depth(field: _Field, mark: _Mark, land: NDArray[np.bool_], *, height_mm: fl
     plane = _plane(field, mark, land, height_mm=height_mm)
     reach = SIDEWAYS_HEIGHTS * height_mm / field.pitch_mm
     aside = np.linspace(-reach, reach, SIDEWAYS_STEPS)
-    places = mark.points + aside[:, None, None] * mark.normals
-    depth = field.at(places)
-    known = np.isfinite(depth).all(axis=0)
-    if plane is None or known.mean() < LEAST_KNOWN:
+    if plane is None:
         return None
-    depth = (depth - plane[0] - places @ plane[1:])[:, known]
-    window = np.ones(min(SMOOTHING_POINTS, depth.shape[1]))
-    smooth = np.stack([np.convolve(row, window, mode="same") for row in depth])
-    below = depth[np.argmax(smooth, axis=0), np.arange(depth.shape[1])]
+    depth = across(field.depth_mm, mark.points, mark.normals, aside, plane)
+    known = np.isfinite(depth).all(axis=0)
+    if known.mean() < LEAST_KNOWN:
+        return None
+    below = deepest(np.ascontiguousarray(depth[:, known]), SMOOTHING_POINTS)
     low, high = np.percentile(below, [SHALLOW_PERCENTILE, DEEP_PERCENTILE])
     return MarkDepth(mean_mm=float(below.mean()), min_mm=float(low), max_mm=float(high))
 
@@ -234,7 +220,18 @@ def _plane(
     row, col = row[thinned], col[thinned]
     level = field.depth_mm[window][row, col]
     middle = mark.points.mean(axis=0)
-    design = np.column_stack([np.ones(row.size), row + low[0] - middle[0], col + low[1] - middle[1]])
+    down, right = row + low[0] - middle[0], col + low[1] - middle[1]
+    terms, told = robust_plane(level, down, right, PLANE_ROUNDS)
+    if not told:
+        terms = _least_plane(level, down, right)
+    return np.array([terms[0] - terms[1] * middle[0] - terms[2] * middle[1], terms[1], terms[2]])
+
+
+def _least_plane(
+    level: NDArray[np.float64], down: NDArray[np.float64], right: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """As `robust_plane`, with the least slopes of those that do: of land in a line."""
+    design = np.column_stack([np.ones(level.size), down, right])
     terms = np.array([float(np.median(level)), 0.0, 0.0])
     for _ in range(PLANE_ROUNDS):
         residual = level - design @ terms
@@ -244,4 +241,4 @@ def _plane(
         weight = np.clip(1.0 - (residual / (3.0 * spread)) ** 2, 0.0, None) ** 2
         weighted = design * weight[:, None]
         terms = np.linalg.lstsq(weighted.T @ design, weighted.T @ level, rcond=None)[0]
-    return np.array([terms[0] - terms[1] * middle[0] - terms[2] * middle[1], terms[1], terms[2]])
+    return terms

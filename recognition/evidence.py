@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from glyphs.maps import TraceDirection
 from recognition.covered import covered, robust_spread
-from recognition.decode import Placed, best_chain
+from recognition.decode import best_chain
 from recognition.frames import LineImage, is_edge_channel, padded, resampled
-from recognition.pixel_model import PixelModel, pixel_model
+from recognition.pixel_model import pixel_model
+from recognition.place_evidence import LineFelt, PlaceEvidence, place_evidence
 from recognition.placing import MARGIN_PIXELS, largest_beside, place_bounds, usual_spacing
 from recognition.search import LineFit
 from recognition.sparse_templates import (
@@ -27,9 +28,9 @@ from recognition.sparse_templates import (
     coarse_patches,
     dense_evidence,
     ideal_evidence,
+    ink_reach,
     predicted_columns,
     reach_of,
-    sum_dense,
     turned_templates,
 )
 from recognition.templates import TemplateSet
@@ -38,36 +39,12 @@ LEAST_NOISE = 0.03
 """Of the largest prediction: a smoother land is not believed."""
 ROW_REACH = 4
 TURNS_DEG = (-2.5, 2.5)
-TURNED_LEADERS = 6
-SHIFT = 2
 GAP_HEIGHTS = 1.5
 BLOWS = (1.0, 0.6)
 FAINT = 0.25
 AMPLITUDE_SCORE = 0.6
 AMPLITUDE_RANGE = (0.25, 2.5)
 FLOOR_SHARE = 0.75
-
-
-@dataclass(frozen=True, eq=False)
-class PlaceEvidence:
-    """One place of the line.
-
-    Attributes:
-        evidence: (T,) of every template, its best shift and turn.
-        ideal: (T,) what each would have if it stood there clean.
-        u_mm, v_mm: where the best template's reference point lies, line frame.
-        turn_deg: its turn against the line.
-        half_width_mm: half its ink.
-        covered: share of the place that is covered by dirt.
-    """
-
-    evidence: NDArray[np.float64]
-    ideal: NDArray[np.float64]
-    u_mm: float
-    v_mm: float
-    turn_deg: float
-    half_width_mm: float
-    covered: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,8 +165,19 @@ def line_evidence(
             gap_free=EVIDENCE_PIXELS // 2, gap_cost=0.01, spacing=spacing,
         )  # fmt: skip
     bounds = place_bounds(placed, straight.half_cols, felt.shape[2])
+    turned = {turn: turned_templates(templates, directions, turn, reach) for turn in TURNS_DEG}
+    about = LineFelt(
+        model=model,
+        felt={share: model.felt_index(felt / np.float32(share), cover) for share in BLOWS},
+        land=model.felt_index(np.zeros_like(felt), cover),
+        cover=cover,
+        rows=rows,
+        straight=(straight, predicted_columns(model, straight)),
+        turned={turn: (sparse, predicted_columns(model, sparse)) for turn, sparse in turned.items()},
+        reach_px=ink_reach(straight, *turned.values()),
+    )
     found = tuple(
-        _place(p, low, high, felt, model, cover, rows, templates, directions, reach, ideal, seen)
+        place_evidence(p, low, high, about, templates, ideal, seen)
         for p, (low, high) in zip(placed, bounds, strict=True)
     )
     # clear of where characters were found in the end, not of where the chain supposed them
@@ -212,74 +200,3 @@ def _rows(fit: LineFit, seen: LineImage) -> NDArray[np.int64]:
     v = fit.image.origin_mm[1] + float(np.median(fit.rows)) * fit.image.pitch_v_mm
     row = round((v - seen.origin_mm[1]) / seen.pitch_v_mm)
     return np.arange(row - ROW_REACH, row + ROW_REACH + 1, dtype=np.int64)
-
-
-def _place(
-    placed: Placed,
-    low: int,
-    high: int,
-    felt: NDArray[np.float32],
-    model: PixelModel,
-    cover: NDArray[np.float32],
-    rows: NDArray[np.int64],
-    templates: TemplateSet,
-    directions: tuple[TraceDirection, ...],
-    reach: NDArray[np.float64],
-    ideal: NDArray[np.float64],
-    seen: LineImage,
-) -> PlaceEvidence:
-    """Every template about the place of the chain's, struck as deep as others or less, the leaders turned as well.
-
-    What lies beyond the place is its neighbours' and counts as bare land.
-    """
-    own = np.zeros_like(felt)
-    own[:, :, low:high] = felt[:, :, low:high]
-    # a wrong template may have been placed, whose ink lies elsewhere about its middle than the right one's
-    middles = 0.5 * (low + high - 1)
-    wide = EVIDENCE_PIXELS // 5
-    cols = np.arange(min(placed.column, round(middles)) - wide, max(placed.column, round(middles)) + wide + 1)
-    straight = turned_templates(templates, directions, 0.0, reach)
-    at = predicted_columns(model, straight)
-    count = straight.start.size - 1
-    evidence = np.full(count, -np.inf)
-    turns, deep = np.zeros(count), np.ones(count)
-    place_row, place_col = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-    indices = {share: model.felt_index(own / np.float32(share), cover) for share in BLOWS}
-    for share, index in indices.items():
-        out = np.zeros((count, rows.size, cols.size), dtype=np.float32)
-        sum_dense(
-            model.table.ravel(), index, at, straight.start, straight.channel, straight.row, straight.column,
-            rows, cols, out,
-        )  # fmt: skip
-        flat = out.reshape(count, -1)
-        best, top = flat.argmax(axis=1), flat.max(axis=1)
-        better = top > evidence
-        evidence[better], deep[better] = top[better], share
-        place_row[better], place_col[better] = rows[best[better] // cols.size], cols[best[better] % cols.size]
-    for turn in TURNS_DEG:
-        sparse = turned_templates(templates, directions, turn, reach)
-        at = predicted_columns(model, sparse)
-        for t in np.argsort(-evidence)[:TURNED_LEADERS]:
-            part = slice(int(sparse.start[t]), int(sparse.start[t + 1]))
-            out = np.zeros((1, 2 * SHIFT + 1, 2 * SHIFT + 1), dtype=np.float32)
-            sum_dense(
-                model.table.ravel(), indices[float(deep[t])], at[part], np.array([0, part.stop - part.start]),
-                sparse.channel[part], sparse.row[part], sparse.column[part],
-                place_row[t] + np.arange(-SHIFT, SHIFT + 1), place_col[t] + np.arange(-SHIFT, SHIFT + 1), out,
-            )  # fmt: skip
-            if out.max() > evidence[t]:
-                evidence[t], turns[t] = float(out.max()), turn
-    winner = int(np.argmax(evidence))
-    half = float(templates.half_width[winner])
-    r, c = int(place_row[winner]), int(place_col[winner])
-    tall, side = EVIDENCE_PIXELS // 2, max(2, round(half * EVIDENCE_PIXELS))
-    box = cover[max(0, r - tall) : r + tall + 1, max(0, c - side) : c + side + 1]
-    return PlaceEvidence(
-        evidence=evidence,
-        ideal=ideal,
-        u_mm=seen.origin_mm[0] + c * seen.pitch_u_mm,
-        v_mm=seen.origin_mm[1] + r * seen.pitch_v_mm,
-        turn_deg=float(turns[winner]),
-        half_width_mm=half * EVIDENCE_PIXELS * seen.pitch_u_mm,
-        covered=float(box.mean()) if box.size else 0.0,
-    )

@@ -11,14 +11,17 @@ The line frame is the plate frame turned so that the line of characters runs alo
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from glyphs.maps import EdgeMap, TraceDirection
 from recognition.reading import Box
-from whisker_array.gridding import averaging
+
+MOST_RESAMPLED = 8
+"""Grids that an image keeps its averages on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,7 @@ class LineImage:
     origin_mm: tuple[float, float]
     rotation_deg: float
     centre_mm: tuple[float, float]
+    _resampled: dict[tuple[float, float], LineImage] = field(default_factory=dict, init=False, repr=False)
 
     def plate_from_line(self, u_mm: float, v_mm: float) -> tuple[float, float]:
         """Plate coordinates of a place in the line frame."""
@@ -92,53 +96,113 @@ def is_edge_channel(directions: tuple[TraceDirection, ...]) -> NDArray[np.bool_]
 
 def line_image(edges: EdgeMap, *, rotation_deg: float) -> LineImage:
     """The channels of an edge map in the line frame, at the map's own pitch."""
-    from scipy import ndimage
-
     stack = channels(edges.enhancement, edges.directions)
     rows, cols = edges.shape
     pitch = edges.pitch_mm
     x0, y0 = edges.origin_mm
     half_u, half_v = 0.5 * (cols - 1) * pitch, 0.5 * (rows - 1) * pitch
     centre = (x0 + half_u, y0 + half_v)
-    if rotation_deg == 0.0:
-        return LineImage(stack, pitch, pitch, (-half_u, -half_v), 0.0, centre)
+    upright = LineImage(stack, pitch, pitch, (-half_u, -half_v), 0.0, centre)
+    return turned(upright, rotation_deg=rotation_deg) if rotation_deg else upright
+
+
+def turned(upright: LineImage, *, rotation_deg: float) -> LineImage:
+    """An upright image of square pixels in a frame turned about its middle; land beyond it."""
     angle = math.radians(rotation_deg)
     cos, sin = math.cos(angle), math.sin(angle)
+    _, rows, cols = upright.channels.shape
     out_cols = math.ceil(cols * abs(cos) + rows * abs(sin))
     out_rows = math.ceil(rows * abs(cos) + cols * abs(sin))
-    matrix = np.array([[cos, sin], [-sin, cos]])
-    middle_in = 0.5 * (np.array([rows, cols]) - 1.0)
-    middle_out = 0.5 * (np.array([out_rows, out_cols]) - 1.0)
-    turned = np.empty((stack.shape[0], out_rows, out_cols), dtype=np.float32)
-    for k in range(stack.shape[0]):
-        ndimage.affine_transform(
-            stack[k],
-            matrix,
-            offset=middle_in - matrix @ middle_out,
-            output=turned[k],
-            order=1,
-            mode="constant",
-        )
-    origin = (-middle_out[1] * pitch, -middle_out[0] * pitch)
-    return LineImage(turned, pitch, pitch, origin, rotation_deg, centre)
+    origin = (-0.5 * (out_cols - 1) * upright.pitch_u_mm, -0.5 * (out_rows - 1) * upright.pitch_v_mm)
+    channels = _turned(upright.channels, out_rows, out_cols, cos, sin)
+    return replace(upright, channels=channels, origin_mm=origin, rotation_deg=rotation_deg)
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _turned(layers, out_rows, out_cols, cos, sin):  # type: ignore[no-untyped-def]
+    """Bilinear, about the middle; zero beyond the image."""
+    count, rows, cols = layers.shape
+    out = np.zeros((count, out_rows, out_cols), dtype=np.float32)
+    for i in range(out_rows):
+        v = i - 0.5 * (out_rows - 1)
+        for j in range(out_cols):
+            u = j - 0.5 * (out_cols - 1)
+            row, col = 0.5 * (rows - 1) + cos * v + sin * u, 0.5 * (cols - 1) - sin * v + cos * u
+            if row < 0.0 or col < 0.0 or row > rows - 1 or col > cols - 1:
+                continue
+            r, c = min(int(row), rows - 2), min(int(col), cols - 2)
+            down, right = row - r, col - c
+            for k in range(count):
+                upper = layers[k, r, c] * (1.0 - right) + layers[k, r, c + 1] * right
+                lower = layers[k, r + 1, c] * (1.0 - right) + layers[k, r + 1, c + 1] * right
+                out[k, i, j] = upper * (1.0 - down) + lower * down
+    return out
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _triangles(n_samples, n_pixels, step, pitch):  # type: ignore[no-untyped-def]
+    """First sample of each pixel and the weights from it on: a triangle one pixel, or step, wide to each side."""
+    reach = max(pitch, step) * (1.0 + 1e-6)
+    most = min(n_samples, int(2.0 * reach / step) + 2)
+    first = np.empty(n_pixels, dtype=np.int64)
+    weight = np.zeros((n_pixels, most), dtype=np.float32)
+    exact = np.empty(most)
+    for i in range(n_pixels):
+        middle = i * pitch
+        first[i] = min(max(int(np.ceil((middle - reach) / step)), 0), n_samples - most)
+        for j in range(most):
+            exact[j] = max(1.0 - abs(middle - (first[i] + j) * step) / reach, 0.0)
+        weight[i] = exact / exact.sum()
+    return first, weight
+
+
+@njit(cache=True, fastmath={"contract"})  # type: ignore[untyped-decorator,unused-ignore]
+def _averaged(layers, first_v, weight_v, first_u, weight_u):  # type: ignore[no-untyped-def]
+    """Weighted sums down, then along."""
+    count, _, cols = layers.shape
+    out = np.empty((count, first_v.size, first_u.size), dtype=np.float32)
+    line, across = np.empty(cols, dtype=np.float32), weight_u.T.copy()
+    for k in range(count):
+        for i in range(first_v.size):
+            line[:] = np.float32(0.0)
+            for j in range(weight_v.shape[1]):
+                w, sample = weight_v[i, j], layers[k, first_v[i] + j]
+                for c in range(cols):
+                    line[c] += w * sample[c]
+            row = out[k, i]
+            row[:] = np.float32(0.0)
+            for j in range(across.shape[0]):
+                w, sample = across[j], line[j:]
+                for p in range(row.size):
+                    row[p] += w[p] * sample[first_u[p]]
+    return out
 
 
 def resampled(image: LineImage, *, pitch_u_mm: float, pitch_v_mm: float) -> LineImage:
-    """The image averaged onto another grid; different pitches along and across change a character's shape."""
+    """The image averaged onto another grid; different pitches along and across change a character's shape.
+
+    The last few are kept with the image: fonts and hands are tried at the same heights, one after the other.
+    """
+    key, kept = (pitch_u_mm, pitch_v_mm), image._resampled
+    if key not in kept:
+        while len(kept) >= MOST_RESAMPLED:
+            del kept[next(iter(kept))]
+        kept[key] = _averaged_onto(image, pitch_u_mm, pitch_v_mm)
+    return kept[key]
+
+
+def _averaged_onto(image: LineImage, pitch_u_mm: float, pitch_v_mm: float) -> LineImage:
     _, rows, cols = image.channels.shape
-    u0, v0 = image.origin_mm
     n_u = int((cols - 1) * image.pitch_u_mm / pitch_u_mm + 1e-6) + 1
     n_v = int((rows - 1) * image.pitch_v_mm / pitch_v_mm + 1e-6) + 1
-    along = averaging(np.arange(cols) * image.pitch_u_mm, np.arange(n_u) * pitch_u_mm, pitch_u_mm)
-    across = averaging(np.arange(rows) * image.pitch_v_mm, np.arange(n_v) * pitch_v_mm, pitch_v_mm)
-    along = along.multiply(1.0 / along.sum(axis=1)[:, None]).tocsr().astype(np.float32)
-    across = across.multiply(1.0 / across.sum(axis=1)[:, None]).tocsr().astype(np.float32)
-    out = np.stack([(along @ (across @ layer).T).T for layer in image.channels])
+    first_u, weight_u = _triangles(cols, n_u, image.pitch_u_mm, pitch_u_mm)
+    first_v, weight_v = _triangles(rows, n_v, image.pitch_v_mm, pitch_v_mm)
+    layers = np.ascontiguousarray(image.channels, dtype=np.float32)
     return LineImage(
-        np.ascontiguousarray(out, dtype=np.float32),
+        _averaged(layers, first_v, weight_v, first_u, weight_u),
         pitch_u_mm,
         pitch_v_mm,
-        (u0, v0),
+        image.origin_mm,
         image.rotation_deg,
         image.centre_mm,
     )

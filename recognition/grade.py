@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 STROKE_SHARE = 0.3
@@ -161,7 +162,7 @@ def grade_character(
     length = size * stroke * weight
     if length.sum() < LEAST_VALID * float((size * stroke).sum()):
         return MarkGrade((), Action.FEEL_AGAIN)
-    rising, falling = _reaching(seen, tolerance_px), _reaching(-seen, tolerance_px)
+    rising, falling = reaching(seen, tolerance_px), reaching(-seen, tolerance_px)
     answer = np.clip(np.where(predicted > 0.0, rising, falling)[stroke] / size[stroke], 0.0, None)
     along = length[stroke]
     contrast = min(1.0, _percentile(answer, along, CONTRAST_PERCENTILE))
@@ -196,18 +197,30 @@ def _action(grades: dict[str, int]) -> Action:
     return Action.RE_STRIKE if shallow else Action.NONE
 
 
-def _reaching(values: NDArray[np.float64], pixels: int) -> NDArray[np.float64]:
+@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
+def reaching(values, pixels):  # type: ignore[no-untyped-def]
     """The largest value within so many pixels, channel by channel."""
-    from scipy import ndimage
-
-    if pixels == 0:
-        return values
-    size = 2 * pixels + 1
-    return np.asarray(ndimage.maximum_filter(values, size=(1, size, size), mode="constant", cval=-np.inf))
+    count, rows, cols = values.shape
+    out = np.empty_like(values)
+    line = np.empty(cols)
+    for k in range(count):
+        for r in range(rows):
+            line[:] = values[k, r]
+            for i in range(max(0, r - pixels), min(rows, r + pixels + 1)):
+                near = values[k, i]
+                for c in range(cols):
+                    line[c] = max(line[c], near[c])
+            out[k, r] = line
+            for move in range(1, pixels + 1):
+                for c in range(cols - move):
+                    out[k, r, c] = max(out[k, r, c], line[c + move])
+                for c in range(move, cols):
+                    out[k, r, c] = max(out[k, r, c], line[c - move])
+    return out
 
 
 def _spread(mask: NDArray[np.bool_], pixels: int) -> NDArray[np.bool_]:
-    return np.asarray(_reaching(mask[None].astype(np.float64), pixels)[0] > 0.5)
+    return np.asarray(reaching(mask[None].astype(np.float64), pixels)[0] > 0.5)
 
 
 def _percentile(values: NDArray[np.float64], weights: NDArray[np.float64], percent: float) -> float:

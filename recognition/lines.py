@@ -15,7 +15,7 @@ from glyphs.die import Face
 from glyphs.glyph import Font
 from recognition.dirty_look import DirtyLook
 from recognition.frames import is_edge_channel
-from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg
+from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg, percentile
 from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape, refine_stroke
 
 RIVAL_SHARE = 0.8
@@ -36,15 +36,15 @@ def hypotheses(search: LineSearch, fonts: Sequence[Font], *, height_mm: float | 
     keep = is_edge_channel(edges.directions)
     activity = activity_of(upright.channels[keep])
     # a profile of h is felt as h / d0
-    relief = float(np.percentile(np.abs(edges.enhancement), 99.8)) * search.touch.preload_mm
+    relief = percentile(np.abs(edges.enhancement), 99.8) * search.touch.preload_mm
     rotation = line_rotation_deg(activity)
     made: list[Hypothesis] = []
     for turn in (rotation, 0.0) if rotation else (0.0,):
-        turned = activity_of(search.image(turn).channels[keep])
         if height_mm:
             heights = [height_mm]
         else:
             heights = []
+            turned = activity_of(search.image(turn).channels[keep]) if turn else activity
             for band in bands(turned, pitch_mm=edges.pitch_mm, most=3):
                 heights.extend(band.height_mm * factor for factor in (1.0, 0.88))
         heights = [h for h in _distinct(heights) if relief > MIN_RELIEF_SHARE * h]

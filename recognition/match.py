@@ -1,4 +1,4 @@
-"""Normalised correlation of an image with all templates, as batched products (FFT for the search, BLAS to refine).
+"""Normalised correlation of an image with all templates, at all places.
 
 The score of a template at a place is the correlation coefficient over its *window* (ink plus a narrow rim), each
 channel's mean removed, all channels normalised together: 1 is the same shape at whatever depth, negative the
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import TraceDirection
+from recognition.correlation import InkLists, ink_lists, normalise, products, running_sums, window_sums
 from recognition.frames import LineImage, channels
 from recognition.templates import PIXELS, TemplateSet
 from whisker_array.gridding import averaging
@@ -33,12 +34,14 @@ class SearchTemplates:
         half_cols: (T,) half width of each window, pixels.
         half_rows: half height of all windows, pixels.
         norm: (T,) root of the sum of squares of each patch.
+        ink: the windows before their means were taken off.
     """
 
     patches: NDArray[np.float32]
     half_cols: NDArray[np.int64]
     half_rows: int
     norm: NDArray[np.float64]
+    ink: InkLists
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +50,18 @@ class DenseScores:
 
     Attributes:
         score: (T, rows, cols) float32 correlation, 0 where the window leaves the image.
-        energy: (T, rows, cols) float32 mean square of the image in the window.
+        window: (T,) which of the windows each template has.
+        window_energy: (windows, rows, cols) float32 mean square of the image in each of the windows.
     """
 
     score: NDArray[np.float32]
-    energy: NDArray[np.float32]
+    window: NDArray[np.int64]
+    window_energy: NDArray[np.float32]
+
+    @property
+    def energy(self) -> NDArray[np.float32]:
+        """(T, rows, cols) mean square of the image in each template's window."""
+        return self.window_energy[self.window]
 
 
 def search_templates(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> SearchTemplates:
@@ -75,14 +85,21 @@ def search_templates(templates: TemplateSet, directions: tuple[TraceDirection, .
     half_rows = min(mid_row, math.ceil((0.5 + RIM_HEIGHTS) * SEARCH_PIXELS))
     half_cols = np.ceil((templates.half_width + RIM_HEIGHTS) * SEARCH_PIXELS).astype(np.int64)
     half_cols = np.minimum(mid_col, half_cols)
-    patches = np.zeros_like(coarse)
+    patches, windows = np.zeros_like(coarse), np.zeros_like(coarse)
+    mean = np.zeros(coarse.shape[:2], dtype=np.float32)
     for t in range(count):
         window = (slice(mid_row - half_rows, mid_row + half_rows + 1), _around(mid_col, half_cols[t]))
         inside = coarse[t][:, window[0], window[1]]
-        patches[t][:, window[0], window[1]] = inside - inside.mean(axis=(1, 2), keepdims=True)
+        mean[t] = inside.mean(axis=(1, 2))
+        windows[t][:, window[0], window[1]] = inside
+        patches[t][:, window[0], window[1]] = inside - mean[t][:, None, None]
     norm = np.sqrt((patches.astype(np.float64) ** 2).sum(axis=(1, 2, 3)))
     made = SearchTemplates(
-        patches=patches, half_cols=half_cols, half_rows=half_rows, norm=np.maximum(norm, 1e-9)
+        patches=patches,
+        half_cols=half_cols,
+        half_rows=half_rows,
+        norm=np.maximum(norm, 1e-9),
+        ink=ink_lists(windows, mean),
     )
     templates.work["search"] = made
     return made
@@ -92,76 +109,41 @@ def _around(middle: int, half: int) -> slice:
     return slice(middle - int(half), middle + int(half) + 1)
 
 
-def _template_spectra(
-    templates: TemplateSet, search: SearchTemplates, shape: tuple[int, int]
-) -> NDArray[np.complex64]:
-    from scipy import fft
-
-    key = ("spectra", shape)
-    kept = templates.work.get(key)
-    if isinstance(kept, np.ndarray):
-        return kept
-    # middles at the corner of the grid, so that a product is indexed by the middle of the window
-    rows, cols = search.patches.shape[2:]
-    centred = np.zeros((*search.patches.shape[:2], *shape), dtype=np.float32)
-    centred[:, :, :rows, :cols] = search.patches
-    centred = np.roll(centred, (-(rows // 2), -(cols // 2)), (2, 3))
-    spectra: NDArray[np.complex64] = np.conj(fft.rfft2(centred))
-    for old in [k for k in templates.work if isinstance(k, tuple) and k[0] == "spectra"][:-4]:
-        del templates.work[old]
-    templates.work[key] = spectra
-    return spectra
-
-
 def dense_scores(
-    image: LineImage, templates: TemplateSet, directions: tuple[TraceDirection, ...]
+    image: LineImage,
+    templates: TemplateSet,
+    directions: tuple[TraceDirection, ...],
+    *,
+    rows: tuple[int, int] | None = None,
 ) -> DenseScores:
-    """Correlate a search image (SEARCH_PIXELS to the character height) with all templates at all places."""
-    from scipy import fft
+    """Correlate a search image (SEARCH_PIXELS to the character height) with all templates at all places.
 
+    Args:
+        image: to be searched.
+        templates: to be found.
+        directions: of the image.
+        rows: first and last plus one, of the rows that are asked for; others score 0.
+    """
     search = search_templates(templates, directions)
-    _, rows, cols = image.channels.shape
-    # few sizes, so that spectra of the templates are found again
-    shape = (
-        -(-(rows + search.patches.shape[2]) // 32) * 32,
-        fft.next_fast_len(-(-(cols + search.patches.shape[3]) // 64) * 64, real=True),
-    )
-    spectra = _template_spectra(templates, search, (shape[0], shape[1]))
-    seen = fft.rfft2(image.channels, shape)
-    product = np.einsum("khw,tkhw->thw", seen, spectra)
-    raw = fft.irfft2(product, shape)[:, :rows, :cols]
-    score = np.zeros(raw.shape, dtype=np.float32)
-    energy = np.zeros(raw.shape, dtype=np.float32)
-    for half in np.unique(search.half_cols):
-        these = np.flatnonzero(search.half_cols == half)
-        spread, count = window_energy(image.channels, search.half_rows, int(half))
-        floor = 1e-6 * max(float(spread.max()), 1e-12)
-        score[these] = raw[these] / (search.norm[these, None, None] * np.sqrt(np.maximum(spread, floor)))
-        energy[these] = spread / count
-        # windows must lie in the image
-        hr, hc = search.half_rows, int(half)
-        outside = np.ones((rows, cols), dtype=np.bool_)
-        outside[hr : max(hr, rows - hr), hc : max(hc, cols - hc)] = False
-        score[these] = np.where(outside, 0.0, score[these])
-    return DenseScores(score=score, energy=energy)
+    layers = np.ascontiguousarray(image.channels)
+    _, n_rows, n_cols = layers.shape
+    first, last = rows if rows is not None else (0, n_rows)
+    low = min(n_rows, max(first, search.half_rows))
+    high = max(low, min(last, n_rows - search.half_rows))
+    score = np.zeros((search.norm.size, n_rows, n_cols), dtype=np.float32)
+    ink = search.ink
+    if high > low:
+        products(layers, ink.start, ink.channel, ink.row, ink.column, ink.value, low, high, score)
+    halves, window = np.unique(search.half_cols, return_inverse=True)
+    window = window.astype(np.int64)
+    energy = normalise(layers, score, window, halves, ink.mean, search.norm, search.half_rows, low, high)
+    return DenseScores(score=score, window=window, window_energy=energy)
 
 
 def window_energy(
     layers: NDArray[np.float32], half_rows: int, half_cols: int
 ) -> tuple[NDArray[np.float64], int]:
     """Sum of squares about the mean, over channels, in a window around every pixel; and the values in a window."""
-    _, rows, cols = layers.shape
-    count = (2 * half_rows + 1) * (2 * half_cols + 1)
-
-    def box(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        padded = np.zeros((rows + 2 * half_rows + 1, cols + 2 * half_cols + 1))
-        padded[half_rows + 1 : half_rows + 1 + rows, half_cols + 1 : half_cols + 1 + cols] = values
-        total = padded.cumsum(axis=0).cumsum(axis=1)
-        h, w = 2 * half_rows + 1, 2 * half_cols + 1
-        return np.asarray(total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w])
-
-    values = layers.astype(np.float64)
-    spread = box((values**2).sum(axis=0))
-    for layer in values:
-        spread -= box(layer) ** 2 / count
-    return np.maximum(spread, 0.0), count * layers.shape[0]
+    running = running_sums(np.ascontiguousarray(layers), half_rows, half_cols)
+    spread: NDArray[np.float64] = window_sums(running, half_cols, half_rows, half_cols)[1]
+    return spread, (2 * half_rows + 1) * (2 * half_cols + 1) * layers.shape[0]

@@ -14,6 +14,7 @@ where nothing should stand cannot outweigh a stroke that fits. It is 0 for t = 0
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,19 +82,28 @@ def pixel_model(
     """
     table = np.empty((noise.size, N_LEVELS, N_FELT, N_PREDICTED), dtype=np.float32)
     for k in range(noise.size):
+        likely = _likelihoods(
+            noise=float(noise[k]), reach=float(reach[k]), profile=bool(profile[k]), raised=raised
+        )
         for level, cover in enumerate(np.linspace(0.0, 1.0, N_LEVELS)):
             table[k, level] = _ratio(
-                noise=float(noise[k]), reach=float(reach[k]), profile=bool(profile[k]), raised=raised,
+                likely,
                 filled=FILLED_CLEAN + cover * (FILLED_COVERED - FILLED_CLEAN),
                 brim=BRIM_CLEAN + cover * (BRIM_COVERED - BRIM_CLEAN),
-            )  # fmt: skip
+            )
     return PixelModel(table=table, felt_reach=FELT_REACH * reach, predicted_reach=reach)
 
 
-def _ratio(
-    *, noise: float, reach: float, profile: bool, raised: bool, filled: float, brim: float
-) -> NDArray[np.float64]:
-    """log p(e|t) - log p(e|0), (N_FELT, N_PREDICTED)."""
+class _Likelihoods(NamedTuple):
+    """p(e|t) of what may have happened, (N_FELT, N_PREDICTED) or (N_FELT, 1), whatever covers the pixel."""
+
+    land: NDArray[np.float64]
+    partly: NDArray[np.float64]
+    debris: NDArray[np.float64]
+    clean: NDArray[np.float64]
+
+
+def _likelihoods(*, noise: float, reach: float, profile: bool, raised: bool) -> _Likelihoods:
     from scipy.special import ndtr
 
     e = np.linspace(-FELT_REACH * reach, FELT_REACH * reach, N_FELT)[:, None]
@@ -105,18 +115,23 @@ def _ratio(
     land = normal(e, noise)
     low, high = np.minimum(t, 0.0), np.maximum(t, 0.0)
     between = (ndtr((e - low) / noise) - ndtr((e - high) / noise)) / np.maximum(np.abs(t), 1e-9)
-    part_filled = brim * land + (1.0 - brim) * np.where(np.abs(t) < noise, land, between)
     debris = normal(e, DEBRIS_SPREAD * reach)
     if profile:
         up = -e if raised else e
         debris = debris * (1.0 + (2.0 * DEBRIS_UP - 1.0) * np.sign(up))
-    if profile:
         # on a wall, half way down, a slight shift changes much; on the floor nothing
         deep = np.abs(t) / reach
         misfit = np.hypot(RELATIVE_SPREAD * t, WALL_SPREAD * reach * 4.0 * deep * (1.0 - deep))
     else:
         misfit = np.hypot(EDGE_SPREAD * t, EDGE_FLOOR * reach)
-    clean = normal(e - t, np.hypot(noise, misfit))
+    partly = np.where(np.abs(t) < noise, land, between)
+    return _Likelihoods(land, partly, debris, clean=normal(e - t, np.hypot(noise, misfit)))
+
+
+def _ratio(likely: _Likelihoods, *, filled: float, brim: float) -> NDArray[np.float64]:
+    """log p(e|t) - log p(e|0), (N_FELT, N_PREDICTED)."""
+    land, partly, debris, clean = likely
+    part_filled = brim * land + (1.0 - brim) * partly
     inked = (1.0 - filled - DEBRIS * (1.0 - filled)) * clean + filled * part_filled
     inked = inked + DEBRIS * (1.0 - filled) * debris
     ratio = np.log(inked / ((1.0 - DEBRIS) * land + DEBRIS * debris))

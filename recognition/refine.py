@@ -2,7 +2,7 @@
 
 In the search a narrow template is judged on its own narrow window. Here all candidates of a place answer for the
 same *cell*, from halfway to the one neighbour to halfway to the other, over small shifts and rotations: one
-product (shifts x pixels) (pixels x templates) a cell.
+product (shifts x pixels) (pixels x templates) a cell, see `cell_scores`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.maps import TraceDirection
+from recognition.cell_scores import CellInk, cell_ink, straight_scores, tilted_score
 from recognition.frames import LineImage, channels, resampled
 from recognition.search import LineFit
 from recognition.templates import PIXELS, TemplateSet
@@ -86,7 +87,7 @@ def refine_line(
     Returns:
         The fit with its height settled, and a cell a character.
     """
-    made = fine_templates(templates, directions)
+    made = _inks(templates, directions)
     cells = _score_line(fit, image, templates, made)
     winners = [int(np.argmax(c.scores)) for c in cells]
     same = _score_line(fit, image, templates, made, only=list(zip(winners, cells, strict=True)))
@@ -107,11 +108,18 @@ def refine_line(
     return best, cells if best is fit else _score_line(best, image, templates, made)
 
 
+def score_cells(
+    fit: LineFit, image: LineImage, templates: TemplateSet, directions: tuple[TraceDirection, ...]
+) -> tuple[Cell, ...]:
+    """Score every template in every cell of a line whose height is settled."""
+    return _score_line(fit, image, templates, _inks(templates, directions))
+
+
 def _score_line(
     fit: LineFit,
     image: LineImage,
     templates: TemplateSet,
-    made: dict[float, NDArray[np.float32]],
+    made: dict[float, CellInk],
     *,
     only: list[tuple[int, Cell]] | None = None,
 ) -> tuple[Cell, ...]:
@@ -120,7 +128,7 @@ def _score_line(
     pixel = height / PIXELS
     fine = resampled(image, pitch_u_mm=pixel * widen, pitch_v_mm=pixel)
     u0, v0 = fine.origin_mm
-    below = _ink_rows(templates, made[0.0])
+    up = _cell_rows(templates)
     found = fit.image
     u_mm = [found.origin_mm[0] + p.column * found.pitch_u_mm for p in fit.placed]
     v_mm = [found.origin_mm[1] + r * found.pitch_v_mm for r in fit.rows]
@@ -151,7 +159,7 @@ def _score_line(
                 row=row,
                 left=max(4, round(anchor - low)),
                 right=max(4, round(high - anchor)),
-                ink_rows=below,
+                up=up,
             )
             for anchor in anchors
         ]
@@ -160,17 +168,28 @@ def _score_line(
     return tuple(cells)
 
 
-def _ink_rows(templates: TemplateSet, straight: NDArray[np.float32]) -> int:
-    """Rows from the middle that the set's ink reaches, hooks below the line among it; kept in its work space."""
-    kept = templates.work.get("ink rows")
-    if isinstance(kept, int):
+def _inks(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> dict[float, CellInk]:
+    """Ink of the templates, straight and turned; kept in the set's work space."""
+    kept = templates.work.get("cell ink")
+    if isinstance(kept, dict):
         return kept
-    strength = np.abs(straight).max(axis=(0, 1, 3))
+    fine = fine_templates(templates, directions)
+    strength = np.abs(fine[0.0]).max(axis=(0, 1, 3))
     inked = np.flatnonzero(strength > INK_SHARE * strength.max())
-    middle = straight.shape[2] // 2
-    made = int(max(middle - inked[0], inked[-1] - middle)) + 1
-    templates.work["ink rows"] = made
+    middle = strength.size // 2
+    # hooks below the line belong to the cell
+    reach = int(max(middle - inked[0], inked[-1] - middle)) + 1
+    up = min(middle, max(math.ceil(CELL_ROWS_HEIGHTS * PIXELS), reach))
+    made = {turn: cell_ink(patches, up) for turn, patches in fine.items()}
+    templates.work["cell ink"], templates.work["cell rows"] = made, up
     return made
+
+
+def _cell_rows(templates: TemplateSet) -> int:
+    """Half height of the set's cells, pixels."""
+    up = templates.work["cell rows"]
+    assert isinstance(up, int)
+    return up
 
 
 def _ink_middle(fine: LineImage, row: int, low: float, high: float, placed: float) -> float:
@@ -194,7 +213,7 @@ def _ink_middle(fine: LineImage, row: int, low: float, high: float, placed: floa
 
 def _score_cell(
     fine: LineImage,
-    made: dict[float, NDArray[np.float32]],
+    made: dict[float, CellInk],
     half_width: NDArray[np.float64],
     *,
     only: int | None,
@@ -202,113 +221,44 @@ def _score_cell(
     row: int,
     left: int,
     right: int,
-    ink_rows: int = 0,
+    up: int,
 ) -> Cell:
-    pick = slice(None) if only is None else slice(only, only + 1)
-    half_width = half_width[pick]
-    straight = made[0.0][pick]
-    mid_row, mid_col = straight.shape[2] // 2, straight.shape[3] // 2
-    up = min(mid_row, max(math.ceil(CELL_ROWS_HEIGHTS * PIXELS), ink_rows))
-    left, right = min(left, mid_col), min(right, mid_col)
+    ink = made[0.0]
+    middle = ink.start.shape[1] // 2 - 1
+    left, right = min(left, middle), min(right, middle)
     sv, su = (SHIFT_ROWS, SHIFT_COLUMNS) if only is None else (1, 1)
-    n_channels = fine.channels.shape[0]
-    rows, cols = fine.channels.shape[1:]
-    # cut with room for the shifts; land beyond the map
-    cut = np.zeros((n_channels, 2 * (up + sv) + 1, left + right + 2 * su + 1), dtype=np.float32)
-    r0, c0 = row - up - sv, column - left - su
-    rr = slice(max(0, r0), min(rows, r0 + cut.shape[1]))
-    cc = slice(max(0, c0), min(cols, c0 + cut.shape[2]))
-    if rr.stop > rr.start and cc.stop > cc.start:
-        cut[:, rr.start - r0 : rr.stop - r0, cc.start - c0 : cc.stop - c0] = fine.channels[:, rr, cc]
-    windows = np.lib.stride_tricks.sliding_window_view(cut, (2 * up + 1, left + right + 1), axis=(1, 2))
-    count = (2 * sv + 1) * (2 * su + 1)
-    shifts = np.ascontiguousarray(windows.transpose(1, 2, 0, 3, 4)).reshape(count, n_channels, -1)
-    spread = _spread(shifts)[:, None]
-    flat_shifts = shifts.reshape(count, -1)
-    window = (slice(mid_row - up, mid_row + up + 1), slice(mid_col - left, mid_col + right + 1))
-
-    def correlate(patches: NDArray[np.float32]) -> NDArray[np.float32]:
-        seen = patches[:, :, window[0], window[1]]
-        flat = _standard(np.ascontiguousarray(seen).reshape(seen.shape[0], n_channels, -1))
-        # the templates are mean-free, so the means of the shifts drop out of the product
-        return np.asarray(flat_shifts @ flat.T / spread)
-
-    table = correlate(straight)
-    scores = table.max(axis=0).astype(np.float64)
-    best_shift = table.argmax(axis=0)
+    first, last = (0, ink.start.shape[0]) if only is None else (only, only + 1)
+    cell = (row, column, up, left, right, sv, su)
+    scores, shift, stack, sums, root = straight_scores(fine.channels, ink, first, last, cell)
     turn = np.zeros(scores.size)
     if only is None:
         for angle in (0.0, *TURNS_DEG):
-            leaders = np.argsort(-scores)[: LEADERS if angle == 0.0 else TURNED_LEADERS]
-            lean = half_width[leaders] * PIXELS
-            patches = made[angle][pick][leaders][:, :, window[0], window[1]]
-            tilted = _tilted_scores(flat_shifts, spread, patches, up=up, left=left, half_width=lean)
-            top = tilted.max(axis=0)
-            better = top > scores[leaders]
-            scores[leaders[better]] = top[better]
-            best_shift[leaders[better]] = tilted.argmax(axis=0)[better]
-            turn[leaders[better]] = angle
+            for t in np.argsort(-scores)[: LEADERS if angle == 0.0 else TURNED_LEADERS]:
+                # the die of a hammer blow leans: depth varies over the character as 1 + a u + b v
+                half = max(float(half_width[t]) * PIXELS, 1.0)
+                score, at = tilted_score(
+                    stack,
+                    2 * su + 1,
+                    sums,
+                    root,
+                    made[angle],
+                    t,
+                    up,
+                    left,
+                    right,
+                    half,
+                    0.5 * PIXELS,
+                    MAX_LEAN,
+                )
+                if score > scores[t]:
+                    scores[t], shift[t], turn[t] = score, at, angle
     winner = int(np.argmax(scores))
-    dv, du = divmod(int(best_shift[winner]), 2 * su + 1)
+    dv, du = divmod(int(shift[winner]), 2 * su + 1)
     u0, v0 = fine.origin_mm
     return Cell(
         scores=scores,
         u_mm=u0 + (column + du - su) * fine.pitch_u_mm,
         v_mm=v0 + (row + dv - sv) * fine.pitch_v_mm,
         turn_deg=float(turn[winner]),
-        half_width_mm=float(half_width[winner]) * PIXELS * fine.pitch_u_mm,
+        half_width_mm=float(half_width[first + winner]) * PIXELS * fine.pitch_u_mm,
     )
-
-
-def _tilted_scores(
-    flat_shifts: NDArray[np.float32],
-    spread: NDArray[np.float32],
-    patches: NDArray[np.float32],
-    *,
-    up: int,
-    left: int,
-    half_width: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """(shifts, templates) correlation with templates whose one side may be struck deeper than the other.
-
-    The die of a hammer blow leans: depth varies over the character as 1 + a u + b v. The template and its two
-    leaning parts are made orthogonal, and each part adds what it explains with a lean of MAX_LEAN at most.
-    """
-    count, n_channels, rows, cols = patches.shape
-    v = np.clip((np.arange(rows) - up) / (0.5 * PIXELS), -1.0, 1.0).astype(np.float32)
-    u = np.clip((np.arange(cols) - left) / np.maximum(half_width, 1.0)[:, None], -1.0, 1.0).astype(np.float32)
-
-    def flat(values: NDArray[np.float32]) -> NDArray[np.float32]:
-        shaped = values.reshape(count, n_channels, -1)
-        return np.asarray((shaped - shaped.mean(axis=2, keepdims=True)).reshape(count, -1))
-
-    base = flat(patches)
-    size = np.maximum(np.linalg.norm(base, axis=1, keepdims=True), np.float32(1e-12))
-    known = [base / size]
-    upright = np.asarray(flat_shifts @ known[0].T / spread, dtype=np.float64)
-    total = upright**2
-    for part in (flat(patches * u[:, None, None, :]), flat(patches * v[None, None, :, None])):
-        for axis in known:
-            part = part - (part * axis).sum(axis=1, keepdims=True) * axis
-        length = np.maximum(np.linalg.norm(part, axis=1, keepdims=True), np.float32(1e-12))
-        known.append(part / length)
-        found = np.abs(np.asarray(flat_shifts @ known[-1].T / spread, dtype=np.float64))
-        most = MAX_LEAN * np.abs(upright) * (length / size)[:, 0]
-        taken = np.minimum(found, most)
-        total += taken * (2.0 * found - taken)
-    return np.asarray(np.where(upright > 0.0, np.sqrt(np.minimum(total, 1.0)), upright))
-
-
-def _standard(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(n, channels, pixels) -> (n, channels * pixels), mean-free by channel, of unit length."""
-    centred = values - values.mean(axis=2, keepdims=True)
-    flat = centred.reshape(values.shape[0], -1)
-    return np.asarray(flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.float32(1e-12)))
-
-
-def _spread(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(n, channels, pixels) -> (n,) root of the sum of squares about each channel's mean."""
-    square = np.einsum("ncp,ncp->n", values, values)
-    mean = values.sum(axis=2)
-    inside = square - (mean * mean).sum(axis=1) / np.float32(values.shape[2])
-    return np.asarray(np.sqrt(np.maximum(inside, np.float32(1e-12))))

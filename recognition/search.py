@@ -18,8 +18,9 @@ from glyphs.die import Face
 from glyphs.glyph import Font
 from glyphs.maps import EdgeMap
 from recognition.decode import Placed, best_chain
-from recognition.frames import LineImage, line_image, padded, resampled
+from recognition.frames import LineImage, line_image, padded, resampled, turned
 from recognition.match import SEARCH_PIXELS, dense_scores
+from recognition.rewards import Rewards, depth_share
 from recognition.templates import TemplateCache, TemplateSet, stretched, template_key
 from whisker_array.touch import Touch
 
@@ -37,6 +38,8 @@ MARGIN_PIXELS = 3
 """Land assumed around the map, so that a window may lean over its rim."""
 ROW_REACH = 2
 """Rows, of 16 to the height, by which characters may leave the common line."""
+NEAR_ROWS = 7
+"""Rows to either side of where a line was found that are looked at again when its hypothesis is varied."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,12 @@ class LineFit:
         """Mean correlation of the characters, 0 without any."""
         return float(np.mean(self.scores)) if self.scores else 0.0
 
+    def middle_v_mm(self) -> float | None:
+        """Where the line lies across, line frame; None without characters."""
+        if not self.rows:
+            return None
+        return self.image.origin_mm[1] + float(np.median(self.rows)) * self.image.pitch_v_mm
+
     def slope_deg(self) -> float:
         """Rotation of the line that is left, from the rows of its characters."""
         if len(self.placed) < 3:
@@ -119,7 +128,9 @@ class LineSearch:
         """The channels in the frame of a line so rotated."""
         key = round(rotation_deg, 2)
         if key not in self._images:
-            self._images[key] = line_image(self.edges, rotation_deg=key)
+            self._images[key] = (
+                turned(self.image(0.0), rotation_deg=key) if key else line_image(self.edges, rotation_deg=0.0)
+            )
         return self._images[key]
 
     def templates(self, hypothesis: Hypothesis, *, raised: bool) -> TemplateSet:
@@ -139,8 +150,17 @@ class LineSearch:
         found = self.cache.get(hypothesis.font, available, key)
         return stretched(found, FREE_WIDTHS) if hypothesis.free_widths else found
 
-    def fit(self, hypothesis: Hypothesis, *, raised: bool | None = None) -> LineFit:
-        """The best chain of characters under a hypothesis, of either polarity unless it is known."""
+    def fit(
+        self, hypothesis: Hypothesis, *, raised: bool | None = None, near_v_mm: float | None = None
+    ) -> LineFit:
+        """The best chain of characters under a hypothesis, of either polarity unless it is known.
+
+        Args:
+            hypothesis: how the line may lie.
+            raised: polarity, if known.
+            near_v_mm: where across the line a fit of nearly the same hypothesis lay: rows far from it are not
+                looked at, unless the line moves off.
+        """
         base = self.image(hypothesis.rotation_deg)
         pixel = hypothesis.height_mm / SEARCH_PIXELS
         image = padded(
@@ -148,23 +168,29 @@ class LineSearch:
         )
         # while the polarity is open, sunk templates serve both: a raised mark answers with about the opposite sign
         templates = self.templates(hypothesis, raised=bool(raised))
-        dense = dense_scores(image, templates, self.edges.directions)
+        rows = _rows_near(image, near_v_mm)
+        dense = dense_scores(image, templates, self.edges.directions, rows=rows)
         width = 2.0 * templates.half_width + 0.1
         half = np.maximum(1, np.round(templates.half_width * SEARCH_PIXELS)).astype(np.int64)
         allowed = self._allowed(templates)
-        typical = float(np.percentile(dense.energy.max(axis=(0, 1)), 80.0))
-        # shallow characters count less than deep ones, but by their amplitude, not their energy
-        share = np.sqrt(np.clip(dense.energy / max(typical, 1e-30), 0.0, 1.0))
-        weight = width[:, None, None].astype(np.float32) * share
+        share = depth_share(dense)
         best: LineFit | None = None
         for polarity in (False, True) if raised is None else (raised,):
-            score = -dense.score if polarity and raised is None else dense.score
-            reward = weight * (np.sign(score) * score**2 - SCORE_FLOOR**2) - CHARACTER_COST
-            total, placed, rows = _best_row(reward, half, allowed)
+            negative = polarity and raised is None
+            rewards = Rewards(
+                dense, share, width, negative=negative, score_floor=SCORE_FLOOR, cost=CHARACTER_COST
+            )
+            row = _best_row(rewards.promises())
+            if rows is not None and not rows[0] + 2 * ROW_REACH <= row < rows[1] - 2 * ROW_REACH:
+                return self.fit(hypothesis, raised=raised)
+            total, placed, at_rows = _best_placed(rewards, row, image, half, allowed)
             length = total * hypothesis.height_mm * hypothesis.x_scale
             if best is None or length > best.value_mm:
-                at = tuple(float(score[p.template, r, p.column]) for p, r in zip(placed, rows, strict=True))
-                best = LineFit(hypothesis, polarity, length, placed, rows, at, image, templates)
+                scores = [
+                    float(dense.score[p.template, r, p.column]) for p, r in zip(placed, at_rows, strict=True)
+                ]
+                at = tuple(-s if negative else s for s in scores)
+                best = LineFit(hypothesis, polarity, length, placed, at_rows, at, image, templates)
         assert best is not None
         return best
 
@@ -174,17 +200,25 @@ class LineSearch:
         return np.array([[c in place for c in templates.chars] for place in self.places], dtype=np.bool_)
 
 
-def _best_row(
-    reward: NDArray[np.float32], half: NDArray[np.int64], allowed: NDArray[np.bool_] | None
+def _rows_near(image: LineImage, v_mm: float | None) -> tuple[int, int] | None:
+    """First and last plus one of the rows about a line; None for all."""
+    if v_mm is None:
+        return None
+    row = round((v_mm - image.origin_mm[1]) / image.pitch_v_mm)
+    return max(0, row - NEAR_ROWS), min(image.channels.shape[1], row + NEAR_ROWS + 1)
+
+
+def _best_row(promise: NDArray[np.float64]) -> int:
+    """The row whose neighbourhood promises most."""
+    return int(np.argmax(np.convolve(promise, np.ones(2 * ROW_REACH + 1), mode="same")))
+
+
+def _best_placed(
+    rewards: Rewards, row: int, image: LineImage, half: NDArray[np.int64], allowed: NDArray[np.bool_] | None
 ) -> tuple[float, tuple[Placed, ...], tuple[int, ...]]:
-    """The row whose neighbourhood earns most, its chain and the row of each of its characters."""
-    rows = reward.shape[1]
-    promise = np.maximum(reward, 0.0).max(axis=0).sum(axis=1)
-    window = np.ones(2 * ROW_REACH + 1)
-    pooled = np.convolve(promise, window, mode="same")
-    row = int(np.argmax(pooled))
-    low, high = max(0, row - ROW_REACH), min(rows, row + ROW_REACH + 1)
-    near = reward[:, low:high]
+    """What the best chain about a row earns, the chain and the row of each of its characters."""
+    low, high = max(0, row - ROW_REACH), min(image.channels.shape[1], row + ROW_REACH + 1)
+    near = rewards.near(low, high)
     total, placed = best_chain(
         near.max(axis=1),
         half,
@@ -201,7 +235,9 @@ def _best_row(
 def refine_geometry(search: LineSearch, start: LineFit, *, spans: Sequence[float]) -> LineFit:
     """Vary height by shrinking steps, and take up the rotation that is left, while the fit improves."""
     # the polarity is settled now: marks that stand out get templates of their own
-    best = search.fit(start.hypothesis, raised=True) if start.raised else start
+    best = start
+    if start.raised:
+        best = search.fit(start.hypothesis, raised=True, near_v_mm=start.middle_v_mm())
     slope = best.slope_deg()
     if abs(slope) > 0.25:
         best = _better(search, best, rotation_deg=best.hypothesis.rotation_deg + slope)
@@ -234,5 +270,7 @@ def refine_shape(search: LineSearch, start: LineFit, *, x_scales: Sequence[float
 
 def _better(search: LineSearch, held: LineFit, **changes: Any) -> LineFit:
     """The fit of the changed hypothesis if it explains more, else the one held."""
-    fit = search.fit(replace(held.hypothesis, **changes), raised=held.raised)
+    hypothesis = replace(held.hypothesis, **changes)
+    turned = hypothesis.rotation_deg != held.hypothesis.rotation_deg
+    fit = search.fit(hypothesis, raised=held.raised, near_v_mm=None if turned else held.middle_v_mm())
     return fit if fit.value_mm > held.value_mm else held

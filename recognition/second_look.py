@@ -25,10 +25,11 @@ from recognition.decide import (
     crowded,
     word_gaps,
 )
-from recognition.evidence import LineEvidence, PlaceEvidence
+from recognition.evidence import LineEvidence
 from recognition.frames import LineImage
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
+from recognition.place_evidence import PlaceEvidence
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.refine import Cell
 from recognition.search import LineFit

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from glyphs.maps import TraceDirection
 from recognition.frames import channels
 from recognition.pixel_model import N_PREDICTED, PixelModel
+from recognition.ratio_sums import FEW, ratio_maps, sum_ratios
 from recognition.templates import PIXELS, TemplateSet
 from whisker_array.gridding import averaging
 
@@ -35,23 +35,6 @@ class SparseTemplates:
     column: NDArray[np.int32]
     value: NDArray[np.float32]
     half_cols: NDArray[np.int64]
-
-
-@njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-def sum_dense(table, felt, predicted, start, channel, row, column, rows, cols, out):  # type: ignore[no-untyped-def]
-    """out[t, i, j]: evidence of template t with its reference point at (rows[i], cols[j])."""
-    for t in range(start.size - 1):
-        for i in range(rows.size):
-            for n in range(start[t], start[t + 1]):
-                r = rows[i] + row[n]
-                if r < 0 or r >= felt.shape[1]:
-                    continue
-                k, at = channel[n], predicted[n]
-                line = felt[k, r]
-                for j in range(cols.size):
-                    c = cols[j] + column[n]
-                    if 0 <= c < line.size:
-                        out[t, i, j] += table[line[c] + at]
 
 
 def coarse_patches(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> NDArray[np.float32]:
@@ -111,9 +94,14 @@ def turned_templates(
 
 def reach_of(templates: TemplateSet, directions: tuple[TraceDirection, ...]) -> NDArray[np.float64]:
     """(channels,) largest prediction of a set: the range of a channel's table."""
+    kept = templates.work.get("evidence reach")
+    if isinstance(kept, np.ndarray):
+        return kept
     patches = coarse_patches(templates, directions)
     flat = np.abs(patches).transpose(1, 0, 2, 3).reshape(patches.shape[1], -1)
-    return np.asarray(np.percentile(flat, 99.9, axis=1), dtype=np.float64)
+    made = np.asarray(np.percentile(flat, 99.9, axis=1), dtype=np.float64)
+    templates.work["evidence reach"] = made
+    return made
 
 
 def dense_evidence(
@@ -125,21 +113,67 @@ def dense_evidence(
     cols: NDArray[np.int64],
 ) -> NDArray[np.float32]:
     """(T, rows, cols) evidence of every template with its reference point at those rows and columns."""
-    out = np.zeros((sparse.start.size - 1, rows.size, cols.size), dtype=np.float32)
-    at = predicted_columns(model, sparse)
-    sum_dense(
-        model.table.ravel(),
-        index,
-        at,
-        sparse.start,
-        sparse.channel,
-        sparse.row,
-        sparse.column,
-        rows,
-        cols,
-        out,
+    all_rows, all_cols = np.arange(rows.min(), rows.max() + 1), np.arange(cols.min(), cols.max() + 1)
+    field = EvidenceField(model, index, all_rows, all_cols, reach_px=ink_reach(sparse))
+    sums = field.sums(sparse, predicted_columns(model, sparse), all_rows, all_cols)
+    if (rows.size, cols.size) == (all_rows.size, all_cols.size):
+        return sums
+    return sums[:, rows - all_rows[0]][:, :, cols - all_cols[0]]
+
+
+def ink_reach(*sets: SparseTemplates) -> tuple[int, int]:
+    """Rows and columns that ink lies from its reference point, at most."""
+    return (
+        max(int(np.abs(sparse.row).max(initial=0)) for sparse in sets),
+        max(int(np.abs(sparse.column).max(initial=0)) for sparse in sets),
     )
-    return out
+
+
+class EvidenceField:
+    """What every pixel about some places says of every prediction."""
+
+    def __init__(
+        self,
+        model: PixelModel,
+        index: NDArray[np.int32],
+        rows: NDArray[np.int64],
+        cols: NDArray[np.int64],
+        *,
+        reach_px: tuple[int, int],
+    ) -> None:
+        """Look up.
+
+        Args:
+            model: of pixels.
+            index: what is felt, by the model.
+            rows, cols: places, consecutive.
+            reach_px: rows and columns that ink may lie from them.
+        """
+        tall, wide = reach_px
+        self._row, self._column = int(rows[0]) - tall, int(cols[0]) - wide
+        # short sums are taken in blocks, which may look beyond the last place
+        n_rows, n_cols = rows.size + 2 * tall, cols.size + 2 * wide + FEW
+        self._maps = ratio_maps(
+            model.table.ravel(), index, N_PREDICTED, self._row, self._column, n_rows, n_cols
+        )
+
+    def sums(
+        self,
+        sparse: SparseTemplates,
+        level: NDArray[np.int32],
+        rows: NDArray[np.int64],
+        cols: NDArray[np.int64],
+        *,
+        only: int | None = None,
+    ) -> NDArray[np.float32]:
+        """(T, rows, cols) evidence of all templates, or of one, at consecutive rows and columns."""
+        first, last = (0, sparse.start.size - 1) if only is None else (only, only + 1)
+        out = np.empty((last - first, rows.size, cols.size), dtype=np.float32)
+        sum_ratios(
+            self._maps, first, last, sparse.start, sparse.channel, sparse.row, sparse.column, level,
+            int(rows[0]) - self._row, int(cols[0]) - self._column, out,
+        )  # fmt: skip
+        return out
 
 
 def predicted_columns(model: PixelModel, sparse: SparseTemplates) -> NDArray[np.int32]:

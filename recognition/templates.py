@@ -280,6 +280,8 @@ def stretched(templates: TemplateSet, scales: tuple[float, ...]) -> TemplateSet:
     return made
 
 
+MOST_SETS = 256
+"""Every built-in font at the heights and rotations of a batch: to predict a set takes 0.1 s, to look it up nothing."""
 MOST_BYTES = 1_500_000_000
 """Of templates and what matching derives from them: a foreign font on a large map tries dozens of hands, 0.2 GB
 each."""
@@ -288,7 +290,7 @@ each."""
 class TemplateCache:
     """Keeps the template sets last used; a reader owns one."""
 
-    def __init__(self, *, keep: int = 64, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, *, keep: int = MOST_SETS, most_bytes: int = MOST_BYTES) -> None:
         self._keep, self._most_bytes = keep, most_bytes
         self._sets: OrderedDict[object, TemplateSet] = OrderedDict()
 
@@ -320,6 +322,8 @@ def _n_bytes(value: object) -> int:
         return value.nbytes
     if isinstance(value, dict):
         return sum(_n_bytes(v) for v in value.values())
+    if isinstance(value, str):
+        return 0
     if isinstance(value, tuple | list):
-        return sum(_n_bytes(v) for v in value)
+        return sum(_n_bytes(v) for v in value if not isinstance(v, str))
     return sum(_n_bytes(v) for v in vars(value).values()) if hasattr(value, "__dict__") else 0

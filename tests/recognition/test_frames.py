@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy import ndimage
 
 from glyphs.maps import EdgeMap, TraceDirection
-from recognition.frames import LineImage, channels, is_edge_channel, line_image, padded, resampled
+from recognition.frames import LineImage, channels, is_edge_channel, line_image, padded, resampled, turned
 from whisker_array.array import ALL_DIRECTIONS
 
 FX, FY, BX, BY = ALL_DIRECTIONS
@@ -192,3 +193,35 @@ def test_padding_is_land_and_moves_the_origin() -> None:
     assert wide.origin_mm == pytest.approx((-1.0 - 0.6, -0.5 - 0.3))
     assert wide.channels.sum() == image.channels.sum()
     assert np.array_equal(wide.channels[:, 3:-3, 3:-3], image.channels)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.03, 0.5), st.floats(0.03, 0.5), st.integers(0, 2**32 - 1))
+def test_resampling_is_a_product_with_triangles(pitch_u: float, pitch_v: float, seed: int) -> None:
+    values = np.random.default_rng(seed).normal(size=(2, 12, 17))
+    image = image_of(values)
+    out = resampled(image, pitch_u_mm=pitch_u, pitch_v_mm=pitch_v)
+
+    def weights(n: int, n_out: int, pitch: float) -> np.ndarray:
+        apart = np.abs(np.arange(n_out)[:, None] * pitch - np.arange(n)[None, :] * 0.1)
+        made = np.clip(1.0 - apart / (max(pitch, 0.1) * (1.0 + 1e-6)), 0.0, None)
+        return made / made.sum(axis=1, keepdims=True)
+
+    n_v, n_u = out.channels.shape[1:]
+    down, along = weights(12, n_v, pitch_v), weights(17, n_u, pitch_u)
+    np.testing.assert_allclose(out.channels, down @ values @ along.T, atol=1e-5)
+
+
+@pytest.mark.parametrize("angle", [-9.0, 0.7, 4.0, 90.0])
+def test_turning_is_bilinear_about_the_middle(angle: float) -> None:
+    rng = np.random.default_rng(1)
+    upright = image_of(ndimage.gaussian_filter(rng.normal(size=(2, 21, 34)), (0, 1, 1)))
+    out = turned(upright, rotation_deg=angle)
+    rows, cols = out.channels.shape[1:]
+    v, u = np.meshgrid(np.arange(rows) - 0.5 * (rows - 1), np.arange(cols) - 0.5 * (cols - 1), indexing="ij")
+    cos, sin = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    at = [10.0 + cos * v + sin * u, 16.5 - sin * v + cos * u]
+    expected = np.stack([ndimage.map_coordinates(layer, at, order=1) for layer in upright.channels])
+    # on the rim itself rounding decides
+    rim = np.minimum.reduce([np.abs(at[0]), np.abs(at[0] - 20), np.abs(at[1]), np.abs(at[1] - 33)]) < 1e-6
+    np.testing.assert_allclose(out.channels[:, ~rim], expected[:, ~rim], atol=1e-5)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
-from recognition.grade import LIMITS, Action, GradeError, grade_character, graded
+from recognition.grade import LIMITS, Action, GradeError, grade_character, graded, reaching
 
 ROWS, COLS = 46, 36
 
@@ -153,3 +154,11 @@ def test_what_cannot_be_graded_is_said(
 ) -> None:
     with pytest.raises(GradeError, match=said):
         grade_character(*args, **options)
+
+
+@pytest.mark.parametrize("pixels", [0, 1, 2])
+def test_what_edges_reach_is_the_largest_value_about_a_pixel(pixels: int) -> None:
+    values = np.random.default_rng(2).normal(size=(2, 7, 9))
+    size = 2 * pixels + 1
+    expected = ndimage.maximum_filter(values, size=(1, size, size), mode="constant", cval=-np.inf)
+    np.testing.assert_array_equal(reaching(values, pixels), expected)

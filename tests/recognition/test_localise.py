@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recognition.localise import activity_of, bands, line_rotation_deg
+from recognition.localise import activity_of, bands, line_rotation_deg, percentile
 
 PITCH = 0.1
 
@@ -85,3 +85,10 @@ def test_bands_differ_and_are_no_more_than_asked_for() -> None:
 def test_no_activity_is_no_band() -> None:
     assert bands(np.zeros((100, 100)), pitch_mm=PITCH) == ()
     assert bands(np.ones((100, 100)), pitch_mm=PITCH) == ()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(1, 60), st.floats(0.0, 100.0), st.integers(0, 2**32 - 1))
+def test_percentiles_are_numpy_s(n: int, percent: float, seed: int) -> None:
+    values = np.random.default_rng(seed).normal(size=n)
+    assert percentile(values, percent) == pytest.approx(float(np.percentile(values, percent)), abs=1e-9)

@@ -93,3 +93,18 @@ def test_fine_templates_are_kept_and_turn_as_the_plate_turns(
         for turn in (-3.0, 3.0):
             moved = (heading(turn) - heading(0.0) + 90.0) % 180.0 - 90.0
             assert moved == pytest.approx(turn, abs=0.5)
+
+
+@pytest.mark.parametrize("shift_mm", [0.0, 1.0, -6.0])
+def test_a_fit_near_a_line_is_the_fit_of_all_rows(
+    shift_mm: float, gothic: Font, touch: Touch, calm_edges: EdgeMap
+) -> None:
+    search = LineSearch(calm_edges, touch, TemplateCache(), chars="K7B1", places=None)
+    hypothesis = Hypothesis(gothic, 5.1, 1.0, 0.0)
+    plain = search.fit(hypothesis, raised=False)
+    middle = plain.middle_v_mm()
+    assert middle is not None
+    # far off, where there is nothing, all rows are looked at after all
+    near = search.fit(hypothesis, raised=False, near_v_mm=middle + shift_mm)
+    assert (near.placed, near.rows, near.scores) == (plain.placed, plain.rows, plain.scores)
+    assert near.value_mm == plain.value_mm
