@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from recognition.centre_lines import centre_line
 from recognition.depth_sampling import across, deepest, mean_depths, robust_plane
+from recognition.localise import percentile
 from recognition.reading import MarkDepth
 from recognition.refine import Cell
 from recognition.search import FREE_WIDTHS, LineFit
@@ -201,8 +202,8 @@ def _depth(field: _Field, mark: _Mark, land: NDArray[np.bool_], *, height_mm: fl
     if known.mean() < LEAST_KNOWN:
         return None
     below = deepest(np.ascontiguousarray(depth[:, known]), SMOOTHING_POINTS)
-    low, high = np.percentile(below, [SHALLOW_PERCENTILE, DEEP_PERCENTILE])
-    return MarkDepth(mean_mm=float(below.mean()), min_mm=float(low), max_mm=float(high))
+    low, high = (percentile(below, percent) for percent in (SHALLOW_PERCENTILE, DEEP_PERCENTILE))
+    return MarkDepth(mean_mm=float(below.mean()), min_mm=low, max_mm=high)
 
 
 def _plane(

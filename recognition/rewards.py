@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from recognition.localise import percentile
 from recognition.match import DenseScores
 
 
@@ -17,7 +18,7 @@ def depth_share(dense: DenseScores) -> NDArray[np.float32]:
 
     Shallow characters count less than deep ones, but by their amplitude, not their energy.
     """
-    typical = float(np.percentile(dense.window_energy.max(axis=(0, 1)), 80.0))
+    typical = percentile(dense.window_energy.max(axis=(0, 1)), 80.0)
     return np.asarray(np.sqrt(np.clip(dense.window_energy / max(typical, 1e-30), 0.0, 1.0)))
 
 

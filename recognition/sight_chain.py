@@ -10,10 +10,13 @@ sums from the left and from the right over all settings give the posterior of ea
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from recognition.sight_sums import backward_sums, exponentials, forward_sums, log_sum, places_of
 
 Floats = NDArray[np.float64]
 LOOSE_GAP = (-0.15, 0.55)
@@ -105,8 +108,7 @@ def count_evidence(
     allowed = np.ones((most, evidence.shape[0]), dtype=np.bool_)
     setter = _Setter(evidence, metrics, allowed, gap_heights, frozenset())
     out = [0.0]
-    for ends in setter.forward()[1]:
-        out.append(float(np.logaddexp.reduce(ends)))
+    out.extend(float(log_sum(ends)) for ends in setter.forward()[1])
     return np.array(out)
 
 
@@ -121,74 +123,44 @@ class _Setter:
         gap_heights: float | None,
         word_gaps: frozenset[int],
     ) -> None:
-        count, cols = evidence.shape
+        cols = evidence.shape[1]
         reach = int(max(metrics.before.max(), (metrics.advance - metrics.before).max(), 0)) + 1
         reach = max(reach, -int(min(metrics.before.min(), (metrics.advance - metrics.before).min(), 0)) + 1)
-        self.width, self.cols, self.places = cols + 2 * reach, cols, allowed.shape[0]
-        x = np.arange(cols)
-        self.origin = x[None, :] + reach - metrics.before[:, None]
-        self.end = self.origin + metrics.advance[:, None]
+        self.width, self.places = cols + 2 * reach, allowed.shape[0]
+        # where the origin and the end of each character lie whose ink has its middle at column 0
+        self.origin = np.asarray(reach - metrics.before, dtype=np.int64)
+        self.end = self.origin + np.asarray(metrics.advance, dtype=np.int64)
         # every character is as likely as another before anything is seen, and any column for the first
         with np.errstate(divide="ignore"):
-            prior = np.log(allowed / np.maximum(allowed.sum(axis=1, keepdims=True), 1))
-        self.evidence, self.prior, self.start = evidence, prior, -np.log(cols)
-        usual = gap_log_prior(metrics, gap_heights=gap_heights)
-        word = gap_log_prior(metrics, gap_heights=None, wide=True)
-        self.gaps = [word if k in word_gaps else usual for k in range(self.places)]
-        self.count = count
+            self.prior = np.log(allowed / np.maximum(allowed.sum(axis=1, keepdims=True), 1))
+        self.evidence, self.start = np.ascontiguousarray(evidence, dtype=np.float64), -math.log(cols)
+        self.scaled = exponentials(self.evidence)
+        kinds = [gap_log_prior(metrics, gap_heights=gap_heights)]
+        if word_gaps:
+            kinds.append(gap_log_prior(metrics, gap_heights=None, wide=True))
+        self.low = np.array([low for low, _ in kinds], dtype=np.int64)
+        # impossible spacings at the end make them all of one length
+        self.gaps = np.full((len(kinds), max(log.size for _, log in kinds)), -np.inf)
+        for row, (_, log) in zip(self.gaps, kinds, strict=True):
+            row[: log.size] = log
+        self.kind = np.array([int(k in word_gaps) for k in range(self.places)], dtype=np.int64)
 
-    def forward(self) -> tuple[list[Floats], list[Floats]]:
-        """By place: (T, cols) sums of what ends in each character at each column; and by end column."""
-        held, ends = [], []
-        here = np.full(self.width, self.start)
-        for k in range(self.places):
-            value = self.evidence + self.prior[k][:, None] + here[self.origin]
-            held.append(value)
-            ends.append(self._gathered(value, self.end))
-            here = self._moved(ends[-1], *self.gaps[k], back=False)
-        return held, ends
+    def forward(self) -> tuple[Floats, Floats]:
+        """(places, width) sums by place: of what comes before each origin, and of what ends at each column."""
+        here, ends = forward_sums(
+            self.evidence, self.scaled, self.prior, self.origin, self.end,
+            self.width, self.start, self.low, self.gaps, self.kind,
+        )  # fmt: skip
+        return here, ends
 
     def settled(self) -> Settled | None:
-        held, ends = self.forward()
-        total = float(np.logaddexp.reduce(ends[-1]))
+        here, ends = self.forward()
+        total = float(log_sum(ends[-1]))
         if not np.isfinite(total):
             return None
-        on = np.zeros(self.width)
-        belief = np.empty((self.places, self.count))
-        column = np.empty((self.places, self.count), dtype=np.int64)
-        for k in range(self.places - 1, -1, -1):
-            whole = held[k] + on[self.end]
-            belief[k] = np.logaddexp.reduce(whole, axis=1) - total
-            column[k] = whole.argmax(axis=1)
-            if k:
-                value = self.evidence + self.prior[k][:, None] + on[self.end]
-                on = self._moved(self._gathered(value, self.origin), *self.gaps[k - 1], back=True)
-        return Settled(belief, column, total)
-
-    def _gathered(self, value: Floats, at: NDArray[np.int64]) -> Floats:
-        """Log sums over characters of what lies at the same column after its own shift."""
-        shifted = np.full((self.count, self.width), -np.inf)
-        np.put_along_axis(shifted, at, value, axis=1)
-        return _log_sum(shifted)
-
-    def _moved(self, value: Floats, low: int, log: Floats, *, back: bool) -> Floats:
-        """Log sums over spacings: ends to origins, or back."""
-        n = log.size
-        if back:
-            padded = np.concatenate([np.full(max(0, -low), -np.inf), value, np.full(n + abs(low), -np.inf)])
-            windows = np.lib.stride_tricks.sliding_window_view(padded, n)
-            start = max(0, -low) + low
-            return _log_sum((windows[start : start + self.width] + log).T)
-        padded = np.concatenate([np.full(n + abs(low), -np.inf), value, np.full(n + abs(low), -np.inf)])
-        windows = np.lib.stride_tricks.sliding_window_view(padded, n)
-        # origin o gathers ends o - low - n + 1 .. o - low
-        start = n + abs(low) - low - n + 1
-        return _log_sum((windows[start : start + self.width] + log[::-1]).T)
-
-
-def _log_sum(values: Floats) -> Floats:
-    """Log of the sum of exponentials over the first axis."""
-    top = values.max(axis=0)
-    safe = np.where(np.isfinite(top), top, 0.0)
-    with np.errstate(divide="ignore"):
-        return np.asarray(safe + np.log(np.exp(values - safe).sum(axis=0)))
+        after = backward_sums(
+            self.evidence, self.scaled, self.prior, self.origin, self.end,
+            self.width, self.low, self.gaps, self.kind,
+        )  # fmt: skip
+        belief, column = places_of(self.evidence, self.prior, self.origin, self.end, here, after)
+        return Settled(belief - total, column, total)

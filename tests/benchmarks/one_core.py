@@ -1,6 +1,6 @@
 """A process that does one thing again for every line it is sent, on one core, and answers when it is done.
 
-    python one_core.py edge_map | read_known_height | read_unknown_height
+    python one_core.py edge_map | read_known_height | read_unknown_height | read_height_map
 
 Thread counts must be set in the environment before numpy is loaded, so this is a process of its own.
 """
@@ -14,8 +14,9 @@ import numpy as np
 
 from glyphs.die import default_die
 from glyphs.outlines import load_font
-from glyphs.stamping import stamp
+from glyphs.stamping import StampedPart, stamp
 from recognition.reader import Reader, ReaderSettings
+from recognition.reading import Reading
 from whisker_array.array import default_plan
 from whisker_array.edges import edge_map
 from whisker_array.scan import Scan, trace_scan
@@ -26,10 +27,16 @@ TEXT = "KR804217"
 HEIGHT_MM = 5.0
 
 
+def a_part(text: str, rng: np.random.Generator) -> StampedPart:
+    """A stamped part with all its variation."""
+    font = load_font("gothic")
+    return stamp(text, font, default_die(HEIGHT_MM, font=font), height_mm=HEIGHT_MM, rng=rng)
+
+
 def a_scan(text: str, seed: int) -> Scan:
-    """A stamped part with all its variation, felt by whiskers as from the bench."""
-    font, rng = load_font("gothic"), np.random.default_rng(seed)
-    part = stamp(text, font, default_die(HEIGHT_MM, font=font), height_mm=HEIGHT_MM, rng=rng)
+    """Such a part, felt by whiskers as from the bench."""
+    rng = np.random.default_rng(seed)
+    part = a_part(text, rng)
     plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=HEIGHT_MM)
     chain = draw_sensor_chain(plan.array.n_whiskers, rng=rng)
     return trace_scan(part.height_map, touch=default_touch(HEIGHT_MM), plan=plan, sensor=chain, rng=rng)
@@ -37,6 +44,11 @@ def a_scan(text: str, seed: int) -> Scan:
 
 def task(name: str) -> Callable[[], str]:
     """What is to be done; everything before it is warm."""
+    if name == "read_height_map":
+        reader = Reader(ReaderSettings(fonts=("gothic",), mask="AA999999", height_mm=HEIGHT_MM))
+        reader.read_height_map(a_part("BZ135690", np.random.default_rng(2)).height_map)
+        surface = a_part(TEXT, np.random.default_rng(1)).height_map
+        return lambda: told(reader.read_height_map(surface).reading)
     scan = a_scan(TEXT, 1)
     if name == "edge_map":
         return lambda: "x".join(str(n) for n in edge_map(scan).shape)
@@ -44,12 +56,13 @@ def task(name: str) -> Callable[[], str]:
     reader = Reader(ReaderSettings(fonts=("gothic",), mask="AA999999", height_mm=height))
     reader.read_scan(a_scan("BZ135690", 2))  # another part, so that only the templates are kept
 
-    def read() -> str:
-        reading = reader.read_scan(scan).reading
-        steps = " ".join(f"{step}={seconds:.4f}" for step, seconds in reading.seconds.items())
-        return f"{reading.text} {steps}"
+    return lambda: told(reader.read_scan(scan).reading)
 
-    return read
+
+def told(reading: Reading) -> str:
+    """What was read, and the seconds of every step."""
+    steps = " ".join(f"{step}={seconds:.4f}" for step, seconds in reading.seconds.items())
+    return f"{reading.text} {steps}"
 
 
 if __name__ == "__main__":

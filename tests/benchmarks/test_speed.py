@@ -19,6 +19,11 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from glyphs.die import default_die
 from glyphs.outlines import load_font
 from glyphs.stamping import stamp
+from pipeline.crew import PoolCrew
+from pipeline.listed import ListedPart
+from pipeline.run_task import RunOrder, read_listed
+from pipeline.settings import ReadSettings
+from pipeline.synth import SynthSpec, write_part
 from whisker_array.contact import trace_contact
 from whisker_array.pointwise import trace_pointwise
 from whisker_array.surface import prepare_surface
@@ -28,7 +33,10 @@ pytestmark = pytest.mark.benchmark
 
 CONTACT_SAMPLES_PER_S = 5e6
 POINTWISE_COPIES = 5.0
-READING_S = 0.150
+READING_S = 0.040
+HEIGHT_MAP_S = 0.250
+COLD_S, HELP_S = 2.5, 0.5
+TWO_PROCESSES = 1.8
 SIDE = 4000
 
 
@@ -134,3 +142,60 @@ def test_edge_map_on_one_core(benchmark: BenchmarkFixture) -> None:
         answer = benchmark.pedantic(ask, args=(process,), rounds=9, warmup_rounds=1)
     assert answer.count("x") == 1
     assert benchmark.stats.stats.min <= READING_S / 2
+
+
+def test_reading_a_height_map_on_one_core(benchmark: BenchmarkFixture) -> None:
+    """Mounting and a virtual scan by contact in four directions included."""
+    with one_core("read_height_map") as process:
+        answer = benchmark.pedantic(ask, args=(process,), rounds=9, warmup_rounds=1)
+    text, *steps = answer.split(" ", 1)
+    benchmark.extra_info["steps"] = " ".join(steps)
+    assert text == TEXT
+    assert benchmark.stats.stats.min <= HEIGHT_MAP_S
+
+
+@pytest.mark.parametrize(("what", "limit_s"), [("read", COLD_S), ("--help", HELP_S)])
+def test_cold_start(benchmark: BenchmarkFixture, tmp_path: Path, what: str, limit_s: float) -> None:
+    """The whole command, kernels compiled by its first round."""
+    arguments = [what]
+    if what == "read":
+        write_part(SynthSpec(mask="AA999999", seed=1), tmp_path / "part", 0, photos=False)
+        arguments += [str(tmp_path / "part.npz"), "--font", "gothic"]
+    command = [sys.executable, "-m", "pipeline", *arguments]
+
+    def run() -> int:
+        return subprocess.run(
+            command, cwd=Path(__file__).parents[2], capture_output=True, check=True
+        ).returncode
+
+    assert benchmark.pedantic(run, rounds=5, warmup_rounds=1) == 0
+    assert benchmark.stats.stats.min <= limit_s
+
+
+def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
+    """Parts a second of two workers over those of one, both warm; the quickest of some rounds of each."""
+    spec = SynthSpec(mask="AA999999", seed=1, font="gothic")
+    for number in range(20):
+        write_part(spec, tmp_path / f"part-{number}", number, photos=False)
+    order = RunOrder(ReadSettings(font=("gothic",), format=("AA999999",), height_mm=5.0))
+    listed = [
+        ListedPart(f"{p.stem} {k}", height_map=str(p)) for k in range(4) for p in tmp_path.glob("*.npz")
+    ]
+    quickest: dict[int, float] = {}
+    for jobs in (1, 2):
+        with PoolCrew(order.settings, jobs) as crew:
+
+            def run(crew: PoolCrew = crew) -> float:
+                started = time.perf_counter()
+                outcomes = list(crew.calls(read_listed, order, listed))
+                assert all(o.result is not None and o.result.row.text for o in outcomes)
+                return time.perf_counter() - started
+
+            run()
+            quickest[jobs] = min(run() for _ in range(4))
+            if jobs == 2:
+                benchmark.pedantic(run, rounds=1)
+    benchmark.extra_info["parts_per_s"] = {jobs: round(len(listed) / s, 2) for jobs, s in quickest.items()}
+    benchmark.extra_info["ratio"] = round(quickest[1] / quickest[2], 3)
+    print(benchmark.extra_info)
+    assert quickest[1] / quickest[2] >= TWO_PROCESSES
