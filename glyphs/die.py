@@ -196,15 +196,16 @@ def ink_points_mm(shape: Glyph, *, height_mm: float) -> NDArray[np.float64]:
 
 def _dots(strokes: tuple[Points, ...], pitch: float) -> list[Points]:
     """Single points along polylines, evenly about `pitch` apart; none where a dot already stands close by."""
-    dots: list[Points] = []
+    dots = np.empty((0, 2))
     for line in strokes:
         for run in _runs(line):
             along = np.append(0.0, np.cumsum(np.hypot(*np.diff(run, axis=0).T)))
             at = np.linspace(0.0, along[-1], max(1, round(float(along[-1]) / pitch)) + 1)
-            for x, y in zip(np.interp(at, along, run[:, 0]), np.interp(at, along, run[:, 1]), strict=True):
-                if all(np.hypot(x - d[0, 0], y - d[0, 1]) > 0.6 * pitch for d in dots):
-                    dots.append(np.array([[x, y]]))
-    return dots
+            points = np.column_stack([np.interp(at, along, run[:, 0]), np.interp(at, along, run[:, 1])])
+            for point in points:
+                if (np.hypot(*(point - dots).T) > 0.6 * pitch).all():
+                    dots = np.vstack([dots, point])
+    return [dot[None] for dot in dots]
 
 
 def _runs(line: Points) -> list[Points]:

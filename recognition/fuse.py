@@ -177,9 +177,7 @@ def _reading(
         flags=flags,
         source="fused",
         notes=(*old_blind, *blind, *contradicted),
-        seconds=MappingProxyType(
-            {**told.seconds, **{f"sight {k}": v for k, v in sight.reading.seconds.items()}}
-        ),
+        seconds=_seconds(told, sight),
     )
 
 
@@ -203,5 +201,10 @@ def _by_sight_alone(
         height_mm=sight.reading.height_mm,
         rotation_deg=sight.reading.rotation_deg,
         notes=(*sight.reading.notes, note),
-        seconds=sight.reading.seconds,
+        seconds=_seconds(touch.reading, sight),
     )
+
+
+def _seconds(felt: Reading, sight: SightReading) -> MappingProxyType[str, float]:
+    """What both senses took, step by step."""
+    return MappingProxyType({**felt.seconds, **{f"sight {k}": v for k, v in sight.reading.seconds.items()}})

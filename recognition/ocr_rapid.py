@@ -6,7 +6,7 @@ the text that the package would make of them. Nothing is downloaded.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,6 +28,7 @@ FLOOR = 1e-6
 """Probability that a frame leaves to everything: no character is ruled out by one network."""
 VIEW_FLOOR = 1e-4
 """Belief that one view leaves to every character allowed."""
+ALPHANUMERIC = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 MISSING = (
     'the vision engine RapidOCR is not installed; install it with: pip install "tactile-marks[vision]", '
     "or choose the engine of templates"
@@ -81,7 +82,7 @@ class RapidEngine:
         fed[0, :, :, : picture.shape[1]] = picture[..., ::-1].transpose(2, 0, 1) / np.float32(127.5) - 1.0
         said = np.asarray(self._session.run(None, {self._session.get_inputs()[0].name: fed})[0][0])
         share = self._shares(said, chars)
-        every = self._shares(said, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789")
+        every = self._shares(said, ALPHANUMERIC)
         # a word gap is land to us: its class counts as blank
         blank = said[:, 0] + said[:, self._classes[" "]]
         return Frames(
@@ -92,17 +93,36 @@ class RapidEngine:
 
     def _shares(self, said: NDArray[np.float32], chars: str) -> NDArray[np.float64]:
         """(frames, C) probability of each character, small letters counted as capitals unless asked for."""
-        out = np.zeros((said.shape[0], len(chars)))
-        for i, char in enumerate(chars):
-            alike = {char} | ({char.lower()} - set(chars) if char.isupper() else set())
-            for name in alike:
-                if name in self._classes:
-                    out[:, i] += said[:, self._classes[name]]
-        return out
+        first, second = self._columns_of(chars)
+        # what the network does not know has no probability
+        large, small = (np.where(at >= 0, said[:, at], 0.0).astype(np.float64) for at in (first, second))
+        return np.asarray(large + small)
 
-    def read_line(self, crop: Photo, *, chars: str, places: Sequence[str] | None) -> Lattice | None:
-        """See `SightEngine`; the mean of what the views say, each exact under the format."""
-        seen = [self.frames(crop, view, chars=chars) for view in self.views]
+    def _columns_of(self, chars: str) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(C,) class of each character, and of its small letter; -1 for none."""
+        small = [c.lower() if c.isupper() and c.lower() not in chars else "" for c in chars]
+        none = -1
+        return (
+            np.array([self._classes.get(c, none) for c in chars], dtype=np.int64),
+            np.array([self._classes.get(c, none) if c else none for c in small], dtype=np.int64),
+        )
+
+    def read_line(
+        self,
+        crop: Photo,
+        *,
+        chars: str,
+        places: Sequence[str] | None,
+        known: Mapping[View, Frames] | None = None,
+    ) -> Lattice | None:
+        """See `SightEngine`; the mean of what the views say, each exact under the format.
+
+        Args:
+            crop, chars, places: as there.
+            known: what the network has said of views of this crop already, for the same characters.
+        """
+        told = known or {}
+        seen = [told.get(view) or self.frames(crop, view, chars=chars) for view in self.views]
         if places is None:
             most = [count_belief(f.log_blank, f.log_chars) for f in seen]
             size = min(m.size for m in most)

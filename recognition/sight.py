@@ -19,15 +19,15 @@ from glyphs.glyph import Font
 from glyphs.maps import EdgeMap
 from glyphs.photo import Photo
 from recognition.lattice import Lattice
-from recognition.ocr_rapid import RapidEngine
-from recognition.ocr_views import FIRST_VIEW
+from recognition.ocr_rapid import Frames, RapidEngine
+from recognition.ocr_views import FIRST_VIEW, View
 from recognition.reader import Reader, ReaderSettings
 from recognition.reading import Box, Decision, Reading, ReadingFlag
 from recognition.sight_combine import as_reading, certainty, joined
 from recognition.sight_edges import sight_edges
 from recognition.sight_engine import EngineMissingError
 from recognition.sight_fit import SightFit, Supposed
-from recognition.sight_frame import LinePlace, boxes_in_frame, line_crop
+from recognition.sight_frame import LineCrop, LinePlace, boxes_in_frame, line_crop
 from recognition.sight_lines import distinct_turns_deg, line_places, supposed_heights_mm
 from recognition.sight_search import SightSearch
 from recognition.sight_templates import CLOSE_LOOK, GLANCE, Look, SightBasis, predict_basis
@@ -250,22 +250,30 @@ class SightReader:
     ) -> tuple[Lattice | None, LinePlace | None]:
         """What the network reads at the place where it is surest of a line."""
         assert self.rapid is not None
-        crops = []
+        crops: list[tuple[LineCrop, LinePlace]] = []
         for place in places:
             try:
-                crops.append((line_crop(photo, place), place))
+                crop = line_crop(photo, place)
             except ValueError:
                 continue
+            # of equal crops the first one would be chosen
+            if not any(np.array_equal(crop.photo.pixels, c.photo.pixels) for c, _ in crops):
+                crops.append((crop, place))
         if not crops:
             return None, None
+        known: dict[View, Frames] = {}
+        best = 0
         if len(crops) > 1:
             first = RapidEngine.sharing(self.rapid, (FIRST_VIEW,))
-            looks = [first.read_line(c.photo, chars=self.chars, places=self.places) for c, _ in crops]
+            seen = [{FIRST_VIEW: first.frames(c.photo, FIRST_VIEW, chars=self.chars)} for c, _ in crops]
+            looks = [
+                first.read_line(c.photo, chars=self.chars, places=self.places, known=frames)
+                for (c, _), frames in zip(crops, seen, strict=True)
+            ]
             best = int(np.argmax([-np.inf if look is None else certainty(look) for look in looks]))
-        else:
-            best = 0
+            known = seen[best]
         crop, place = crops[best]
-        read = self.rapid.read_line(crop.photo, chars=self.chars, places=self.places)
+        read = self.rapid.read_line(crop.photo, chars=self.chars, places=self.places, known=known)
         if read is None:
             return None, None
         return replace(read, boxes=boxes_in_frame(crop, read.boxes)), place

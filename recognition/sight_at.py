@@ -56,11 +56,7 @@ def sight_at(
         inner = edges[:, margin : margin + line.shape[0], margin : margin + line.shape[1]]
         light = drawn.light(np.einsum("bdrc,drc->b", drawn.whole, inner, dtype=np.float64))
         seen = np.pad(drawn.lit(light), ((0, 0), (margin, margin), (margin, margin)))
-        weight = (
-            valid
-            if __import__("os").environ.get("NOREL")
-            else valid * _reliability(edges - seen, valid, CLUTTER_HEIGHTS * look.pixels)
-        )
+        weight = valid * _reliability(edges - seen, valid, CLUTTER_HEIGHTS * look.pixels)
         pictures = np.einsum("tbn,b->tn", flat, light.astype(np.float32))
         power = (pictures**2).reshape(pictures.shape[0], 2, -1).sum(axis=1)
         for k, (c, r) in enumerate(drawn.corner):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,16 +66,23 @@ def gap_log_prior(metrics: Metrics, *, gap_heights: float | None, wide: bool = F
         gap_heights: of the line, if known already.
         wide: a word gap: anything from the usual to two heights more.
     """
-    low = round(GAP_REACH[0] * metrics.pixels)
-    high = round((GAP_REACH[1] + (1.5 if wide else 0.0)) * metrics.pixels)
-    gap = np.arange(low, high + 1) / metrics.pixels
+    return _gap_log_prior(metrics.pixels, gap_heights, wide)
+
+
+@lru_cache(maxsize=256)
+def _gap_log_prior(pixels: int, gap_heights: float | None, wide: bool) -> tuple[int, Floats]:
+    low = round(GAP_REACH[0] * pixels)
+    high = round((GAP_REACH[1] + (1.5 if wide else 0.0)) * pixels)
+    gap = np.arange(low, high + 1) / pixels
     if wide:
         log = np.where(gap > 0.1, 0.0, -LOOSE_SLOPE * (0.1 - gap))
     elif gap_heights is None:
         log = -LOOSE_SLOPE * np.maximum(0.0, np.maximum(LOOSE_GAP[0] - gap, gap - LOOSE_GAP[1]))
     else:
         log = -np.minimum(0.5 * ((gap - gap_heights) / GAP_SIGMA) ** 2, GAP_COST)
-    return low, np.asarray(log - np.logaddexp.reduce(log))
+    log = log - np.logaddexp.reduce(log)
+    log.flags.writeable = False
+    return low, np.asarray(log)
 
 
 def settle(

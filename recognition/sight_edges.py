@@ -11,6 +11,7 @@ in the logarithm of the brightness the two add up, and lamp and vignetting are a
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from glyphs.maps import EdgeMap, TraceDirection
 from glyphs.photo import Photo
 from recognition.sight_frame import photo_origin_mm, photo_pitch_mm
+from recognition.sight_pixels import all_beyond, cut_and_scaled, mean_of_table, sizes
 
 DARK = 0.03
 """Brightness added before the logarithm: below it, noise is all that there is."""
@@ -40,13 +42,15 @@ def log_brightness(photo: Photo, *, contrast: bool = False) -> NDArray[np.float3
         contrast: weigh the colours so that they differ most over short distances: paint-filled marks on ground of
             another colour. Its sign is that of the brightness where the two agree.
     """
-    log = np.log(photo.pixels.astype(np.float32) / np.float32(255.0) + np.float32(DARK))
-    if log.ndim == 2:
-        return np.asarray(log)
+    # of every grey level once
+    table = np.log(np.arange(256, dtype=np.float32) / np.float32(255.0) + np.float32(DARK))
+    if photo.pixels.ndim == 2:
+        return np.asarray(table[photo.pixels])
     if not contrast:
-        return np.asarray(log.mean(axis=2))
+        return np.asarray(mean_of_table(np.ascontiguousarray(photo.pixels), table))
     from scipy import ndimage
 
+    log = table[photo.pixels]
     reach = max(2.0, 0.05 * min(photo.shape))
     rest = (log - ndimage.gaussian_filter(log, (reach, reach, 0.0), truncate=2.0)).reshape(-1, 3)
     _, axes = np.linalg.eigh(rest.T.astype(np.float64) @ rest)
@@ -57,17 +61,28 @@ def log_brightness(photo: Photo, *, contrast: bool = False) -> NDArray[np.float3
 def clipped(photo: Photo) -> NDArray[np.bool_]:
     """(rows, cols) where the sensor was driven to white (glare) or saw nothing."""
     p = photo.pixels if photo.pixels.ndim == 3 else photo.pixels[..., None]
-    return np.asarray((p.min(axis=2) >= GLARE_LEVEL) | (p.max(axis=2) <= BLACK_LEVEL))
+    return np.asarray(all_beyond(np.ascontiguousarray(p), BLACK_LEVEL, GLARE_LEVEL))
 
 
 def derivatives(log: NDArray[np.float32], *, scale_px: float) -> NDArray[np.float32]:
     """(2, rows, cols) derivatives along columns and rows over one scale: of a ramp, its rise over `scale_px`."""
-    from scipy import ndimage
+    import cv2
 
+    smooth, slope = _kernels(scale_px)
     out = np.empty((2, *log.shape), dtype=np.float32)
-    for layer, order in enumerate(((0, 1), (1, 0))):
-        ndimage.gaussian_filter(log, scale_px, order=order, output=out[layer], mode="nearest")
+    fine = log.astype(np.float64)
+    for layer, (across, down) in enumerate(((slope, smooth), (smooth, slope))):
+        out[layer] = cv2.sepFilter2D(fine, cv2.CV_64F, across, down, borderType=cv2.BORDER_REPLICATE)
     return np.asarray(out * np.float32(scale_px))
+
+
+@lru_cache(maxsize=64)
+def _kernels(scale_px: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A Gaussian cut off at four of its standard deviations, and its derivative, as weights of neighbours."""
+    at = np.arange(-int(4.0 * scale_px + 0.5), int(4.0 * scale_px + 0.5) + 1, dtype=np.float64)
+    smooth = np.exp(-0.5 * (at / scale_px) ** 2)
+    smooth /= smooth.sum()
+    return smooth, at / scale_px**2 * smooth
 
 
 def limited(
@@ -77,15 +92,13 @@ def limited(
 
     For noise with heavy tails the correlation of limited values is the locally best detector of a faint shape.
     """
-    size = np.sqrt((layers**2).sum(axis=0))
-    good = np.ones(size.shape, dtype=np.bool_) if valid is None else valid
+    layers = np.ascontiguousarray(layers, dtype=np.float32)
+    size = sizes(layers)
+    good = np.ones(size.shape, dtype=np.bool_) if valid is None else np.ascontiguousarray(valid)
     if not good.any():
         return np.zeros_like(layers)
     top = clip * float(np.median(size[good]))
-    if top > 0.0:
-        layers = layers * np.minimum(1.0, top / np.maximum(size, 1e-12))
-    mean = math.sqrt(float((layers[:, good].astype(np.float64) ** 2).mean()))
-    return np.asarray(np.where(good, layers / max(mean, 1e-12), 0.0), dtype=np.float32)
+    return np.asarray(cut_and_scaled(layers, size, good, np.float32(top)))
 
 
 def sight_edges(
@@ -112,6 +125,7 @@ def sight_edges(
     Raises:
         ValueError: a height of less than eight pixels.
     """
+    import cv2
     from scipy import ndimage
 
     pitch = photo_pitch_mm(photo)
@@ -122,14 +136,17 @@ def sight_edges(
         )
     scale = max(0.7, SCALE_HEIGHTS * height_mm / pitch)
     layers = derivatives(log_brightness(photo, contrast=contrast), scale_px=scale)
-    blind = ndimage.binary_dilation(clipped(photo), iterations=max(1, math.ceil(2.0 * scale)))
+    blind = clipped(photo)
+    if blind.any():
+        blind = ndimage.binary_dilation(blind, iterations=max(1, math.ceil(2.0 * scale)))
     if even:
         layers = limited(layers, valid=~blind)
         reach = max(1, round(LIGHT_HEIGHTS * height_mm / pitch))
         # edges of both signs, none of them large: their mean over a character is the slope of the light
-        box = [ndimage.uniform_filter(layer, reach, mode="reflect") for layer in layers]
-        slope = [ndimage.uniform_filter(layer, reach, mode="reflect") for layer in box]
-        layers = layers - np.stack(slope)
+        slope = layers
+        for _ in range(2):
+            slope = np.stack([cv2.blur(a, (reach, reach), borderType=cv2.BORDER_REFLECT) for a in slope])
+        layers = layers - slope
     layers = np.where(blind, np.float32(0.0), layers)
     return EdgeMap(
         enhancement=layers if signed else np.abs(layers),

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.photo import Photo
+from recognition.sight_answers import SightAnswers, column_evidence, row_promise
 from recognition.sight_chain import Metrics, Settled, count_evidence, settle
 from recognition.sight_edges import clipped, derivatives, limited, log_brightness
 from recognition.sight_fit import SightFit, Supposed
@@ -56,6 +57,8 @@ class SightSearch:
         self.places, self.gaps, self.about = places, gaps, about
         self.log = log_brightness(photo, contrast=contrast)
         self.blind = clipped(photo).astype(np.float32)
+        self.any_blind = bool(self.blind.any())
+        self._fits: dict[tuple[int, Supposed, bytes], SightFit | None] = {}
         self.pitch_mm, self.origin = photo_pitch_mm(photo), photo_origin_mm(photo)
         rows, cols = photo.shape
         if about is None:
@@ -100,6 +103,9 @@ class SightSearch:
             (self.blind, cv2.BORDER_REPLICATE),
             (shown, cv2.BORDER_CONSTANT),
         ):
+            if image is self.blind and not self.any_blind:
+                layers.append(np.zeros((rows, cols), dtype=np.float32))
+                continue
             seen = cv2.GaussianBlur(image, (0, 0), blur) if zoom > 1.2 else image
             layers.append(
                 np.asarray(
@@ -129,54 +135,60 @@ class SightSearch:
             light: weights of the pictures, if known about; else all lights are tried.
         """
         edges = self.edges(supposed, basis.look)
-        answers = correlations(edges, basis)
+        answers = SightAnswers(edges, basis)
+        reach = _reach(basis.look)
         best: SightFit | None = None
-        starts = self._starts(answers, basis, lights() if light is None else [light])
-        for light, row in starts:
-            found = self._followed(answers, basis, light, row, supposed, edges.shape[1:])
+        starts, pictures = self._starts(answers, basis, light)
+        for start, row in starts:
+            low, high = max(0, row - reach), min(row + reach + 1, answers.rows)
+            near = answers.pictures(low, high) if pictures is None else pictures[..., low:high]
+            found = self._followed(near, basis, start, low, supposed, edges.shape[1:])
             if found is not None and (best is None or found.value > best.value):
                 best = found
         return best
 
     def _starts(
-        self, answers: NDArray[np.float32], basis: SightBasis, tried: list[Floats]
-    ) -> list[tuple[Floats, int]]:
-        """Lights and rows that promise most."""
+        self, answers: SightAnswers, basis: SightBasis, light: Floats | None
+    ) -> tuple[list[tuple[Floats, int]], NDArray[np.float32] | None]:
+        """Lights and rows that promise most; the products with all pictures, if they were needed for it."""
         usable = np.ones(len(basis.chars), dtype=np.bool_)
         if self.places is not None:
             usable = np.array([any(c in p for p in self.places) for c in basis.chars])
-        found: list[tuple[float, Floats, int]] = []
-        for light in tried:
-            size = np.sqrt(np.einsum("tbe,b,e->t", basis.gram[usable], light, light))
-            lit = np.einsum("tbrc,b->trc", answers[usable], light.astype(np.float32))
-            best = (lit / size[:, None, None].astype(np.float32)).max(axis=0)
-            promise = (np.maximum(best, 0.0) ** 2).mean(axis=1)
-            pooled = np.convolve(promise, np.ones(2 * _reach(basis.look) + 1), mode="same")
-            row = int(pooled.argmax())
-            found.append((float(pooled[row]), light, row))
+        tried = np.array(lights() if light is None else [light])
+        size = np.sqrt(np.einsum("tbe,nb,ne->nt", basis.gram, tried, tried, optimize=True))
+        if light is None:
+            pictures = answers.pictures(0, answers.rows)
+            scale = tried[:, None, :] / size[:, :, None]
+        else:
+            pictures = None
+            scale = 1.0 / size[:, :, None]
+        asked = answers.lit(light)[None] if light is not None else pictures
+        assert asked is not None
+        promise = row_promise(asked, np.where(usable[:, None], scale, 0.0))
+        box = np.ones(2 * _reach(basis.look) + 1)
+        pooled = [np.convolve(p, box, mode="same") for p in promise]
+        found = [(float(p.max()), start, int(p.argmax())) for p, start in zip(pooled, tried, strict=True)]
         found.sort(key=lambda f: -f[0])
-        kept: list[tuple[Floats, int]] = []
-        for _, light, row in found:
-            if len(kept) < STARTS:
-                kept.append((light, row))
-        return kept
+        return [(start, row) for _, start, row in found[:STARTS]], pictures
 
     def _followed(
         self,
-        answers: NDArray[np.float32],
+        near: NDArray[np.float32],
         basis: SightBasis,
         light: Floats,
-        row: int,
+        low: int,
         supposed: Supposed,
         shape: tuple[int, ...],
     ) -> SightFit | None:
-        """The line about one row, its light and spacing fitted to it in turns."""
+        """The line about one row, its light and spacing fitted to it in turns.
+
+        `near` are (3, cols, T, rows) products with the pictures about that row, from row `low` on.
+        """
         p, independence = basis.look.pixels, basis.look.independence
         metrics = Metrics(
             np.round(basis.middle * p).astype(np.int64), np.round(basis.advance * p).astype(np.int64), p
         )
-        low = max(0, row - _reach(basis.look))
-        near = answers[:, :, low : row + _reach(basis.look) + 1].astype(np.float64)
+        near = np.ascontiguousarray(near)
         allowed: NDArray[np.bool_] | None = None
         if self.places is not None:
             allowed = np.array([[c in place for c in basis.chars] for place in self.places])
@@ -184,15 +196,8 @@ class SightSearch:
         weights = light
         found: tuple[Settled, Floats, NDArray[np.int64], NDArray[np.int64]] | None = None
         for turn in range(ROUNDS + 1):
-            lit = np.einsum("tbrc,b->trc", near, weights)
-            power = np.einsum("tbe,b,e->t", basis.gram, weights, weights)[:, None, None]
-            if turn == 0:
-                # strength not known yet: the best one for every character by itself
-                score = 0.5 * independence * np.maximum(lit, 0.0) ** 2 / power
-            else:
-                score = independence * (lit - 0.5 * power)
-            top = score.max(axis=1)
-            evidence = top + np.log(np.exp(score - top[:, None]).mean(axis=1))
+            power = _power(basis, weights)
+            evidence, score = column_evidence(near, weights, power, independence, squared=turn == 0)
             table = allowed
             if table is None:
                 most = min(MOST_CHARACTERS, max(1, evidence.shape[1] // (p // 3)))
@@ -203,9 +208,9 @@ class SightSearch:
                 return None
             which = settled.log_belief.argmax(axis=1)
             column = settled.column[np.arange(which.size), which]
-            rows = score[which, :, column].argmax(axis=1)
+            rows = score[which, column].argmax(axis=1)
             found = (settled, weights, column, rows)
-            seen = near[which, :, rows, column].sum(axis=0)
+            seen = near[:, column, which, rows].sum(axis=1, dtype=np.float64)
             weights = np.linalg.solve(basis.gram[which].sum(axis=0) + np.eye(3), seen)
             gap = _spacing(basis, which, column, self.gaps)
         assert found is not None
@@ -240,7 +245,12 @@ class SightSearch:
         return best
 
     def _better(self, held: SightFit, **changes: float) -> SightFit:
-        fit = self.fit(held.basis, replace(held.supposed, **changes), light=held.light)
+        supposed = replace(held.supposed, **changes)
+        # the same is asked again where nothing was better
+        key = (id(held.basis), supposed, held.light.tobytes())
+        if key not in self._fits:
+            self._fits[key] = self.fit(held.basis, supposed, light=held.light)
+        fit = self._fits[key]
         return fit if fit is not None and fit.value > held.value else held
 
 
@@ -267,26 +277,6 @@ def _spacing(
     return float(np.median(usual)) if usual else None
 
 
-def correlations(edges: NDArray[np.float32], basis: SightBasis) -> NDArray[np.float32]:
-    """(T, 3, rows, cols) products of the edges with every picture, its middle at each pixel."""
-    from scipy import fft
-
-    _, rows, cols = edges.shape
-    tall, wide = basis.patches.shape[3:]
-    shape = (
-        fft.next_fast_len(-(-(rows + tall) // 16) * 16, real=True),
-        fft.next_fast_len(-(-(cols + wide) // 32) * 32, real=True),
-    )
-    key = ("spectra", shape)
-    spectra = basis.work.get(key)
-    if not isinstance(spectra, np.ndarray):
-        flat = np.zeros((*basis.patches.shape[:3], *shape), dtype=np.float32)
-        flat[..., :tall, :wide] = basis.patches
-        flat = np.roll(flat, (-(tall // 2), -(wide // 2)), (3, 4))
-        spectra = np.conj(fft.rfft2(flat))
-        for old in [k for k in basis.work if isinstance(k, tuple) and k[0] == "spectra"][:-3]:
-            del basis.work[old]
-        basis.work[key] = spectra
-    seen = fft.rfft2(edges, shape)
-    product = np.einsum("dhw,tbdhw->tbhw", seen, spectra)
-    return np.ascontiguousarray(fft.irfft2(product, shape)[..., :rows, :cols], dtype=np.float32)
+def _power(basis: SightBasis, weights: Floats) -> Floats:
+    """(T,) square of each character in one light."""
+    return np.asarray((basis.gram @ weights) @ weights)

@@ -280,8 +280,8 @@ def stretched(templates: TemplateSet, scales: tuple[float, ...]) -> TemplateSet:
     return made
 
 
-MOST_SETS = 256
-"""Every built-in font at the heights and rotations of a batch: to predict a set takes 0.1 s, to look it up nothing."""
+MOST_SETS = 1024
+"""64 fonts at the heights and rotations of a batch: to predict a set takes 0.1 s, to look it up nothing."""
 MOST_BYTES = 1_500_000_000
 """Of templates and what matching derives from them: a foreign font on a large map tries dozens of hands, 0.2 GB
 each."""
