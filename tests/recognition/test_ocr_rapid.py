@@ -10,8 +10,8 @@ import pytest
 from glyphs.photo import Photo
 from glyphs.serials import allowed_characters
 from recognition import ocr_rapid
-from recognition.ocr_rapid import RapidEngine
-from recognition.ocr_views import VIEWS, view_of
+from recognition.ocr_rapid import Frames, RapidEngine
+from recognition.ocr_views import FIRST_VIEW, VIEWS, View, view_of
 from recognition.reader import ALPHABET, ReaderSettings
 from recognition.reading import Decision
 from recognition.sight import SightReader
@@ -71,6 +71,37 @@ def test_a_real_serial_is_read_with_its_format(engine: RapidEngine) -> None:
     assert np.isneginf(lattice.log_belief[0, lattice.chars.index("A")])
     middles = [0.5 * (b.x0_mm + b.x1_mm) for b in lattice.boxes]
     assert middles == sorted(middles)
+
+
+def test_views_that_are_known_are_not_shown_again(
+    engine: RapidEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    photo = real_photo()
+    crop = line_crop(photo, whole(photo)).photo
+    places = allowed_characters("9A9999A")
+    plain = engine.read_line(crop, chars=ALPHABET, places=places)
+    known = {FIRST_VIEW: engine.frames(crop, FIRST_VIEW, chars=ALPHABET)}
+    shown: list[View] = []
+    frames = RapidEngine.frames
+
+    def counted(self: RapidEngine, crop: Photo, view: View, *, chars: str) -> Frames:
+        shown.append(view)
+        return frames(self, crop, view, chars=chars)
+
+    monkeypatch.setattr(RapidEngine, "frames", counted)
+    again = engine.read_line(crop, chars=ALPHABET, places=places, known=known)
+    assert plain is not None
+    assert again is not None
+    assert shown == [v for v in VIEWS if v != FIRST_VIEW]
+    np.testing.assert_array_equal(again.log_belief, plain.log_belief)
+
+
+def test_small_letters_count_as_capitals_unless_asked_for() -> None:
+    engine = RapidEngine.__new__(RapidEngine)
+    engine._classes = {"A": 1, "a": 2, "7": 3}
+    said = np.array([[0.1, 0.2, 0.3, 0.4]], dtype=np.float32)
+    np.testing.assert_allclose(engine._shares(said, "A7Q"), [[0.5, 0.4, 0.0]], rtol=1e-6)
+    np.testing.assert_allclose(engine._shares(said, "Aa"), [[0.2, 0.3]], rtol=1e-6)
 
 
 def test_the_number_of_characters_is_found_without_a_format(engine: RapidEngine) -> None:
