@@ -51,38 +51,29 @@ def _add(a: float, b: float) -> float:
 
 
 @njit(cache=True)
-def _all(values):  # type: ignore[no-untyped-def]
-    """Log of the sum."""
-    top = -np.inf
-    for v in values:
-        top = max(top, v)
-    if top == -np.inf:
-        return top
-    total = 0.0
-    for v in values:
-        total += math.exp(v - top)
-    return top + math.log(total)
+def _all_and_others(values, powers, others):  # type: ignore[no-untyped-def]
+    """Log of the sum; logs of the sums of all but each, from both ends: nothing is subtracted.
 
-
-@njit(cache=True)
-def _others(values, out):  # type: ignore[no-untyped-def]
-    """Log of the sum of all but each, by sums from both ends: nothing is subtracted."""
+    `powers` is room for the exponentials.
+    """
     count = values.size
     top = -np.inf
     for v in values:
         top = max(top, v)
     if top == -np.inf:
-        out[:] = -np.inf
-        return
+        others[:] = -np.inf
+        return top
     before = 0.0
     for c in range(count):
-        out[c] = before
-        before += math.exp(values[c] - top)
+        powers[c] = math.exp(values[c] - top) if values[c] > -np.inf else 0.0
+        others[c] = before
+        before += powers[c]
     after = 0.0
     for c in range(count - 1, -1, -1):
-        rest = out[c] + after
-        out[c] = top + math.log(rest) if rest > 0.0 else -np.inf
-        after += math.exp(values[c] - top)
+        rest = others[c] + after
+        others[c] = top + math.log(rest) if rest > 0.0 else -np.inf
+        after += powers[c]
+    return top + math.log(before)
 
 
 @njit(cache=True)
@@ -93,7 +84,7 @@ def _forward(blank, chars, allowed):  # type: ignore[no-untyped-def]
     at_blank = np.full((frames, places + 1), -np.inf)
     at_place = np.full((frames, places, count), -np.inf)
     enter = np.full((frames, places, count), -np.inf)
-    rest = np.empty(count)
+    powers, rest = np.empty(count), np.empty((places + 1, count))
     at_blank[0, 0] = blank[0]
     for c in range(count):
         if places > 0 and allowed[0, c]:
@@ -103,17 +94,15 @@ def _forward(blank, chars, allowed):  # type: ignore[no-untyped-def]
         for k in range(places + 1):
             came = at_blank[t - 1, k]
             if k > 0:
-                came = _add(came, _all(at_place[t - 1, k - 1]))
+                came = _add(came, _all_and_others(at_place[t - 1, k - 1], powers, rest[k]))
             at_blank[t, k] = came + blank[t]
         for k in range(places):
-            if k > 0:
-                _others(at_place[t - 1, k - 1], rest)
             for c in range(count):
                 if not allowed[k, c]:
                     continue
                 came = at_blank[t - 1, k]
                 if k > 0:
-                    came = _add(came, rest[c])
+                    came = _add(came, rest[k, c])
                 enter[t, k, c] = came + chars[t, c]
                 at_place[t, k, c] = _add(at_place[t - 1, k, c] + chars[t, c], enter[t, k, c])
     return at_blank, at_place, enter
@@ -128,18 +117,17 @@ def _backward(blank, chars, allowed):  # type: ignore[no-untyped-def]
     on_place = np.full((frames, places, count), -np.inf)
     on_blank[places] = 0.0
     rest = np.empty((places + 1, count))
-    total = np.empty(places + 1)
+    powers, step, total = np.empty(count), np.empty(count), np.empty(places + 1)
     on_place[frames - 1, places - 1] = 0.0
     for t in range(frames - 2, -1, -1):
         rest[:] = -np.inf
         total[:] = -np.inf
         for k in range(places):
-            step = np.full(count, -np.inf)
+            step[:] = -np.inf
             for c in range(count):
                 if allowed[k, c]:
                     step[c] = chars[t + 1, c] + on_place[t + 1, k, c]
-            total[k] = _all(step)
-            _others(step, rest[k])
+            total[k] = _all_and_others(step, powers, rest[k])
         for k in range(places):
             for c in range(count):
                 if not allowed[k, c]:

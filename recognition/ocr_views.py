@@ -30,7 +30,7 @@ class View:
 
     Attributes:
         name: of the view.
-        picture: from (rows, cols, 3) to the same.
+        picture: from (rows, cols, 3) to the same, or to (rows, cols) where it has no colour left.
         trim: share of the rows cut off at top and bottom.
         stretch: widening.
     """
@@ -51,7 +51,7 @@ def equalised(picture: Picture) -> Picture:
     import cv2
 
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
-    return _grey(cv2.createCLAHE(CLAHE_CLIP, CLAHE_TILES).apply(grey))
+    return np.asarray(cv2.createCLAHE(CLAHE_CLIP, CLAHE_TILES).apply(grey), dtype=np.uint8)
 
 
 def levelled(picture: Picture) -> Picture:
@@ -61,7 +61,8 @@ def levelled(picture: Picture) -> Picture:
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     wide = min(255, int(LEVEL_SHARE * grey.shape[0]) | 1)
     rest = grey.astype(np.float32) - cv2.medianBlur(grey, wide).astype(np.float32)
-    return _grey(128.0 + LEVEL_GAIN * np.clip(rest, -LEVEL_REACH, LEVEL_REACH))
+    level = 128.0 + LEVEL_GAIN * np.clip(rest, -LEVEL_REACH, LEVEL_REACH)
+    return np.asarray(np.clip(level, 0, 255), dtype=np.uint8)
 
 
 def inverted(picture: Picture) -> Picture:
@@ -88,9 +89,11 @@ def view_of(photo: Photo, view: View, *, rows: int) -> Picture:
     cut = round(view.trim * pixels.shape[0])
     pixels = pixels[cut : pixels.shape[0] - cut]
     work = _sized(pixels, WORK_ROWS, math.ceil(WORK_ROWS * pixels.shape[1] / pixels.shape[0]))
-    made = view.picture(work)
     cols = max(8, math.ceil(rows * view.stretch * pixels.shape[1] / pixels.shape[0]))
-    return np.asarray(cv2.resize(made, (cols, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    made = cv2.resize(view.picture(work), (cols, rows), interpolation=cv2.INTER_AREA)
+    if made.ndim == 2:
+        made = np.repeat(made[..., None], 3, axis=2)
+    return np.asarray(made, dtype=np.uint8)
 
 
 def _sized(pixels: Picture, rows: int, cols: int) -> Picture:
@@ -98,7 +101,3 @@ def _sized(pixels: Picture, rows: int, cols: int) -> Picture:
 
     how = cv2.INTER_AREA if pixels.shape[0] > rows else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(np.ascontiguousarray(pixels), (max(8, cols), rows), interpolation=how))
-
-
-def _grey(values: NDArray[np.generic]) -> Picture:
-    return np.repeat(np.clip(values, 0, 255).astype(np.uint8)[..., None], 3, axis=2)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from recognition.sight_templates import SightBasis
 
-KEPT = 4
-"""Lengths of spectra whose templates are kept."""
+MOST_KEPT_BYTES = 64_000_000
+"""Of one font's spectra, kept from photograph to photograph: one set for every length of line that is met."""
 
 FEW = 16
 """Rows that are asked of all pictures at once."""
@@ -97,8 +97,13 @@ def spectra_of(basis: SightBasis, length: int) -> NDArray[np.complex64]:
     flat = np.roll(flat, -(wide // 2), 4)
     spectra = np.conj(fft.rfft(flat)).transpose(4, 1, 0, 2, 3)
     made = np.ascontiguousarray(spectra.reshape(-1, pictures, count, layers * tall))
-    for old in [k for k in basis.work if isinstance(k, tuple) and k[0] == "spectra"][: 1 - KEPT]:
-        del basis.work[old]
+    kept_all = {k: v for k, v in [*basis.work.items()] if isinstance(v, np.ndarray)}
+    size = made.nbytes + sum(v.nbytes for v in kept_all.values())
+    for old, spectrum in kept_all.items():
+        if size <= MOST_KEPT_BYTES:
+            break
+        basis.work.pop(old, None)
+        size -= spectrum.nbytes
     basis.work[key] = made
     return made
 

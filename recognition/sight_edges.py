@@ -11,7 +11,6 @@ in the logarithm of the brightness the two add up, and lamp and vignetting are a
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,23 +65,12 @@ def clipped(photo: Photo) -> NDArray[np.bool_]:
 
 def derivatives(log: NDArray[np.float32], *, scale_px: float) -> NDArray[np.float32]:
     """(2, rows, cols) derivatives along columns and rows over one scale: of a ramp, its rise over `scale_px`."""
-    import cv2
+    from scipy import ndimage
 
-    smooth, slope = _kernels(scale_px)
     out = np.empty((2, *log.shape), dtype=np.float32)
-    fine = log.astype(np.float64)
-    for layer, (across, down) in enumerate(((slope, smooth), (smooth, slope))):
-        out[layer] = cv2.sepFilter2D(fine, cv2.CV_64F, across, down, borderType=cv2.BORDER_REPLICATE)
+    for layer, order in enumerate(((0, 1), (1, 0))):
+        ndimage.gaussian_filter(log, scale_px, order=order, output=out[layer], mode="nearest")
     return np.asarray(out * np.float32(scale_px))
-
-
-@lru_cache(maxsize=64)
-def _kernels(scale_px: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A Gaussian cut off at four of its standard deviations, and its derivative, as weights of neighbours."""
-    at = np.arange(-int(4.0 * scale_px + 0.5), int(4.0 * scale_px + 0.5) + 1, dtype=np.float64)
-    smooth = np.exp(-0.5 * (at / scale_px) ** 2)
-    smooth /= smooth.sum()
-    return smooth, at / scale_px**2 * smooth
 
 
 def limited(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -219,6 +220,14 @@ def test_one_sense_alone(level: str) -> None:
     assert by_sight.confidence < 0.98**6 + EXACT
     by_none = fuse(felt(None), seen(None), TOLD, level=level)  # type: ignore[arg-type]
     assert (by_none.text, by_none.decision) == ("", Decision.REJECT)
+
+
+@pytest.mark.parametrize("text", ["AB1234", None])
+def test_the_time_of_both_senses_is_told(text: str | None) -> None:
+    touch, sight = felt(of_text(text, 0.999) if text else None), seen(of_text("AB1234", 0.999))
+    touch = replace(touch, reading=replace(touch.reading, seconds=MappingProxyType({"search": 2.0})))
+    sight = replace(sight, reading=replace(sight.reading, seconds=MappingProxyType({"rapidocr": 3.0})))
+    assert fuse(touch, sight, TOLD).seconds == {"search": 2.0, "sight rapidocr": 3.0}
 
 
 def test_doubts_of_touch_that_sight_cannot_lift_stay() -> None:

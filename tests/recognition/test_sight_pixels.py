@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import ndimage
 
-from recognition.sight_edges import derivatives, limited
+from recognition.sight_edges import limited
 from recognition.sight_pixels import all_beyond, mean_of_table
 
 RNG = np.random.default_rng(7)
@@ -32,12 +31,3 @@ def test_limited_edges_by_the_plain_formula() -> None:
     np.testing.assert_allclose(limited(layers, valid=valid), expected, rtol=1e-5, atol=1e-6)
     assert not limited(layers, valid=np.zeros_like(valid)).any()
     assert not limited(np.zeros_like(layers)).any()
-
-
-@pytest.mark.parametrize("scale_px", [0.6, 1.83, 3.2])
-def test_derivatives_are_those_of_scipy(scale_px: float) -> None:
-    log = RNG.normal(0.0, 1.0, (40, 50)).astype(np.float32)
-    for made, order in zip(derivatives(log, scale_px=scale_px), ((0, 1), (1, 0)), strict=True):
-        exact = ndimage.gaussian_filter(log.astype(np.float64), scale_px, order=order, mode="nearest")
-        # single precision
-        np.testing.assert_allclose(made, scale_px * exact, atol=1e-6)
