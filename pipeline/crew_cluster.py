@@ -41,14 +41,15 @@ class OtherProgramError(RuntimeError):
 class ClusterCrew:
     """The workers of a Dask scheduler."""
 
-    def __init__(self, address: str, *, patience_s: float = 120.0) -> None:
+    def __init__(self, address: str, *, patience_s: float = 120.0, connect_s: float = _CONNECT_S) -> None:
         """Tell where; the connection is made with the block.
 
         Args:
             address: of the scheduler, such as tcp://scheduler:8786.
             patience_s: how long there may be no worker at all.
+            connect_s: how long the scheduler may take to answer.
         """
-        self.address, self.patience_s = address, patience_s
+        self.address, self.patience_s, self._connect_s = address, patience_s, connect_s
         self.workers = 0
 
     def __enter__(self) -> ClusterCrew:
@@ -63,7 +64,7 @@ class ClusterCrew:
 
         connect: Any = distributed.Client
         try:
-            self._client = connect(self.address, timeout=_CONNECT_S, set_as_default=False)
+            self._client = connect(self.address, timeout=self._connect_s, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise ClusterError(
                 f"no Dask scheduler answers at {self.address} ({_first_line(error)}); start one with: dask scheduler"
@@ -94,13 +95,13 @@ class ClusterCrew:
         held: dict[Any, T] = {}
         waiting = iter(tasks)
 
-        def hand_over(count: int) -> None:
-            for task in islice(waiting, count):
+        def hand_over(given: Iterable[T]) -> None:
+            for task in given:
                 future: Any = client.submit(_called, self._mark, function, shared, task, pure=False)
                 held[future] = task
                 future.add_done_callback(done.put)
 
-        hand_over(self._ahead())
+        hand_over(islice(waiting, self._ahead()))
         last_seen = looked = time.monotonic()
         while held:
             try:
@@ -112,33 +113,49 @@ class ClusterCrew:
                 looked = now
                 if self.count():
                     last_seen = now
+                elif client.status != "running":
+                    raise self._lost()
                 elif now - last_seen > self.patience_s:
                     raise ClusterError(
                         f"no worker has been at {self.address} for {self.patience_s:.0f} s; start some and run the"
                         " same command again"
                     )
-            if future is not None:
-                yield self._outcome(future, held.pop(future))
-            hand_over(self._ahead() - len(held))
+            if future is None:
+                pass
+            elif future.status in ("lost", "pending"):
+                # its worker was lost with the result, which another one makes anew
+                future.add_done_callback(done.put)
+            else:
+                task = held.pop(future)
+                outcome: Outcome[T, R] | None = self._outcome(future, task)
+                if outcome is not None:
+                    yield outcome
+                elif not self.count() and client.status != "running":
+                    raise self._lost()
+                else:
+                    hand_over([task])
+            hand_over(islice(waiting, max(0, self._ahead() - len(held))))
 
-    def _outcome(self, future: Any, task: T) -> Outcome[T, R]:
+    def _outcome(self, future: Any, task: T) -> Outcome[T, R] | None:
+        """What became of a task; None where that was lost on its way, and the task is to be handed over again."""
         from distributed.scheduler import KilledWorker
 
+        fault = None
         if future.status == "finished":
-            try:
+            with contextlib.suppress(Exception):
                 return Outcome(task, future.result())
-            except Exception as error:  # its worker was lost with the result, at the very end
-                return Outcome(task, error=error)
-        if future.status != "error":
-            raise ClusterError(
-                f"the scheduler at {self.address} is lost; start it and run the same command again"
-            )
-        fault = future.exception()
+        if future.status == "error":
+            fault = future.exception()
         if isinstance(fault, OtherProgramError):
             raise ClusterError(str(fault)) from fault
         if isinstance(fault, KilledWorker):
             fault = RuntimeError("several workers have died of it, perhaps for want of memory")
-        return Outcome(task, error=fault)
+        return None if fault is None else Outcome(task, error=fault)
+
+    def _lost(self) -> ClusterError:
+        return ClusterError(
+            f"the scheduler at {self.address} is lost; start it and run the same command again"
+        )
 
     def _ahead(self) -> int:
         return max(_LEAST_AHEAD, _AHEAD * self.workers)

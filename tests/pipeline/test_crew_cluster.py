@@ -87,7 +87,7 @@ def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> Non
 def test_a_lost_scheduler_ends_the_run_with_the_mend(tmp_path: Path) -> None:
     with (
         cluster_process(tmp_path, workers=1) as cluster,
-        ClusterCrew(cluster.address, patience_s=5.0) as crew,
+        ClusterCrew(cluster.address, patience_s=5.0, connect_s=2.0) as crew,
         pytest.raises(ClusterError, match="run the same command again"),
     ):
         read_and_lose(cluster, crew, tmp_path)
@@ -99,10 +99,13 @@ def test_no_scheduler_is_told() -> None:
         port = taken.getsockname()[1]
     with (
         pytest.raises(ClusterError, match="no Dask scheduler answers"),
-        ClusterCrew(f"tcp://127.0.0.1:{port}"),
+        ClusterCrew(f"tcp://127.0.0.1:{port}", connect_s=1.0),
     ):
         pass
-    with pytest.raises(ClusterError, match="no Dask scheduler answers"), ClusterCrew("nonsense"):
+    with (
+        pytest.raises(ClusterError, match="no Dask scheduler answers"),
+        ClusterCrew("nonsense", connect_s=1.0),
+    ):
         pass
 
 

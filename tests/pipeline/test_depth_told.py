@@ -34,7 +34,7 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_table_tells_depths_and_what_is_too_shallow(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = {"font": ["gothic"], "height_mm": 5.0, "out": Path("t.csv")}
+    options = {"font": ["gothic"], "height_mm": 5.0, "out": "t.csv"}
     assert read(str(part), depth_rule="27CFR478.92", min_depth_mm=0.2, **options) == 0  # type: ignore[arg-type]
     with Path("t.csv").open(newline="", encoding="utf-8") as stream:
         (row,) = csv.DictReader(stream)
