@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.die import Face
+from recognition.copies import Copies
 from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.refine import Cell
 from recognition.search import LineFit
@@ -98,8 +99,8 @@ def decide(
         ]
     line, templates, cells = max(judged, key=lambda j: _support(j, places))
     support = _support((line, templates, cells), places)
-    chars = np.array(sorted(set(templates.chars)))
-    of_char = [np.flatnonzero(np.array(templates.chars) == c) for c in chars]
+    copies = Copies(templates.chars)
+    chars = copies.chars
     results, confidence, margin = [], 1.0, 1.0
     mean_score, worst = 0.0, 1.0
     for k, cell in enumerate(cells):
@@ -108,8 +109,7 @@ def decide(
             if places is not None
             else np.ones(chars.size, dtype=bool)
         )
-        best_copy = np.array([cell.scores[copies].max() for copies in of_char])
-        scores = np.where(allowed, best_copy, -1.0)
+        scores = np.where(allowed, copies.best(cell.scores), -1.0)
         belief = beliefs(scores)
         order = np.argsort(-scores)[: min(CANDIDATES, int(allowed.sum()))]
         best = float(scores[order[0]])

@@ -15,6 +15,7 @@ import numpy as np
 
 from recognition.calibrate import DEFAULT_WEIGHTS, Scored, Weights, lattice_of, residual_of
 from recognition.choice import Choice, blind_warnings, choose
+from recognition.copies import Copies
 from recognition.decide import (
     ACCEPT_MEAN_SCORE,
     CANDIDATES,
@@ -212,12 +213,11 @@ def lattice_of_reading(decided: Decided) -> Lattice | None:
     reading, (_, templates, cells) = decided.reading, decided.judged
     if len(cells) != len(reading.characters):
         return None
-    chars = tuple(sorted(set(templates.chars)))
-    copies = [np.array([t for t, c in enumerate(templates.chars) if c == char]) for char in chars]
+    copies = Copies(templates.chars)
+    chars = tuple(str(char) for char in copies.chars)
     rows = []
     for character, cell in zip(reading.characters, cells, strict=True):
-        scores = np.array([cell.scores[own].max() for own in copies])
-        belief = beliefs(scores)
+        belief = beliefs(copies.best(cell.scores))
         # what stands in the way of belief in the leader stands in the way of all of them
         readable = sum(c.probability for c in character.candidates)
         rows.append(np.log(np.maximum(min(readable, 1.0) * belief, 1e-12)) - 1e-9)
