@@ -107,6 +107,7 @@ def read(
     from pipeline.production import Asked, produce
     from pipeline.run_setup import Means, Target
     from pipeline.settings import load_settings
+    from pipeline.store_errors import StoreError
 
     given = (*inputs, *(manifest or ()))
     if not given:
@@ -137,7 +138,7 @@ def read(
             return produce(
                 Asked(inputs, tuple(manifest or ()), verify, truth, summary), settings, target, means
             )
-        except ClusterError as error:
+        except (ClusterError, StoreError) as error:
             raise CommandError(str(error)) from error
         except KeyboardInterrupt as error:
             if out is None:

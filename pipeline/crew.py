@@ -65,12 +65,6 @@ class InlineCrew:
 
     workers = 1
 
-    def __enter__(self) -> InlineCrew:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
     def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
         """See `Crew`; in the order of the tasks."""
         for task in tasks:

@@ -11,21 +11,17 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
 from itertools import islice
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any
 
-from pipeline.crew import Outcome
-
-O = TypeVar("O")  # noqa: E741 - an order
-T = TypeVar("T")
-R = TypeVar("R")
+from pipeline.crew import O, Outcome, R, T
 
 _CONNECT_S = 10.0
 _LOOK_S = 2.0
 _AHEAD = 3
 _LEAST_AHEAD = 8
+_MOST_TRIES = 4
 _ONE_AT_A_TIME = threading.Lock()
 """Readers and their templates are not shared between threads."""
 
@@ -92,13 +88,13 @@ class ClusterCrew:
         # a task like the others, so that it is made anew where the workers that held it are lost
         shared = client.submit(_same, order, pure=False)
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        held: dict[Any, T] = {}
+        held: dict[Any, tuple[T, int]] = {}
         waiting = iter(tasks)
 
-        def hand_over(given: Iterable[T]) -> None:
+        def hand_over(given: Iterable[T], tries: int = 1) -> None:
             for task in given:
                 future: Any = client.submit(_called, self._mark, function, shared, task, pure=False)
-                held[future] = task
+                held[future] = (task, tries)
                 future.add_done_callback(done.put)
 
         hand_over(islice(waiting, self._ahead()))
@@ -126,14 +122,16 @@ class ClusterCrew:
                 # its worker was lost with the result, which another one makes anew
                 future.add_done_callback(done.put)
             else:
-                task = held.pop(future)
+                task, tries = held.pop(future)
                 outcome: Outcome[T, R] | None = self._outcome(future, task)
                 if outcome is not None:
                     yield outcome
                 elif not self.count() and client.status != "running":
                     raise self._lost()
+                elif tries < _MOST_TRIES:
+                    hand_over([task], tries + 1)
                 else:
-                    hand_over([task])
+                    yield Outcome(task, error=RuntimeError("its result was lost again and again on its way"))
             hand_over(islice(waiting, max(0, self._ahead() - len(held))))
 
     def _outcome(self, future: Any, task: T) -> Outcome[T, R] | None:
@@ -219,9 +217,8 @@ def _called(mark: str, function: Callable[[O, T], R], order: O, task: T) -> R:
         return function(order, task)
 
 
-@cache
 def _keep_to_one_core() -> None:
-    """The other workers have the other cores."""
+    """The other workers have the other cores; numba is told thread by thread."""
     import cv2
     import numba
 

@@ -27,7 +27,11 @@ class Store(Protocol):
     """What keeps parts beside the table: `pipeline.run_store.RunStore` does."""
 
     def add(self, read: ReadPart) -> None:
-        """Keep a part."""
+        """Keep a part.
+
+        Raises:
+            ValueError: of a part that cannot be kept.
+        """
 
 
 @dataclass
@@ -77,7 +81,13 @@ class Run:
 
     def _take(self, read: ReadPart) -> None:
         if self.store is not None:
-            self.store.add(read)
+            try:
+                self.store.add(read)
+            except (
+                ValueError
+            ) as error:  # what no store holds may not end the run, now and whenever it goes on
+                told = f"{read.row.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
+                read = ReadPart(read.listed, Row(read.row.part, error=told))
         if read.row.error and self.quarantine is not None:
             # before the row: a part too many in the list does no harm, one too few is lost
             self.quarantine.add(read.listed, read.row.error)

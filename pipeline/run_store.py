@@ -62,11 +62,13 @@ class RunStore:
 
         Raises:
             StoreError: the database does not answer.
+            ValueError: a text that no store can hold.
             FileProblem: a picture cannot be kept.
         """
         from pipeline.part_id import new_part_id
         from pipeline.records import PartState
         from pipeline.store import AlreadyDoneError, Idempotency
+        from pipeline.store_errors import MAX_TEXT, cleaned
         from pipeline.triage import state_after
 
         if read.record is None:
@@ -80,7 +82,7 @@ class RunStore:
         with contextlib.suppress(AlreadyDoneError):
             self._store.add_part(
                 part_id=new_part_id(),
-                name=name[:200],
+                name=cleaned(name)[:MAX_TEXT],
                 state=state,
                 readings=(read.record,),
                 evidence=self._kept(read.pictures),

@@ -33,7 +33,7 @@ class RunOrder:
         settings: of reading; a part's own format and font go before theirs.
         verify: whether texts are expected; of a part without one its row then says so.
         for_store: whether the record for the store is wanted as well.
-        pictures: whether pictures of parts that are not accepted are wanted.
+        pictures: whether pictures of parts that a person is to review are wanted.
         sent: contents of files that the settings name, for machines that do not have them (`pipeline.run_files`).
     """
 
@@ -78,11 +78,13 @@ def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
     row, sensed = told_row(listed.name, file, lambda: _sensed(order, listed))
     if sensed is None or not order.for_store:
         return ReadPart(listed, row)
+    from pipeline.records import PartState
+    from pipeline.triage import state_after
     from pipeline.work_records import reading_record
 
     database = order.settings.database.stem if order.settings.database is not None else ""
     record = reading_record(sensed, seconds=row.seconds, database=database)
-    wanted = order.pictures and row.decision != "accept"
+    wanted = order.pictures and state_after(record) is not PartState.ACCEPTED
     return ReadPart(listed, row, record, _pictures(sensed) if wanted else ())
 
 

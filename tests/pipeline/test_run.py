@@ -9,21 +9,25 @@ from typing import Any
 
 import numpy as np
 import pytest
+import sqlalchemy as sa
 
 from glyphs.maps import HeightMap
 from pipeline.batch import Row
+from pipeline.cli import main
 from pipeline.crew import InlineCrew, Outcome
 from pipeline.listed import ListedPart
 from pipeline.manifest import read_manifest
 from pipeline.npz import write_npz
 from pipeline.problems import FileProblem
 from pipeline.quarantine import Quarantine
+from pipeline.records import EvidenceKind, ReadingRecord
 from pipeline.run import Run
 from pipeline.run_book import RunBook
 from pipeline.run_files import files_to_send, settled
 from pipeline.run_setup import Means, Target, opened
 from pipeline.run_task import ReadPart, RunOrder, read_listed, settings_of
 from pipeline.settings import ReadSettings
+from pipeline.synth import SynthSpec, write_part
 
 ORDER = RunOrder(ReadSettings(font=("gothic",)))
 PARTS = [ListedPart(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
@@ -190,3 +194,52 @@ def test_a_run_into_a_store_leaves_no_table(tmp_path: Path, monkeypatch: pytest.
     assert sorted(p.name for p in tmp_path.iterdir() if not p.name.startswith("parts.db")) == [
         "parts.quarantine.csv"
     ]
+
+
+def test_a_part_that_no_store_holds_is_an_error_and_no_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("sqlalchemy")
+    monkeypatch.chdir(tmp_path)
+    record = ReadingRecord("tactile", "A1", "accept", 0.99)
+    listed = [ListedPart("long", "a.npz", expected="A" * 300), ListedPart("odd \udcff", "b.npz"), PARTS[0]]
+
+    class Read(FakeCrew):
+        def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
+            for outcome in super().calls(*given):
+                part = outcome.task
+                yield Outcome(part, ReadPart(part, Row(part.name, "A1", "accept", 0.99), record))
+
+    with opened(Target("sqlite:///parts.db"), {}) as run:
+        run.work(listed, ORDER, Read())
+    assert (run.summary.errors, run.summary.decisions["accept"]) == (1, 2)
+    with sa.create_engine("sqlite:///parts.db").connect() as connection:
+        names = {row.name for row in connection.execute(sa.text("select name from parts"))}
+    assert names == {"odd \ufffd", "p0"}
+
+
+def test_a_store_that_does_not_answer_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    pytest.importorskip("psycopg")
+    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
+    out = "postgresql://nobody@127.0.0.1:1/parts"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path)
+        assert main(["read", "a.npz", "--font", "gothic", "--out", out]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "127.0.0.1" in error
+
+
+def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
+    """A part that is read surely, and bears another text than expected, is to be reviewed."""
+    part = tmp_path / "part"
+    write_part(SynthSpec(mask="A9", seed=3, height_mm=4.0, variation=False), part, 0, photos=False)
+    settings = ReadSettings(font=("gothic",), format=("A9",), height_mm=4.0)
+    order = RunOrder(settings, for_store=True, pictures=True)
+    plain = read_listed(order, ListedPart("a", f"{part}.npz"))
+    assert (plain.row.decision, plain.pictures) == ("accept", ())
+    wrong = "Z9" if plain.row.text != "Z9" else "Y8"
+    refuted = read_listed(order, ListedPart("a", f"{part}.npz", expected=wrong))
+    assert refuted.row.verdict == "refuted"
+    assert [p.kind for p in refuted.pictures] == [EvidenceKind.EDGES_PICTURE]
+    assert refuted.pictures[0].content.startswith(b"\xff\xd8")
