@@ -16,6 +16,7 @@ MOST_REASONS = 8
 _MOST_KINDS = 500
 _SLOWEST = 5
 _NUMBER = re.compile(r"\d+([.,]\d+)*")
+_BETWEEN = re.compile(r"; (?![^()]*\))")  # messages, one of which may have a semicolon in brackets
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 
 
@@ -57,7 +58,7 @@ class Summary:
         if row.verdict:
             self.verdicts[row.verdict] += 1
         if row.decision != "accept":
-            for reason in dict.fromkeys(_kind(flag) for flag in row.flags.split("; ") if flag):
+            for reason in dict.fromkeys(_kind(flag) for flag in _BETWEEN.split(row.flags) if flag):
                 _count(self.reasons, reason)
             if not row.flags:
                 _count(self.reasons, "not sure enough")

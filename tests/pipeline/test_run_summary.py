@@ -40,6 +40,15 @@ def test_decisions_reasons_rate_and_slowest_are_told() -> None:
     assert lines[-1].startswith("slowest: b 4.00 s, c 1.50 s, a 0.50 s")
 
 
+def test_a_message_with_a_semicolon_in_brackets_is_one() -> None:
+    flags = "place 1: I or J (one upright; serifs are missing in some fonts); marks are dirty"
+    reasons = counted(Row("a", "I1", "review", flags=flags)).reasons
+    assert dict(reasons) == {
+        "place #: I or J (one upright; serifs are missing in some fonts)": 1,
+        "marks are dirty": 1,
+    }
+
+
 def test_nothing_read_now_has_no_rate() -> None:
     assert not any("a second" in line for line in counted(*ROWS).lines(elapsed_s=0.0, read_now=0, workers=1))
 
