@@ -10,12 +10,8 @@ import posixpath
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.problems import FileProblem
-
-if TYPE_CHECKING:
-    from pipeline.parts import Part
 
 _URL = re.compile(r"(?:[a-z0-9+.-]+::)*[a-z][a-z0-9+.-]*://", re.IGNORECASE | re.ASCII)
 _PASSWORD = re.compile(r"(?<=://)[^/@:]*:[^/@]*@")
@@ -61,18 +57,6 @@ class ListedPart:
     def files(self) -> tuple[str, ...]:
         """Those named: height map, scan, photograph."""
         return tuple(name for name in (self.height_map, self.scan, self.photo) if name)
-
-
-def listed_of(part: Part) -> ListedPart:
-    """A part found on this machine, in words."""
-    return ListedPart(
-        part.name,
-        height_map="" if part.height_map is None else str(part.height_map),
-        scan="" if part.scan is None else str(part.scan),
-        photo="" if part.photo is None else str(part.photo),
-        problem=part.problem,
-        photo_problem=part.photo_problem,
-    )
 
 
 class UrlProblem(FileProblem):

@@ -68,11 +68,6 @@ class Summary:
         """Parts that took longest, with their seconds, slowest first."""
         return [(part, seconds) for seconds, part in sorted(self._slowest, reverse=True)]
 
-    @property
-    def confirmed_all(self) -> bool:
-        """Whether every part was read and, of those with a text expected, confirmed."""
-        return not self.errors and self.verdicts["refuted"] == self.verdicts["undecided"] == 0
-
     def counts(self) -> str:
         """One line: how many parts of each kind."""
         told = [f"{n} {d}" for d in DECISIONS if (n := self.decisions[d])]

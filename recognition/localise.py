@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 MAX_ROTATION_DEG = 10.0
 ROTATION_STEP_DEG = 0.5
-ROTATION_DEAD_BAND_DEG = 0.6
-"""Lines turned less than this are read as they lie: a template tolerates it."""
 MIN_BAND_ROWS = 7
 MIN_RELIEF_SHARE = 0.005
 """Of the character height: stamped marks are 3 to 5 % deep, the figures of a coin 1 %; shallower relief is texture."""

@@ -15,7 +15,7 @@ from glyphs.maps import HeightMap
 from glyphs.photo import Photo
 from glyphs.soil import Soil
 from pipeline.expected import Expected
-from pipeline.listed import listed_of
+from pipeline.listing import list_parts
 from pipeline.npz import soil_members, write_npz
 from pipeline.parts import Part, discover
 from pipeline.photos import write_photo
@@ -207,7 +207,8 @@ def test_only_the_readers_needed_are_opened(folder: Path) -> None:
         ),  # none can be read: what is wrong with the font is told all the same
     ):
         readers = FakeReaders()
-        open_readers(readers, [listed_of(part(folder, names))], mode=mode)
+        named = [p for p in list_parts([str(folder)], photos=True) if p.name == names]
+        open_readers(readers, named, mode=mode)
         assert readers.opened == opened
 
 
