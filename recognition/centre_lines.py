@@ -15,8 +15,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.die import Face, default_die, die_glyph
-from glyphs.glyph import Font, Glyph, Points, signed_distance
+from glyphs.fonts.glyph import Font, Glyph, Points, signed_distance
+from glyphs.stamping.die import Face, default_die, die_glyph
 from recognition.templates import CANONICAL_HEIGHT_MM
 
 STEP_HEIGHTS = 0.025

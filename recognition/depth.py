@@ -37,7 +37,7 @@ from recognition.reading import MarkDepth
 from recognition.refine import Cell
 from recognition.search import FREE_WIDTHS, LineFit
 from recognition.templates import TemplateSet
-from whisker_array.relief import Relief
+from whisker_array.estimation.relief import Relief
 
 SHALLOW_PERCENTILE = 10.0
 """Of the depths along the centre line, which counts as the least: a shallow leg of a character is a quarter or more

@@ -15,14 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.maps import TraceDirection
-from recognition.covered import covered, robust_spread
+from glyphs.surface.maps import TraceDirection
 from recognition.decode import best_chain
 from recognition.frames import LineImage, is_edge_channel, padded, resampled
+from recognition.occlusion import covered, robust_spread
 from recognition.pixel_model import pixel_model
 from recognition.place_evidence import LineFelt, PlaceEvidence, place_evidence
-from recognition.placing import MARGIN_PIXELS, largest_beside, place_bounds, usual_spacing
 from recognition.search import LineFit
+from recognition.segmentation import MARGIN_PIXELS, largest_beside, place_bounds, usual_spacing
 from recognition.sparse_templates import (
     EVIDENCE_PIXELS,
     coarse_patches,

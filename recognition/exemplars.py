@@ -18,17 +18,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.glyph import FELT_PIXELS, Font
-from glyphs.maps import EdgeMap
-from recognition.dirty_look import DirtyLook
-from recognition.felt_cell import HALF_COLUMNS_HEIGHTS, cell_grid, felt_cell, ink_box, plate_of_cell
+from glyphs.fonts.glyph import FELT_PIXELS, Font
+from glyphs.surface.maps import EdgeMap
+from recognition.evidence_cache import DirtyLook
 from recognition.frames import LineImage
 from recognition.lines import find_lines, hypotheses
 from recognition.refine import Cell, refine_line
 from recognition.search import LineFit, LineSearch
+from recognition.tactile_cell import HALF_COLUMNS_HEIGHTS, cell_grid, felt_cell, ink_box, plate_of_cell
 from recognition.templates import TemplateCache
-from whisker_array.relief import Relief
-from whisker_array.touch import Touch
+from whisker_array.estimation.relief import Relief
+from whisker_array.whisker.touch import Touch
 
 LEAST_SCORE = 0.4
 """Mean correlation with the shapes that answer best, below which a text does not fit the marks: a foreign font

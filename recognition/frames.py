@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from glyphs.maps import EdgeMap, TraceDirection
+from glyphs.surface.maps import EdgeMap, TraceDirection
 from recognition.reading import Box
 
 MOST_RESAMPLED = 8

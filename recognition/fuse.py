@@ -19,9 +19,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Literal
 
-from glyphs.glyph import Font
-from recognition.choice import Choice, blind_warnings, choose
-from recognition.decide import CANDIDATES
+from glyphs.fonts.glyph import Font
+from recognition.acceptance import CANDIDATES
+from recognition.confusions import state_of
+from recognition.constrained_decoding import Choice, blind_warnings, choose
 from recognition.fuse_lattices import (
     SIGHT_ALONE,
     SIGHT_AT_TOUCH,
@@ -35,10 +36,9 @@ from recognition.lattice import Lattice
 from recognition.overlay import allowed_at, line_of, registered, seen_at
 from recognition.reader import ReaderSettings, ReadingWithEvidence
 from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
-from recognition.sight import SightReading
-from recognition.sight_combine import as_reading
-from recognition.swaps import state_of
 from recognition.verdict import CHOICE_FLAGS, choice_flags, decision_of
+from recognition.vision import SightReading
+from recognition.vision_combine import as_reading
 
 Level = Literal["decision", "edges"]
 DEFAULT_LEVEL: Level = "decision"

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.serials import MaskError, allowed_characters
+from glyphs.fonts.serials import MaskError, allowed_characters
 from recognition.automaton import Automaton, AutomatonError, Machine, Strings, WordList, coded, unrolled
 from recognition.check_digits import CheckDigit, CheckDigitError
 from recognition.expression import (
@@ -34,7 +34,7 @@ class Grammar:
     """All that is known of a serial before it is read; what is None or empty limits nothing.
 
     Attributes:
-        mask: as `glyphs.serials.allowed_characters`; blanks are word gaps.
+        mask: as `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
         expression: regular expression that the serial without blanks must match as a whole.
         sets: characters at each place.
         lexicon: the serials that there are; blanks in them do not count.

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.glyph import FELT_PIXELS, Font, Glyph
+from glyphs.fonts.glyph import FELT_PIXELS, Font, Glyph
 from recognition.laid_over import Patch, common_relief, laid_over
 from recognition.nearest_hand import Hand, depth_of, nearest_hand
 

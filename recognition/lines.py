@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from glyphs.die import Face
-from glyphs.glyph import Font
-from recognition.dirty_look import DirtyLook
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.die import Face
+from recognition.evidence_cache import DirtyLook
 from recognition.frames import is_edge_channel
 from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg, percentile
 from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape, refine_stroke

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.maps import TraceDirection
+from glyphs.surface.maps import TraceDirection
 from recognition.correlation import InkLists, ink_lists, normalise, products, running_sums, window_sums
 from recognition.frames import LineImage, channels
 from recognition.templates import PIXELS, TemplateSet
-from whisker_array.gridding import averaging
+from whisker_array.estimation.gridding import averaging
 
 SEARCH_PIXELS = 16
 """Pixels to a character height in the search."""

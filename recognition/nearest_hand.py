@@ -11,8 +11,8 @@ from itertools import product
 
 import numpy as np
 
-from glyphs.die import default_die, die_glyph, relief_mm
-from glyphs.glyph import FELT_PIXELS, Font, signed_distance
+from glyphs.fonts.glyph import FELT_PIXELS, Font, signed_distance
+from glyphs.stamping.die import default_die, die_glyph, relief_mm
 from recognition.laid_over import Patch, likeness
 from recognition.templates import CANONICAL_HEIGHT_MM
 

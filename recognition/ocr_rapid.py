@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.photo import Photo
+from glyphs.camera.photo import Photo
 from recognition.lattice import Lattice
 from recognition.ocr_ctc import count_belief, place_belief
 from recognition.ocr_views import VIEWS, View, view_of
 from recognition.reading import Box
-from recognition.sight_engine import EngineMissingError
+from recognition.vision_engine import EngineMissingError
 
 ROWS, LEAST_COLS = 48, 320
 """What the network is fed: rows, and columns it is padded to at least, as in its training."""

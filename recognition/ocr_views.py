@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.photo import Photo
+from glyphs.camera.photo import Photo
 
 WORK_ROWS = 96
 """Rows at which a view is computed: twice what the network sees."""

@@ -8,17 +8,17 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.glyph import Font, FontError
-from glyphs.outlines import BUILTIN_FONTS, load_font
-from recognition.felt_line import FeltLine, felt_line
+from glyphs.fonts.glyph import Font, FontError
+from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
 from recognition.reader import ReaderSettings, ReadingWithEvidence
 from recognition.register import Registration, matched_boxes, register, same_field
 from recognition.register_line import register_line
-from recognition.sight import SightReading
-from recognition.sight_at import sight_at
-from recognition.sight_templates import SightBasis, predict_basis
+from recognition.tactile_line import FeltLine, felt_line
+from recognition.vision import SightReading
+from recognition.vision_at import sight_at
+from recognition.vision_templates import SightBasis, predict_basis
 
 
 def registered(

@@ -12,36 +12,36 @@ from types import MappingProxyType
 
 import numpy as np
 
-from glyphs.glyph import Font, FontError
-from glyphs.maps import EdgeMap, HeightMap, MapError
-from glyphs.outlines import BUILTIN_FONTS, load_font
-from glyphs.serials import MaskError
-from glyphs.soil import Soil
-from recognition.choice import Choice
-from recognition.clock import Clock
-from recognition.decide import Decided, Judged, decide
+from glyphs.fonts.glyph import Font, FontError
+from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
+from glyphs.fonts.serials import MaskError
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import EdgeMap, HeightMap, MapError
+from recognition.acceptance import Decided, Judged, decide
+from recognition.constrained_decoding import Choice
 from recognition.depth import mark_depths
 from recognition.depth_rules import judged_by
-from recognition.dirty_look import DirtyLook
+from recognition.evidence_cache import DirtyLook
+from recognition.grading import graded
 from recognition.grammar import Grammar, GrammarError
-from recognition.guesses import doubted_guesses
 from recognition.lattice import Lattice
+from recognition.levelling import first_look, level
 from recognition.lines import find_lines, hypotheses
-from recognition.marks import graded
-from recognition.mounting import first_look, level
 from recognition.reader_settings import ReaderSettings
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_line
+from recognition.robust_reading import SecondLook, is_crisp, lattice_of_reading, second_look, untroubled
 from recognition.search import LineFit, LineSearch
-from recognition.second_look import SecondLook, is_crisp, lattice_of_reading, second_look, untroubled
+from recognition.step_timer import Clock
 from recognition.templates import TemplateCache
-from whisker_array.array import default_plan
-from whisker_array.edges import edge_map
-from whisker_array.profiled import estimate_relief
-from whisker_array.relief import Relief, relief_from_edges
-from whisker_array.scan import Scan, trace_scan
-from whisker_array.touch import Touch, default_touch
-from whisker_array.traces import SampleFlag
+from recognition.unseen_glyphs import doubted_guesses
+from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.profiled import estimate_relief
+from whisker_array.estimation.relief import Relief, relief_from_edges
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import Touch, default_touch
 
 __all__ = ["ALPHABET", "Reader", "ReaderSettings", "ReadingWithEvidence", "relief_of"]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from recognition.depth_rules import DepthRule
 from recognition.grammar import Grammar
-from whisker_array.traces import Fidelity
+from whisker_array.simulation.traces import Fidelity
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from enum import Flag, StrEnum, auto
 from types import MappingProxyType
 
+from recognition.confusions import PlaceState
 from recognition.grade import MarkGrade
-from recognition.swaps import PlaceState
 
 
 class Decision(StrEnum):

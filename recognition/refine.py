@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.maps import TraceDirection
+from glyphs.surface.maps import TraceDirection
 from recognition.cell_scores import CellInk, cell_ink, straight_scores, tilted_score
 from recognition.frames import LineImage, channels, resampled
 from recognition.search import LineFit

@@ -20,8 +20,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from glyphs.camera import mapped
-from glyphs.maps import EdgeMap
+from glyphs.camera.pose import mapped
+from glyphs.surface.maps import EdgeMap
 from recognition.frames import channels, is_edge_channel
 from recognition.reading import Box
 
@@ -96,7 +96,7 @@ def register(
 
     Args:
         touch: as felt, plate frame.
-        sight: as seen (`recognition.sight_edges`), photo frame.
+        sight: as seen (`recognition.vision_edges`), photo frame.
         height_mm: of the characters; sets the scales.
         starts: plate-from-photo transforms to begin from; both frames the same, as a stage has them, and `same_field`
             unless given. See `matched_boxes` for one from characters.

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from glyphs.maps import EdgeMap
-from recognition.felt_line import DrawnLine, FeltLine, laid
+from glyphs.surface.maps import EdgeMap
 from recognition.register import RegisterFailure, Registration
+from recognition.tactile_line import DrawnLine, FeltLine, laid
 
 REACH_HEIGHTS = 0.4
 """How far the line is looked for, character heights."""

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.die import Face
-from glyphs.glyph import Font
-from glyphs.maps import EdgeMap
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.die import Face
+from glyphs.surface.maps import EdgeMap
 from recognition.decode import Placed, best_chain
 from recognition.frames import LineImage, line_image, padded, resampled, turned
 from recognition.match import SEARCH_PIXELS, dense_scores
-from recognition.rewards import Rewards, depth_share
+from recognition.template_scores import Rewards, depth_share
 from recognition.templates import TemplateCache, TemplateSet, stretched, template_key
-from whisker_array.touch import Touch
+from whisker_array.whisker.touch import Touch
 
 SCORE_FLOOR = 0.5
 """Correlation that earns nothing: what a wrong character typically reaches."""

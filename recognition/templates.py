@@ -17,7 +17,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.die import (
+from glyphs.fonts.glyph import FELT_PIXELS, Font, Glyph, signed_distance
+from glyphs.stamping.die import (
     Die,
     Face,
     default_depth_mm,
@@ -27,14 +28,13 @@ from glyphs.die import (
     shape_relief_mm,
     to_plate,
 )
-from glyphs.glyph import FELT_PIXELS, Font, Glyph, signed_distance
-from glyphs.maps import HeightMap, TraceDirection
-from whisker_array.array import RasterPlan, WhiskerArray
-from whisker_array.edges import edge_map
-from whisker_array.scan import trace_scan
-from whisker_array.touch import Touch
-from whisker_array.traces import Fidelity
-from whisker_array.whisker import TipModel
+from glyphs.surface.maps import HeightMap, TraceDirection
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.scan import trace_scan
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.shapes import TipModel
+from whisker_array.whisker.touch import Touch
 
 CELL_MARGIN_HEIGHTS = 0.16
 """Land kept around a glyph in its cell, in character heights."""

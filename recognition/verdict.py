@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from recognition.choice import Choice, ChoiceFlag, blind_warnings
-from recognition.decide import Thresholds
+from recognition.acceptance import Thresholds
+from recognition.confusions import CharacterState
+from recognition.constrained_decoding import Choice, ChoiceFlag, blind_warnings
 from recognition.grammar import Grammar
 from recognition.reading import CharacterReading, Decision, ReadingFlag
-from recognition.swaps import CharacterState
 
 LEAST_VALID_MASS = 0.02
 """Belief in all serials of the format together below which another one stands there."""

@@ -17,10 +17,10 @@ from enum import StrEnum
 
 import numpy as np
 
-from recognition.choice import choose
+from recognition.confusions import CharacterState, PlaceState, state_of
+from recognition.constrained_decoding import choose
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.swaps import CharacterState, PlaceState, state_of
 
 CONFIRM_PROBABILITY, REFUTE_PROBABILITY = 0.99, 0.99
 """Probability of "same" from which a serial is confirmed, and of "differs" from which it is refuted."""

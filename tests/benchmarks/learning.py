@@ -15,17 +15,17 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.maps import HeightMap
-from glyphs.outlines import load_font
-from glyphs.plate import plate_form, plate_texture
-from glyphs.soil import Soil
-from glyphs.soiling import Dirt
-from glyphs.stamping import PlateVariation, StampingVariation, stamp
-from pipeline.enrol import ReviewedPart, enrol
-from pipeline.npz import write_npz
-from pipeline.settings import ReadSettings
-from pipeline.synth import SynthSpec, make_part, make_soiled
-from pipeline.truth import edit_distance
+from glyphs.fonts.outlines import load_font
+from glyphs.soiling.dirty import Dirt
+from glyphs.soiling.soil import Soil
+from glyphs.stamping.plate import plate_form, plate_texture
+from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp
+from glyphs.surface.maps import HeightMap
+from pipeline.common.settings import ReadSettings
+from pipeline.files.npz import write_npz
+from pipeline.files.synth import SynthSpec, make_part, make_soiled
+from pipeline.files.truth import edit_distance
+from pipeline.reading.enrolment import ReviewedPart, enrol
 from recognition.reader import Reader, ReaderSettings
 from recognition.reading import Decision
 
@@ -144,7 +144,7 @@ def taught(parts: Sequence[Made], folder: Path, *, step: int, font: str) -> Path
 
 def run(case: str, *, parts: int, steps: Sequence[int], masks: Sequence[str | None]) -> None:
     """Print the table of one case."""
-    from glyphs.database import load_database
+    from glyphs.stamping.database import load_database
 
     teach, test = CASES[case]
     held_out = [test(HELD_OUT + k) for k in range(parts)]

@@ -17,13 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from one_core import HEIGHT_MM, TEXT, a_scan
 
-from glyphs.outlines import load_font
+from glyphs.fonts.outlines import load_font
 from recognition import refine
 from recognition.match import dense_scores, search_templates
 from recognition.refine import fine_templates, refine_line
 from recognition.search import Hypothesis, LineSearch
 from recognition.templates import TemplateCache
-from whisker_array.edges import edge_map
+from whisker_array.estimation.edges import edge_map
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 ROUNDS = 40

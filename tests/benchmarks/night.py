@@ -48,7 +48,7 @@ def main() -> None:
 def run(folder: Path, *arguments: str) -> None:
     """A command, to its end."""
     subprocess.run(
-        [sys.executable, "-m", "pipeline.cli", *arguments],
+        [sys.executable, "-m", "pipeline", *arguments],
         cwd=folder, env={**os.environ, "PYTHONPATH": str(TREE)}, check=True, stdout=subprocess.DEVNULL,
     )  # fmt: skip
 
@@ -77,7 +77,7 @@ def read(folder: Path, given: argparse.Namespace, jobs: int) -> None:
     ]
     started = time.monotonic()
     process = subprocess.Popen(
-        [sys.executable, "-m", "pipeline.cli", *arguments],
+        [sys.executable, "-m", "pipeline", *arguments],
         cwd=folder, env={**os.environ, "PYTHONPATH": str(TREE)}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     own: list[float] = []

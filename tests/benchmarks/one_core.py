@@ -12,16 +12,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from glyphs.die import default_die
-from glyphs.outlines import load_font
-from glyphs.stamping import StampedPart, stamp
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import default_die
+from glyphs.stamping.stamp import StampedPart, stamp
 from recognition.reader import Reader, ReaderSettings
 from recognition.reading import Reading
-from whisker_array.array import default_plan
-from whisker_array.edges import edge_map
-from whisker_array.scan import Scan, trace_scan
-from whisker_array.sensor import draw_sensor_chain
-from whisker_array.touch import default_touch
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.scan.sensor import draw_sensor_chain
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import default_touch
 
 TEXT = "KR804217"
 HEIGHT_MM = 5.0

@@ -29,13 +29,13 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import theilslopes
 
-from glyphs.glyph import Font, FontError, Glyph
-from glyphs.outlines import BUILTIN_FONTS, load_font
-from pipeline.feel import feel, plan_for
-from pipeline.synth import SynthSpec, make_part
+from glyphs.fonts.glyph import Font, FontError, Glyph
+from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
+from pipeline.files.synth import SynthSpec, make_part
+from pipeline.reading.simulated_scan import feel, plan_for
 from recognition.reader import ALPHABET, Reader, ReaderSettings
-from whisker_array.recording import save_scan
-from whisker_array.scan import Scan
+from whisker_array.scan.recording import save_scan
+from whisker_array.scan.scan import Scan
 
 HEIGHT_MM = 5.0
 ONE_CORE = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")}

@@ -25,11 +25,11 @@ from pathlib import Path
 import httpx
 import numpy as np
 
-from glyphs.soiling import Dirt
-from pipeline.feel import feel, plan_for
-from pipeline.service_process import service_process
-from pipeline.synth import SynthSpec, make_soiled, write_part
-from whisker_array.recording import save_scan
+from glyphs.soiling.dirty import Dirt
+from pipeline.files.synth import SynthSpec, make_soiled, write_part
+from pipeline.reading.simulated_scan import feel, plan_for
+from pipeline.service.process import service_process
+from whisker_array.scan.recording import save_scan
 
 HEIGHT_MM = 5.0
 MASK = "AA999999"

@@ -16,18 +16,18 @@ import pytest
 from one_core import TEXT
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from glyphs.die import default_die
-from glyphs.outlines import load_font
-from glyphs.stamping import stamp
-from pipeline.crew import PoolCrew
-from pipeline.listed import ListedPart
-from pipeline.run_task import RunOrder, read_listed
-from pipeline.settings import ReadSettings
-from pipeline.synth import SynthSpec, write_part
-from whisker_array.contact import trace_contact
-from whisker_array.pointwise import trace_pointwise
-from whisker_array.surface import prepare_surface
-from whisker_array.touch import default_touch
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import default_die
+from glyphs.stamping.stamp import stamp
+from pipeline.batch.task import RunOrder, read_listed
+from pipeline.common.settings import ReadSettings
+from pipeline.files.listed import ListedPart
+from pipeline.files.synth import SynthSpec, write_part
+from pipeline.workers.executors import PoolCrew
+from whisker_array.simulation.contact import trace_contact
+from whisker_array.simulation.pointwise import trace_pointwise
+from whisker_array.simulation.surface import prepare_surface
+from whisker_array.whisker.touch import default_touch
 
 pytestmark = pytest.mark.benchmark
 

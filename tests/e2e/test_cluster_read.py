@@ -11,13 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from glyphs.maps import HeightMap
-from pipeline.npz import read_npz, write_npz
-from pipeline.synth import SynthSpec, write_part
+from glyphs.surface.maps import HeightMap
+from pipeline.files.npz import read_npz, write_npz
+from pipeline.files.synth import SynthSpec, write_part
 
 pytest.importorskip("distributed")
-sys.path.append(str(Path(__file__).parents[1] / "pipeline"))
-from cluster_process import ClusterProcess, cluster_process, environment
+from tests.support.cluster_process import ClusterProcess, cluster_process, environment
 
 PARTS = 30
 WAIT_S = 120.0
@@ -44,7 +43,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(cluster: ClusterProcess, folder: Path, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "pipeline.cli", *arguments, "--cluster", cluster.address],
+        [sys.executable, "-m", "pipeline", *arguments, "--cluster", cluster.address],
         cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment(),
     )  # fmt: skip
 
@@ -91,7 +90,7 @@ def test_a_benchmark_is_the_same_on_a_cluster(tmp_path: Path) -> None:
         assert process.returncode == 0, error + cluster.told()
     here = ("here" if a == "there" else a for a in arguments)
     subprocess.run(
-        [sys.executable, "-m", "pipeline.cli", *here],
+        [sys.executable, "-m", "pipeline", *here],
         cwd=tmp_path,
         env=environment(),
         check=True,
@@ -108,7 +107,7 @@ def answers(folder: Path) -> list[tuple[str, ...]]:
 
 def test_no_scheduler_is_one_line(tmp_path: Path, parts: Path) -> None:
     nowhere = subprocess.run(
-        [sys.executable, "-m", "pipeline.cli", "read", str(parts / "part-00.npz"), "--cluster", "tcp://127.0.0.1:9"],
+        [sys.executable, "-m", "pipeline", "read", str(parts / "part-00.npz"), "--cluster", "tcp://127.0.0.1:9"],
         cwd=tmp_path, env=environment(), text=True, capture_output=True, timeout=WAIT_S, check=False,
     )  # fmt: skip
     assert nowhere.returncode == 1

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.cli import main
+from pipeline.cli.main import main
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,7 +29,7 @@ def save_map(path: Path, z: np.ndarray, pitch_mm: float = 0.05) -> None:
 
 def test_help_needs_nothing_heavy() -> None:
     program = (
-        "import sys; from pipeline.cli import main; status = main(['--help']); "
+        "import sys; from pipeline.cli.main import main; status = main(['--help']); "
         "heavy = {'numpy', 'scipy', 'numba', 'h5py', 'matplotlib', 'pyarrow', 'pydantic', 'glyphs'}; "
         "print(status, sorted(heavy & set(sys.modules)))"
     )
@@ -111,7 +111,7 @@ def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
         raise KeyboardInterrupt
 
     save_map(Path("a.npz"), np.zeros((9, 9)))
-    monkeypatch.setattr("pipeline.run.read_listed", interrupted)
+    monkeypatch.setattr("pipeline.batch.run.read_listed", interrupted)
     assert main(["read", "a.npz"]) == 130
     assert capsys.readouterr().err == "tactile-marks: interrupted\n"
 

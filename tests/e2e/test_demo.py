@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cli import main
-from pipeline.demo import DEMO_PARTS
+from pipeline.cli.demonstration import DEMO_PARTS
+from pipeline.cli.main import main
 
 
 def test_the_demonstration_leaves_a_page_that_stands_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("pipeline.demo.DEMO_PARTS", DEMO_PARTS[:1])
+    monkeypatch.setattr("pipeline.cli.demonstration.DEMO_PARTS", DEMO_PARTS[:1])
     out = tmp_path / "demo"
     assert main(["demo", "--out", str(out)]) == 0
     shown = capsys.readouterr().out

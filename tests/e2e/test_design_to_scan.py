@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glyphs.maps import HeightMap
-from pipeline.cli import main
-from pipeline.npz import write_npz
-from pipeline.whisker_file import read_whisker_file
-from whisker_array.enhancement import moment_ratio
-from whisker_array.recording import load_scan
+from glyphs.surface.maps import HeightMap
+from pipeline.cli.main import main
+from pipeline.files.npz import write_npz
+from pipeline.files.whisker_file import read_whisker_file
+from whisker_array.scan.recording import load_scan
+from whisker_array.whisker.enhancement import moment_ratio
 
 ASKED = [
     "--alpha",

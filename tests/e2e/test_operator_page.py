@@ -17,8 +17,8 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from pipeline.part_id import new_part_id
-from pipeline.records import (
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import (
     CandidateRecord,
     CharacterRecord,
     EvidenceKind,
@@ -127,10 +127,10 @@ def service(tmp_path: Path) -> Iterator[Service]:
     from fastapi import FastAPI
     from fastapi.responses import FileResponse
 
-    from pipeline.access import Access
-    from pipeline.evidence_folder import EvidenceFolder
-    from pipeline.pages import pages_router
-    from pipeline.store import Store
+    from pipeline.service.access import Access
+    from pipeline.service.pages.routes import pages_router
+    from pipeline.store.evidence_folder import EvidenceFolder
+    from pipeline.store.store import Store
 
     store = Store.open(f"sqlite:///{tmp_path / 'store.db'}")
     evidence = EvidenceFolder(tmp_path / "evidence")

@@ -133,7 +133,7 @@ def test_the_wheel_holds_every_file_of_the_packages_and_nothing_else(installed: 
         assert held == sources
         assert {f"{name}/py.typed" for name in PACKAGES} < held
         assert archive.read(info["licenses/LICENSE"]) == (ROOT / "LICENSE").read_bytes()
-        assert "tactile-marks = pipeline.cli:main" in archive.read(info["entry_points.txt"]).decode()
+        assert "tactile-marks = pipeline.cli.main:main" in archive.read(info["entry_points.txt"]).decode()
         told = Parser().parsestr(archive.read(info["METADATA"]).decode())
     assert (told["Name"], told["Version"]) == ("tactile-marks", PROJECT["project"]["version"])
     assert told["License-Expression"] == "Apache-2.0"
@@ -171,7 +171,7 @@ def test_a_part_is_made_and_read(installed: Installed) -> None:
 def test_a_store_is_made_by_the_migrations_of_the_wheel(installed: Installed) -> None:
     pytest.importorskip("alembic")
     installed.python(
-        "from pipeline.store_open import open_database; open_database('sqlite:///store.db').close();"
+        "from pipeline.store.database import open_database; open_database('sqlite:///store.db').close();"
         "open_database('sqlite:///store.db').close()"
     )
     assert (installed.work / "store.db").stat().st_size > 0
@@ -183,12 +183,12 @@ def test_pages_and_reports_find_their_templates_and_styles(installed: Installed)
     program = """
 import jinja2
 from pathlib import Path
-from pipeline import report
-from pipeline.benchmark import Benchmark
-from pipeline.benchmark_modes import ModeSettings
-from pipeline.benchmark_parts import SynthParts
-from pipeline.page_static import StaticFiles
-from pipeline.trials import Trial
+from pipeline.benchmark import report
+from pipeline.benchmark.run import Benchmark
+from pipeline.benchmark.modes import ModeSettings
+from pipeline.benchmark.specimens import SynthParts
+from pipeline.service.pages.assets import StaticFiles
+from pipeline.benchmark.trials import Trial
 
 report.rank_worst = lambda trials: []  # its pictures need touch, see above
 trials = [Trial("p", 0, 0.0, "gothic", "A9", "vision", "A1", "A1", "accept", 0.9)]

@@ -15,9 +15,9 @@ import pyarrow.parquet
 import pytest
 import sqlalchemy as sa
 
-from glyphs.maps import HeightMap
-from pipeline.npz import read_npz, write_npz
-from pipeline.synth import SynthSpec, write_part
+from glyphs.surface.maps import HeightMap
+from pipeline.files.npz import read_npz, write_npz
+from pipeline.files.synth import SynthSpec, write_part
 
 PARTS = 24
 WAIT_S = 90.0
@@ -40,7 +40,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def command(folder: Path, out: str) -> list[str]:
-    return [sys.executable, "-m", "pipeline.cli", *READ, "--out", out]
+    return [sys.executable, "-m", "pipeline", *READ, "--out", out]
 
 
 def started(parts: Path, folder: Path, out: str) -> subprocess.Popen[str]:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import re
-import sys
 import time
 from pathlib import Path
 
 import httpx
 
-from pipeline.service_process import ServiceProcess, service_process
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "pipeline"))
-from bad_files import bad_maps, bad_photos, bad_scans, other_file
+from pipeline.service.process import ServiceProcess, service_process
+from tests.support.bad_files import bad_maps, bad_photos, bad_scans, other_file
 
 JOB_TIMEOUT_S = 20.0
 MOST_MEMORY_MB = 3000.0

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import service_demo
-from pipeline.cli import main
-from pipeline.client import Client
-from pipeline.line_result_string import ResultString
-from pipeline.service_process import service_process
-from pipeline.synth import SynthSpec, write_part
+from pipeline.cli import service_demonstration as service_demo
+from pipeline.cli.main import main
+from pipeline.files.synth import SynthSpec, write_part
+from pipeline.service.client import Client
+from pipeline.service.line.result_string import ResultString
+from pipeline.service.process import service_process
 
 
 def test_the_demo_takes_parts_from_the_camera_to_touch(

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,11 +20,9 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
-from glyphs.maps import HeightMap
-from pipeline.npz import write_npz
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "pipeline"))
-from service_fixtures import inline_service
+from glyphs.surface.maps import HeightMap
+from pipeline.files.npz import write_npz
+from tests.support.service_fixtures import inline_service
 
 EXAMPLES = 40
 CHECKS = [

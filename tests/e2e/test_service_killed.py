@@ -15,8 +15,8 @@ import httpx
 import numpy as np
 import pytest
 
-from pipeline.service_process import ServiceProcess, service_process
-from pipeline.synth import SynthSpec, write_part
+from pipeline.files.synth import SynthSpec, write_part
+from pipeline.service.process import ServiceProcess, service_process
 
 ROUNDS = 3
 SENDERS = 3

@@ -22,9 +22,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from store_samples import Clock
-
-    from pipeline.store import Store
+    from pipeline.store.store import Store
+    from tests.support.store_samples import Clock
 
 _PLACES = ("/usr/sbin", "/usr/local/sbin", *map(str, Path("/usr/lib/postgresql").glob("*/bin")))
 _START_S = 30.0
@@ -112,7 +111,7 @@ def postgres() -> Iterator[Callable[[str], str]]:
 @pytest.fixture(scope="session")
 def empty_stores(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, pytest.FixtureRequest], str]:
     """Makes the URL of a new, empty store in the database of that name; its tables are made but once."""
-    from pipeline.store import Store
+    from pipeline.store.store import Store
 
     numbers = itertools.count()
     folder = tmp_path_factory.mktemp("stores")
@@ -149,7 +148,7 @@ def store_url(
 @pytest.fixture
 def clock() -> Clock:
     """The time of `store`."""
-    from store_samples import Clock
+    from tests.support.store_samples import Clock
 
     return Clock()
 
@@ -157,7 +156,7 @@ def clock() -> Clock:
 @pytest.fixture
 def store(store_url: str, clock: Clock) -> Iterator[Store]:
     """An empty store, in one database after the other."""
-    from pipeline.store import Store
+    from pipeline.store.store import Store
 
     with contextlib.closing(Store.open(store_url, now=clock)) as opened:
         yield opened

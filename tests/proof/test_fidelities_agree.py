@@ -18,16 +18,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from glyphs.die import default_die
-from glyphs.maps import HeightMap
-from glyphs.outlines import load_font
-from glyphs.stamping import PlateVariation, StampingVariation, stamp
-from whisker_array.contact import land_lag_mm, trace_contact
-from whisker_array.enhancement import land_moment_n_mm, moment_ratio
-from whisker_array.pointwise import trace_pointwise
-from whisker_array.sections import Rectangle, Round
-from whisker_array.surface import TouchSurface, prepare_surface, sample_lines
-from whisker_array.whisker import LShaped, TipModel
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import default_die
+from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp
+from glyphs.surface.maps import HeightMap
+from whisker_array.simulation.contact import land_lag_mm, trace_contact
+from whisker_array.simulation.pointwise import trace_pointwise
+from whisker_array.simulation.surface import TouchSurface, prepare_surface, sample_lines
+from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio
+from whisker_array.whisker.sections import Rectangle, Round
+from whisker_array.whisker.shapes import LShaped, TipModel
 
 Vector = NDArray[np.float64]
 L1, K = 30.0, 0.117

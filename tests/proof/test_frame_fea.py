@@ -22,10 +22,10 @@ pytest.importorskip("Pynite", reason="an independent frame program: pip install 
 
 from Pynite import FEModel3D
 
-from whisker_array.beam import Segment, chain_compliance
-from whisker_array.closed_forms import l_shaped_compliance
-from whisker_array.sections import Material, Rectangle, Round, Section, Tube
-from whisker_array.whisker import LShaped
+from whisker_array.whisker.beam import Segment, chain_compliance
+from whisker_array.whisker.closed_forms import l_shaped_compliance
+from whisker_array.whisker.sections import Material, Rectangle, Round, Section, Tube
+from whisker_array.whisker.shapes import LShaped
 
 Matrix = NDArray[np.float64]
 LOADS = ("FX", "FY", "FZ", "MX", "MY", "MZ")

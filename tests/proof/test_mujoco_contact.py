@@ -19,15 +19,14 @@ from numpy.typing import NDArray
 
 pytest.importorskip("mujoco", reason="an independent contact solver: pip install 'tactile-marks[proof]'")
 
-from mujoco_whisker import Drag, Wedge, drag
-
-from glyphs.maps import HeightMap
-from whisker_array.contact import land_lag_mm, trace_contact
-from whisker_array.enhancement import land_moment_n_mm, moment_ratio
-from whisker_array.sections import Rectangle, Round
-from whisker_array.surface import TouchSurface, prepare_surface
-from whisker_array.traces import SampleFlag, Traces
-from whisker_array.whisker import LShaped, Straight
+from glyphs.surface.maps import HeightMap
+from tests.support.mujoco_whisker import Drag, Wedge, drag
+from whisker_array.simulation.contact import land_lag_mm, trace_contact
+from whisker_array.simulation.surface import TouchSurface, prepare_surface
+from whisker_array.simulation.traces import SampleFlag, Traces
+from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio
+from whisker_array.whisker.sections import Rectangle, Round
+from whisker_array.whisker.shapes import LShaped, Straight
 
 Vector = NDArray[np.float64]
 Whisker: TypeAlias = LShaped | Straight

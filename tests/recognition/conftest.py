@@ -8,17 +8,17 @@ from functools import cache
 import numpy as np
 import pytest
 
-from glyphs.die import default_die
-from glyphs.glyph import Font
-from glyphs.maps import EdgeMap
-from glyphs.outlines import load_font
-from glyphs.stamping import StampedPart, StampingVariation, stamp
+from glyphs.fonts.glyph import Font
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import default_die
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from glyphs.surface.maps import EdgeMap
 from recognition.reader import Reader, ReaderSettings
 from recognition.templates import TemplateSet, predict_templates, template_key
-from whisker_array.array import ALL_DIRECTIONS, default_plan
-from whisker_array.edges import edge_map
-from whisker_array.scan import trace_scan
-from whisker_array.touch import Touch, default_touch
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.scan import trace_scan
+from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan
+from whisker_array.whisker.touch import Touch, default_touch
 
 CHARS = "K7B1"
 HEIGHT_MM = 5.0

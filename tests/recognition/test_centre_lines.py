@@ -8,9 +8,9 @@ import matplotlib
 import numpy as np
 import pytest
 
-from glyphs.die import DieError, Face, default_die, die_glyph
-from glyphs.glyph import Font, FontError, Glyph, signed_distance
-from glyphs.outlines import BUILTIN_FONTS, load_font
+from glyphs.fonts.glyph import Font, FontError, Glyph, signed_distance
+from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
+from glyphs.stamping.die import DieError, Face, default_die, die_glyph
 from recognition.centre_lines import CentreLine, centre_line
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"

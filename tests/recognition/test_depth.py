@@ -10,23 +10,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from glyphs.die import Face, default_die
-from glyphs.glyph import Font
-from glyphs.maps import HeightMap
-from glyphs.stamping import StampedPart, StampingVariation, stamp
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.die import Face, default_die
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from glyphs.surface.maps import HeightMap
 from recognition.decode import Placed
 from recognition.depth import mark_depths
 from recognition.frames import LineImage
-from recognition.mounting import level
+from recognition.levelling import level
 from recognition.reading import MarkDepth
 from recognition.refine import Cell
 from recognition.search import Hypothesis, LineFit
 from recognition.templates import TemplateSet
-from whisker_array.array import default_plan
-from whisker_array.edges import edge_map
-from whisker_array.relief import Relief, Route, relief_from_edges
-from whisker_array.scan import trace_scan
-from whisker_array.touch import default_touch
+from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.relief import Relief, Route, relief_from_edges
+from whisker_array.scan.scan import trace_scan
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import default_touch
 
 TEXT = "KR804217"
 FELT_BIAS = {
@@ -282,7 +282,7 @@ def test_what_was_not_felt_is_not_known(kept: str, flat: tuple[StampedPart, Reli
 def test_depth_is_linear_in_height_and_free_of_level_and_slope(
     offset: float, gain: float, slope: float, raised: bool
 ) -> None:
-    from glyphs.outlines import load_font
+    from glyphs.fonts.outlines import load_font
 
     font = load_font("gothic")
     part = stamped("K7", font=font)

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glyphs.die import default_die
-from glyphs.glyph import Font
-from glyphs.maps import EdgeMap
-from glyphs.stamping import StampedPart, StampingVariation, stamp
-from recognition.covered import covered, robust_spread
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.die import default_die
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from glyphs.surface.maps import EdgeMap
 from recognition.decode import Placed, Spacing
 from recognition.evidence import (
     LEAST_NOISE,
@@ -22,9 +21,10 @@ from recognition.evidence import (
     resampled_to,
 )
 from recognition.frames import LineImage, is_edge_channel, padded
+from recognition.occlusion import covered, robust_spread
 from recognition.pixel_model import pixel_model
-from recognition.placing import MARGIN_PIXELS, STANDS_OUT, usual_spacing
 from recognition.search import Hypothesis, LineFit, LineSearch
+from recognition.segmentation import MARGIN_PIXELS, STANDS_OUT, usual_spacing
 from recognition.sparse_templates import (
     EVIDENCE_PIXELS,
     dense_evidence,
@@ -33,10 +33,10 @@ from recognition.sparse_templates import (
     turned_templates,
 )
 from recognition.templates import TemplateCache, TemplateSet
-from whisker_array.array import ALL_DIRECTIONS, default_plan
-from whisker_array.edges import edge_map
-from whisker_array.scan import trace_scan
-from whisker_array.touch import Touch
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.scan import trace_scan
+from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan
+from whisker_array.whisker.touch import Touch
 
 HEIGHT_MM = 5.0
 CHARS = "K7B1834RP"

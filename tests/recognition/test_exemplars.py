@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from glyphs.outlines import load_font
+from glyphs.fonts.outlines import load_font
 from recognition.exemplars import ExemplarError
-from recognition.felt_part import cut_height_map
 from recognition.laid_over import laid_over, likeness
+from recognition.tactile_part import cut_height_map
 from recognition.templates import TemplateCache
 
 CACHE = TemplateCache()

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
-from glyphs.maps import EdgeMap, TraceDirection
+from glyphs.surface.maps import EdgeMap, TraceDirection
 from recognition.frames import LineImage, channels, is_edge_channel, line_image, padded, resampled, turned
-from whisker_array.array import ALL_DIRECTIONS
+from whisker_array.whisker.array import ALL_DIRECTIONS
 
 FX, FY, BX, BY = ALL_DIRECTIONS
 SUBSETS = [c for n in (1, 2, 3, 4) for c in combinations(ALL_DIRECTIONS, n)]

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from recognition.choice import choose
+from recognition.constrained_decoding import choose
 from recognition.fuse import fuse
 from recognition.fuse_lattices import (
     SIGHT_ALONE,
@@ -25,8 +25,8 @@ from recognition.grammar import Grammar
 from recognition.lattice import Lattice
 from recognition.reader import ReaderSettings, ReadingWithEvidence
 from recognition.reading import Box, Decision, Reading, ReadingFlag
-from recognition.sight import SightReading
-from recognition.sight_combine import as_reading
+from recognition.vision import SightReading
+from recognition.vision_combine import as_reading
 
 CHARS = tuple("ABC12")
 PLAIN = Reliability()

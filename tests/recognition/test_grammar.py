@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glyphs.serials import allowed_characters
+from glyphs.fonts.serials import allowed_characters
 from recognition.check_digits import CheckDigit
 from recognition.grammar import MOST_WORDS, Grammar, GrammarError
 from recognition.remainders import ALPHANUMERIC, VIN_CHARACTERS

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from glyphs.outlines import load_font
+from glyphs.fonts.outlines import load_font
 from recognition.laid_over import likeness
 from recognition.learned_shapes import learn_font
 from recognition.nearest_hand import Hand
 from recognition.templates import predict_templates, template_key
-from whisker_array.array import ALL_DIRECTIONS
+from whisker_array.whisker.array import ALL_DIRECTIONS
 
 SIZE = (53, 65)
 GOTHIC = load_font("gothic")

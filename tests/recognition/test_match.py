@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from recognition.frames import LineImage
 from recognition.match import SEARCH_PIXELS, SearchTemplates, dense_scores, search_templates, window_energy
 from recognition.templates import TemplateSet
-from whisker_array.array import ALL_DIRECTIONS
+from whisker_array.whisker.array import ALL_DIRECTIONS
 
 PITCH = 5.0 / SEARCH_PIXELS
 FFT32 = 1e-4

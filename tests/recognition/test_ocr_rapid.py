@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glyphs.photo import Photo
-from glyphs.serials import allowed_characters
+from glyphs.camera.photo import Photo
+from glyphs.fonts.serials import allowed_characters
 from recognition import ocr_rapid
 from recognition.ocr_rapid import Frames, RapidEngine
 from recognition.ocr_views import FIRST_VIEW, VIEWS, View, view_of
 from recognition.reader import ALPHABET, ReaderSettings
 from recognition.reading import Decision
-from recognition.sight import SightReader
-from recognition.sight_engine import EngineMissingError
-from recognition.sight_frame import line_crop, whole
+from recognition.vision import SightReader
+from recognition.vision_engine import EngineMissingError
+from recognition.vision_frame import line_crop, whole
 
 PHOTO = Path(__file__).parents[1] / "data" / "photos" / "1X2100H.jpg"
 

@@ -8,20 +8,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from glyphs.glyph import FontError
-from glyphs.maps import HeightMap, TraceDirection
-from glyphs.outlines import BUILTIN_FONTS
-from glyphs.plate import plate_form, plate_texture
-from glyphs.serials import MaskError
-from glyphs.stamping import PlateVariation, StampedPart
+from glyphs.fonts.glyph import FontError
+from glyphs.fonts.outlines import BUILTIN_FONTS
+from glyphs.fonts.serials import MaskError
+from glyphs.stamping.plate import plate_form, plate_texture
+from glyphs.stamping.stamp import PlateVariation, StampedPart
+from glyphs.surface.maps import HeightMap, TraceDirection
 from recognition.depth_rules import depth_rule
 from recognition.reader import Reader, ReaderSettings, ReadingWithEvidence
 from recognition.reading import Decision, Reading, ReadingFlag
-from whisker_array.array import ALL_DIRECTIONS, default_plan
-from whisker_array.scan import Scan, trace_scan
-from whisker_array.sensor import draw_sensor_chain
-from whisker_array.touch import Touch
-from whisker_array.traces import Fidelity
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.scan.sensor import draw_sensor_chain
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan
+from whisker_array.whisker.touch import Touch
 
 Make = Callable[..., StampedPart]
 Readers = Callable[..., Reader]

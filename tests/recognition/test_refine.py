@@ -7,14 +7,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from glyphs.glyph import Font
-from glyphs.maps import EdgeMap
-from glyphs.stamping import StampedPart
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.stamp import StampedPart
+from glyphs.surface.maps import EdgeMap
 from recognition.refine import Cell, fine_templates, refine_line
 from recognition.search import Hypothesis, LineFit, LineSearch
 from recognition.templates import TemplateCache
-from whisker_array.array import ALL_DIRECTIONS
-from whisker_array.touch import Touch
+from whisker_array.whisker.array import ALL_DIRECTIONS
+from whisker_array.whisker.touch import Touch
 
 Second = Callable[[float], tuple[LineFit, LineFit, tuple[Cell, ...]]]
 

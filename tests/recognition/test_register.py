@@ -11,22 +11,22 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from glyphs.appearance import draw_camera, draw_light, photograph
-from glyphs.camera import mapped
-from glyphs.maps import EdgeMap, HeightMap, TraceDirection
-from glyphs.outlines import load_font
-from glyphs.photo import Photo
-from glyphs.soiling import Dirt, SoiledPart
-from pipeline.synth import SynthSpec, make_soiled
-from recognition.felt_line import FeltLine, felt_line
+from glyphs.camera.appearance import draw_camera, draw_light, photograph
+from glyphs.camera.photo import Photo
+from glyphs.camera.pose import mapped
+from glyphs.fonts.outlines import load_font
+from glyphs.soiling.dirty import Dirt, SoiledPart
+from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
+from pipeline.files.synth import SynthSpec, make_soiled
 from recognition.lattice import Lattice
 from recognition.reading import Box
 from recognition.register import RegisterFailure, Registration, matched_boxes, register, same_field
 from recognition.register_line import register_line
-from recognition.sight_at import sight_at
-from recognition.sight_edges import sight_edges
-from recognition.sight_frame import photo_origin_mm, photo_pitch_mm
-from recognition.sight_templates import SightBasis, predict_basis
+from recognition.tactile_line import FeltLine, felt_line
+from recognition.vision_at import sight_at
+from recognition.vision_edges import sight_edges
+from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
+from recognition.vision_templates import SightBasis, predict_basis
 
 HEIGHT_MM = 5.0
 EDGES_MM = 0.25

@@ -8,7 +8,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from glyphs.maps import HeightMap
+from glyphs.surface.maps import HeightMap
 from recognition.reader import Reader, ReaderSettings
 from recognition.reading import Decision, ReadingFlag
 

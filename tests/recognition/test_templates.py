@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glyphs.die import default_depth_mm, default_die, ideal_relief
-from glyphs.glyph import Font
-from glyphs.maps import TraceDirection
-from glyphs.outlines import load_font
+from glyphs.fonts.glyph import Font
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import default_depth_mm, default_die, ideal_relief
+from glyphs.surface.maps import TraceDirection
 from recognition.frames import channels
 from recognition.templates import (
     CANONICAL_HEIGHT_MM,
@@ -23,10 +23,10 @@ from recognition.templates import (
     stretched,
     template_key,
 )
-from whisker_array.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
-from whisker_array.edges import edge_map
-from whisker_array.scan import trace_scan
-from whisker_array.touch import Touch, default_touch
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.scan import trace_scan
+from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
+from whisker_array.whisker.touch import Touch, default_touch
 
 
 def correlation(a: np.ndarray, b: np.ndarray) -> float:

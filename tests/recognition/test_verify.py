@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from recognition.confusions import CharacterState
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.swaps import CharacterState
 from recognition.verify import Verdict, VerifyError, verify
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"

@@ -1,0 +1,1 @@
+"""Photographs of a part: the same surface lit and taken from above."""

@@ -1,0 +1,55 @@
+"""A photograph of a part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.maps import MAX_PIXELS, MapError
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """A photograph, row 0 at the top.
+
+    Attributes:
+        pixels: (rows, cols) or (rows, cols, 3) uint8, read-only; colours are red, green, blue.
+        pitch_mm: size of a pixel on the part, if known.
+        centre_mm: plate-frame (x, y) under the middle of the picture, if the stage knows it.
+
+    Raises:
+        MapError: no picture of that kind, too small, too large, or a pitch that is not positive.
+    """
+
+    pixels: NDArray[np.uint8]
+    pitch_mm: float | None = None
+    centre_mm: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        p = np.ascontiguousarray(self.pixels)
+        if p.dtype != np.uint8 or not (p.ndim == 2 or (p.ndim == 3 and p.shape[2] == 3)):
+            raise MapError(f"pixels are {p.dtype} of shape {p.shape}; give 8 bit grey or red, green, blue")
+        if min(p.shape[:2]) < 8:
+            raise MapError(f"the photograph is {p.shape[0]} x {p.shape[1]} pixels; that shows no characters")
+        if p.shape[0] * p.shape[1] > MAX_PIXELS:
+            raise MapError(f"{p.shape[0]} x {p.shape[1]} pixels exceed the limit of {MAX_PIXELS:,}; crop it")
+        if self.pitch_mm is not None and not (np.isfinite(self.pitch_mm) and self.pitch_mm > 0.0):
+            raise MapError(f"pitch_mm is {self.pitch_mm}; it must be a positive number of millimetres")
+        if p is self.pixels and p.flags.writeable:
+            p = p.copy()
+        p.flags.writeable = False
+        object.__setattr__(self, "pixels", p)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols)."""
+        return (self.pixels.shape[0], self.pixels.shape[1])
+
+    def grey(self) -> NDArray[np.float32]:
+        """Brightness, (rows, cols) float32 0 to 1 (colours weighted as the eye does, ITU-R BT.601)."""
+        values = self.pixels.astype(np.float32) / np.float32(255.0)
+        if values.ndim == 2:
+            return values
+        return np.asarray(values @ np.array([0.299, 0.587, 0.114], dtype=np.float32))

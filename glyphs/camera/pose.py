@@ -1,0 +1,116 @@
+"""Where a camera stands over a plate, and what it does to the light.
+
+Nominally its axis meets the middle of the plate, its rows run along x. In truth the part lies a little
+shifted, turned and tilted, which nobody but the simulator knows.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from glyphs.surface.maps import HeightMap, MapError
+
+DEFAULT_PIXEL_MM = 0.06
+_SIGNED = ("shift_mm", "rotation_deg", "perspective_per_mm", "exposure_ev")
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera straight above a plate.
+
+    Attributes:
+        pitch_mm: size of a pixel on the plate, nominally.
+        shift_mm: (x, y) of the part from where it ought to lie.
+        rotation_deg: of the part, from +x towards +y (clockwise as seen), about the middle.
+        perspective_per_mm: (x, y) relative change of scale a mm, from a tilted part.
+        defocus_mm: radius (one standard deviation) of the blur, on the plate.
+        exposure_ev: over-exposure, powers of two; 0 brings the mean of the picture to a medium grey.
+        noise: standard deviation of the sensor's noise at full brightness, share of full scale; it falls with the
+            root of the light.
+        dark_noise: standard deviation of what is left in the dark.
+        vignetting: loss of light in the corners, 0..1.
+        bloom: share of the light of glints that spreads around them, 0..1.
+
+    Raises:
+        MapError: a number out of range.
+    """
+
+    pitch_mm: float = DEFAULT_PIXEL_MM
+    shift_mm: tuple[float, float] = (0.0, 0.0)
+    rotation_deg: float = 0.0
+    perspective_per_mm: tuple[float, float] = (0.0, 0.0)
+    defocus_mm: float = 0.04
+    exposure_ev: float = 0.0
+    noise: float = 0.02
+    dark_noise: float = 0.004
+    vignetting: float = 0.15
+    bloom: float = 0.04
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = np.asarray(getattr(self, item.name), dtype=np.float64)
+            if not np.isfinite(value).all():
+                raise MapError(f"{item.name} of the camera is {getattr(self, item.name)}; it must be finite")
+            if item.name not in _SIGNED and (value < 0.0).any():
+                raise MapError(f"{item.name} of the camera is {value}; it must be zero or positive")
+        if self.pitch_mm <= 0.0:
+            raise MapError(f"pitch_mm of the camera is {self.pitch_mm}; it must be positive")
+        if max(self.vignetting, self.bloom) > 1.0:
+            raise MapError("vignetting and bloom of the camera are shares, at most 1")
+        if max(abs(p) for p in self.perspective_per_mm) > 0.01:
+            raise MapError("perspective_per_mm beyond 0.01 is no camera above a plate")
+
+    def frame(self, height_map: HeightMap) -> tuple[tuple[int, int], tuple[float, float]]:
+        """Rows and columns of a picture of the whole plate, and the (x, y) of its middle, mm, nominally."""
+        width, height = height_map.size_mm
+        shape = (max(8, round(height / self.pitch_mm) + 1), max(8, round(width / self.pitch_mm) + 1))
+        return shape, (width / 2, height / 2)
+
+    def to_plate(self, height_map: HeightMap) -> NDArray[np.float64]:
+        """Homography (3, 3) from (column, row, 1) of the picture to plate (x, y, 1), mm, up to scale.
+
+        ::
+
+            pixel -> nominal mm about the middle -> perspective -> turn back -> shift back -> plate
+        """
+        (rows, cols), (mx, my) = self.frame(height_map)
+        p = self.pitch_mm
+        nominal = np.array([[p, 0, -p * (cols - 1) / 2], [0, p, -p * (rows - 1) / 2], [0, 0, 1.0]])
+        px, py = self.perspective_per_mm
+        tilt = np.array([[1.0, 0, 0], [0, 1.0, 0], [px, py, 1.0]])
+        c, s = math.cos(math.radians(self.rotation_deg)), math.sin(math.radians(self.rotation_deg))
+        back = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
+        shift = np.array([[1.0, 0, -self.shift_mm[0]], [0, 1.0, -self.shift_mm[1]], [0, 0, 1.0]])
+        middle = np.array([[1.0, 0, mx], [0, 1.0, my], [0, 0, 1.0]])
+        return np.asarray(middle @ back @ shift @ tilt @ nominal)
+
+
+def mapped(
+    homography: NDArray[np.float64], x: ArrayLike, y: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points through a homography."""
+    h = homography
+    u, v = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    w = h[2, 0] * u + h[2, 1] * v + h[2, 2]
+    return (h[0, 0] * u + h[0, 1] * v + h[0, 2]) / w, (h[1, 0] * u + h[1, 1] * v + h[1, 2]) / w
+
+
+def draw_camera(rng: np.random.Generator, *, pitch_mm: float = DEFAULT_PIXEL_MM) -> Camera:
+    """A camera as set up in a shop: the part within half a millimetre and a degree, mostly in focus."""
+    n = np.clip(rng.standard_normal(6), -2.5, 2.5)
+    return Camera(
+        pitch_mm=pitch_mm,
+        shift_mm=(0.2 * float(n[0]), 0.2 * float(n[1])),
+        rotation_deg=0.6 * float(n[2]),
+        perspective_per_mm=(3e-4 * float(n[3]), 5e-4 * float(n[4])),
+        defocus_mm=float(rng.uniform(0.02, 0.09)),
+        exposure_ev=0.35 * float(n[5]),
+        noise=float(rng.uniform(0.01, 0.035)),
+        dark_noise=float(rng.uniform(0.002, 0.01)),
+        vignetting=float(rng.uniform(0.05, 0.3)),
+        bloom=float(rng.uniform(0.02, 0.08)),
+    )

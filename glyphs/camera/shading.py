@@ -1,0 +1,161 @@
+"""Light thrown towards a camera straight above, from heights and `Look`.
+
+Sums of a directional light and a dome of ambient light, each reflected diffusely (Lambert) and by microfacets
+(Trowbridge-Reitz, also called GGX, with Schlick's Fresnel factor)::
+
+         light   normal   camera (0, 0, 1)
+             \\     |     /
+      l       \\    n    /  v          h = (l + v) / |l + v|
+               \\   |   /
+        ________\\__|__/________ surface
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.soiling.coat import Look
+from glyphs.surface.maps import HeightMap, MapError
+from glyphs.surface.noise import Field
+
+
+@dataclass(frozen=True)
+class Light:
+    """How a part is lit.
+
+    Attributes:
+        azimuth_deg: where the lamp stands, plate frame: 0 at the right (+x), 90 below (+y), 270 above.
+        elevation_deg: of the lamp over the plate, above 0 to 90.
+        ambient: light from all round, as a share of all light that falls on a flat plate, 0..1.
+        size_deg: angular radius of the lamp, > 0: a large one gives soft glints and soft shadows.
+        gradient: unevenness of the ambient light: brighter towards the lamp by that share, 0..1.
+        shadows: whether ridges cast shadows.
+        colour: red, green, blue of the light, > 0.
+
+    Raises:
+        MapError: a number out of range.
+    """
+
+    azimuth_deg: float = 315.0
+    elevation_deg: float = 45.0
+    ambient: float = 0.35
+    size_deg: float = 8.0
+    gradient: float = 0.4
+    shadows: bool = True
+    colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "azimuth_deg": (self.azimuth_deg, -1e6, 1e6),
+            "elevation_deg": (self.elevation_deg, 1.0, 90.0),
+            "ambient": (self.ambient, 0.0, 1.0),
+            "size_deg": (self.size_deg, 0.1, 60.0),
+            "gradient": (self.gradient, 0.0, 1.0),
+            **{f"colour {c}": (v, 1e-3, 1e3) for c, v in zip("rgb", self.colour, strict=True)},
+        }
+        for name, (value, least, most) in ranges.items():
+            if not (math.isfinite(value) and least <= value <= most):
+                raise MapError(f"{name} of the light is {value}; it lies between {least:g} and {most:g}")
+
+    @property
+    def towards(self) -> tuple[float, float, float]:
+        """Unit vector from the plate to the lamp: x right, y down, z towards the camera."""
+        az, el = math.radians(self.azimuth_deg), math.radians(self.elevation_deg)
+        return (math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el))
+
+
+def radiance(height_map: HeightMap, look: Look, light: Light) -> NDArray[np.float32]:
+    """Linear radiance towards a camera above, (rows, cols, 3) float32; 1 is a white matt plate lying flat.
+
+    Raises:
+        MapError: dropouts, or a look on another grid.
+    """
+    z, pitch = height_map.z_mm, height_map.pitch_mm
+    if look.roughness.shape != z.shape:
+        raise MapError(f"a look of {look.roughness.shape} does not fit heights of {z.shape}")
+    if np.isnan(z).any():
+        raise MapError("the height map has dropouts; fill them before taking its picture")
+    nx, ny, nz = _normals(z, pitch)
+    lx, ly, lz = light.towards
+    facing = np.maximum(nx * lx + ny * ly + nz * lz, 0.0)
+    seen = lit_share(z, light, pitch_mm=pitch) if light.shadows else np.float32(1.0)
+    sky = openness(z, pitch_mm=pitch)
+
+    # a flat plate gets (1 - ambient) from the lamp and ambient from the dome
+    lamp = np.float32((1.0 - light.ambient) / lz)
+    direct, around = lamp * facing * seen, np.float32(light.ambient) * sky
+    matt = look.albedo * (direct + around)[..., None]
+
+    hx, hy, hz = lx, ly, lz + 1.0
+    length = math.sqrt(hx * hx + hy * hy + hz * hz)
+    nh = np.clip((nx * hx + ny * hy + nz * hz) / length, 0.0, 1.0)
+    # the lamp's own size widens the glint: half of it, as the mirror turns by half the angle
+    alpha = np.hypot(look.roughness, math.tan(math.radians(light.size_deg) / 2)).astype(np.float32)
+    fresnel = look.reflectance + (1.0 - look.reflectance) * np.float32((1.0 - length / 2) ** 5)
+    glint = fresnel * _trowbridge_reitz(nh, alpha) * (direct > 0.0) * seen * lamp * np.pi / (4.0 * nz)
+
+    # what is mirrored of the dome: the camera looks down, the mirrored ray leaves along 2 nz n - v
+    rx, ry, rz = 2 * nz * nx, 2 * nz * ny, 2 * nz * nz - 1.0
+    lateral = (rx * lx + ry * ly) / max(math.hypot(lx, ly), 1e-6)
+    dome = (
+        light.ambient * (1.0 + light.gradient * lateral) * (0.55 + 0.45 * np.clip(1.6 * (1.0 - rz), 0.0, 1.0))
+    )
+    mirror = look.reflectance * dome * sky
+    colour = np.asarray(light.colour, dtype=np.float32)
+    return np.asarray((matt + (glint + mirror)[..., None]) * colour, dtype=np.float32)
+
+
+def _normals(z: Field, pitch_mm: float) -> tuple[Field, Field, Field]:
+    down, right = np.gradient(z, np.float32(pitch_mm))
+    scale = 1.0 / np.sqrt(1.0 + down * down + right * right)
+    return -right * scale, -down * scale, scale
+
+
+def _trowbridge_reitz(cosine: Field, alpha: Field) -> Field:
+    """Density of microfacet normals at an angle of that cosine from the mean one, per steradian."""
+    a2 = alpha * alpha
+    below = cosine * cosine * (a2 - 1.0) + 1.0
+    return np.asarray(a2 / (np.pi * below * below), dtype=np.float32)
+
+
+def lit_share(z: Field, light: Light, *, pitch_mm: float) -> Field:
+    """Share of the lamp seen from every sample, 0..1: ridges towards the lamp hide it.
+
+    The highest angle to anything within reach towards the lamp, against the lamp's elevation, softened by
+    its size. Heights are looked up at the nearest sample.
+    """
+    lx, ly, _ = light.towards
+    across = math.hypot(lx, ly)
+    elevation = math.radians(light.elevation_deg)
+    relief = float(np.quantile(z, 0.999) - np.quantile(z, 0.001))
+    reach = relief / math.tan(elevation) if across > 1e-6 else 0.0
+    steps = min(40, math.ceil(reach / pitch_mm))
+    if steps < 1:
+        return np.ones_like(z)
+    rows, cols = z.shape
+    room = steps + 1
+    wide = np.pad(z, room, mode="edge")
+    rise = np.full(z.shape, -np.inf, dtype=np.float32)
+    for k in range(1, steps + 1):
+        dr, dc = round(k * ly / across), round(k * lx / across)
+        if dr == 0 and dc == 0:
+            continue
+        there = wide[room + dr : room + dr + rows, room + dc : room + dc + cols]
+        np.maximum(rise, (there - z) / np.float32(math.hypot(dr, dc) * pitch_mm), out=rise)
+    half = math.radians(light.size_deg)
+    return np.asarray(np.clip((elevation + half - np.arctan(rise)) / (2 * half), 0.0, 1.0), dtype=np.float32)
+
+
+def openness(z: Field, *, pitch_mm: float) -> Field:
+    """Share of the dome seen from every sample, 0..1, from how far it lies below its surroundings."""
+    from scipy.ndimage import gaussian_filter
+
+    share = np.ones_like(z)
+    for reach_mm in (0.15, 0.45):
+        below = gaussian_filter(z, reach_mm / pitch_mm, mode="nearest", truncate=3.0) - z
+        share /= 1.0 + (np.maximum(below, 0.0) * np.float32(1.4 / reach_mm)) ** 2
+    return np.asarray(share, dtype=np.float32)

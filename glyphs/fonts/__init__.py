@@ -1,0 +1,1 @@
+"""Characters: outlines and strokes, the fonts they come from, and serials made of them."""

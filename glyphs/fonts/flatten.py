@@ -1,0 +1,95 @@
+"""Outlines of TrueType and OpenType fonts as polygons."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from fontTools.pens.basePen import BasePen
+
+from glyphs.fonts.glyph import FontError, Points
+
+_Outline = tuple[tuple[Points, ...], float]
+_MAX_STEPS = 64
+
+
+class _PolygonPen(BasePen):  # type: ignore[misc,unused-ignore]
+    """Collects closed polygons; quadratic curves and components arrive through the base class as cubics."""
+
+    def __init__(self, glyph_set: Any, tolerance: float) -> None:
+        super().__init__(glyph_set)
+        self.tolerance = tolerance
+        self.polygons: list[list[tuple[float, float]]] = []
+
+    def _moveTo(self, pt: tuple[float, float]) -> None:
+        self.polygons.append([pt])
+
+    def _lineTo(self, pt: tuple[float, float]) -> None:
+        self.polygons[-1].append(pt)
+
+    def _curveToOne(
+        self, pt1: tuple[float, float], pt2: tuple[float, float], pt3: tuple[float, float]
+    ) -> None:
+        p0, p1, p2, p3 = np.array([self._getCurrentPoint(), pt1, pt2, pt3], dtype=np.float64)
+        bend = max(np.hypot(*(p0 - 2 * p1 + p2)), np.hypot(*(p1 - 2 * p2 + p3)))
+        # A chord of a cubic over 1/n of its parameter strays by at most 6/8 of the bend over n squared.
+        steps = int(np.clip(np.ceil(np.sqrt(0.75 * bend / self.tolerance)), 1, _MAX_STEPS))
+        t = (np.arange(1, steps + 1) / steps)[:, None]
+        curve = (1 - t) ** 3 * p0 + 3 * t * (1 - t) ** 2 * p1 + 3 * t**2 * (1 - t) * p2 + t**3 * p3
+        self.polygons[-1].extend((float(x), float(y)) for x, y in curve)
+
+
+def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, dict[str, _Outline]]:
+    """Polygons and advances of the characters that a font has, scaled to a cap height of 1.
+
+    Args:
+        file: an open `fontTools.ttLib.TTFont`.
+        characters: the characters wanted.
+        flatness: how far a chord may stray from its curve, cap heights.
+
+    Returns:
+        The font's full name (may be empty) and {character: (polygons (n, 2) each, advance)}, cap heights.
+
+    Raises:
+        FontError: no character map, or nothing to take a cap height from.
+    """
+    cmap = file.getBestCmap()
+    if not cmap:
+        raise FontError("the font has no Unicode character map; use another font")
+    glyph_set = file.getGlyphSet()
+    cap = _cap_height(file, cmap, glyph_set)
+    out: dict[str, _Outline] = {}
+    for char in characters:
+        name = cmap.get(ord(char))
+        if name is None:
+            continue
+        pen = _PolygonPen(glyph_set, flatness * cap)
+        glyph_set[name].draw(pen)
+        polygons = tuple(
+            q for p in pen.polygons if len(q := _distinct(np.array(p, dtype=np.float64) / cap)) >= 3
+        )
+        out[char] = (polygons, float(glyph_set[name].width) / cap)
+    face = file["name"].getDebugName(4) if "name" in file else None
+    return str(face or ""), out
+
+
+def _distinct(points: Points) -> Points:
+    """The closed polygon without points that repeat their predecessor."""
+    keep = np.hypot(*(points - np.roll(points, 1, axis=0)).T) > 1e-7
+    return np.asarray(points[keep], dtype=np.float64)
+
+
+def _cap_height(file: Any, cmap: dict[int, str], glyph_set: Any) -> float:
+    """Height of H over the baseline in font units; else what the font declares."""
+    from fontTools.pens.boundsPen import BoundsPen
+
+    if ord("H") in cmap:
+        pen = BoundsPen(glyph_set)
+        glyph_set[cmap[ord("H")]].draw(pen)
+        if pen.bounds is not None and pen.bounds[3] > 0:
+            return float(pen.bounds[3])
+    if "OS/2" in file and getattr(file["OS/2"], "sCapHeight", 0) > 0:
+        return float(file["OS/2"].sCapHeight)
+    if "hhea" in file and file["hhea"].ascent > 0:
+        return float(file["hhea"].ascent)
+    raise FontError("the font tells no cap height (no H, OS/2 or hhea table); use another font")

@@ -1,0 +1,295 @@
+"""What a character is: strokes or contours in one frame, and the signed distance from its ink.
+
+Glyph frame: x right from the left bearing (0 .. advance), y *up* from the baseline, unit = cap height.
+
+A stroke font's centre lines are set in from the cap height so that the ink, not the centre line, of H spans
+y = 0..1: its centre lines run from stroke/2 to 1 - stroke/2. `with_stroke` refits them to another stroke, so
+a glyph stamped at `height_mm` is `height_mm` tall whatever the die's stroke.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Points = NDArray[np.float64]
+
+FELT_PIXELS = 40
+"""Pixels to the cap height of a relief that was felt."""
+
+
+class FontError(ValueError):
+    """A font or glyph that cannot be used: the message says what is wrong and how to mend it."""
+
+
+def _point_arrays(name: str, char: str, arrays: tuple[Points, ...], least: int) -> tuple[Points, ...]:
+    out = []
+    for points in arrays:
+        array = np.array(points, dtype=np.float64)
+        if array.ndim != 2 or array.shape[1] != 2 or array.shape[0] < least:
+            raise FontError(
+                f"{name} of {char!r} has shape {array.shape}; it must be (n, 2) with n of at least {least}"
+            )
+        if not np.isfinite(array).all():
+            raise FontError(f"{name} of {char!r} has coordinates that are not finite")
+        array.flags.writeable = False
+        out.append(array)
+    return tuple(out)
+
+
+def _felt(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
+    array = np.array(relief, dtype=np.float32)
+    if array.ndim != 2 or array.shape[0] % 2 == 0 or array.shape[1] % 2 == 0:
+        raise FontError(f"the relief of {char!r} has shape {array.shape}; rows and columns must be odd")
+    if not np.isfinite(array).all():
+        raise FontError(f"the relief of {char!r} has heights that are not finite")
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Glyph:
+    """One character's shape in the glyph frame.
+
+    Attributes:
+        char: the character, exactly one.
+        strokes: open polylines (n, 2), n >= 1 (one point is a dot); empty for an outlined glyph.
+        contours: closed polygons (n, 2), n >= 3, non-zero winding, not repeating the first point; empty for
+            a stroke glyph. A space has neither.
+        advance: distance to the next character's origin, cap heights.
+        stroke: width of the stroke the centre lines were set in for, cap heights; 0 for contours.
+        felt: relief of a character learned by touch, (rows, cols) float32, both odd, FELT_PIXELS to the cap height,
+            in cap heights, negative in the mark; its middle pixel is the middle of the ink across and half the cap
+            height up, row 0 the top. Templates are made of it, where the contours only draw its outline. None of
+            any other glyph.
+        guessed: whether a learned font has this character from another font's likeness only.
+
+    Raises:
+        FontError: both strokes and contours, wrong shapes, values not finite, stroke outside 0 <= s < 1.
+    """
+
+    char: str
+    strokes: tuple[Points, ...] = ()
+    contours: tuple[Points, ...] = ()
+    advance: float = 0.0
+    stroke: float = 0.0
+    felt: NDArray[np.float32] | None = None
+    guessed: bool = False
+
+    def __post_init__(self) -> None:
+        if len(self.char) != 1:
+            raise FontError(f"a glyph stands for one character, not for {self.char!r}")
+        if self.strokes and self.contours:
+            raise FontError(f"glyph {self.char!r} has strokes and contours; give one of them")
+        object.__setattr__(self, "strokes", _point_arrays("a stroke", self.char, tuple(self.strokes), 1))
+        object.__setattr__(self, "contours", _point_arrays("a contour", self.char, tuple(self.contours), 3))
+        if not np.isfinite(self.advance) or self.advance < 0.0:
+            raise FontError(
+                f"advance of {self.char!r} is {self.advance}; it must be zero or more cap heights"
+            )
+        if not 0.0 <= self.stroke < 1.0:
+            raise FontError(
+                f"stroke of {self.char!r} is {self.stroke}; it must be at least 0 and below 1 cap height"
+            )
+        if self.felt is not None:
+            object.__setattr__(self, "felt", _felt(self.char, self.felt))
+
+    @property
+    def inked(self) -> bool:
+        """Whether there is anything to stamp (a space has no ink)."""
+        return bool(self.strokes or self.contours)
+
+    @property
+    def ink_box(self) -> tuple[float, float, float, float]:
+        """Bounding box (x0, y0, x1, y1) of the ink, nominal stroke included, cap heights.
+
+        For a glyph without ink the empty cell (0, 0, advance, 1).
+        """
+        if not self.inked:
+            return (0.0, 0.0, self.advance, 1.0)
+        points = np.concatenate(self.strokes + self.contours)
+        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
+        half = self.stroke / 2
+        return (float(x0 - half), float(y0 - half), float(x1 + half), float(y1 + half))
+
+    @cached_property
+    def segments(self) -> Points:
+        """(m, 4) directed segments x0, y0, x1, y1 of strokes or contours; a dot is a segment of no length."""
+        parts = [np.hstack([c, np.roll(c, -1, axis=0)]) for c in self.contours]
+        for s in self.strokes:
+            parts.append(np.hstack([s[:-1], s[1:]]) if len(s) > 1 else np.hstack([s, s]))
+        return np.ascontiguousarray(np.concatenate(parts)) if parts else np.empty((0, 4))
+
+    @cached_property
+    def boundary(self) -> Points:
+        """(m, 4) segments that bound the ink: `segments`, less what lies inside overlapping contours."""
+        return _ink_boundary(self.segments) if self.contours else self.segments
+
+
+@dataclass(frozen=True, eq=False)
+class Font:
+    """A set of glyphs.
+
+    Attributes:
+        name: built-in name or the font's own full name.
+        glyphs: read-only mapping of character to glyph, not empty.
+        stroke_ratio: nominal stroke width over cap height; 0.0 for outlined fonts.
+        source: where it comes from, in words or a path.
+
+    Raises:
+        FontError: no glyph, a key that is not its glyph's character, stroke_ratio outside 0 <= r < 1.
+    """
+
+    name: str
+    glyphs: Mapping[str, Glyph]
+    stroke_ratio: float
+    source: str
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise FontError("a font needs a name")
+        if not self.glyphs:
+            raise FontError(f"font {self.name!r} has no glyphs")
+        wrong = [key for key, glyph in self.glyphs.items() if key != glyph.char]
+        if wrong:
+            raise FontError(f"font {self.name!r} files other characters' glyphs under {wrong}")
+        if not 0.0 <= self.stroke_ratio < 1.0:
+            raise FontError(
+                f"stroke_ratio of {self.name!r} is {self.stroke_ratio}; it must be at least 0 and below 1"
+            )
+        object.__setattr__(self, "glyphs", MappingProxyType(dict(self.glyphs)))
+
+    @cached_property
+    def learned(self) -> bool:
+        """Whether its shapes were felt rather than drawn."""
+        return any(glyph.felt is not None for glyph in self.glyphs.values())
+
+    def glyph(self, char: str) -> Glyph:
+        """The glyph of a character.
+
+        Raises:
+            FontError: the font does not have it; the message lists what it has.
+        """
+        try:
+            return self.glyphs[char]
+        except KeyError:
+            have = "".join(sorted(c for c in self.glyphs if c != " "))
+            raise FontError(f"font {self.name!r} has no character {char!r}; it has {have}") from None
+
+
+def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
+    """The glyph with centre lines refitted so that ink of width `stroke` (cap heights) has the same height.
+
+    Contours come back unchanged: their ink is what they enclose.
+
+    Raises:
+        FontError: stroke outside 0 <= stroke < 1.
+    """
+    if glyph.contours or stroke == glyph.stroke:
+        return glyph
+    if not 0.0 <= stroke < 1.0:
+        raise FontError(
+            f"a stroke of {stroke:.3g} cap heights leaves no letter; use a narrower stroke or larger type"
+        )
+    scale = (1.0 - stroke) / (1.0 - glyph.stroke)
+
+    def refit(values: Points) -> Points:
+        return (values - glyph.stroke / 2) * scale + stroke / 2
+
+    return replace(
+        glyph,
+        strokes=tuple(refit(s) for s in glyph.strokes),
+        advance=max(0.0, (glyph.advance - glyph.stroke) * scale + stroke),
+        stroke=stroke,
+    )
+
+
+def transformed(glyph: Glyph, *, x_scale: float = 1.0, shear: float = 0.0) -> Glyph:
+    """The glyph with its points widened by `x_scale` and leaned right by `shear` (x per y) about mid cap.
+
+    Points move, the stroke width stays, so walls keep their bevel.
+    """
+    if x_scale == 1.0 and shear == 0.0:
+        return glyph
+
+    def move(p: Points) -> Points:
+        return np.column_stack([p[:, 0] * x_scale + (p[:, 1] - 0.5) * shear, p[:, 1]])
+
+    return replace(
+        glyph,
+        strokes=tuple(move(s) for s in glyph.strokes),
+        contours=tuple(move(c) for c in glyph.contours),
+        advance=glyph.advance * x_scale,
+        felt=None,
+    )
+
+
+def signed_distance(glyph: Glyph, x: ArrayLike, y: ArrayLike, *, stroke: float) -> NDArray[np.float32]:
+    """Distance from the edge of the ink, negative inside it.
+
+    Args:
+        glyph: the character.
+        x: positions in the glyph frame, cap heights; any shape.
+        y: the same, broadcast against x.
+        stroke: width of the stroke, cap heights; ignored for contours.
+
+    Returns:
+        float32 of the broadcast shape, cap heights, exact outside and inside contours and outside strokes;
+        inside a stroke it is the distance to the centre line less half the stroke, so it bottoms at
+        -stroke/2. +inf where the glyph has no ink.
+    """
+    from glyphs.fonts.distance import segment_distance, winding_number
+
+    xs, ys = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    flat_x, flat_y = np.ascontiguousarray(xs).ravel(), np.ascontiguousarray(ys).ravel()
+    if not glyph.inked:
+        return np.full(xs.shape, np.inf, dtype=np.float32)
+    distance = segment_distance(flat_x, flat_y, glyph.boundary)
+    if glyph.contours:
+        distance = np.where(winding_number(flat_x, flat_y, glyph.segments) != 0, -distance, distance)
+    else:
+        distance = distance - stroke / 2
+    return np.asarray(distance, dtype=np.float32).reshape(xs.shape)
+
+
+def _ink_boundary(segments: Points) -> Points:
+    """Cut crossing segments and keep the pieces with ink on one side only.
+
+    Contours that overlap (variable fonts, composites) have edges buried in the ink; a distance to those would
+    raise a ridge along the seam.
+    """
+    p, d = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    cross = d[:, None, 0] * d[None, :, 1] - d[:, None, 1] * d[None, :, 0]
+    gap = p[None, :, :] - p[:, None, :]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (gap[..., 0] * d[None, :, 1] - gap[..., 1] * d[None, :, 0]) / cross
+        u = (gap[..., 0] * d[:, None, 1] - gap[..., 1] * d[:, None, 0]) / cross
+    tiny = 1e-9
+    crossing = (t > tiny) & (t < 1 - tiny) & (u > -tiny) & (u < 1 + tiny)
+    pieces = []
+    for k in range(len(segments)):
+        cuts = np.concatenate([[0.0], np.sort(t[k][crossing[k]]), [1.0]])
+        ends = p[k] + cuts[:, None] * d[k]
+        pieces.append(np.hstack([ends[:-1], ends[1:]]))
+    cut = np.concatenate(pieces)
+    run = cut[:, 2:] - cut[:, :2]
+    length = np.hypot(run[:, 0], run[:, 1])
+    cut, run, length = cut[length > tiny], run[length > tiny], length[length > tiny]
+    middle = (cut[:, :2] + cut[:, 2:]) / 2
+    side = np.column_stack([-run[:, 1], run[:, 0]]) / length[:, None] * 1e-6
+    left = _winding(middle + side, segments) != 0
+    right = _winding(middle - side, segments) != 0
+    return np.ascontiguousarray(cut[left != right])
+
+
+def _winding(points: Points, segments: Points) -> NDArray[np.int32]:
+    """Winding number about points (n, 2)."""
+    from glyphs.fonts.distance import winding_number
+
+    x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+    return np.asarray(winding_number(x, y, segments), dtype=np.int32)

@@ -1,0 +1,154 @@
+"""Where glyphs come from: the built-in gothic, Hershey's engraving letters, and TrueType or OpenType files.
+
+Of the Hershey fonts, `rowmans`, `rowmand` and `rowmant` are left out: in the package's data they are the same
+strokes as `futural`, `futuram` and `timesrb` for every letter and figure.
+"""
+
+from __future__ import annotations
+
+import string
+from functools import cache, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from glyphs.fonts import gothic
+from glyphs.fonts.glyph import Font, FontError, Glyph, Points, signed_distance, transformed, with_stroke
+
+__all__ = [
+    "BUILTIN_FONTS",
+    "SERIAL_CHARACTERS",
+    "Font",
+    "FontError",
+    "Glyph",
+    "load_font",
+    "signed_distance",
+    "transformed",
+    "with_stroke",
+]
+
+BUILTIN_FONTS: tuple[str, ...] = ("gothic", "futural", "futuram", "timesr", "timesrb")
+"""Names that `load_font` knows without a file, the usual steel-stamp letter first."""
+
+SERIAL_CHARACTERS = string.ascii_uppercase + string.digits
+
+_HERSHEY_STROKE = {"futural": 0.14, "futuram": 0.10, "timesr": 0.075, "timesrb": 0.075}
+_HERSHEY_CHARACTERS = SERIAL_CHARACTERS + "-/.+&()#*:,=' "
+_FONT_CHARACTERS = string.ascii_letters + string.digits + string.punctuation + " "
+_FONT_SUFFIXES = {".ttf", ".otf", ".ttc", ".otc", ".woff", ".woff2"}
+_FLATNESS = 0.002  # cap heights: a hundredth of a millimetre at 5 mm, far below a die's edge radius
+_ARC_STEP_DEG = 6.0  # sagitta 0.0007 cap heights on the largest arc
+
+
+def load_font(name_or_path: str | Path) -> Font:
+    """A font by built-in name, or from a TTF, OTF or TTC (its first face) file. Cached.
+
+    Args:
+        name_or_path: one of `BUILTIN_FONTS`, or a path.
+
+    Returns:
+        The font; from a file, whatever it has of A-Z, a-z, 0-9 and ASCII punctuation.
+
+    Raises:
+        FontError: unknown name, missing or damaged file, or a file without any of A-Z and 0-9.
+    """
+    name = str(name_or_path)
+    if name in BUILTIN_FONTS:
+        return _builtin(name)
+    path = Path(name_or_path)
+    if isinstance(name_or_path, str) and path.suffix.lower() not in _FONT_SUFFIXES and path.name == name:
+        raise FontError(
+            f"unknown font {name!r}; the built-in fonts are {', '.join(BUILTIN_FONTS)}, "
+            "anything else must be the path of a .ttf, .otf or .ttc file"
+        )
+    if not path.is_file():
+        raise FontError(
+            f"font file {name!r} is missing; check the path or use a built-in: {', '.join(BUILTIN_FONTS)}"
+        )
+    stat = path.stat()
+    return _from_file(str(path.resolve()), stat.st_mtime_ns, stat.st_size)
+
+
+@cache
+def _builtin(name: str) -> Font:
+    return _gothic_font() if name == "gothic" else _hershey_font(name)
+
+
+def _flatten(stroke: gothic.Stroke) -> Points:
+    """Points and arcs to one polyline (n, 2)."""
+    parts: list[Points] = []
+    for step in stroke:
+        if isinstance(step, gothic.Arc):
+            count = max(2, int(np.ceil(abs(step.end_deg - step.start_deg) / _ARC_STEP_DEG)) + 1)
+            angle = np.radians(np.linspace(step.start_deg, step.end_deg, count))
+            parts.append(
+                np.column_stack([step.cx + step.rx * np.cos(angle), step.cy + step.ry * np.sin(angle)])
+            )
+        else:
+            parts.append(np.array([step], dtype=np.float64))
+    points = np.concatenate(parts)
+    fresh = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-9)
+    return np.asarray(points[fresh], dtype=np.float64)
+
+
+def _gothic_font() -> Font:
+    glyphs = {}
+    for char, (width, strokes) in gothic.GOTHIC.items():
+        lines = tuple(_flatten(s) + np.array([gothic.BEARING, 0.0]) for s in strokes)
+        plain = Glyph(char, strokes=lines, advance=width + 2 * gothic.BEARING)
+        glyphs[char] = with_stroke(plain, gothic.STROKE_RATIO)
+    return Font("gothic", glyphs, gothic.STROKE_RATIO, "built in, after ISO 3098 type B and DIN 1451")
+
+
+def _hershey_font(name: str) -> Font:
+    from HersheyFonts import HersheyFonts
+
+    hershey = HersheyFonts()
+    hershey.load_default_font(name)
+    source = hershey.all_glyphs
+    ratio = _HERSHEY_STROKE[name]
+    glyphs = {}
+    for char in _HERSHEY_CHARACTERS:
+        raw = source.get(char)
+        if raw is None:
+            continue
+        unit = float(raw.base_line - raw.cap_line)
+        lines = []
+        for stroke in raw.strokes:
+            p = np.asarray(stroke, dtype=np.float64)
+            # Hershey's y runs down from mid cap height.
+            lines.append(np.column_stack([p[:, 0] - raw.left_offset, raw.base_line - p[:, 1]]) / unit)
+        plain = Glyph(char, strokes=tuple(lines), advance=raw.char_width / unit)
+        glyphs[char] = with_stroke(plain, ratio)
+    return Font(name, glyphs, ratio, f"Hershey {name}")
+
+
+@lru_cache(maxsize=32)
+def _from_file(path: str, mtime_ns: int, size: int) -> Font:
+    """Read a font file; the time and size are only there to notice that the file has changed."""
+    from fontTools.ttLib import TTFont
+
+    try:
+        with TTFont(path, fontNumber=0, lazy=True) as file:
+            return _outlined_font(file, path)
+    except FontError:
+        raise
+    except Exception as error:  # fontTools meets damage with whatever its parser tripped over
+        raise FontError(
+            f"font file {path!r} cannot be read ({type(error).__name__}: {error}); "
+            "it is damaged or not a TrueType or OpenType font, get a fresh copy"
+        ) from error
+
+
+def _outlined_font(file: object, path: str) -> Font:
+    from glyphs.fonts.flatten import read_outlines
+
+    face, outlines = read_outlines(file, _FONT_CHARACTERS, flatness=_FLATNESS)
+    glyphs = {
+        char: Glyph(char, contours=contours, advance=advance)
+        for char, (contours, advance) in outlines.items()
+        if contours or char == " "
+    }
+    if not set(SERIAL_CHARACTERS) & set(glyphs):
+        raise FontError(f"font file {path!r} has none of A-Z and 0-9; use a Latin font")
+    return Font(face or Path(path).stem, glyphs, 0.0, path)

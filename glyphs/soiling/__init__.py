@@ -1,0 +1,1 @@
+"""Dirt and damage: what lies on a part, what yields under the tip, what wore off."""

@@ -1,0 +1,209 @@
+"""A part's surface while dirt settles on it, and how it looks.
+
+Every kind of dirt is a function from one `Coat` to the next (`wear`, `films`, `grime`, `debris`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from glyphs.stamping.stamp import StampedPart
+from glyphs.surface.maps import MapError
+from glyphs.surface.noise import Field, smooth_noise
+
+STEEL_FRICTION = 0.2
+STEEL_HARDNESS_MPA = 2000.0
+"""What does not yield to a fingertip's load; told where nothing lies that does."""
+_STEEL_ALBEDO = (0.20, 0.195, 0.185)
+_STEEL_REFLECTANCE = 0.55
+_STEEL_ROUGHNESS = 0.34
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """How a surface throws light back, sample by sample.
+
+    Attributes:
+        albedo: (rows, cols, 3) float32, 0 to 1: red, green and blue light thrown back diffusely.
+        roughness: (rows, cols) float32, above 0 to 1: slope spread of its microfacets; small is glossy.
+        reflectance: (rows, cols) float32, 0 to 1: mirrored at normal incidence (oil, paint 0.04; steel 0.55).
+
+    Raises:
+        MapError: shapes that do not agree, or a number out of range.
+    """
+
+    albedo: NDArray[np.float32]
+    roughness: NDArray[np.float32]
+    reflectance: NDArray[np.float32]
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.roughness)
+        if len(shape) != 2 or np.shape(self.albedo) != (*shape, 3) or np.shape(self.reflectance) != shape:
+            raise MapError(
+                f"albedo {np.shape(self.albedo)}, roughness {shape} and reflectance "
+                f"{np.shape(self.reflectance)} do not agree"
+            )
+        for name, least in (("albedo", 0.0), ("roughness", 1e-3), ("reflectance", 0.0)):
+            values = np.array(getattr(self, name), dtype=np.float32)
+            if not (np.isfinite(values).all() and values.min() >= least and values.max() <= 1.0):
+                raise MapError(f"{name} must lie between {least:g} and 1 everywhere")
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+
+@dataclass(frozen=True, eq=False)
+class Coat:
+    """The surface so far; all arrays (rows, cols) float32 unless said otherwise.
+
+    Attributes:
+        pitch_mm: of the grid.
+        height_mm: of the characters.
+        clean_mm: the stamped surface, before any dirt.
+        brim_mm: the height to which a hollow can be filled: the land of sunk marks.
+        z_mm: top of the surface.
+        soft_mm: thickness of the topmost dirt that yields.
+        hardness_mpa: its hardness.
+        friction: Coulomb coefficient of the top.
+        albedo: (rows, cols, 3), see `Look`.
+        roughness: see `Look`.
+        reflectance: see `Look`.
+    """
+
+    pitch_mm: float
+    height_mm: float
+    clean_mm: Field
+    brim_mm: Field
+    z_mm: Field
+    soft_mm: Field
+    hardness_mpa: Field
+    friction: Field
+    albedo: NDArray[np.float32]
+    roughness: Field
+    reflectance: Field
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols)."""
+        return (self.z_mm.shape[0], self.z_mm.shape[1])
+
+    @property
+    def area_mm2(self) -> float:
+        """Area of the plate."""
+        return self.z_mm.size * self.pitch_mm**2
+
+    def hollow_mm(self) -> Field:
+        """How far the top lies below the brim, at least 0."""
+        return np.asarray(np.maximum(self.brim_mm - self.z_mm, 0.0), dtype=np.float32)
+
+    def noise(self, length_mm: float, rng: np.random.Generator) -> Field:
+        """`smooth_noise` on this grid."""
+        return smooth_noise(self.shape, pitch_mm=self.pitch_mm, length_mm=length_mm, rng=rng)
+
+    def shaded(
+        self,
+        cover: Field,
+        *,
+        albedo: ArrayLike | None = None,
+        darker: ArrayLike | None = None,
+        roughness: ArrayLike | None = None,
+        reflectance: ArrayLike | None = None,
+    ) -> Coat:
+        """The coat with another look where `cover` (0 to 1) says so.
+
+        Args:
+            cover: share of the new look.
+            albedo: the new albedo.
+            darker: factor on the albedo instead.
+            roughness: the new roughness.
+            reflectance: the new reflectance.
+        """
+        w = cover.astype(np.float32)
+        changes: dict[str, NDArray[np.float32]] = {}
+        if albedo is not None or darker is not None:
+            given = self.albedo * np.asarray(darker) if albedo is None else albedo
+            new = np.asarray(given, dtype=np.float32)
+            changes["albedo"] = np.clip(self.albedo + w[..., None] * (new - self.albedo), 0.0, 1.0)
+        for name, value in (("roughness", roughness), ("reflectance", reflectance)):
+            if value is not None:
+                old = getattr(self, name)
+                changes[name] = np.clip(old + w * (np.asarray(value, np.float32) - old), 0.02, 1.0)
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+
+def bare_coat(part: StampedPart, *, rng: np.random.Generator) -> Coat:
+    """A clean part: its surface, nothing that yields, and the look of machined steel.
+
+    Raises:
+        MapError: dropouts in the height map (a surface with holes cannot be soiled).
+    """
+    z = part.height_map.z_mm
+    if np.isnan(z).any():
+        raise MapError("the height map has dropouts; soil a part whose surface is whole")
+    pitch = part.height_map.pitch_mm
+    shape = part.height_map.shape
+    tint = np.array(_STEEL_ALBEDO) * rng.uniform(0.8, 1.25) * (1.0 + 0.03 * rng.standard_normal(3))
+    mottle = smooth_noise(shape, pitch_mm=pitch, length_mm=0.6 * part.height_mm, rng=rng)
+    shine = rng.uniform(0.8, 1.3)
+    full = np.ones(shape, dtype=np.float32)
+    return Coat(
+        pitch_mm=pitch,
+        height_mm=part.height_mm,
+        clean_mm=z,
+        brim_mm=_brim_mm(part),
+        z_mm=z,
+        soft_mm=0.0 * full,
+        hardness_mpa=np.float32(STEEL_HARDNESS_MPA) * full,
+        friction=np.float32(STEEL_FRICTION) * full,
+        albedo=np.clip((full + 0.04 * mottle)[..., None] * tint.astype(np.float32), 0.02, 0.9),
+        roughness=np.clip(np.float32(_STEEL_ROUGHNESS * shine) * (full + 0.05 * mottle), 0.1, 0.8),
+        reflectance=np.float32(_STEEL_REFLECTANCE) * full,
+    )
+
+
+def _brim_mm(part: StampedPart) -> Field:
+    """The height to which a hollow fills: the land, carried on smoothly under the characters.
+
+    Around raised marks there is no groove; dirt collects at their feet, up to a local mean of the surface.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    z, pitch, size = part.height_map.z_mm, part.height_map.pitch_mm, part.height_mm
+    rows, cols = z.shape
+    land = np.ones(z.shape, dtype=bool)
+    rim = 0.12 * size
+    for x0, y0, x1, y1 in part.boxes_mm:
+        columns = slice(max(0, int((x0 - rim) / pitch)), max(0, int((x1 + rim) / pitch) + 1))
+        lines = slice(max(0, int((y0 - rim) / pitch)), max(0, int((y1 + rim) / pitch) + 1))
+        land[lines, columns] = False
+    if land.mean() < 0.05:
+        return np.asarray(gaussian_filter(z, 0.5 * size / pitch, mode="nearest"), dtype=np.float32)
+    # a plane through the land, then what is left of it averaged over about a character, on a thinned grid
+    step = max(1, int(0.04 * size / pitch))
+    v, u = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, cols), indexing="ij")
+    terms = np.stack([np.ones_like(u), u, v], axis=-1)[::step, ::step]
+    seen, weight = z[::step, ::step], land[::step, ::step]
+    plane, *_ = np.linalg.lstsq(terms[weight], seen[weight], rcond=None)
+    rest = np.where(weight, seen - terms @ plane, 0.0)
+    sigma = 0.35 * size / (pitch * step)
+    near = gaussian_filter(weight.astype(np.float64), sigma, mode="nearest")
+    wave = gaussian_filter(rest, sigma, mode="nearest") / np.maximum(near, 1e-3)
+    where = (np.linspace(0, (rows - 1) / step, rows), np.linspace(0, (cols - 1) / step, cols))
+    brim = plane[0] + plane[1] * u + plane[2] * v + _bilinear(wave, *where)
+    inked = ~land
+    if inked.any() and float((z - brim)[inked].mean()) > 0.0:
+        mean = gaussian_filter(z, 0.15 * size / pitch, mode="nearest")
+        return np.asarray(mean, dtype=np.float32)
+    return np.asarray(brim, dtype=np.float32)
+
+
+def _bilinear(values: NDArray[np.float64], row: NDArray[np.float64], col: NDArray[np.float64]) -> Field:
+    """Values of a thinned grid at fractional rows and columns; constant beyond its last sample."""
+    r = np.clip(row, 0, values.shape[0] - 1)
+    c = np.clip(col, 0, values.shape[1] - 1)
+    r0, c0 = np.minimum(r.astype(int), values.shape[0] - 2), np.minimum(c.astype(int), values.shape[1] - 2)
+    fr, fc = (r - r0)[:, None], (c - c0)[None, :]
+    down = values[r0] * (1 - fr) + values[r0 + 1] * fr
+    return np.asarray(down[:, c0] * (1 - fc) + down[:, c0 + 1] * fc, dtype=np.float32)

@@ -1,0 +1,320 @@
+"""The glyph database: fonts, dies and enrolled exemplars in one file.
+
+The file is HDF5 behind a user block of 512 bytes that names the format, its version and the SHA-256 of all
+that follows. The digest is checked before the HDF5 library sees a byte: a damaged file is refused, never
+half-read. Any HDF5 reader opens it, since HDF5 skips user blocks.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import datetime
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.fonts.glyph import Font, Glyph
+from glyphs.stamping.die import Die
+from glyphs.surface.maps import EdgeMap, TraceDirection
+
+FORMAT_NAME = "tactile-marks glyph database"
+FORMAT_VERSION = 2
+_READABLE_VERSIONS = (1, 2)
+_BLOCK_BYTES = 512
+_EXEMPLAR_TEXTS = ("char", "font_name", "note", "enrolled_at", "part", "evidence")
+_EXEMPLAR_NUMBERS = ("height_mm", "rotation_deg", "raised")
+
+
+class DatabaseError(ValueError):
+    """A database that cannot be read, written or made: names the file, what is wrong and how to mend it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Exemplar:
+    """One character as it was once felt, enrolled by hand.
+
+    Attributes:
+        char: what it is, one character.
+        font_name: the font it was stamped with, may be empty if unknown.
+        edge_map: what was felt.
+        note: anything the enroller wants to say.
+        enrolled_at: ISO 8601 time, given by the caller.
+        relief: (rows, cols) float32 height over the land in character heights, negative in the mark, on the grid of
+            the edge map; NaN where not known. None where it was not felt: such an exemplar teaches nothing.
+        height_mm: character height; 0 where unknown.
+        rotation_deg: of its line in the plate frame; the edge map lies in the line's frame.
+        raised: whether the mark stands out.
+        part: name of the part.
+        evidence: SHA-256 of the file it was cut from, hexadecimal; the same file is enrolled once.
+
+    Raises:
+        DatabaseError: not one character, a time that is not ISO 8601, or a relief on another grid.
+    """
+
+    char: str
+    font_name: str
+    edge_map: EdgeMap
+    note: str
+    enrolled_at: str
+    relief: NDArray[np.float32] | None = None
+    height_mm: float = 0.0
+    rotation_deg: float = 0.0
+    raised: bool = False
+    part: str = ""
+    evidence: str = ""
+
+    def __post_init__(self) -> None:
+        if self.relief is not None and np.shape(self.relief) != self.edge_map.shape:
+            raise DatabaseError(
+                f"a relief of {np.shape(self.relief)} does not fit the edge map {self.edge_map.shape}"
+            )
+        if len(self.char) != 1:
+            raise DatabaseError(f"an exemplar stands for one character, not for {self.char!r}")
+        try:
+            datetime.fromisoformat(self.enrolled_at)
+        except ValueError:
+            raise DatabaseError(
+                f"enrolled_at is {self.enrolled_at!r}; give an ISO 8601 time, "
+                "2024-05-17T09:30:00+00:00 for example"
+            ) from None
+
+
+@dataclass(frozen=True, eq=False)
+class GlyphDatabase:
+    """What is known of the letters in use.
+
+    Attributes:
+        fonts: by name, read-only.
+        dies: by the user's name for them, read-only.
+        exemplars: in order of enrolment.
+
+    Raises:
+        DatabaseError: a font filed under another name, or a die without a name.
+    """
+
+    fonts: Mapping[str, Font] = field(default_factory=dict)
+    dies: Mapping[str, Die] = field(default_factory=dict)
+    exemplars: tuple[Exemplar, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, font in self.fonts.items():
+            if name != font.name:
+                raise DatabaseError(f"font {font.name!r} is filed under {name!r}; file it under its own name")
+        if any(not name for name in self.dies):
+            raise DatabaseError("a die has no name; give every die one")
+        object.__setattr__(self, "fonts", MappingProxyType(dict(self.fonts)))
+        object.__setattr__(self, "dies", MappingProxyType(dict(self.dies)))
+        object.__setattr__(self, "exemplars", tuple(self.exemplars))
+
+
+def save_database(database: GlyphDatabase, path: str | Path) -> None:
+    """Write the database, whole or not at all: a reader sees the old file or the new one.
+
+    Raises:
+        DatabaseError: the folder is missing or not writable, or the disk is full.
+    """
+    target = Path(path)
+    body = _pack(database)
+    temporary: str | None = None
+    try:
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+        with os.fdopen(handle, "wb") as file:
+            file.write(_block(body) + body)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, target)
+    except OSError as error:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+        raise DatabaseError(
+            f"{str(target)!r} cannot be written ({error.strerror or error}); check the folder"
+        ) from error
+
+
+def load_database(path: str | Path) -> GlyphDatabase:
+    """Read a database written by `save_database`.
+
+    Raises:
+        DatabaseError: the file is missing, damaged, cut short, of another kind, or newer than this program.
+    """
+    name = str(path)
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise DatabaseError(
+            f"{name!r} does not exist; check the path, or make one with save_database"
+        ) from None
+    except OSError as error:
+        raise DatabaseError(
+            f"{name!r} cannot be read ({error.strerror or error}); check its permissions"
+        ) from error
+    body = _checked_body(data, name)
+    try:
+        return _unpack(body)
+    except (
+        Exception
+    ) as error:  # the digest fits, so another program wrote nonsense: one message for all of it
+        raise DatabaseError(
+            f"{name!r} holds something that is no glyph database ({error}); write it again with save_database"
+        ) from error
+
+
+def _block(body: bytes, version: int = FORMAT_VERSION) -> bytes:
+    """The user block in front of an HDF5 body."""
+    text = f"{FORMAT_NAME}\nformat_version {version}\nsha256 {hashlib.sha256(body).hexdigest()}\n"
+    return text.encode("ascii").ljust(_BLOCK_BYTES, b"\0")
+
+
+def _checked_body(data: bytes, name: str) -> bytes:
+    """The HDF5 bytes behind the user block, once name, version and digest have proved right."""
+    head = data[:_BLOCK_BYTES].split(b"\n")
+    if head[0] != FORMAT_NAME.encode("ascii"):
+        raise DatabaseError(
+            f"{name!r} is not a glyph database, or its first bytes are damaged; restore it from a copy"
+        )
+    version = head[1].removeprefix(b"format_version ") if len(head) > 1 else b""
+    if version.isdigit() and len(version) < 6 and int(version) > FORMAT_VERSION:
+        raise DatabaseError(
+            f"{name!r} has format version {int(version)}, newer than {FORMAT_VERSION}; "
+            "update this program to read it"
+        )
+    body = data[_BLOCK_BYTES:]
+    if not any(data[:_BLOCK_BYTES] == _block(body, version) for version in _READABLE_VERSIONS):
+        raise DatabaseError(
+            f"{name!r} is damaged or cut short (its digest does not fit); restore it from a copy"
+        )
+    return body
+
+
+def _pack(database: GlyphDatabase) -> bytes:
+    """The database as the bytes of an HDF5 file."""
+    import h5py
+
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        file.attrs["format"] = FORMAT_NAME
+        file.attrs["format_version"] = FORMAT_VERSION
+        fonts = file.create_group("fonts")
+        for k, font in enumerate(database.fonts.values()):
+            _pack_font(fonts.create_group(str(k)), font)
+        dies = file.create_group("dies")
+        for k, (name, die) in enumerate(database.dies.items()):
+            group = dies.create_group(str(k))
+            group.attrs["name"] = name
+            group.attrs["die"] = json.dumps(asdict(die))
+        exemplars = file.create_group("exemplars")
+        for k, exemplar in enumerate(database.exemplars):
+            _pack_exemplar(exemplars.create_group(str(k)), exemplar)
+    return buffer.getvalue()
+
+
+def _unpack(body: bytes) -> GlyphDatabase:
+    """The database from the bytes of an HDF5 file."""
+    import h5py
+
+    with h5py.File(io.BytesIO(body), "r") as file:
+        fonts = [_unpack_font(group) for group in _in_order(file["fonts"])]
+        dies = {str(g.attrs["name"]): Die(**json.loads(g.attrs["die"])) for g in _in_order(file["dies"])}
+        exemplars = tuple(_unpack_exemplar(group) for group in _in_order(file["exemplars"]))
+    return GlyphDatabase({font.name: font for font in fonts}, dies, exemplars)
+
+
+def _in_order(group: Any) -> list[Any]:
+    return [group[key] for key in sorted(group, key=int)]
+
+
+def _pack_font(group: Any, font: Font) -> None:
+    """All points of a font in one dataset, with the length and owner of each line beside it."""
+    group.attrs["name"], group.attrs["source"] = font.name, font.source
+    group.attrs["stroke_ratio"] = font.stroke_ratio
+    glyphs = list(font.glyphs.values())
+    lines = [(k, line) for k, glyph in enumerate(glyphs) for line in glyph.strokes + glyph.contours]
+    group["characters"] = np.array([ord(g.char) for g in glyphs], dtype=np.uint32)
+    group["advance"] = np.array([g.advance for g in glyphs], dtype=np.float64)
+    group["stroke"] = np.array([g.stroke for g in glyphs], dtype=np.float64)
+    group["outlined"] = np.array([bool(g.contours) for g in glyphs], dtype=np.uint8)
+    group["line_glyph"] = np.array([k for k, _ in lines], dtype=np.uint32)
+    group["line_points"] = np.array([len(line) for _, line in lines], dtype=np.uint32)
+    group["points"] = np.concatenate([line for _, line in lines] or [np.empty((0, 2))])
+    felt = [(k, g.felt) for k, g in enumerate(glyphs) if g.felt is not None]
+    if felt:
+        group["guessed"] = np.array([g.guessed for g in glyphs], dtype=np.uint8)
+        for k, relief in felt:
+            _pack_layer(group, f"felt/{k}", relief)
+
+
+def _unpack_font(group: Any) -> Font:
+    points: NDArray[np.float64] = _numbers(group, "points")
+    ends = np.cumsum(_numbers(group, "line_points"))
+    lines = np.split(points, ends[:-1]) if ends.size else []
+    owner = _numbers(group, "line_glyph")
+    outlined, advance, stroke = (_numbers(group, key) for key in ("outlined", "advance", "stroke"))
+    guessed = _numbers(group, "guessed") if "guessed" in group else np.zeros(outlined.size)
+    felt = group.get("felt", {})
+    glyphs = {}
+    for k, code in enumerate(_numbers(group, "characters")):
+        own = tuple(line for line, o in zip(lines, owner, strict=True) if o == k)
+        glyphs[chr(int(code))] = Glyph(
+            chr(int(code)),
+            strokes=() if outlined[k] else own,
+            contours=own if outlined[k] else (),
+            advance=float(advance[k]),
+            stroke=float(stroke[k]),
+            felt=_numbers(felt, str(k)) if str(k) in felt else None,
+            guessed=bool(guessed[k]),
+        )
+    return Font(
+        str(group.attrs["name"]), glyphs, float(group.attrs["stroke_ratio"]), str(group.attrs["source"])
+    )
+
+
+def _pack_exemplar(group: Any, exemplar: Exemplar) -> None:
+    edges = exemplar.edge_map
+    for key in _EXEMPLAR_TEXTS + _EXEMPLAR_NUMBERS:
+        group.attrs[key] = getattr(exemplar, key)
+    group.attrs["pitch_mm"] = edges.pitch_mm
+    group.attrs["origin_mm"] = np.array(edges.origin_mm, dtype=np.float64)
+    group.attrs["directions_deg"] = np.array([int(d) for d in edges.directions], dtype=np.int32)
+    _pack_layer(group, "enhancement", edges.enhancement)
+    _pack_layer(group, "valid", edges.valid.astype(np.uint8))
+    if exemplar.relief is not None:
+        _pack_layer(group, "relief", exemplar.relief)
+
+
+def _pack_layer(group: Any, key: str, values: NDArray[Any]) -> None:
+    group.create_dataset(key, data=values, compression="gzip", compression_opts=4, shuffle=True)
+
+
+def _unpack_exemplar(group: Any) -> Exemplar:
+    x, y = (float(v) for v in group.attrs["origin_mm"])
+    edges = EdgeMap(
+        enhancement=_numbers(group, "enhancement"),
+        directions=tuple(TraceDirection(int(d)) for d in group.attrs["directions_deg"]),
+        valid=_numbers(group, "valid").astype(np.bool_),
+        pitch_mm=float(group.attrs["pitch_mm"]),
+        origin_mm=(x, y),
+    )
+    # what the first format did not have stays as it is by default
+    more: dict[str, Any] = {k: str(group.attrs[k]) for k in _EXEMPLAR_TEXTS if k in group.attrs}
+    more.update({k: group.attrs[k].item() for k in _EXEMPLAR_NUMBERS if k in group.attrs})
+    relief = _numbers(group, "relief") if "relief" in group else None
+    return Exemplar(edge_map=edges, relief=relief, **more)
+
+
+def _numbers(group: Any, key: str) -> Any:
+    """A dataset as an array; anything but plain numbers is refused."""
+    dataset = group[key]
+    if dataset.dtype.kind not in "fiub":
+        raise DatabaseError(f"{group.name}/{key} is of type {dataset.dtype}; only plain numbers are read")
+    return dataset[()]

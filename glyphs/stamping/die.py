@@ -1,0 +1,216 @@
+"""What a die cuts: a glyph's relief, and one faultless character on a flat plate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from glyphs.fonts.glyph import Glyph, Points, signed_distance, transformed, with_stroke
+from glyphs.stamping.faces import Die, DieError, Face, check_height, default_depth_mm, default_die, relief_mm
+from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
+
+__all__ = [
+    "Die",
+    "DieError",
+    "Face",
+    "IdealGlyph",
+    "default_depth_mm",
+    "default_die",
+    "die_glyph",
+    "glyph_relief_mm",
+    "ideal_relief",
+    "ink_points_mm",
+    "relief_mm",
+    "shape_relief_mm",
+    "to_plate",
+]
+
+_CORNER_RAD = math.radians(35.0)  # flattened arcs turn by a few degrees at a time, Hershey's by up to 30
+
+
+@dataclass(frozen=True, eq=False)
+class IdealGlyph:
+    """The relief of one faultless character.
+
+    Attributes:
+        height_map: the relief, plate frame.
+        centre_mm: (x, y) in that map of the reference point, middle of the ink's width at mid cap height.
+        ink_box_mm: (x0, y0, x1, y1) around the ink, plate frame of that map.
+    """
+
+    height_map: HeightMap
+    centre_mm: tuple[float, float]
+    ink_box_mm: tuple[float, float, float, float]
+
+
+def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:
+    """The shape that the die cuts: centre lines refitted to its stroke, and for DOTTED a row of dots.
+
+    Dots sit at the ends and corners of every stroke and evenly between,
+    `dot_pitch_mm` apart as nearly as that allows.
+
+    Raises:
+        DieError: DOTTED with an outlined glyph (its strokes are not known), or a stroke as wide as the glyph
+            is high.
+    """
+    check_height(height_mm)
+    stroke = die.stroke_mm / height_mm
+    if glyph.contours:
+        if die.face is Face.DOTTED:
+            raise DieError(
+                f"glyph {glyph.char!r} comes from an outlined font and has no strokes to set dots along; "
+                "use a built-in font or another face"
+            )
+        return glyph
+    if stroke >= 1.0:
+        raise DieError(
+            f"stroke_mm {die.stroke_mm} is not narrower than the height {height_mm} mm; use a finer die"
+        )
+    fitted = with_stroke(glyph, stroke)
+    if die.face is not Face.DOTTED:
+        return fitted
+    return replace(fitted, strokes=tuple(_dots(fitted.strokes, die.dot_pitch_mm / height_mm)))
+
+
+def glyph_relief_mm(
+    glyph: Glyph, die: Die, x_mm: ArrayLike, y_mm: ArrayLike, *, height_mm: float
+) -> NDArray[np.float32]:
+    """Relief of a glyph of that height at positions in its frame (x right, y up from the baseline), mm.
+
+    Raises:
+        DieError: as `die_glyph`.
+    """
+    shape = die_glyph(glyph, die, height_mm=height_mm)
+    return shape_relief_mm(shape, die, x_mm, y_mm, height_mm=height_mm)
+
+
+def shape_relief_mm(
+    shape: Glyph,
+    die: Die,
+    x_mm: ArrayLike,
+    y_mm: ArrayLike,
+    *,
+    height_mm: float,
+    extra_depth_mm: ArrayLike | None = None,
+) -> NDArray[np.float32]:
+    """Relief of what `die_glyph` returned, for callers that cut the same shape more than once."""
+    x = np.asarray(x_mm, dtype=np.float64) / height_mm
+    y = np.asarray(y_mm, dtype=np.float64) / height_mm
+    distance = signed_distance(shape, x, y, stroke=die.stroke_mm / height_mm)
+    return relief_mm(
+        distance * np.float32(height_mm),
+        die,
+        half_width_mm=None if shape.contours else die.stroke_mm / 2,
+        extra_depth_mm=extra_depth_mm,
+    )
+
+
+def ideal_relief(
+    glyph: Glyph,
+    die: Die,
+    *,
+    height_mm: float,
+    pitch_mm: float,
+    margin_mm: float,
+    rotation_deg: float = 0.0,
+    raised: bool = False,
+    x_scale: float = 1.0,
+    shear: float = 0.0,
+) -> IdealGlyph:
+    """One faultless character on a flat plate.
+
+    Args:
+        glyph: the character.
+        die: the die.
+        height_mm: character height.
+        pitch_mm: sample pitch of the map.
+        margin_mm: land around the ink, at least, >= 0.
+        rotation_deg: from +x towards +y of the plate frame (clockwise as seen), about the reference point.
+        raised: turn the relief over: a raised character, without burr.
+        x_scale: widening of the glyph, > 0.
+        shear: lean to the right, x per y.
+
+    Returns:
+        A map with an odd number of rows and columns whose middle pixel is the reference point.
+
+    Raises:
+        DieError: as `die_glyph`, or a number out of range.
+        MapError: pitch not positive, or too fine for the size.
+    """
+    if not math.isfinite(margin_mm) or margin_mm < 0.0:
+        raise DieError(f"margin_mm is {margin_mm}; it must be zero or positive")
+    if not math.isfinite(x_scale) or x_scale <= 0.0:
+        raise DieError(f"x_scale is {x_scale}; it must be positive")
+    if not math.isfinite(pitch_mm) or pitch_mm <= 0.0:
+        raise DieError(f"pitch_mm is {pitch_mm}; it must be positive")
+    shape = transformed(die_glyph(glyph, die, height_mm=height_mm), x_scale=x_scale, shear=shear)
+    box = shape.ink_box
+    middle = ((box[0] + box[2]) / 2 * height_mm, 0.5 * height_mm)
+    points = ink_points_mm(shape, height_mm=height_mm) - middle
+    px, py = to_plate(points[:, 0], points[:, 1], rotation_deg=rotation_deg)
+    half_ink = shape.stroke / 2 * height_mm
+    x0, y0 = float(px.min()) - half_ink, float(py.min()) - half_ink
+    x1, y1 = float(px.max()) + half_ink, float(py.max()) + half_ink
+    half_cols = max(1, math.ceil((max(-x0, x1) + margin_mm) / pitch_mm))
+    half_rows = max(1, math.ceil((max(-y0, y1) + margin_mm) / pitch_mm))
+    if (2 * half_cols + 1) * (2 * half_rows + 1) > MAX_PIXELS:
+        raise MapError(
+            f"pitch_mm {pitch_mm} gives more than {MAX_PIXELS:,} samples, the limit; use a coarser one"
+        )
+    gx = (np.arange(2 * half_cols + 1) - half_cols) * pitch_mm
+    gy = (np.arange(2 * half_rows + 1) - half_rows) * pitch_mm
+    u, v = to_plate(gx[None, :], gy[:, None], rotation_deg=rotation_deg)
+    z = shape_relief_mm(
+        shape,
+        replace(die, burr_height_mm=0.0) if raised else die,
+        u + middle[0],
+        v + middle[1],
+        height_mm=height_mm,
+    )
+    cx, cy = half_cols * pitch_mm, half_rows * pitch_mm
+    return IdealGlyph(
+        HeightMap(-z if raised else z, pitch_mm), (cx, cy), (cx + x0, cy + y0, cx + x1, cy + y1)
+    )
+
+
+def to_plate(
+    x_mm: ArrayLike, y_mm: ArrayLike, *, rotation_deg: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Turn glyph-frame offsets (y up) into plate-frame ones (y down), or back: the map is its own inverse."""
+    c, s = math.cos(math.radians(rotation_deg)), math.sin(math.radians(rotation_deg))
+    x, y = np.asarray(x_mm, dtype=np.float64), np.asarray(y_mm, dtype=np.float64)
+    return c * x + s * y, s * x - c * y
+
+
+def ink_points_mm(shape: Glyph, *, height_mm: float) -> NDArray[np.float64]:
+    """(n, 2) points whose hull, grown by half a stroke, holds the ink; the cell's corners if none."""
+    if not shape.inked:
+        x0, y0, x1, y1 = shape.ink_box
+        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) * height_mm
+    return np.concatenate(shape.strokes + shape.contours) * height_mm
+
+
+def _dots(strokes: tuple[Points, ...], pitch: float) -> list[Points]:
+    """Single points along polylines, evenly about `pitch` apart; none where a dot already stands close by."""
+    dots = np.empty((0, 2))
+    for line in strokes:
+        for run in _runs(line):
+            along = np.append(0.0, np.cumsum(np.hypot(*np.diff(run, axis=0).T)))
+            at = np.linspace(0.0, along[-1], max(1, round(float(along[-1]) / pitch)) + 1)
+            points = np.column_stack([np.interp(at, along, run[:, 0]), np.interp(at, along, run[:, 1])])
+            for point in points:
+                if (np.hypot(*(point - dots).T) > 0.6 * pitch).all():
+                    dots = np.vstack([dots, point])
+    return [dot[None] for dot in dots]
+
+
+def _runs(line: Points) -> list[Points]:
+    """The smooth runs of a polyline, cut at its corners so that every corner gets a dot."""
+    heading = np.unwrap(np.arctan2(*np.diff(line, axis=0).T[::-1]))
+    corners = np.flatnonzero(np.abs(np.diff(heading)) > _CORNER_RAD) + 1
+    ends = [0, *(int(c) for c in corners), len(line) - 1]
+    return [line[a : b + 1] for a, b in pairwise(ends)]

@@ -1,0 +1,203 @@
+"""The die's face: its measures, and the profile that turns a distance from the ink into a height.
+
+Everything here is a pure function of the signed distance, so the same die cuts strokes and outlines alike.
+Bevels are measured from the land: a wall falls by tan(bevel) per millimetre. A corner with radius r is a
+circular fillet tangent to both its sides, r tan(bevel/2) long on each.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.profile import Number, round_radius, sunk_depth
+
+DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
+    (3.2, 0.15),
+    (4.8, 0.20),
+    (6.35, 0.25),
+    (9.5, 0.41),
+    (12.7, 0.43),
+)
+"""Usual (character height, depth of mark), mm, from physics.md."""
+
+DEFAULT_STROKE_RATIO = 0.15
+"""Stroke over height when no stroke font says otherwise: about 1.0 mm at 6.35 mm."""
+
+
+class DieError(ValueError):
+    """A die that cannot be cut, or cannot cut this glyph: says what is wrong and how to mend it."""
+
+
+class Face(StrEnum):
+    """Shape of the die's edge, hence of the groove's floor."""
+
+    SHARP = "sharp"
+    FLAT = "flat"
+    ROUND = "round"
+    DOTTED = "dotted"
+
+
+@dataclass(frozen=True)
+class Die:
+    """A die's cutting geometry, as the mark it leaves.
+
+    Attributes:
+        face: shape of the floor.
+        bevel_deg: slope of the walls from the land, degrees, 5 < bevel < 85 (30 to 60 is usual).
+        depth_mm: depth of the floor below the land, > 0.
+        stroke_mm: width of the groove at the land, > 0; for DOTTED the diameter of a dot. Outlined fonts have
+            their own widths; there it only tells how far a ROUND floor may reach.
+        root_radius_mm: fillet between wall and floor, or at the bottom of a V, >= 0.
+        edge_radius_mm: rounding between wall and land, >= 0.
+        burr_height_mm: height of the rim that the displaced metal raises along the groove, >= 0.
+        burr_width_mm: width of that rim, > 0.
+        dot_pitch_mm: distance of dots along the stroke, > 0; only DOTTED uses it.
+
+    Raises:
+        DieError: a value outside its range.
+    """
+
+    face: Face
+    bevel_deg: float
+    depth_mm: float
+    stroke_mm: float
+    root_radius_mm: float = 0.0
+    edge_radius_mm: float = 0.0
+    burr_height_mm: float = 0.0
+    burr_width_mm: float = 0.2
+    dot_pitch_mm: float = 0.6
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "face", Face(self.face))
+        except ValueError:
+            raise DieError(f"unknown face {self.face!r}; use one of {', '.join(Face)}") from None
+        for name in ("bevel_deg", "depth_mm", "stroke_mm", "burr_width_mm", "dot_pitch_mm"):
+            value = float(getattr(self, name))
+            if not math.isfinite(value) or value <= 0.0:
+                raise DieError(f"{name} is {value}; it must be positive")
+            object.__setattr__(self, name, value)
+        for name in ("root_radius_mm", "edge_radius_mm", "burr_height_mm"):
+            value = float(getattr(self, name))
+            if not math.isfinite(value) or value < 0.0:
+                raise DieError(f"{name} is {value}; it must be zero or positive")
+            object.__setattr__(self, name, value)
+        if not 5.0 < self.bevel_deg < 85.0:
+            raise DieError(f"bevel_deg is {self.bevel_deg}; it must lie between 5 and 85 (30 to 60 is usual)")
+
+
+def default_depth_mm(height_mm: float) -> float:
+    """Usual depth of a mark of that character height: linear in the table, proportional outside it.
+
+    Raises:
+        DieError: the height is not positive.
+    """
+    check_height(height_mm)
+    heights, depths = np.array(DEPTH_TABLE_MM).T
+    nearest = float(np.clip(height_mm, heights[0], heights[-1]))
+    return float(np.interp(nearest, heights, depths)) * height_mm / nearest
+
+
+def default_die(
+    height_mm: float,
+    *,
+    font: Font | None = None,
+    face: Face = Face.FLAT,
+    bevel_deg: float = 45.0,
+    depth_mm: float | None = None,
+) -> Die:
+    """A well-kept die without burr for characters of that height.
+
+    The stroke is the font's. FLAT and ROUND are widened, by a quarter at most, if the walls would meet before
+    the floor; SHARP takes the width at which its V reaches the depth, between 0.4 and 1.25 of the font's
+    stroke; DOTTED has dots of two thirds of the stroke, set 1.3 diameters apart.
+
+    Raises:
+        DieError: height, bevel or depth out of range.
+    """
+    depth = default_depth_mm(height_mm) if depth_mm is None else float(depth_mm)
+    check_height(height_mm)
+    ratio = font.stroke_ratio if font is not None and font.stroke_ratio > 0.0 else DEFAULT_STROKE_RATIO
+    nominal = ratio * height_mm
+    die = Die(
+        face=face,
+        bevel_deg=bevel_deg,
+        depth_mm=depth,
+        stroke_mm=nominal,
+        root_radius_mm=0.05 * depth if face is Face.SHARP else 0.15 * depth,
+        edge_radius_mm=0.1 * depth,
+        burr_width_mm=0.3 * nominal,
+        dot_pitch_mm=1.3 * nominal * 2 / 3,
+    )
+    bevel = math.radians(bevel_deg)
+    reach = 2 * (depth + die.root_radius_mm * (1 / math.cos(bevel) - 1)) / math.tan(bevel)
+    if face is Face.SHARP:
+        stroke = min(max(reach, 0.4 * nominal), 1.25 * nominal)
+    elif face is Face.DOTTED:
+        stroke = nominal * 2 / 3
+    else:
+        stroke = max(nominal, min(reach, 1.25 * nominal))
+    return replace(die, stroke_mm=stroke)
+
+
+def relief_mm(
+    signed_distance_mm: ArrayLike,
+    die: Die,
+    *,
+    half_width_mm: float | None = None,
+    extra_depth_mm: ArrayLike | None = None,
+) -> NDArray[np.float32]:
+    """Height over the land at a signed distance from the ink: the profile, ramped once.
+
+    Args:
+        signed_distance_mm: any shape, mm, negative inside the ink.
+        die: the die.
+        half_width_mm: half the stroke, where the ink is a stroke; the root of a V is then rounded, which
+            takes root_radius (1/cos bevel - 1) off its tip. None for outlines: a V runs to the medial axis.
+        extra_depth_mm: how much deeper (or, negative, shallower) than its depth the die went in, mm,
+            broadcast against the distance. A deeper blow widens the groove along its walls; where
+            nothing is left of the depth there is no mark.
+
+    Returns:
+        float32, mm, of the same shape: 0 on the land, never below -depth, a burr above 0 outside.
+    """
+    sd = np.asarray(signed_distance_mm, dtype=np.float32)
+    bevel = math.radians(die.bevel_deg)
+    depth: Number = die.depth_mm
+    half: Number = die.stroke_mm / 2 if half_width_mm is None else half_width_mm
+    if extra_depth_mm is not None:
+        depth = np.maximum(
+            np.asarray(extra_depth_mm, dtype=np.float32) + np.float32(die.depth_mm), np.float32(1e-6)
+        )
+        widening = (depth - np.float32(die.depth_mm)) / np.float32(math.tan(bevel))
+        sd = sd - widening
+        half = np.maximum(half + widening, np.float32(1e-6))
+    root: Number = die.root_radius_mm
+    if die.face is Face.ROUND:
+        root = np.maximum(root, round_radius(depth, half, bevel_rad=bevel))
+    out = -sunk_depth(
+        -sd,
+        depth=depth,
+        half_width=None if half_width_mm is None else half,
+        bevel_rad=bevel,
+        root_radius=root,
+        edge_radius=die.edge_radius_mm,
+    )
+    if die.burr_height_mm > 0.0:
+        # The rim crests a quarter of its width from the groove, where the metal was pushed up, and dies away.
+        u = np.sqrt(np.clip(sd / np.float32(die.burr_width_mm), 0.0, 1.0))
+        fade = np.minimum(depth / np.float32(die.depth_mm), 1.0)
+        out = out + np.float32(die.burr_height_mm / 2) * fade * (1 - np.cos(np.float32(2 * math.pi) * u))
+    return np.asarray(out, dtype=np.float32)
+
+
+def check_height(height_mm: float) -> None:
+    """Refuse a character height that is not a positive number, with a DieError."""
+    if not math.isfinite(height_mm) or height_mm <= 0.0:
+        raise DieError(f"height_mm is {height_mm}; it must be positive")

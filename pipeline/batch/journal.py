@@ -1,0 +1,285 @@
+"""The table of a run on the disk: a row a part, kept as soon as it is known; a run that breaks off is taken up again.
+
+rows.csv                   the rows as they come; after `finish`, in the order of the parts
+rows.csv.unfinished        what is run, and its hash; locked by the process that writes; gone with `finish`
+rows.csv~                  the table that stood there before the run
+rows.parquet.rows.jsonl    to Parquet nothing can be appended: its rows until `finish`
+
+     open --> add, add, add --> finish          kill, loss of power: the same `open` takes it up again
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import json
+import os
+import weakref
+from collections.abc import Iterable, Iterator, Mapping, Set
+from datetime import UTC, datetime
+from io import FileIO
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from pipeline.batch.row_files import RowFile, read_rows
+from pipeline.batch.tables import LINE_FORMS, check_output, write_parquet, write_rows
+from pipeline.common.atomic import replacing
+from pipeline.common.errors import FileProblem
+from pipeline.common.run_description import differences, key_of
+from pipeline.reading.rows import Row
+
+FORMAT_VERSION = 1
+
+
+class RunBook:
+    """The rows of one run; for one thread of one process at a time.
+
+    Attributes:
+        path: the table.
+        description: what is run: plain JSON values.
+        resumed: whether a run that broke off was taken up.
+        begun: when the run was, ISO 8601.
+        kept: where the table that stood there before went; None where there was none with a row.
+    """
+
+    def __init__(self, path: Path, description: Mapping[str, Any]) -> None:
+        """Begin a run or take one up; as `open`."""
+        check_output(path)
+        self.path = path
+        self.description = description
+        self.resumed = False
+        self.begun = datetime.now(UTC).isoformat()
+        self.kept: Path | None = None
+        self._finished = False
+        appendable = path.suffix.lower() in LINE_FORMS
+        self._rows_path = path if appendable else _beside(path, ".rows.jsonl")
+        self._marker_path = _beside(path, ".unfinished")
+        with self._faults_told():
+            self._marker = _locked(self._marker_path, path)
+            try:
+                self._rows = self._taken_up()
+            except BaseException:
+                if not os.fstat(self._marker.fileno()).st_size:
+                    self._marker_path.unlink(missing_ok=True)
+                self._marker.close()
+                raise
+
+    @classmethod
+    def open(cls, path: Path, description: Mapping[str, Any]) -> RunBook:
+        """Take up the run that broke off there, or begin one.
+
+        Raises:
+            FileProblem: unknown suffix; no place to write; another run writes it, or broke off there; damage.
+        """
+        return cls(path, description)
+
+    def __enter__(self) -> RunBook:
+        """The book."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it."""
+        self.close()
+
+    @property
+    def done(self) -> Set[str]:
+        """Names of the parts whose rows are kept; grows with `add`."""
+        return self._rows.names
+
+    @property
+    def run_id(self) -> str:
+        """A name that this run alone has, and keeps when it is taken up."""
+        return f"{key_of(self.description)} {self.begun}"
+
+    def add(self, row: Row) -> None:
+        """Keep a row; of two rows of one part the first counts, and the second is not written.
+
+        When it returns, the row outlives any end of the process; a loss of power may take the last rows.
+
+        Raises:
+            FileProblem: it cannot be written; the rows before stay.
+            ValueError: a row that no table holds, see `pipeline.batch.tables.kept_values`.
+        """
+        with self._faults_told():
+            self._rows.append(row)
+
+    def rows(self) -> Iterator[Row]:
+        """The rows kept so far, streamed: in the order of the file, after `finish` in the order of the parts.
+
+        Raises:
+            FileProblem: the file was damaged or replaced meanwhile.
+        """
+        return read_rows(self.path) if self._finished else self._rows.rows()
+
+    def finish(self, order: Iterable[str]) -> None:
+        """Put the rows in order, those of parts not named last, and end the run.
+
+        Args:
+            order: names of the parts; names without a row are passed over.
+
+        Raises:
+            FileProblem: it cannot be written; the same command takes the run up and ends it.
+        """
+        numbers = self._rows.numbers_in(order)
+        with self._faults_told():
+            self._rows.sync()
+            if self._rows_path != self.path:
+                with replacing(self.path) as temporary:
+                    write_parquet(map(self._rows.form.decode, self._rows.records(numbers)), temporary)
+                _sync_folder(self.path)  # the table is on the disk before its rows go
+                self._rows_path.unlink()
+            elif not self._rows.holds_just(numbers):
+                with replacing(self.path) as temporary, temporary.open("wb") as table:
+                    table.write(self._rows.form.head)
+                    table.writelines(self._rows.records(numbers))
+            _sync_folder(self.path)
+            self._marker_path.unlink()  # last: broken off anywhere before, the run is taken up and ended again
+        self._finished = True
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the table; a run that is not finished can be taken up again.
+
+        Raises:
+            FileProblem: it cannot be written.
+        """
+        try:
+            with self._faults_told():
+                self._rows.close()
+        finally:
+            self._marker.close()
+
+    def _taken_up(self) -> RowFile:
+        held = self._held()
+        if held is None:
+            self._make_place()
+        else:
+            self._check_same(held)
+            self.resumed, self.begun = True, str(held.get("begun", ""))
+            if self._rows_path != self.path and self.path.exists() and not self._rows_path.exists():
+                write_rows(read_rows(self.path), self._rows_path)  # broke off within `finish`
+        rows = RowFile(self._rows_path)
+        try:
+            _sync_folder(self.path)
+            if held is None:
+                # only now: until here, what stands there may be the table before the run
+                self._marker.write(self._heading())
+                os.fsync(self._marker.fileno())
+        except BaseException:
+            rows.close()
+            raise
+        return rows
+
+    def _held(self) -> Mapping[str, Any] | None:
+        """What the marker tells; None where it is new, or its run had no row yet."""
+        self._marker.seek(0)
+        text = self._marker.read()
+        try:
+            held = json.loads(text)
+        except ValueError:
+            held = None
+        if isinstance(held, dict):
+            if held.get("format_version", FORMAT_VERSION) != FORMAT_VERSION:
+                raise FileProblem(self._marker_path, "is of another version of the program", self._mend())
+            if isinstance(held.get("description"), dict):
+                return held
+        if text and self._has_rows(self._rows_path):
+            raise FileProblem(self._marker_path, "is damaged", self._mend())
+        self._marker.truncate(0)
+        return None
+
+    def _check_same(self, held: Mapping[str, Any]) -> None:
+        if held.get("key") == key_of(self.description):
+            return
+        told = differences(held["description"], self.description)
+        raise FileProblem(self.path, f"is of another run, not finished ({told})", self._mend())
+
+    def _make_place(self) -> None:
+        for path in {self._rows_path: None, self.path: None}:
+            if self._has_rows(path):
+                self.kept = _beside(path, "~")
+                os.replace(path, self.kept)
+            else:
+                path.unlink(missing_ok=True)
+
+    def _has_rows(self, path: Path) -> bool:
+        # what is no longer than a head is left by a run that broke off as it began: no reason to lose a table kept
+        form = LINE_FORMS.get(path.suffix.lower())
+        return path.exists() and path.stat().st_size > len(form.head if form else b"")
+
+    def _heading(self) -> bytes:
+        heading = {
+            "format_version": FORMAT_VERSION,
+            "description": dict(self.description),
+            "key": key_of(self.description),
+            "begun": self.begun,
+        }
+        return (json.dumps(heading, indent=1) + "\n").encode()
+
+    @contextlib.contextmanager
+    def _faults_told(self) -> Iterator[None]:
+        """Tell an OSError, and what `replacing` made of one, as what it means to the run."""
+        try:
+            yield
+        except (OSError, FileProblem) as problem:
+            fault = problem.__cause__ if isinstance(problem, FileProblem) else problem
+            if not isinstance(fault, OSError):
+                raise
+            full = fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+            mend = "make room" if full else "see to the disk and its permissions"
+            told = f"cannot be written ({fault.strerror or fault})"
+            raise FileProblem(self.path, told, f"{mend} and start the same command again") from fault
+
+    def _mend(self) -> str:
+        return f"name another file, or remove {self._marker_path.name} to begin anew"
+
+
+_HELD: weakref.WeakSet[FileIO] = weakref.WeakSet()
+
+
+def _let_go() -> None:
+    # a lock is its holder's and its children's: a worker that outlives a killed run would keep the next one out
+    for marker in tuple(_HELD):
+        marker.close()
+
+
+os.register_at_fork(after_in_child=_let_go)
+
+
+def _locked(marker: Path, table: Path) -> FileIO:
+    """The marker, made if it is missing, locked by this process alone."""
+    while True:
+        stream: FileIO = open(marker, "a+b", buffering=0)  # noqa: SIM115
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(stream.fileno()), os.stat(marker)):
+                _HELD.add(stream)
+                return stream
+        except BlockingIOError:
+            stream.close()
+            told = ("is being written by another run", "wait for it or name another file")
+            raise FileProblem(table, *told) from None
+        except FileNotFoundError:
+            pass
+        except BaseException:
+            stream.close()
+            raise
+        stream.close()  # the run before removed it as it ended
+
+
+def _beside(path: Path, ending: str) -> Path:
+    return path.with_name(path.name + ending)
+
+
+def _sync_folder(path: Path) -> None:
+    # names of files are the folder's to keep; a file system that has no such call keeps them by itself
+    with contextlib.suppress(OSError):
+        handle = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

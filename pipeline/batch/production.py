@@ -1,0 +1,149 @@
+"""A command line's run, from its inputs to what is told at its end."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.batch.progress import Progress
+from pipeline.batch.run import Run
+from pipeline.batch.setup import Means, Target, absolute, open_readers, opened, order_for, with_expected
+from pipeline.common.atomic import check_writable, replacing
+from pipeline.common.settings import ReadSettings
+from pipeline.common.version import program_version
+from pipeline.files.listed import ListedPart
+from pipeline.files.listing import list_parts
+from pipeline.files.truth import Scores, load_truth
+from pipeline.reading.expected import load_expected
+from pipeline.reading.part_reader import Mode
+from pipeline.reading.readers import Readers
+from pipeline.reading.rows import Row
+
+MOST_SHOWN = 200
+"""Parts whose rows are printed; of more the counts are, and the table has the rows."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a command line asks for, beside settings.
+
+    Attributes:
+        inputs: files, folders, globs, URLs and manifests.
+        manifests: more of the latter.
+        verify: a text, or a table of texts.
+        truth: table to score against.
+        summary: file for the counts.
+    """
+
+    inputs: tuple[str, ...]
+    manifests: tuple[str, ...] = ()
+    verify: str | None = None
+    truth: Path | None = None
+    summary: Path | None = None
+
+
+def produce(asked: Asked, settings: ReadSettings, target: Target, means: Means) -> int:
+    """Read what is asked for, and print what came of it.
+
+    Returns:
+        0; 1 where a part could not be read, or is not confirmed to bear the text expected of it.
+
+    Raises:
+        FileProblem: a table, list or lexicon that cannot be used.
+        NothingFoundError: no part.
+        ClusterError: a cluster that cannot be used.
+        ValueError: settings, a font, format or database that cannot be used.
+    """
+    scores = Scores(load_truth(asked.truth)) if asked.truth is not None else None
+    if asked.summary is not None:
+        check_writable(asked.summary)
+    sight = settings.mode in ("vision", "fused", "auto")
+    parts = list_parts(
+        asked.inputs, manifests=asked.manifests, photos=sight and settings.mode != "fused", beside=sight
+    )
+    readers = Readers(settings)
+    expected = load_expected(asked.verify, readers.grammar) if asked.verify is not None else None
+    if expected is not None:
+        parts = with_expected(parts, expected)
+    open_readers(readers, parts, mode=Mode(settings.mode) if settings.mode is not None else None)
+    if means.cluster is not None:
+        parts = absolute(parts)
+    order = order_for(settings, target, means, verify=expected is not None)
+
+    shown: dict[str, Row] | None = {} if len(parts) <= MOST_SHOWN else None
+    with opened(target, _description(asked, settings)) as run:
+        done = len(run.book.done) if run.book is not None else 0
+        _tell_begun(run, target)
+        with Progress(len(parts), done=done) as advance:
+            run.on_row = advance
+
+            def on_any_row(row: Row) -> None:
+                if shown is not None:
+                    shown[row.part] = row
+                if scores is not None:
+                    scores.add(row)
+
+            run.on_any_row = on_any_row
+            began = time.monotonic()
+            with means.crew(settings, len(parts) - done) as crew:
+                run.work(parts, order, crew)
+                workers = crew.workers
+        elapsed_s = time.monotonic() - began
+    if shown is not None:
+        from pipeline.batch.read_table import print_table
+
+        print_table([shown[part.name] for part in parts])
+    _tell_done(run, asked, target, elapsed_s=elapsed_s, workers=workers)
+    if scores is not None:
+        print(scores.accuracy().describe())
+    if expected is not None and (missing := expected.not_among(part.name for part in parts)):
+        print(f"{len(missing)} of the table of {asked.verify} not read: {', '.join(missing[:5])}")
+    return _status(run, parts, every=expected is not None)
+
+
+def _description(asked: Asked, settings: ReadSettings) -> dict[str, Any]:
+    """What the rows depend on."""
+    return {
+        "settings": settings.model_dump(mode="json", exclude_defaults=True),
+        "inputs": [*asked.inputs, *asked.manifests],
+        "verify": asked.verify,
+        "program": program_version(),
+    }
+
+
+def _tell_begun(run: Run, target: Target) -> None:
+    if run.book is None:
+        return
+    if run.book.resumed:
+        print(f"going on with a run that was broken off: {len(run.book.done):,} parts are read already")
+    if run.book.kept is not None:
+        print(f"{target.out} stood there already; it is kept as {run.book.kept}")
+
+
+def _tell_done(run: Run, asked: Asked, target: Target, *, elapsed_s: float, workers: int) -> None:
+    summary = run.summary
+    if summary.parts > 1:
+        print("\n".join(summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)))
+    if target.out is not None:
+        print(f"wrote {target.out}")
+    if run.quarantine is not None and summary.errors:
+        print(f"wrote {run.quarantine.path}, the parts that could not be read: mend their files and read it")
+    if asked.summary is not None:
+        counts = {
+            **summary.as_json(),
+            "read_now": run.read_now,
+            "elapsed_s": round(elapsed_s, 3),
+            "workers": workers,
+        }
+        with replacing(asked.summary) as temporary:
+            temporary.write_text(json.dumps(counts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        print(f"wrote {asked.summary}")
+
+
+def _status(run: Run, parts: Sequence[ListedPart], *, every: bool) -> int:
+    wanted = len(parts) if every else sum(bool(part.expected) for part in parts)
+    return 1 if run.summary.errors or run.summary.verdicts["confirmed"] < wanted else 0

@@ -1,0 +1,131 @@
+"""The list of parts that could not be read: a manifest, so that what was mended is read by naming it as input."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+from pipeline.common.errors import FileProblem
+from pipeline.files.listed import ListedPart, absolute
+from pipeline.files.manifest import COLUMNS, FILES
+
+_HEAD = ",".join((*COLUMNS, "problem")) + "\n"
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+
+
+class Quarantine:
+    """The parts that could not be read, as a manifest of its own: what was mended is read by naming it as input.
+
+    Attributes:
+        path: the CSV; there from the first bad part on.
+        kept: what an earlier run left there, moved; None where there was nothing.
+    """
+
+    def __init__(self, path: Path, *, keep: bool = False) -> None:
+        """Begin the list, or go on with one.
+
+        Args:
+            path: of the CSV.
+            keep: go on with what is there, without a last line that was not written to its end; else a list
+                that is there is moved to the same name with a ~.
+
+        Raises:
+            FileProblem: what is there is no such list, or cannot be moved or read.
+        """
+        self.path, self.kept = path, None
+        self._stream: IO[str] | None = None
+        self._names: set[str] = set()
+        with self._writing():
+            if not path.exists() or not self._is_ours():
+                return
+            if keep:
+                self._names = self._taken_up()
+            else:
+                self.kept = path.with_name(path.name + "~")
+                os.replace(path, self.kept)
+
+    @property
+    def count(self) -> int:
+        """Parts in the list."""
+        return len(self._names)
+
+    def add(self, listed: ListedPart, problem: str) -> None:
+        """Append a part, once; it is the kernel's before this returns.
+
+        Raises:
+            FileProblem: it cannot be written.
+        """
+        name = _one_line(listed.name)
+        if name in self._names:
+            return
+        files = {column: absolute(getattr(listed, column)) for column in FILES}
+        if not listed.files and listed.problem is not None:
+            files["height_map"] = absolute(str(listed.problem.path))
+        told = (listed.expected, listed.format, listed.font, problem)
+        with self._writing():
+            if self._stream is None:
+                self._stream = self.path.open("a", encoding="utf-8", newline="")
+                if self._stream.tell() == 0:
+                    self._stream.write(_HEAD)
+            row = [name, *(_one_line(cell) for cell in (*files.values(), *told))]
+            csv.writer(self._stream, lineterminator="\n").writerow(row)
+            self._stream.flush()
+        self._names.add(name)
+
+    def close(self) -> None:
+        """Bring it to the disk."""
+        if self._stream is not None:
+            stream, self._stream = self._stream, None
+            with self._writing(), stream:
+                stream.flush()
+                os.fsync(stream.fileno())
+
+    def _is_ours(self) -> bool:
+        """Whether a list is there; one that was broken off in its first line, or is empty, is none."""
+        with self.path.open("rb") as stream:
+            head = stream.read(len(_HEAD))
+        if head == _HEAD.encode():
+            return True
+        if not _HEAD.encode().startswith(head):
+            raise FileProblem(self.path, "is no list of bad parts", "name another file for it")
+        self.path.unlink()
+        return False
+
+    def _taken_up(self) -> set[str]:
+        """Cut off what is not whole, and give the names of the rest."""
+        whole = position = quotes = 0
+        with self.path.open("rb") as stream:
+            for line in stream:
+                position += len(line)
+                quotes += line.count(b'"')
+                if line.endswith(b"\n") and quotes % 2 == 0:
+                    whole = position
+        os.truncate(self.path, whole)
+        try:
+            with self.path.open(encoding="utf-8", newline="") as text:
+                return {row["part"] for row in csv.DictReader(text, strict=True)}
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise FileProblem(
+                self.path, f"is damaged ({error})", "remove it and start the same command again"
+            ) from error
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise FileProblem(
+                self.path,
+                f"cannot be written ({error.strerror or error})",
+                "make room or check its permissions, and start the same command again",
+            ) from error
+
+
+def _one_line(cell: str) -> str:
+    """A cell that the next reader of the table takes: one line, and UTF-8."""
+    return _CONTROL.sub("?", cell).encode("utf-8", "backslashreplace").decode()

@@ -1,0 +1,119 @@
+"""A night's production: many parts, read by a crew, every row on the disk before the next one counts.
+
+    listed parts --not done yet--> crew --> store --> table (RunBook) --> quarantine, summary
+
+Whatever ends the run, the same command goes on where it ended: a part whose row is in the table is not read again. One
+that the store has and the table has not is read again, and the store takes it once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+from pipeline.batch.summary import Summary
+from pipeline.batch.task import ReadPart, RunOrder, read_listed
+from pipeline.files.listed import ListedPart
+from pipeline.reading.rows import Row
+from pipeline.workers.executors import Crew, Outcome
+
+if TYPE_CHECKING:
+    from pipeline.batch.journal import RunBook
+    from pipeline.batch.quarantine import Quarantine
+
+
+class Store(Protocol):
+    """What keeps parts beside the table: `pipeline.batch.store_target.RunStore` does."""
+
+    def add(self, read: ReadPart) -> None:
+        """Keep a part.
+
+        Raises:
+            ValueError: of a part that cannot be kept.
+        """
+
+
+@dataclass
+class Run:
+    """Where the rows of a run go.
+
+    Attributes:
+        book: the table on the disk; None: rows go to `on_row` alone.
+        quarantine: list of the parts that could not be read.
+        store: keeps them as well.
+        on_row: told of every part that is read now.
+        on_any_row: told of these, and of those that an earlier sitting read.
+        summary: of all rows, those of an earlier sitting included.
+        read_now: parts read in this sitting.
+        finished: whether every part has been.
+    """
+
+    book: RunBook | None = None
+    quarantine: Quarantine | None = None
+    store: Store | None = None
+    on_row: Callable[[Row], None] | None = None
+    on_any_row: Callable[[Row], None] | None = None
+    summary: Summary = field(default_factory=Summary)
+    read_now: int = 0
+    finished: bool = False
+
+    def work(self, parts: Sequence[ListedPart], order: RunOrder, crew: Crew) -> None:
+        """Read every part whose row the book does not hold, and put the table in the order of the parts.
+
+        Raises:
+            FileProblem: the table cannot be written.
+            ClusterError: the cluster is lost.
+        """
+        if self.book is not None:
+            for row in self.book.rows():
+                self._count(row)
+        for outcome in crew.calls(read_listed, order, self.missing(parts)):
+            self._take(_read_of(outcome))
+        if self.book is not None:
+            self.book.finish(part.name for part in parts)
+        self.finished = True
+
+    def missing(self, parts: Sequence[ListedPart]) -> Iterator[ListedPart]:
+        """The parts that are to be read still."""
+        done = self.book.done if self.book is not None else set()
+        return (part for part in parts if part.name not in done)
+
+    def _take(self, read: ReadPart) -> None:
+        if self.store is not None:
+            try:
+                self.store.add(read)
+            except (
+                ValueError
+            ) as error:  # what no store holds may not end the run, now and whenever it goes on
+                told = f"{read.row.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
+                read = ReadPart(read.listed, Row(read.row.part, error=told))
+        if read.row.error and self.quarantine is not None:
+            # before the row: a part too many in the list does no harm, one too few is lost
+            self.quarantine.add(read.listed, read.row.error)
+        row = read.row
+        if self.book is not None:
+            try:
+                self.book.add(row)
+            except ValueError as error:  # a fault of the program, which may not end the night
+                row = Row(row.part, error=f"{row.part}: fault of the program, {str(error)[:500]}")
+                self.book.add(row)
+        self.read_now += 1
+        self._count(row)
+        if self.on_row is not None:
+            self.on_row(row)
+
+    def _count(self, row: Row) -> None:
+        self.summary.add(row)
+        if self.on_any_row is not None:
+            self.on_any_row(row)
+
+
+def _read_of(outcome: Outcome[ListedPart, ReadPart]) -> ReadPart:
+    """What was read, or a row that tells what became of the worker."""
+    if outcome.result is not None:
+        return outcome.result
+    listed = outcome.task
+    file = listed.files[0] if listed.files else listed.name
+    reason = " ".join(str(outcome.error).split()) or type(outcome.error).__name__
+    return ReadPart(listed, Row(listed.name, error=f"{file}: {reason}; try it alone"))

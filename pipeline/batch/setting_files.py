@@ -1,0 +1,61 @@
+"""Files that settings name, sent along with a run's order to machines that may not have them.
+
+settings (database, lexicon, font files) --files_to_send--> contents --order--> worker --settled--> settings of copies
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+from pipeline.common.errors import require_file
+from pipeline.common.settings import ReadSettings
+
+_MOST_BYTES = 200_000_000
+
+
+def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
+    """Contents of the files that the settings name, by the name there.
+
+    Raises:
+        FileProblem: one is missing or too large.
+    """
+    named = [str(path) for path in (settings.database, settings.lexicon) if path is not None]
+    named += [font for font in settings.font if Path(font).is_file()]
+    for name in named:
+        require_file(Path(name), most_bytes=_MOST_BYTES)
+    return {name: Path(name).read_bytes() for name in named}
+
+
+def settled(settings: ReadSettings, sent: Mapping[str, bytes]) -> ReadSettings:
+    """The settings with the names of this machine's copies; as they are where nothing was sent."""
+    if not sent:
+        return settings
+    own = {name: _copy(Path(name).name, content) for name, content in sent.items()}
+
+    def at(path: Path | None) -> Path | None:
+        return None if path is None else own.get(str(path), path)
+
+    fonts = tuple(str(own.get(font, font)) for font in settings.font)
+    return settings.model_copy(
+        update={"database": at(settings.database), "lexicon": at(settings.lexicon), "font": fonts}
+    )
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    # goes with the process
+    return tempfile.TemporaryDirectory(prefix="tactile-marks-")
+
+
+@cache
+def _copy(name: str, content: bytes) -> Path:
+    """Under a name of what it holds, so that one file is written once; its own name stays, fonts are called by it."""
+    folder = Path(_folder().name) / sha256(content).hexdigest()[:32]
+    folder.mkdir(exist_ok=True)
+    path = folder / name
+    path.write_bytes(content)
+    return path

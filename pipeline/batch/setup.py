@@ -1,0 +1,185 @@
+"""From what a command line names to a run that is ready: its table, list of bad parts, store and crew."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pipeline.batch.run import Run
+from pipeline.batch.task import RunOrder
+from pipeline.common.errors import FileProblem
+from pipeline.common.settings import ReadSettings
+from pipeline.files.listed import ListedPart
+from pipeline.workers.executors import PART_TIMEOUT_S, Crew, InlineCrew, PoolCrew, cores
+
+if TYPE_CHECKING:
+    from pipeline.reading.expected import Expected
+    from pipeline.reading.part_reader import Mode, SenseReaders
+
+FEW_PARTS = 12
+"""So many are read here and now: to start processes would take longer."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where rows go.
+
+    Attributes:
+        out: table (.csv, .jsonl, .parquet) or URL of a store; None: nowhere but the terminal.
+        evidence: the service's folder of files, for pictures of parts to be reviewed; of a store alone.
+    """
+
+    out: str | None = None
+    evidence: Path | None = None
+
+    @property
+    def store(self) -> str | None:
+        """URL of the store, where that is the output."""
+        from pipeline.batch.store_target import is_store
+
+        return self.out if self.out is not None and is_store(self.out) else None
+
+    def check(self) -> None:
+        """Refuse, before the work starts, a table that could not be written.
+
+        Raises:
+            FileProblem: unknown suffix, or a place that cannot be written.
+            ValueError: pictures without a store.
+        """
+        from pipeline.batch.tables import check_output
+
+        if self.evidence is not None and self.store is None:
+            raise ValueError("--evidence goes with a store: --out sqlite:///parts.db")
+        if self.out is not None and self.store is None:
+            check_output(Path(self.out))
+
+
+@dataclass(frozen=True)
+class Means:
+    """Who reads.
+
+    Attributes:
+        jobs: processes; as many as there are cores, or none for a few parts, unless given.
+        cluster: address of a Dask scheduler, whose workers read instead.
+        part_timeout_s: after which a process of this machine gives a part up.
+    """
+
+    jobs: int | None = None
+    cluster: str | None = None
+    part_timeout_s: float = PART_TIMEOUT_S
+
+    @contextmanager
+    def crew(self, settings: ReadSettings, parts: int) -> Iterator[Crew]:
+        """The crew for so many parts.
+
+        Raises:
+            ClusterError: no cluster, or none that can be used.
+            ValueError: a number of jobs that cannot be.
+        """
+        if self.cluster is not None:
+            from pipeline.workers.cluster import ClusterCrew
+
+            with ClusterCrew(self.cluster) as cluster:
+                yield cluster
+            return
+        few = self.jobs is None and parts <= FEW_PARTS
+        jobs = min(cores() if self.jobs is None else self.jobs, max(1, parts))
+        if few or jobs == 1:
+            yield InlineCrew()
+            return
+        with PoolCrew(settings, jobs, timeout_s=self.part_timeout_s) as pool:
+            yield pool
+
+
+@contextmanager
+def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
+    """A run with its table open, begun or taken up where it was broken off.
+
+    Args:
+        target: where rows go.
+        description: what the answers depend on, in plain JSON values.
+
+    Raises:
+        FileProblem: the table holds another run, is being written, or cannot be.
+        StoreError: a store that cannot be opened.
+    """
+    from pipeline.batch.journal import RunBook
+    from pipeline.batch.quarantine import Quarantine
+    from pipeline.batch.store_target import RunStore
+    from pipeline.common.run_description import key_of
+
+    if target.out is None:
+        yield Run()
+        return
+    table, bad = Path(target.out), Path(target.out).with_suffix(".quarantine.csv")
+    if target.store is not None:
+        # which parts of a run a store has is told by a table of their rows, for as long as the run lasts
+        key = key_of({**description, "store": target.store})
+        table, bad = Path(f"tactile-marks-{key}.jsonl"), Path("parts.quarantine.csv")
+    with ExitStack() as stack:
+        book = stack.enter_context(RunBook.open(table, description))
+        quarantine = Quarantine(bad, keep=book.resumed)
+        stack.callback(quarantine.close)
+        store = None
+        if target.store is not None:
+            store = stack.enter_context(RunStore(target.store, book.run_id, evidence=target.evidence))
+        run = Run(book, quarantine, store)
+        yield run
+        if target.store is not None and run.finished:
+            table.unlink()
+
+
+def order_for(settings: ReadSettings, target: Target, means: Means, *, verify: bool) -> RunOrder:
+    """How the parts are read, ready to be sent to the crew.
+
+    Raises:
+        FileProblem: a file of the settings that cannot be sent.
+    """
+    from pipeline.batch.setting_files import files_to_send
+
+    sent = files_to_send(settings) if means.cluster is not None else {}
+    store = target.store is not None
+    return RunOrder(settings, verify, store, store and target.evidence is not None, sent)
+
+
+def open_readers(readers: SenseReaders, parts: Sequence[ListedPart], *, mode: Mode | None) -> None:
+    """Open the readers that the parts need, so that what cannot be used is told before the run.
+
+    Raises:
+        ValueError: a font or format that cannot be used.
+    """
+    from pipeline.reading.part_reader import Sense, senses_of
+
+    needed: set[Sense] = set()
+    for part in parts:
+        if part.problem is None and not (part.font or part.format):
+            with suppress(FileProblem):  # told in its row
+                needed.update(senses_of(part, mode))
+        if len(needed) == len(Sense):
+            break
+    if Sense.TOUCH in needed or not needed:
+        _ = readers.touch
+    if Sense.SIGHT in needed:
+        _ = readers.sight
+
+
+def with_expected(parts: Sequence[ListedPart], expected: Expected) -> list[ListedPart]:
+    """The parts with the texts that a command line or a table expects of them."""
+    return [replace(part, expected=expected.of(part.name) or part.expected) for part in parts]
+
+
+def absolute(parts: Sequence[ListedPart]) -> list[ListedPart]:
+    """The parts with local files named as on any machine that shares the disk."""
+    from pipeline.files.remote import is_url
+
+    def at(name: str) -> str:
+        return name if not name or is_url(name) else os.path.abspath(name)
+
+    return [
+        replace(part, height_map=at(part.height_map), scan=at(part.scan), photo=at(part.photo))
+        for part in parts
+    ]

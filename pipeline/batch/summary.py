@@ -1,0 +1,139 @@
+"""What a run has come to: decisions, reasons, rate and slowest parts, counted as the rows come."""
+
+from __future__ import annotations
+
+import heapq
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from pipeline.reading.rows import Row
+
+DECISIONS, VERDICTS = ("accept", "review", "reject"), ("confirmed", "refuted", "undecided")
+MOST_REASONS = 8
+_MOST_KINDS = 500
+_SLOWEST = 5
+_NUMBER = re.compile(r"\d+([.,]\d+)*")
+_BETWEEN = re.compile(r"; (?![^()]*\))")  # messages, one of which may have a semicolon in brackets
+_QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
+
+
+@dataclass
+class Summary:
+    """Counts over rows, whatever their number.
+
+    Attributes:
+        parts: rows counted.
+        decisions: how often each; errors have none.
+        verdicts: likewise.
+        errors: parts that could not be read.
+        reasons: why parts were not accepted, and of how many each was said; a part may have several.
+        faults: kinds of error, likewise.
+        seconds: of work on all parts together.
+    """
+
+    parts: int = 0
+    decisions: Counter[str] = field(default_factory=Counter)
+    verdicts: Counter[str] = field(default_factory=Counter)
+    errors: int = 0
+    reasons: Counter[str] = field(default_factory=Counter)
+    faults: Counter[str] = field(default_factory=Counter)
+    seconds: float = 0.0
+    _slowest: list[tuple[float, str]] = field(default_factory=list)
+
+    def add(self, row: Row) -> None:
+        """Count one more part."""
+        self.parts += 1
+        self.seconds += row.seconds
+        heapq.heappush(self._slowest, (row.seconds, row.part))
+        if len(self._slowest) > _SLOWEST:
+            heapq.heappop(self._slowest)
+        if row.error:
+            self.errors += 1
+            _count(self.faults, _kind(row.error.partition(": ")[2] or row.error))
+            return
+        self.decisions[row.decision] += 1
+        if row.verdict:
+            self.verdicts[row.verdict] += 1
+        if row.decision != "accept":
+            for reason in dict.fromkeys(_kind(flag) for flag in _BETWEEN.split(row.flags) if flag):
+                _count(self.reasons, reason)
+            if not row.flags:
+                _count(self.reasons, "not sure enough")
+
+    @property
+    def slowest(self) -> list[tuple[str, float]]:
+        """Parts that took longest, with their seconds, slowest first."""
+        return [(part, seconds) for seconds, part in sorted(self._slowest, reverse=True)]
+
+    def counts(self) -> str:
+        """One line: how many parts of each kind."""
+        told = [f"{n} {d}" for d in DECISIONS if (n := self.decisions[d])]
+        told += [f"{n} {v}" for v in VERDICTS if (n := self.verdicts[v])]
+        return ", ".join(
+            [f"{self.parts:,} parts", *told, *([f"{self.errors} with an error"] if self.errors else [])]
+        )
+
+    def lines(self, *, elapsed_s: float, read_now: int, workers: int) -> list[str]:
+        """For a person.
+
+        Args:
+            elapsed_s: since the run, or its going on, began.
+            read_now: parts read in that time.
+            workers: that read them.
+        """
+        told = [self.counts()]
+        told += _listed("not accepted", self.reasons)
+        told += _listed("errors", self.faults)
+        if read_now and elapsed_s > 0.0:
+            rate = read_now / elapsed_s
+            at_once = f" with {workers} workers" if workers > 1 else ""
+            told.append(
+                f"{read_now:,} read in {_duration(elapsed_s)}{at_once}: {rate:.2f} a second,"
+                f" {self.seconds / self.parts:.2f} s of work each"
+            )
+            told.append("slowest: " + ", ".join(f"{part} {seconds:.2f} s" for part, seconds in self.slowest))
+        return told
+
+    def as_json(self) -> dict[str, Any]:
+        """The same in plain values."""
+        return {
+            "parts": self.parts,
+            **{d: self.decisions[d] for d in DECISIONS},
+            "errors": self.errors,
+            **{v: n for v in VERDICTS if (n := self.verdicts[v])},
+            "reasons": dict(self.reasons.most_common()),
+            "faults": dict(self.faults.most_common()),
+            "seconds": round(self.seconds, 3),
+            "slowest": [{"part": part, "seconds": seconds} for part, seconds in self.slowest],
+        }
+
+
+def _kind(message: str) -> str:
+    """A message without what differs from part to part."""
+    return _NUMBER.sub("#", _QUOTED.sub("'...'", message))[:160].strip()
+
+
+def _count(counter: Counter[str], kind: str) -> None:
+    # faults may name anything; the memory they take may not grow with the night
+    if kind in counter or len(counter) < _MOST_KINDS:
+        counter[kind] += 1
+    else:
+        counter["other"] += 1
+
+
+def _listed(title: str, counter: Counter[str]) -> Sequence[str]:
+    if not counter:
+        return ()
+    shown = counter.most_common(MOST_REASONS)
+    more = [f"  ... and {len(counter) - len(shown)} more kinds"] if len(counter) > len(shown) else []
+    return (f"{title}:", *(f"  {n:>6,}  {kind}" for kind, n in shown), *more)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.1f} s"
+    minutes = seconds / 60.0
+    return f"{minutes:.1f} min" if minutes < 120.0 else f"{minutes / 60.0:.1f} h"

@@ -1,0 +1,1 @@
+"""Accuracy on dirty parts, and its report."""

@@ -1,0 +1,225 @@
+"""The run of a benchmark: every part made once, read by every mode, kept at once, by several workers.
+
+    Parts.items --missing from the book--> workers: make, read by each mode --> trials.jsonl
+
+A part depends on nothing but what it is made from, so the answer is the same whatever the number of workers, their
+order, and how often the run was broken off.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pipeline.benchmark.modes import ModeReader, ModeSettings, Readers, Senses, open_mode
+from pipeline.benchmark.specimens import Condition, Item, Parts
+from pipeline.benchmark.trials import Trial, TrialBook, answer_of
+from pipeline.common.allocator import kept_memory
+from pipeline.common.version import program_mark
+from pipeline.workers.executors import Crew
+
+Result = TypeVar("Result")
+_AGAIN = "what is done is kept, the same command goes on from there; try fewer --jobs"
+
+
+class WorkerDiedError(RuntimeError):
+    """A worker process was killed from outside."""
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """What is tried and how.
+
+    Attributes:
+        parts: where the parts come from.
+        modes: names of the modes.
+        told: what all readers are told; font and format come with the part where its kind names them.
+
+    Raises:
+        ValueError: no mode, or one twice.
+    """
+
+    parts: Parts
+    modes: tuple[str, ...]
+    told: ModeSettings
+
+    def __post_init__(self) -> None:
+        if not self.modes or len(set(self.modes)) != len(self.modes):
+            raise ValueError(f"modes are {self.modes}; give at least one, each once")
+
+    def description(self) -> dict[str, Any]:
+        """All that the answers depend on, in plain JSON values; not how many parts there are."""
+        told = {**asdict(self.told), "fonts": list(self.told.fonts), "fidelity": self.told.fidelity.value}
+        return {
+            "parts": self.parts.description(),
+            "modes": list(self.modes),
+            "told": told,
+            "program": program_mark(),
+        }
+
+    def settings_for(self, condition: Condition) -> ModeSettings:
+        """What the readers of a part of that kind are told."""
+        return replace(
+            self.told,
+            fonts=(condition.font,) if condition.font else self.told.fonts,
+            mask=condition.format or self.told.mask,
+        )
+
+
+def run_benchmark(
+    benchmark: Benchmark,
+    folder: Path,
+    *,
+    jobs: int = 1,
+    crew: Crew | None = None,
+    on_start: Callable[[int, int], None] | None = None,
+    on_part: Callable[[Sequence[Trial]], None] | None = None,
+) -> list[Trial]:
+    """Try every part that the folder does not hold yet.
+
+    Args:
+        benchmark: what to try.
+        folder: where the trials are kept; made if need be.
+        jobs: worker processes; 1 works in this one.
+        crew: works instead, such as a cluster.
+        on_start: told how many parts there are and how many of these are done already.
+        on_part: told of every part as it is done.
+
+    Returns:
+        The trials in the order of the parts, then of the modes.
+
+    Raises:
+        FileProblem: the folder holds another benchmark or cannot be written.
+        ModeUnavailableError: a mode that cannot run here.
+        ValueError: a mode, font or format that cannot be used.
+    """
+    items = benchmark.parts.items()
+    for settings in dict.fromkeys(benchmark.settings_for(item.condition) for item in items):
+        for mode in benchmark.modes:
+            open_mode(mode, Readers(settings))
+    book = TrialBook.open(folder, benchmark.description())
+    missing = [item for item in items if item.part not in book.done]
+    if on_start is not None:
+        on_start(len(items), len(items) - len(missing))
+    for trials in _tried(benchmark, missing, jobs=jobs, crew=crew):
+        book.add(trials[0].part, trials)
+        if on_part is not None:
+            on_part(trials)
+    return [trial for item in items for trial in book.done[item.part]]
+
+
+def _tried(
+    benchmark: Benchmark, items: Sequence[Item], *, jobs: int, crew: Crew | None
+) -> Iterator[tuple[Trial, ...]]:
+    """The trials of every part, as they are done."""
+    if crew is None:
+        tasks = [(benchmark, item) for item in items]
+        yield from in_workers(try_part, tasks, jobs=jobs, ordered=False)
+        return
+    for outcome in crew.calls(try_part, benchmark, items):
+        if outcome.result is not None:
+            yield outcome.result
+        else:
+            assert outcome.error is not None
+            yield _failed(benchmark, outcome.task, outcome.error)
+
+
+def in_workers(
+    act: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], *, jobs: int, ordered: bool = True
+) -> Iterator[Result]:
+    """What `act` makes of every task's arguments, from processes of their own unless `jobs` is 1.
+
+    Args:
+        act: a function of a module.
+        tasks: its arguments, which must be picklable.
+        jobs: processes; none is forked, for a forked child dies in its first parallel kernel.
+        ordered: in the order of the tasks; otherwise as they are done.
+
+    Raises:
+        WorkerDiedError: a process was killed.
+    """
+    if jobs == 1 or len(tasks) < 2:
+        yield from (act(*task) for task in tasks)
+        return
+    import joblib
+
+    how = "generator" if ordered else "generator_unordered"
+    with kept_memory(), joblib.parallel_config(backend="loky", inner_max_num_threads=1):
+        pool = joblib.Parallel(n_jobs=jobs, return_as=how, batch_size=1, pre_dispatch="2*n_jobs")
+        try:
+            yield from pool(joblib.delayed(_alone)(act, task) for task in tasks)
+        except BrokenExecutor as error:
+            raise WorkerDiedError(f"a worker died, perhaps for want of memory; {_AGAIN}") from error
+
+
+def _alone(act: Callable[..., Result], task: tuple[Any, ...]) -> Result:
+    """In a worker: the other workers have the other cores."""
+    with contextlib.suppress(ImportError):
+        import cv2
+
+        cv2.setNumThreads(1)
+    return act(*task)
+
+
+def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
+    """Make one part and read it by every mode; what fails is told in the trial, and the run goes on."""
+    try:
+        specimen = benchmark.parts.make(item)
+    except Exception as error:
+        return _failed(benchmark, item, error)
+    blanks = [replace(b, truth=specimen.truth) for b in _blanks(benchmark, item)]
+    readers = readers_for(benchmark.settings_for(item.condition))
+    senses = Senses(specimen, readers)
+    return tuple(_read(blank, senses, readers) for blank in blanks)
+
+
+def _blanks(benchmark: Benchmark, item: Item) -> list[Trial]:
+    kind = item.condition
+    return [
+        Trial(item.part, item.number, kind.severity, kind.font_name, kind.format, mode, item.truth)
+        for mode in benchmark.modes
+    ]
+
+
+def _failed(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, ...]:
+    """The trials of a part that could not be made, or whose worker was lost."""
+    return tuple(replace(b, error=f"the part: {_told(error)}") for b in _blanks(benchmark, item))
+
+
+def _read(blank: Trial, senses: Senses, readers: Readers) -> Trial:
+    start, before = time.perf_counter(), sum(senses.seconds.values())
+    # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
+    try:
+        mode = _mode(blank.mode, readers)
+        reading = mode.read(senses)
+    except Exception as error:
+        return replace(blank, error=_told(error))
+    own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)
+    used = sum(senses.seconds.get(sense, 0.0) for sense in mode.uses)
+    return replace(
+        blank,
+        **answer_of(reading),
+        compute_s=round(own + used, 4),
+        scan_s=round(senses.scan_s, 3) if "touch" in mode.uses else 0.0,
+    )
+
+
+@lru_cache(maxsize=64)
+def readers_for(settings: ModeSettings) -> Readers:
+    """Kept between parts, so that templates are predicted once a worker."""
+    return Readers(settings)
+
+
+@lru_cache(maxsize=256)
+def _mode(name: str, readers: Readers) -> ModeReader:
+    return open_mode(name, readers)
+
+
+def _told(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"[:500]

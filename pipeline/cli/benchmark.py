@@ -1,0 +1,248 @@
+"""`tactile-marks benchmark`: how well parts of growing dirt are read, and a report of it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_told
+
+if TYPE_CHECKING:
+    from pipeline.benchmark.report import Written
+    from pipeline.benchmark.run import Benchmark
+    from pipeline.benchmark.trials import Trial
+
+FaceName = Literal["sharp", "flat", "round", "dotted"]
+FidelityName = Literal["pointwise", "contact"]
+
+
+def benchmark(
+    *,
+    out: Path,
+    severities: str | None = None,
+    parts: int | None = None,
+    modes: str = "tactile,vision,fused",
+    fonts: str | None = None,
+    formats: str | None = None,
+    seed: int = 1,
+    jobs: int = 1,
+    cluster: str | None = None,
+    peers: Annotated[bool, Parameter(negative="")] = False,
+    height_mm: float = 5.0,
+    depth_mm: float = 0.2,
+    face: FaceName = "flat",
+    fidelity: FidelityName = "contact",
+    light_azimuth_deg: float | None = None,
+    light_elevation_deg: float | None = None,
+    tell_height: bool = True,
+    inputs: Annotated[list[str] | None, Parameter(negative="")] = None,
+    truth: Path | None = None,
+) -> int:
+    """Make parts of growing dirt, read each by every mode, and write report.html, benchmark.csv and benchmark.json.
+
+    A run that was broken off is taken up by the same command; more --parts go on where fewer ended. With --inputs
+    and --truth the parts of a folder are read in place of made ones.
+
+    Parameters
+    ----------
+    out
+        Folder for the trials and the report; made if it is not there.
+    severities
+        Of the dirt, 0 to 1, separated by commas; 0,0.3,0.6,0.9 unless given. Of --inputs: theirs, if known.
+    parts
+        Of every severity, font and format; 200 unless given.
+    modes
+        Senses that read: tactile, vision, fused, separated by commas.
+    fonts
+        Built-in names or TTF/OTF files, separated by commas; gothic unless given. The reader is told which. Of
+        --inputs: those that may be theirs, all built-in ones unless given.
+    formats
+        Masks of the serials, separated by commas; AA999999 unless given. The reader is told which. Of --inputs:
+        theirs, if known.
+    seed
+        Of everything random.
+    jobs
+        Worker processes.
+    cluster
+        Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
+    peers
+        RapidOCR and Tesseract read the same photographs and edge maps.
+    height_mm
+        Character height.
+    depth_mm
+        Depth of the marks.
+    face
+        Face of the die.
+    fidelity
+        How touch is simulated.
+    light_azimuth_deg
+        Where the photographs' light comes from.
+    light_elevation_deg
+        How high it stands.
+    tell_height
+        Tell the reader the character height.
+    inputs
+        Folders, files or globs of parts made elsewhere: NAME.npz, with NAME.png beside it for the camera.
+    truth
+        CSV with the columns part and text, for --inputs.
+    """
+    with failures_told():
+        if (inputs is None) != (truth is None):
+            raise CommandError("benchmark: --inputs and --truth go together", status=USAGE)
+        if jobs < 1:
+            raise CommandError(f"benchmark: jobs is {jobs}; it must be at least 1", status=USAGE)
+        if inputs is not None and (severities is not None or parts is not None):
+            raise CommandError(
+                "benchmark: --severities and --parts are for parts that are made", status=USAGE
+            )
+        from glyphs.stamping.die import Face
+        from pipeline.benchmark.modes import PEERS, ModeSettings
+        from pipeline.benchmark.report import check_report
+        from pipeline.benchmark.run import Benchmark
+        from pipeline.benchmark.specimens import Condition, FolderParts, Parts, SynthParts
+        from whisker_array.simulation.traces import Fidelity
+
+        check_report()
+        source: Parts
+        told = ModeSettings(height_mm=height_mm if tell_height else None, fidelity=Fidelity(fidelity))
+        if inputs is not None and truth is not None:
+            from dataclasses import replace
+
+            masks, known = _listed(formats or ""), _numbers(severities or "")
+            if len(masks) > 1 or len(known) > 1:
+                raise CommandError("benchmark: a folder has one format and one severity", status=USAGE)
+            told = replace(told, fonts=_listed(fonts or ""))
+            condition = Condition(known[0] if known else None, "", masks[0] if masks else "")
+            source = FolderParts.load(inputs, truth, condition)
+        else:
+            source = SynthParts(
+                severities=tuple(_numbers(severities or "0,0.3,0.6,0.9")),
+                fonts=_listed(fonts or "gothic"),
+                formats=_listed(formats or "AA999999"),
+                parts=200 if parts is None else parts,
+                seed=seed,
+                height_mm=height_mm,
+                depth_mm=depth_mm,
+                face=Face(face),
+                light_azimuth_deg=light_azimuth_deg,
+                light_elevation_deg=light_elevation_deg,
+            )
+        chosen = _listed(modes) + (tuple(PEERS) if peers else ())
+        written = _run(Benchmark(source, chosen, told), out, jobs=jobs, cluster=cluster)
+    _tell(written)
+    return 0
+
+
+def _listed(text: str) -> tuple[str, ...]:
+    return tuple(item.strip() for item in text.split(",") if item.strip())
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(item) for item in _listed(text)]
+    except ValueError as error:
+        raise ValueError(f"severities are {text!r}; give numbers separated by commas") from error
+
+
+def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:
+    from contextlib import nullcontext
+
+    from pipeline.benchmark.report import command_line, write_report
+    from pipeline.benchmark.run import WorkerDiedError, run_benchmark
+    from pipeline.workers.cluster import ClusterCrew, ClusterError
+
+    with _Progress() as progress:
+        try:
+            with ClusterCrew(cluster) if cluster is not None else nullcontext() as crew:
+                trials = run_benchmark(
+                    benchmark,
+                    out,
+                    jobs=jobs,
+                    crew=crew,
+                    on_start=progress.start,
+                    on_part=progress.on_part,
+                )
+            progress.say("drawing the report")
+            return write_report(benchmark, trials, out, command=command_line(), jobs=jobs)
+        except KeyboardInterrupt as error:
+            raise CommandError(
+                f"interrupted; what is done stands in {out}, the same command goes on from there",
+                status=INTERRUPTED,
+            ) from error
+        except (WorkerDiedError, ClusterError) as error:
+            raise CommandError(str(error)) from error
+
+
+class _Progress:
+    """A bar on the terminal; nothing elsewhere."""
+
+    def __init__(self) -> None:
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> _Progress:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+            columns = (
+                TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+            )  # fmt: skip
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._task = self._bar.add_task("parts", total=None)
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def start(self, total: int, done: int) -> None:
+        if self._bar is not None:
+            self._bar.update(self._task, total=total, completed=done)
+
+    def on_part(self, _: Sequence[Trial]) -> None:
+        if self._bar is not None:
+            self._bar.advance(self._task)
+
+    def say(self, what: str) -> None:
+        if self._bar is not None:
+            self._bar.update(self._task, description=what)
+
+
+def _tell(written: Written) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from pipeline.benchmark.charts import severity_name
+
+    console = Console() if sys.stdout.isatty() else Console(width=140)
+    # no wider than 80 columns
+    table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")
+    headings = (
+        "dirt", "mode", "parts", "serials", "chars", "accepted", "accepted wrong", "errors", "ms", "read ms",
+    )  # fmt: skip
+    for heading in headings:
+        table.add_column(
+            heading, justify="left" if heading == "mode" else "right", no_wrap=" " not in heading
+        )
+    for g in written.statistics.by_severity:
+        table.add_row(
+            severity_name(g.key.severity), g.key.mode, str(g.serials.total), f"{g.serials.value:.2%}",
+            f"{g.characters.value:.2%}", f"{g.accepted.value:.1%}", str(g.split.accepted_wrong),
+            str(g.split.failed), f"{1000 * g.compute_s[0]:.0f}", f"{1000 * g.reading_s[0]:.0f}",
+        )  # fmt: skip
+    console.print(table)
+    print("ms: median time to compute a part; read ms: less the simulated scan")
+    for verdict in written.verdicts:
+        if verdict.met is not None:
+            word = "met" if verdict.met else "NOT MET"
+            print(
+                f"{word}: {verdict.mode}, dirt {severity_name(verdict.severity)}, {verdict.target}: {verdict.found}"
+            )
+    for path in (written.page, written.table, written.figures):
+        print(f"wrote {path}")

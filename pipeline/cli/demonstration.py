@@ -1,0 +1,163 @@
+"""The demonstration: a few plates are stamped, scanned with noisy whiskers, recorded, calibrated and read."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import Face, default_die
+from glyphs.stamping.stamp import StampedPart, stamp
+from pipeline.common.atomic import replacing
+from pipeline.files.lead_in import calibrate_scan
+from pipeline.files.npz import write_npz
+from pipeline.plots.pictures import SheetPart, inspect_figure, overview_figure, same_text, save_figure
+from pipeline.reading.simulated_scan import feel, plan_for
+from recognition.levelling import level
+from recognition.reader import Reader, ReaderSettings, ReadingWithEvidence
+from whisker_array.scan.recording import load_scan, save_calibration, save_scan
+from whisker_array.scan.scan import Scan
+
+_SEED = 2024
+
+
+@dataclass(frozen=True)
+class DemoPart:
+    """One plate of the demonstration."""
+
+    name: str
+    text: str
+    font: str
+    face: Face
+    height_mm: float
+    raised: bool = False
+    rotation_deg: float = 0.0
+
+
+DEMO_PARTS = (
+    DemoPart("flat-gothic", "KX407251", "gothic", Face.FLAT, 5.0),
+    DemoPart("sharp-turned", "8B3S0D26", "gothic", Face.SHARP, 5.0, rotation_deg=2.0),
+    DemoPart("round-roman", "TA19R645", "timesr", Face.ROUND, 7.0),
+    DemoPart("raised", "HM52G793", "futural", Face.FLAT, 5.0, raised=True),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class DemoResult:
+    """What came of it.
+
+    Attributes:
+        parts: every plate with its evidence.
+        overview: the picture.
+        page: the self-contained page.
+    """
+
+    parts: tuple[SheetPart, ...]
+    overview: Path
+    page: Path
+
+    @property
+    def all_right(self) -> bool:
+        """Whether every serial was read as stamped."""
+        return all(same_text(p.evidence.reading.text, p.truth) for p in self.parts)
+
+
+def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None) -> DemoResult:
+    """Make, scan, calibrate and read the plates; write them, an overview and a page into the folder.
+
+    Neither the font nor the height is told to the reader, only that a serial has eight letters or figures.
+
+    Raises:
+        FileProblem: the folder cannot be written.
+        RecordingError: a recording cannot be written.
+    """
+    reader = Reader(ReaderSettings(mask="********"))
+    done = []
+    for number, demo in enumerate(DEMO_PARTS):
+        part = _stamped(demo, number)
+        write_npz(folder / f"{demo.name}.npz", part.height_map)
+        scan = _recorded(part, folder / f"{demo.name}.h5", number)
+        found = reader.read_scan(scan)
+        evidence = ReadingWithEvidence(
+            found.reading, edge_map=found.edge_map, scan=scan, height_map=level(part.height_map)
+        )
+        done.append(SheetPart(demo.name, demo.text, evidence))
+        if on_part is not None:
+            on_part(done[-1])
+    overview, page = folder / "overview.png", folder / "overview.html"
+    save_figure(overview_figure(done), overview)
+    with replacing(page) as temporary:
+        temporary.write_text(_page(done), encoding="utf-8")
+    return DemoResult(tuple(done), overview, page)
+
+
+def _stamped(demo: DemoPart, number: int) -> StampedPart:
+    font = load_font(demo.font)
+    return stamp(
+        demo.text,
+        font,
+        default_die(demo.height_mm, font=font, face=demo.face),
+        height_mm=demo.height_mm,
+        line_rotation_deg=demo.rotation_deg,
+        raised=demo.raised,
+        rng=np.random.default_rng([_SEED, number]),
+    )
+
+
+def _recorded(part: StampedPart, path: Path, number: int) -> Scan:
+    """Scan the part, record the raw moments, calibrate the recording and load it again."""
+    plan, height = plan_for(part.height_map, height_mm=part.height_mm)
+    scan = feel(part.height_map, plan=plan, height_mm=height, sensor_seed=_SEED + number, part_id=path.stem)
+    save_scan(scan, path)
+    save_calibration(path, calibrate_scan(scan).calibration)
+    return load_scan(path)
+
+
+_STYLE = (
+    "body{font:16px/1.5 sans-serif;max-width:75rem;margin:2rem auto;padding:0 1rem;color:#222}"
+    "img{max-width:100%;border:1px solid #ccc}td,th{padding:.2rem 1rem .2rem 0;text-align:left}"
+    ".wrong{color:#b00}.right{color:#070}code{font-size:1.1em}"
+)
+
+
+def _page(parts: list[SheetPart]) -> str:
+    """One HTML file with its pictures inside."""
+    rows, pictures = [], []
+    for part in parts:
+        reading = part.evidence.reading
+        verdict = "right" if same_text(reading.text, part.truth) else "wrong"
+        cells = (
+            html.escape(part.name),
+            f"<code>{html.escape(part.truth)}</code>",
+            f"<code>{html.escape(reading.text)}</code>",
+            f'<span class="{verdict}">{verdict}</span>',
+            reading.decision.value,
+            f"{reading.confidence:.3f}",
+            html.escape(reading.font),
+            f"{reading.height_mm:.2f} mm",
+        )
+        rows.append("<tr>" + "".join(f"<td>{c}</td>" for c in cells) + "</tr>")
+        pictures.append(_inline(part))
+    headings = ("part", "stamped", "read", "", "decision", "confidence", "font", "height")
+    head = "".join(f"<th>{h}</th>" for h in headings)
+    return (
+        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>tactile-marks: demo</title>'
+        f"<style>{_STYLE}</style></head><body><h1>Serials read by touch</h1>"
+        "<p>Every plate was stamped with the variation of a shop, scanned by a simulated whisker array with "
+        "noisy sensors, recorded, calibrated and read without knowing font or size.</p>"
+        f"<table><tr>{head}</tr>{''.join(rows)}</table>{''.join(pictures)}</body></html>\n"
+    )
+
+
+def _inline(part: SheetPart) -> str:
+    stream = io.BytesIO()
+    inspect_figure(part.evidence, title=part.name).savefig(stream, format="png")
+    data = base64.b64encode(stream.getvalue()).decode("ascii")
+    name = html.escape(part.name)
+    return f'<h2>{name}</h2><img alt="{name}" src="data:image/png;base64,{data}">'

@@ -1,0 +1,151 @@
+"""`tactile-marks design`: which whisker to build."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+
+if TYPE_CHECKING:
+    from pipeline.files.whisker_file import WhiskerFile
+    from whisker_array.design.design import Design
+    from whisker_array.design.trade import TradeOff
+    from whisker_array.design.tuned import Tuned
+
+SectionName = Literal["auto", "ribbon", "round"]
+WireName = Literal["music"]
+
+
+def design(
+    *,
+    alpha: str,
+    mu: str,
+    depth_mm: float,
+    char_height_mm: float,
+    wire: WireName = "music",
+    section: SectionName = "auto",
+    speed_mm_s: float | None = None,
+    beta_deg: str = "0:45",
+    sensitive_to: float | None = None,
+    trade_offs: Annotated[bool, Parameter(negative="--no-trade-offs")] = True,
+    out: Path | None = None,
+    picture: Path | None = None,
+) -> int:
+    """Design the whisker that shows edges best in the worst case, and say what stands in its way.
+
+    Parameters
+    ----------
+    alpha
+        Walls of the marks, gentlest:steepest, degrees, e.g. 30:60.
+    mu
+        Friction, least:greatest, e.g. 0.1:0.5.
+    depth_mm
+        Depth of the deepest marks.
+    char_height_mm
+        Character height.
+    wire
+        What whiskers are made of.
+    section
+        Section of the whisker.
+    speed_mm_s
+        Scan speed to be reached; the usual one for the height unless given.
+    beta_deg
+        Setting angles that can be had, least:greatest, degrees; 0 keeps l1 level.
+    sensitive_to
+        Instead single out walls of this inclination, degrees.
+    trade_offs
+        Also say what a larger sideways slide, or another speed, would give.
+    out
+        Whisker file to write, .toml, for `scan --whisker`.
+    picture
+        Picture to write, .png or .pdf.
+    """
+    with failures_told():
+        import math
+
+        from pipeline.files.whisker_file import check_whisker_file, write_whisker_file
+        from whisker_array.design.design import design_whisker
+        from whisker_array.design.limits import Limits, Request
+        from whisker_array.design.trade import slide_trade_off, speed_trade_off
+        from whisker_array.design.tuned import tune
+
+        low, high = _range("--alpha", alpha)
+        flat, steep = _range("--beta-deg", beta_deg)
+        if not 0.0 <= flat <= steep <= 80.0:
+            raise CommandError(f"--beta-deg is {beta_deg}; setting angles lie between 0 and 80", status=USAGE)
+        request = Request(
+            alpha_rad=(math.radians(low), math.radians(high)),
+            mu=_range("--mu", mu),
+            depth_mm=depth_mm,
+            character_height_mm=char_height_mm,
+            speed_mm_s=speed_mm_s,
+        )
+        limits = Limits(beta_rad=(math.radians(flat), math.radians(steep)))
+        if out is not None:
+            check_whisker_file(out)
+        if picture is not None:
+            from pipeline.plots.pictures import check_picture
+
+            check_picture(picture)
+        trades: tuple[TradeOff, ...] = ()
+        tuned: Tuned | None = None
+        if sensitive_to is not None:
+            tuned = tune(math.radians(sensitive_to), request, limits=limits, section=section)
+            made = tuned.design
+        else:
+            made = design_whisker(request, limits=limits, section=section)
+            if trade_offs:
+                trades = (slide_trade_off(made), speed_trade_off(made))
+        from pipeline.plots.design_report import report
+
+        print("\n".join(report(made, trades=trades, tuned=tuned)))
+        if out is not None:
+            write_whisker_file(out, _file(made))
+            print(f"wrote {out}")
+        if picture is not None:
+            from pipeline.plots.design_picture import design_figure
+            from pipeline.plots.pictures import save_figure
+
+            save_figure(design_figure(made, trades=trades, tuned=tuned), picture)
+            print(f"wrote {picture}")
+    return 0
+
+
+def _range(flag: str, text: str) -> tuple[float, float]:
+    """Two numbers with a colon between them, or one for both."""
+    parts = text.split(":")
+    try:
+        low, high = (float(parts[0]), float(parts[-1])) if len(parts) <= 2 else (float("nan"),) * 2
+    except ValueError:
+        low = high = float("nan")
+    if not low <= high:
+        raise CommandError(
+            f"{flag} is {text!r}; write least:greatest, such as 30:60, or one number", status=USAGE
+        )
+    return low, high
+
+
+def _file(made: Design) -> WhiskerFile:
+    """The design as a whisker file; the stage is set up at the nominal friction, if it is in the range."""
+    from pipeline.files.whisker_file import WhiskerFile
+    from whisker_array.whisker.defaults import NOMINAL_FRICTION
+    from whisker_array.whisker.touch import Touch
+
+    touch = Touch(
+        tip=made.whisker.tip_model(),
+        preload_mm=made.preload_mm,
+        tip_radius_mm=made.tip_radius_mm,
+        friction=min(max(NOMINAL_FRICTION, made.request.mu[0]), made.request.mu[1]),
+        whisker=made.whisker.describe(),
+    )
+    return WhiskerFile(
+        whisker=made.whisker,
+        touch=touch,
+        character_height_mm=made.request.character_height_mm,
+        line_pitch_mm=made.line_pitch_mm,
+        sample_pitch_mm=made.sample_pitch_mm,
+        speed_mm_s=made.speed_mm_s,
+    )

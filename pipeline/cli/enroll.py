@@ -1,0 +1,151 @@
+"""`tactile-marks enroll`: learn a die's shapes from parts that a person has reviewed."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import ExitStack
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from pipeline.cli.exit_status import FAILED, USAGE, CommandError, failures_told
+
+if TYPE_CHECKING:
+    from pipeline.reading.enrolment import ReviewedPart
+    from pipeline.store.evidence_folder import EvidenceFolder
+    from pipeline.store.store import Store
+
+_PAGE = 500
+
+
+def enroll(
+    *inputs: Path,
+    database: Path,
+    font: str,
+    truth: Path | None = None,
+    from_store: Annotated[bool, Parameter(negative="")] = False,
+    store: str | None = None,
+    since: float | None = None,
+    config: Path | None = None,
+) -> int:
+    """Enroll reviewed parts: their characters teach the database the die's own shapes.
+
+    Parameters
+    ----------
+    inputs
+        Height maps and scans, folders or globs of them.
+    database
+        Glyph database; made with the built-in fonts if it is not there. Then: read --database.
+    font
+        Name for the die's shapes, such as press-7; given again, it learns more.
+    truth
+        Table of the inputs' texts as a person knows them: CSV with the columns part and text.
+    from_store
+        Take the reviewed parts of the service's store instead.
+    store
+        Address of that store; that of the service's settings unless given.
+    since
+        Only parts reviewed in the last so many days.
+    config
+        Settings file, for fonts and character height.
+    """
+    if from_store == bool(inputs):
+        raise CommandError("enroll: name parts with --truth, or give --from-store", status=USAGE)
+    if inputs and truth is None:
+        raise CommandError("enroll: give --truth, a table of what stands on the parts", status=USAGE)
+    if not from_store and (store is not None or since is not None):
+        raise CommandError("enroll: --store and --since go with --from-store", status=USAGE)
+    if since is not None and not 0.0 < since <= 36_500.0:
+        raise CommandError(f"enroll: --since is {since} days; give a positive number", status=USAGE)
+    with failures_told(), ExitStack() as stack:
+        from pipeline.common.atomic import check_writable
+        from pipeline.common.settings import load_settings
+        from pipeline.reading.enrolment import enrol
+
+        settings = load_settings(config=config)
+        left_out = 0
+        if from_store:
+            opened, folder = _opened(store, config)
+            stack.callback(opened.close)
+            links = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            parts, left_out = _of_store(opened, folder, links, since)
+        else:
+            assert truth is not None
+            opened, parts = None, _of_table(inputs, truth)
+        if not parts:
+            raise CommandError("enroll: no reviewed part with a scan or a height map was found")
+        check_writable(database)
+        report = enrol(parts, database, font=font, settings=settings)
+        if opened is not None:
+            for part_id, characters in report.enrolled:
+                opened.note_event(part_id, "enrolled", {"font": font, "characters": characters})
+    print(report.describe())
+    if left_out:
+        print(f"{left_out} reviewed parts left out: they were never felt, or their files are no longer kept")
+    return 0 if report.enrolled or report.known else FAILED
+
+
+def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[ReviewedPart]:
+    """The parts that a table tells the text of."""
+    from pipeline.files.parts import discover
+    from pipeline.files.truth import load_truth
+    from pipeline.reading.enrolment import ReviewedPart
+
+    texts = load_truth(truth)
+    found = []
+    for part in discover(inputs):
+        text = texts.get(part.name, texts.get(part.name.rpartition("/")[2], ""))
+        if part.problem is not None:
+            raise part.problem
+        if text and part.felt:
+            found.append(ReviewedPart(part.name, text, part.scan, part.height_map))
+    return found
+
+
+def _opened(url: str | None, config: Path | None) -> tuple[Store, EvidenceFolder]:
+    from pipeline.service.settings import load_service_settings
+    from pipeline.store.evidence_folder import EvidenceFolder
+    from pipeline.store.store import Store, StoreError
+
+    settings = load_service_settings(config=config)
+    try:
+        return Store.open(url or settings.store_url), EvidenceFolder(settings.evidence_folder)
+    except StoreError as error:
+        raise CommandError(f"enroll: {error}") from error
+
+
+def _of_store(
+    opened: Store, folder: EvidenceFolder, links: Path, since_days: float | None
+) -> tuple[list[ReviewedPart], int]:
+    """The reviewed parts of a store, and how many of them were left out.
+
+    The evidence's files are named by what they hold; links in a folder of their own bear the suffixes that say how
+    they are read.
+    """
+    from pipeline.common.records import EvidenceKind, ReviewAction
+    from pipeline.reading.enrolment import ReviewedPart
+
+    since = None if since_days is None else datetime.now(UTC) - timedelta(days=since_days)
+    found: list[ReviewedPart] = []
+    left_out, after = 0, None
+    while page := opened.reviewed(since=since, after=after, limit=_PAGE):
+        after = page[-1].id
+        for part in page:
+            if part.review is None or part.review.action is ReviewAction.UNREADABLE or not part.text:
+                continue
+            files: dict[EvidenceKind, Path] = {}
+            for record in opened.evidence(part.id):
+                path = folder.path(record.sha256)
+                if record.kind in (EvidenceKind.SCAN, EvidenceKind.HEIGHT_MAP) and path.is_file():
+                    link = links / (record.sha256 + Path(record.name).suffix)
+                    if not link.exists():
+                        link.symlink_to(path.absolute())
+                    files[record.kind] = link
+            if not files:
+                left_out += 1
+                continue
+            scan, height_map = files.get(EvidenceKind.SCAN), files.get(EvidenceKind.HEIGHT_MAP)
+            found.append(ReviewedPart(part.id, part.text, scan, height_map))
+    return found, left_out

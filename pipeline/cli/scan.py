@@ -1,0 +1,146 @@
+"""`tactile-marks scan` and `tactile-marks calibrate`: recordings made and calibrated."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+
+FidelityName = Literal["pointwise", "contact"]
+
+
+def scan(
+    height_map: Path,
+    *,
+    out: Path,
+    height_mm: float | None = None,
+    fidelity: FidelityName = "contact",
+    noise: bool = True,
+    sensor_seed: int = 0,
+    whisker: Path | None = None,
+    friction: float | None = None,
+    profilers: bool = False,
+    two_way: bool = False,
+) -> int:
+    """Feel a height map with the virtual whisker array and record the raw moments.
+
+    Parameters
+    ----------
+    height_map
+        .npz, .x3p, .sdf, .sur ... An .npz that tells of friction and soft dirt, as `synth --dirt` writes it, is felt
+        with them.
+    out
+        Recording to write, .h5.
+    height_mm
+        Character height, which sets the scale of array and raster; found out if not given.
+    fidelity
+        How touch is simulated.
+    noise
+        Sensors as they come from the bench: gains, offsets, noise, drift, 16 bits.
+    sensor_seed
+        Of gains, offsets and noise.
+    whisker
+        Whisker to scan with, as `design --out` writes it; one for the character height unless given.
+    friction
+        True friction of the part, 0 to 1; what the file says, or the whisker's nominal one, unless given.
+    profilers
+        A second row of whiskers, whose moment is the profile: with it slopes are told apart from heights.
+    two_way
+        Feel every pass again on its return, pushed back: with it friction is measured.
+    """
+    with failures_told():
+        from pipeline.common.atomic import check_writable
+        from pipeline.files.npz import read_soil
+        from pipeline.files.touch_file import is_scan, read_height_map
+        from pipeline.files.whisker_file import read_whisker_file
+        from pipeline.reading.simulated_scan import feel, plan_for
+        from whisker_array.scan.recording import save_scan
+        from whisker_array.simulation.traces import Fidelity
+        from whisker_array.whisker.defaults import default_whisker
+        from whisker_array.whisker.touch import default_touch
+        from whisker_array.whisker.validity import linear_beam_messages
+
+        if not is_scan(out):
+            raise CommandError(f"{out}: a recording ends in .h5", status=USAGE)
+        if height_mm is not None and not 0.0 < height_mm < 1000.0:
+            raise CommandError(f"--height-mm is {height_mm}; it lies between 0 and 1000 mm", status=USAGE)
+        check_writable(out)
+        surface = read_height_map(height_map)
+        soil = read_soil(height_map) if height_map.suffix.lower() == ".npz" else None
+        if friction is not None and not 0.0 <= friction <= 1.0:
+            raise CommandError(f"--friction is {friction}; it lies between 0 and 1", status=USAGE)
+        built = read_whisker_file(whisker) if whisker is not None else None
+        if height_mm is None and built is not None:
+            height_mm = built.character_height_mm
+        plan, height = plan_for(surface, height_mm=height_mm, rows=2 if profilers else 1, two_way=two_way)
+        if built is not None:
+            plan = replace(plan, speed_mm_s=built.speed_mm_s)
+        print(plan.describe())
+        shape = built.whisker if built is not None else default_whisker(height)
+        touch = built.touch if built is not None else default_touch(height)
+        for warning in linear_beam_messages(
+            shape,
+            preload_mm=touch.preload_mm,
+            mark_height_mm=0.0,
+            mu=touch.friction if friction is None else friction,
+        ):
+            print(f"warning: {warning}", file=sys.stderr)
+        felt = feel(
+            surface,
+            plan=plan,
+            height_mm=height,
+            fidelity=Fidelity(fidelity),
+            noise=noise,
+            sensor_seed=sensor_seed,
+            part_id=height_map.stem,
+            touch=touch,
+            friction=friction,
+            soil=soil,
+        )
+        save_scan(felt, out)
+    print(
+        f"wrote {out}: characters {height:.2f} mm, preload {felt.touch.preload_mm:.2f} mm, "
+        f"{plan.n_samples:,} samples at {plan.sample_rate_hz:,.0f} Hz, scan time {plan.scan_time_s:.0f} s"
+    )
+    return 0
+
+
+def calibrate(recording: Path, *, out: Path | None = None) -> int:
+    """Find gain and offset of each whisker from the lifted and lead-in samples of a scan, and write them in.
+
+    Parameters
+    ----------
+    recording
+        The scan, .h5.
+    out
+        Write a calibrated copy instead.
+    """
+    with failures_told():
+        from pipeline.common.errors import FileProblem
+        from pipeline.files.lead_in import calibrate_scan
+        from whisker_array.scan.recording import RecordingError, load_scan, save_calibration
+        from whisker_array.scan.sensor import SensorError
+
+        try:
+            lead_in = calibrate_scan(load_scan(recording, raw=True))
+            save_calibration(recording, lead_in.calibration, out=out)
+        except RecordingError as error:
+            raise FileProblem(error.path, error.problem, error.mend) from error
+        except SensorError as error:
+            raise FileProblem(recording, "cannot be calibrated", str(error)) from error
+    print("whisker      gain    offset   air  land")
+    rows = zip(
+        lead_in.calibration.gain,
+        lead_in.calibration.offset_n_mm,
+        lead_in.air_samples,
+        lead_in.land_samples,
+        strict=True,
+    )
+    for whisker, (gain, offset, air, land) in enumerate(rows):
+        note = "" if land else "  never ran in on the part: gain left at 1"
+        print(f"{whisker:7d}  {gain:8.4f}  {offset:+8.4f}  {air:4d}  {land:4d}{note}")
+    print(f"wrote the calibration into {out or recording}")
+    return 0

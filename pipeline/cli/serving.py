@@ -1,0 +1,91 @@
+"""The service in its web server, from its first line to its graceful end."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import uvicorn
+
+from pipeline.cli.exit_status import USAGE, CommandError
+from pipeline.service.app import Service, check_folder, create_app
+from pipeline.service.logs import set_up_logs
+from pipeline.store.store import StoreError
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
+    from pipeline.service.settings import ServiceSettings
+
+MOST_CONNECTIONS = 1000
+KEEP_ALIVE_S = 30
+
+
+def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str], None]) -> int:
+    """Serve until a signal ends it; requests that are at work may end first.
+
+    Args:
+        settings: of the service.
+        reading: how parts are read.
+        say: told where it listens, in a line for a person.
+
+    Raises:
+        CommandError: an address that is taken, a store that cannot be opened, tokens asked for and none there.
+        FileProblem: a folder that cannot be made.
+    """
+    check_folder(settings)
+    bound = _listening(settings.host, settings.port, option="--port")
+    for port, option in ((settings.tcp_port, "--tcp-port"), (settings.opcua_port, "--opcua-port")):
+        if port:
+            _listening(
+                settings.host, port, option=option
+            ).close()  # told here in a line, not out of a running server
+    try:
+        service = Service(settings, reading)
+    except StoreError as error:
+        bound.close()
+        raise CommandError(str(error)) from error
+    if settings.tokens_asked and not service.store.tokens():
+        service.close()
+        bound.close()
+        where = "" if settings.store else f" --store {settings.store_url}"
+        raise CommandError(
+            f"serve: {settings.host} can be reached from elsewhere and there is no token yet; make one with: "
+            f"tactile-marks tokens add NAME --scope read --scope write --scope review{where}",
+            status=USAGE,
+        )
+    set_up_logs(settings.log)
+    server = uvicorn.Server(
+        uvicorn.Config(
+            create_app(service),
+            log_config=None,
+            access_log=False,
+            server_header=False,
+            limit_concurrency=MOST_CONNECTIONS,
+            timeout_keep_alive=KEEP_ALIVE_S,
+            timeout_graceful_shutdown=max(1, round(settings.shutdown_grace_s)),
+            proxy_headers=False,
+        )
+    )
+    host, port = bound.getsockname()[:2]
+    shown = f"[{host}]" if ":" in host else host
+    say(f"tactile-marks serves at http://{shown}:{port} (page: /, interface: /openapi.json); Ctrl-C ends it")
+    server.run(sockets=[bound])
+    return 0 if server.started else 1
+
+
+def _listening(host: str, port: int, *, option: str) -> socket.socket:
+    """The socket, bound before anything else is begun, so that an address in use is told at once."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    bound = socket.socket(family, socket.SOCK_STREAM)
+    bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        bound.bind((host, port))
+        bound.listen(2048)
+    except OSError as error:
+        bound.close()
+        raise CommandError(
+            f"serve: cannot listen on {host}:{port} ({error.strerror}); name another {option}", status=USAGE
+        ) from error
+    bound.set_inheritable(False)
+    return bound

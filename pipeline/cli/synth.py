@@ -1,0 +1,131 @@
+"""`tactile-marks synth`: stamped parts, their dirt, their photographs and their truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from pipeline.cli.exit_status import failures_told
+
+FaceName = Literal["sharp", "flat", "round", "dotted"]
+
+
+def synth(
+    out: Path,
+    *,
+    parts: int,
+    format: str,
+    font: str = "gothic",
+    seed: int = 0,
+    height_mm: float = 5.0,
+    depth_mm: float | None = None,
+    face: FaceName = "flat",
+    bevel_deg: float = 45.0,
+    raised: Annotated[bool, Parameter(negative="")] = False,
+    variation: bool = True,
+    dirt: float = 0.0,
+    grime: float | None = None,
+    oil: float | None = None,
+    swarf: float | None = None,
+    scratches: float | None = None,
+    pits: float | None = None,
+    paint: float | None = None,
+    burr: float | None = None,
+    photo: bool = True,
+    pixel_mm: float = 0.06,
+    light_azimuth_deg: float | None = None,
+    light_elevation_deg: float | None = None,
+    workers: int = 1,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Stamp serials on plates: part-000.npz, part-000.png and so on, and truth.csv.
+
+    Parameters
+    ----------
+    out
+        Folder for them.
+    parts
+        How many.
+    format
+        Mask of the serials: A letter, 9 digit, * either, any other character itself.
+    font
+        Built-in name or TTF/OTF file.
+    seed
+        Of everything random: the same seed gives the same parts.
+    height_mm
+        Character height.
+    depth_mm
+        Depth of the marks; usual for the height unless given.
+    face
+        Face of the die.
+    bevel_deg
+        Slope of the walls.
+    raised
+        Raised marks instead of sunk ones.
+    variation
+        Let blows and plates differ as in a shop.
+    dirt
+        How dirty, 0 to 1: a mixture of all that follows.
+    grime
+        Grime caked into the grooves, 0 to 1, in place of the mixture's share; likewise the next six.
+    oil
+        Oil: slippery, dark and glossy.
+    swarf
+        Curls, slivers and grains of metal.
+    scratches
+        Scratches in any direction.
+    pits
+        Corrosion pits and rust.
+    paint
+        Paint, chipped in places.
+    burr
+        A ragged rim along the marks.
+    photo
+        Take a photograph of every part.
+    pixel_mm
+        Size of its pixels on the part.
+    light_azimuth_deg
+        Where the lamp stands: 0 at the right, 90 below, 270 above; any unless given.
+    light_elevation_deg
+        How high it stands over the plate; 25 to 65 unless given.
+    workers
+        Processes.
+    overwrite
+        Write into a folder that is not empty.
+    """
+    with failures_told():
+        from dataclasses import replace
+
+        from glyphs.soiling.dirty import Dirt
+        from glyphs.stamping.die import Face
+        from pipeline.files.synth import SynthSpec, write_parts
+
+        own = {
+            "grime": grime,
+            "oil": oil,
+            "swarf": swarf,
+            "scratches": scratches,
+            "pits": pits,
+            "paint": paint,
+            "burr": burr,
+        }
+        spec = SynthSpec(
+            mask=format,
+            font=font,
+            seed=seed,
+            height_mm=height_mm,
+            depth_mm=depth_mm,
+            face=Face(face),
+            bevel_deg=bevel_deg,
+            raised=raised,
+            variation=variation,
+            dirt=replace(Dirt.of(dirt), **{kind: v for kind, v in own.items() if v is not None}),
+            light_azimuth_deg=light_azimuth_deg,
+            light_elevation_deg=light_elevation_deg,
+            pixel_mm=pixel_mm,
+        )
+        made = write_parts(spec, out, parts=parts, photos=photo, workers=workers, overwrite=overwrite)
+    print(f"wrote {len(made)} parts and truth.csv to {out}")
+    return 0

@@ -1,0 +1,60 @@
+"""Files that appear whole or not at all: a temporary one in the same folder takes the name at the end."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from pipeline.common.errors import FileProblem
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path`, with its suffix; on leaving without an exception it becomes `path`.
+
+    Raises:
+        FileProblem: the folder is missing or not writable, or the disk is full.
+    """
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+        temporary = Path(name)
+        try:
+            with os.fdopen(handle, "rb+"):
+                yield temporary
+            with temporary.open("rb+") as stream:
+                os.fsync(stream.fileno())
+            # mkstemp gives its files to their owner alone; a result is for whom the folder is for
+            temporary.chmod(0o666 & ~_umask())
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise FileProblem(
+            path, f"cannot be written ({error.strerror or error})", "name a folder that can be written"
+        ) from error
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def check_writable(path: Path) -> None:
+    """Try, before the work starts, whether a file can be written there.
+
+    Raises:
+        FileProblem: it cannot.
+    """
+    if path.is_dir():
+        raise FileProblem(path, "is a folder", "name a file")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise FileProblem(
+            path, f"cannot be written ({error.strerror or error})", "name a folder that can be written"
+        ) from error

@@ -1,0 +1,321 @@
+"""What the service remembers of a part: values that the store keeps, the workers make and the pages show.
+
+    part --- readings (camera, touch, both; never changed)
+         --- evidence (photograph, scan, pictures; files named by what they hold)
+         --- reviews  (what a person said; never changed)
+         --- events   (everything that happened, in order; never changed)
+
+All times are aware and in UTC. Boxes are in mm of the frame of what was read: the plate's for touch, the
+photograph's for the camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from enum import StrEnum
+from typing import Any
+
+
+class PartState(StrEnum):
+    """How far a part has come."""
+
+    TOUCH_NEEDED = "touch_needed"
+    ACCEPTED = "accepted"
+    REVIEW = "review"
+    REVIEWED = "reviewed"
+
+
+class EvidenceKind(StrEnum):
+    """What a file kept for a part is."""
+
+    PHOTO = "photo"
+    SCAN = "scan"
+    HEIGHT_MAP = "height_map"
+    SIGHT = "sight"
+    """What the camera's reader believed (`pipeline.reading.vision_file`), for a later scan to be fused with."""
+    PHOTO_PICTURE = "photo_picture"
+    EDGES_PICTURE = "edges_picture"
+    SIGHT_EDGES_PICTURE = "sight_edges_picture"
+
+
+class ReviewAction(StrEnum):
+    """What a person did with a reading."""
+
+    CONFIRM = "confirm"
+    CORRECT = "correct"
+    UNREADABLE = "unreadable"
+
+
+class Scope(StrEnum):
+    """What a token allows."""
+
+    READ = "read"
+    WRITE = "write"
+    REVIEW = "review"
+
+
+@dataclass(frozen=True)
+class CandidateRecord:
+    """One answer for one place.
+
+    Attributes:
+        char: the character.
+        probability: share of belief, 0 to 1.
+        score: how well its template fits, 1 is perfectly; 0 where no template was asked.
+    """
+
+    char: str
+    probability: float
+    score: float = 0.0
+
+
+@dataclass(frozen=True)
+class CharacterRecord:
+    """One place of a reading.
+
+    Attributes:
+        candidates: best first.
+        box_mm: x0, y0, x1, y1.
+        state: read, confused, not read or mismatch; empty where nobody asked.
+        grade: of the mark, A to F; empty where it was not graded.
+    """
+
+    candidates: tuple[CandidateRecord, ...]
+    box_mm: tuple[float, float, float, float]
+    state: str = ""
+    grade: str = ""
+
+
+@dataclass(frozen=True)
+class ReadingRecord:
+    """One reading of a part, as a reader made it.
+
+    Attributes:
+        source: vision, tactile or fused.
+        text: the serial; empty where nothing was found.
+        decision: accept, review or reject.
+        confidence: probability that the whole text is right, 0 to 1.
+        characters: place by place.
+        messages: what to know about it, in words.
+        font: font whose shapes answered best.
+        height_mm: character height; 0 where unknown.
+        rotation_deg: of the line.
+        verdict: confirmed, refuted or undecided; empty where no text was expected.
+        database: glyph database it was read with; empty for the built-in fonts.
+        seconds: it took to read.
+        at: when; set by the store.
+    """
+
+    source: str
+    text: str
+    decision: str
+    confidence: float
+    characters: tuple[CharacterRecord, ...] = ()
+    messages: tuple[str, ...] = ()
+    font: str = ""
+    height_mm: float = 0.0
+    rotation_deg: float = 0.0
+    verdict: str = ""
+    database: str = ""
+    seconds: float = 0.0
+    at: datetime | None = None
+
+
+@dataclass(frozen=True)
+class ScanPlanRecord:
+    """What the whisker stage is asked to feel.
+
+    Attributes:
+        region_mm: x0, y0, x1, y1 in the plate frame (of the photograph, where its scale is known).
+        directions_deg: of travel, 0, 180, 90, 270.
+        passes: of the array.
+        line_pitch_mm: between neighbouring traces.
+        sample_pitch_mm: between samples of a trace.
+        speed_mm_s: of the stage.
+        preload_mm: how far below the land the free tip runs.
+        seconds: the scan takes.
+        height_mm: character height that it is made for.
+        reason: why touch is needed, in words.
+        middle_mm: x, y in the region's frame of what lies under the middle of the photograph, by which a stage
+            finds the region; None where the scale is not known: the region is then the stage's whole field.
+    """
+
+    region_mm: tuple[float, float, float, float]
+    directions_deg: tuple[int, ...]
+    passes: int
+    line_pitch_mm: float
+    sample_pitch_mm: float
+    speed_mm_s: float
+    preload_mm: float
+    seconds: float
+    height_mm: float
+    reason: str
+    middle_mm: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class EvidenceRecord:
+    """One file kept for a part.
+
+    Attributes:
+        kind: what it is.
+        sha256: of what it holds, hexadecimal; it is kept under that name.
+        n_bytes: its length.
+        name: what the sender called it; never used as a path.
+        media_type: for the browser.
+        meta: of pictures x0_mm, y0_mm (middle of pixel 0, 0), mm_per_pixel, width, height.
+        at: when; set by the store.
+        gone: whether its time was up and the file is no longer kept.
+    """
+
+    kind: EvidenceKind
+    sha256: str
+    n_bytes: int
+    name: str = ""
+    media_type: str = "application/octet-stream"
+    meta: Mapping[str, float] = field(default_factory=dict)
+    at: datetime | None = None
+    gone: bool = False
+
+
+@dataclass(frozen=True)
+class ReviewRecord:
+    """What a person said of a part.
+
+    Attributes:
+        action: confirm, correct or unreadable.
+        before: the text as it stood.
+        after: the text as it is.
+        who: name of the person, as given.
+        token: name of the token that was used; empty where none is asked for.
+        note: anything the person wants to say.
+        at: when; set by the store.
+    """
+
+    action: ReviewAction
+    before: str
+    after: str
+    who: str
+    token: str = ""
+    note: str = ""
+    at: datetime | None = None
+
+
+@dataclass(frozen=True)
+class EventRecord:
+    """One thing that happened to a part.
+
+    Attributes:
+        at: when.
+        kind: received, read, touch_needed, reviewed, enrolled, evidence_expired.
+        data: more, by kind.
+    """
+
+    at: datetime
+    kind: str
+    data: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PartRecord:
+    """A part as it stands.
+
+    Attributes:
+        id: made by the store; sorts by time.
+        name: what the line calls it; not unique.
+        state: how far it has come.
+        text: the serial as it stands: as reviewed, else as last read.
+        created_at: when it was accepted.
+        changed_at: when anything was last added.
+        reading: the last one; None before any.
+        expected: text it should bear; empty where none is.
+        database: glyph database asked for; empty for the built-in fonts.
+        plan: what to feel, while touch is needed.
+        review: the last one; None before any.
+    """
+
+    id: str
+    name: str
+    state: PartState
+    text: str
+    created_at: datetime
+    changed_at: datetime
+    reading: ReadingRecord | None = None
+    expected: str = ""
+    database: str = ""
+    plan: ScanPlanRecord | None = None
+    review: ReviewRecord | None = None
+
+
+@dataclass(frozen=True)
+class TokenRecord:
+    """A token, without its secret.
+
+    Attributes:
+        name: unique.
+        scopes: what it allows.
+        created_at: when.
+        expires_at: from when on it is refused; None: never.
+        revoked_at: when it was taken back; None: it was not.
+    """
+
+    name: str
+    scopes: frozenset[Scope]
+    created_at: datetime
+    expires_at: datetime | None = None
+    revoked_at: datetime | None = None
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """A result waiting to be published.
+
+    Attributes:
+        id: rises with time.
+        target: webhook or mqtt.
+        part_id: whose.
+        payload: what is sent.
+        attempts: so far in vain.
+    """
+
+    id: int
+    target: str
+    part_id: str
+    payload: Mapping[str, Any]
+    attempts: int = 0
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The dashboard's figures of a stretch of time.
+
+    Attributes:
+        since: its beginning.
+        parts: accepted by the service.
+        by_camera: of them, accepted on the camera's word alone.
+        fell_back: of them, sent to touch.
+        by_state: parts by how far they have come.
+        rejects: parts whose last reading was a reject.
+        reviewed: parts that a person looked at.
+        right_before_review: of them, those whose reading was confirmed as it was.
+        characters_reviewed, characters_right: of the reviewed parts' texts.
+        seconds: (p50, p99) of reading by source; sources without any are left out.
+        per_hour: (start of the hour, parts) in order, hours without any included.
+        awaiting: parts in the review queue now, whatever their time.
+    """
+
+    since: datetime
+    parts: int
+    by_camera: int
+    fell_back: int
+    by_state: Mapping[PartState, int]
+    rejects: int
+    reviewed: int
+    right_before_review: int
+    characters_reviewed: int
+    characters_right: int
+    seconds: Mapping[str, tuple[float, float]]
+    per_hour: tuple[tuple[datetime, int], ...]
+    awaiting: int

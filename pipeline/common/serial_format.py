@@ -1,0 +1,53 @@
+"""What a serial may be, from the settings: formats, check digits, excluded characters and a lexicon, all together."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from pipeline.common.errors import FileProblem, require_file
+from pipeline.common.settings import ReadSettings, SettingsError
+from recognition.grammar import Grammar, GrammarError
+
+_MAX_FILE_BYTES = 20_000_000
+_COMMENT = re.compile(r"(^|\s)#.*")
+
+
+def serial_format(settings: ReadSettings) -> Grammar | None:
+    """The grammar of the serials; None where the settings say nothing of it.
+
+    Raises:
+        FileProblem: a lexicon that cannot be used.
+        SettingsError: settings that contradict each other.
+    """
+    words = None if settings.lexicon is None else read_lexicon(settings.lexicon)
+    texts = (*settings.format, *(f"check:{rule}" for rule in settings.check))
+    if not texts and words is None and not settings.exclude:
+        return None
+    try:
+        grammar = Grammar.parse(*texts, lexicon=words)
+        return replace(grammar, exclude=grammar.exclude + settings.exclude) if settings.exclude else grammar
+    except GrammarError as error:
+        given = [key for key in ("format", "lexicon", "check", "exclude") if getattr(settings, key)]
+        raise SettingsError(f"{' and '.join(given)} cannot be met: {error}") from error
+
+
+def read_lexicon(path: Path) -> frozenset[str]:
+    """The serials in a text file, one a line; what follows a # at the start or after a blank is a comment.
+
+    Raises:
+        FileProblem: no such file, no text, or no serial in it.
+    """
+    require_file(path, most_bytes=_MAX_FILE_BYTES)
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise FileProblem(path, "is no UTF-8 text", "save it as text (UTF-8), one serial a line") from error
+    words = frozenset("".join(_COMMENT.sub("", line).split()) for line in lines) - {""}
+    if not words:
+        raise FileProblem(path, "holds no serial", "write one a line")
+    odd = next((word for word in sorted(words) if not word.isprintable()), None)
+    if odd is not None:
+        raise FileProblem(path, f"holds {odd!r}", "write printable serials, one a line")
+    return words

@@ -1,0 +1,69 @@
+"""Gain and offset of every whisker, from the air and lead-in samples of a scan's own passes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.sensor import Calibration, SensorError, calibrate_lead_in
+
+
+@dataclass(frozen=True, eq=False)
+class LeadIn:
+    """A calibration and what it rests on.
+
+    Attributes:
+        calibration: gain and offset of every whisker.
+        air_samples: (whiskers,) samples in the air used for each.
+        land_samples: (whiskers,) samples on the land; 0 for a whisker that never ran in on the part, whose
+            gain is left at 1.
+    """
+
+    calibration: Calibration
+    air_samples: NDArray[np.int64]
+    land_samples: NDArray[np.int64]
+
+
+def calibrate_scan(scan: Scan) -> LeadIn:
+    """Calibrate every whisker from the raw signals of a scan.
+
+    Raises:
+        SensorError: no air or lead-in samples in the scan, or ones that give no gain.
+    """
+    if all(s.plan.n_lead == 0 for s in scan.sweeps):
+        raise SensorError(
+            "no lead-in on land in the scan (n_lead is 0); begin the passes on land and state n_lead"
+        )
+    if all(s.air_n_mm.shape[2] == 0 for s in scan.sweeps):
+        raise SensorError("no samples in the air; record some with the array lifted before each pass")
+    expected = [scan.touches[kind].land_moment_n_mm() for kind in scan.kind]
+    gain, offset = np.ones(scan.n_whiskers), np.zeros(scan.n_whiskers)
+    n_air, n_land = np.zeros((2, scan.n_whiskers), dtype=np.int64)
+    for whisker in range(scan.n_whiskers):
+        air, land = _samples(scan, whisker)
+        n_air[whisker], n_land[whisker] = air.size, land.size
+        if land.size == 0:
+            air = np.concatenate([s.air_n_mm[:, whisker].ravel() for s in scan.sweeps])
+            offset[whisker] = float(air.mean(dtype=np.float64))
+            continue
+        try:
+            one = calibrate_lead_in(air[None], land[None], expected_land_moment_n_mm=expected[whisker])
+        except SensorError as error:
+            message = str(error).replace("on whiskers 0 ", "").replace("on whisker 0 ", "")
+            raise SensorError(f"whisker {whisker}: {message}") from error
+        gain[whisker], offset[whisker] = one.gain[0], one.offset_n_mm[0]
+    return LeadIn(Calibration(gain=gain, offset_n_mm=offset, from_land=True), n_air, n_land)
+
+
+def _samples(scan: Scan, whisker: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Air and good lead-in samples of one whisker, of the dragged passes in which its whole lead-in is good."""
+    air, land = [], []
+    for sweep in (s for s in scan.sweeps if not s.plan.pushed):  # pushed, friction pulls the other way
+        lead = sweep.plan.n_lead
+        good = (sweep.flags[:, whisker, :lead] == 0).all(axis=1)
+        air.append(sweep.air_n_mm[good, whisker].ravel())
+        land.append(sweep.moment_n_mm[good, whisker, :lead].ravel())
+    return np.concatenate(air).astype(np.float64), np.concatenate(land).astype(np.float64)

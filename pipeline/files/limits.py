@@ -1,0 +1,218 @@
+"""What a file may ask for, told from its head before anything is decoded.
+
+A recording, too, is looked at before it is read: HDF5 can point to other files (external links, external storage,
+virtual datasets), and what a stranger sends may not read the server's.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import struct
+import zipfile
+from pathlib import Path
+from typing import Any
+
+from pipeline.common.errors import FileProblem, damage_reported, require_file
+
+MOST_OBJECTS = 10_000
+"""In an HDF5 file; a recording has some thirty."""
+MOST_DEPTH = 16
+"""Groups in groups."""
+MOST_CHUNK_BYTES = 268_435_456
+"""Of an HDF5 dataset, which are unpacked together however little of them is read."""
+_MOST_XML_BYTES = 16_000_000
+_MOST_MEMBERS = 10_000
+_HEADER_BYTES = 10_000
+_HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+_HEAD_BYTES = 8192
+
+
+def check_photo(path: Path, *, most: int) -> None:
+    """Refuse a photograph of too many pixels.
+
+    Raises:
+        FileProblem: it has more, is no picture, or its head is damaged.
+    """
+    from pipeline.files.photo_header import read_header
+    from pipeline.files.photos import MAX_PHOTO_BYTES
+
+    require_file(path, most_bytes=MAX_PHOTO_BYTES)
+    with damage_reported(path, kind="picture"):
+        header = read_header(path.read_bytes())
+        if header is None:
+            raise FileProblem(path, "is no picture that can be read", "save it as PNG, JPEG, BMP or TIFF")
+        _check(path, header.rows * header.cols, most, f"{header.rows:,} x {header.cols:,} pixels")
+
+
+def check_map(path: Path, *, most: int) -> None:
+    """Refuse a height map of too many samples; of formats but .npz, X3P and SDF their readers look at the head.
+
+    Raises:
+        FileProblem: it has more, or points to other files.
+    """
+    require_file(path, most_bytes=most * 24 + 64_000_000)
+    with damage_reported(path, kind="height map"):
+        if is_hdf5(path):
+            check_hdf5(path, most=most)
+        suffix = path.suffix.lower()
+        shape: tuple[int, ...] | None = None
+        if suffix == ".npz":
+            shape = _npz_shape(path)
+        elif suffix == ".x3p":
+            shape = _x3p_shape(path)
+        elif suffix == ".sdf":
+            shape = _sdf_shape(path)
+        if shape:
+            count = 1
+            for n in shape:
+                count *= n
+            _check(path, count, most, f"{' x '.join(f'{n:,}' for n in shape)} samples")
+
+
+def check_scan(path: Path, *, most: int) -> None:
+    """Refuse a recording of too many samples, or one that points to other files.
+
+    Raises:
+        FileProblem: it is such a file, or no HDF5.
+    """
+    require_file(path, most_bytes=most * 16 + 64_000_000)
+    if not is_hdf5(path):
+        raise FileProblem(
+            path, "is no HDF5 file", "record it anew, or send a height map under its own suffix"
+        )
+    check_hdf5(path, most=most)
+
+
+def is_hdf5(path: Path) -> bool:
+    """Whether HDF5 begins here, or behind a block of the user's."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        at = 0
+        while at < size:
+            stream.seek(at)
+            if stream.read(len(_HDF5_MAGIC)) == _HDF5_MAGIC:
+                return True
+            at = 512 if at == 0 else 2 * at
+    return False
+
+
+def check_hdf5(path: Path, *, most: int) -> None:
+    """Walk through an HDF5 file without following links: all that it holds must be in it, and of bounded size.
+
+    Raises:
+        FileProblem: it is not so.
+    """
+    import h5py
+
+    with damage_reported(path, kind="HDF5"), h5py.File(path, "r") as file:
+        seen = {_address(file)}
+        groups: list[tuple[Any, int]] = [(file, 0)]
+        objects = 0
+        while groups:
+            group, depth = groups.pop()
+            objects += len(group)
+            if objects > MOST_OBJECTS or depth > MOST_DEPTH:
+                raise FileProblem(path, "holds far more groups than a recording", "see docs/recording.md")
+            for name in group:
+                link = group.get(name, getlink=True)
+                if isinstance(link, h5py.ExternalLink):
+                    raise FileProblem(
+                        path, f"has a link into another file (/{name})", "copy the data into it"
+                    )
+                if not isinstance(link, h5py.HardLink):
+                    continue  # within the file: what it leads to is met by itself
+                found = group[name]
+                if _address(found) in seen:
+                    continue
+                seen.add(_address(found))
+                if isinstance(found, h5py.Group):
+                    groups.append((found, depth + 1))
+                elif isinstance(found, h5py.Dataset):
+                    _check_dataset(path, found, most)
+
+
+def _address(found: Any) -> tuple[int, ...]:
+    import h5py
+
+    info = h5py.h5o.get_info(found.id)
+    return (int(info.fileno), int(info.addr))
+
+
+def _check_dataset(path: Path, dataset: Any, most: int) -> None:
+    import h5py
+
+    made = dataset.id.get_create_plist()
+    layout = made.get_layout()
+    if layout == h5py.h5d.VIRTUAL or made.get_external_count():
+        raise FileProblem(path, f"keeps {dataset.name} in another file", "copy the data into this one")
+    count = 1
+    for n in dataset.id.shape:
+        count *= int(n)
+    # of a single whisker the stage's positions are twice as many as the samples
+    if count > 2 * most or (dataset.name == "/scan/signal" and count > most):
+        raise FileProblem(
+            path, f"{dataset.name} holds {count:,} values, over the limit of {most:,}", "split the recording"
+        )
+    if layout == h5py.h5d.CHUNKED:
+        chunk = dataset.id.get_type().get_size()
+        for n in made.get_chunk():
+            chunk *= int(n)
+        if chunk > MOST_CHUNK_BYTES:
+            raise FileProblem(
+                path, f"{dataset.name} has chunks of {chunk / 1e6:,.0f} MB", "write it in smaller chunks"
+            )
+
+
+def _check(path: Path, count: int, most: int, size: str) -> None:
+    if count > most:
+        raise FileProblem(path, f"has {size}, over the limit of {most:,}", "crop or thin it")
+
+
+def _npz_shape(path: Path) -> tuple[int, ...] | None:
+    """What the head of z_mm declares; None where there is none and the reader shall complain."""
+    import numpy as np
+
+    with zipfile.ZipFile(path) as archive:
+        if len(archive.infolist()) > _MOST_MEMBERS:
+            raise FileProblem(
+                path, f"holds {len(archive.infolist()):,} members", "save z_mm and pitch_mm alone"
+            )
+        if "z_mm.npy" not in archive.namelist():
+            return None
+        with archive.open("z_mm.npy") as stream:
+            version = np.lib.format.read_magic(stream)
+            readers = {
+                (1, 0): np.lib.format.read_array_header_1_0,
+                (2, 0): np.lib.format.read_array_header_2_0,
+            }
+            if version not in readers:
+                return None
+            return tuple(readers[version](stream, max_header_size=_HEADER_BYTES)[0])
+
+
+def _x3p_shape(path: Path) -> tuple[int, ...] | None:
+    """What the description of an X3P file declares; None where the reader shall complain."""
+    import x3pio
+
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist()[:_MOST_MEMBERS]:
+            if member.filename.lower().endswith(".xml") and member.file_size > _MOST_XML_BYTES:
+                raise FileProblem(
+                    path, f"unpacks to {member.file_size / 1e6:,.0f} MB", "export the map alone"
+                )
+    with contextlib.suppress(x3pio.X3pFormatError):
+        info = x3pio.info(path, verify=False)
+        return (*(int(n) for n in info.shape), int(info.layer_count))
+    return None
+
+
+def _sdf_shape(path: Path) -> tuple[int, ...] | None:
+    """What the head of an SDF file declares; None where the reader shall complain."""
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_BYTES).removeprefix(b"\xef\xbb\xbf")
+    if head[:1].lower() == b"b":
+        counts = struct.Struct("<II" if head[1:8] == b"ISO-2.0" else "<HH")
+        return counts.unpack_from(head, 42) if len(head) >= 42 + counts.size else None
+    found = [re.search(rb"(?i)" + n + rb"\s*=\s*(\d{1,12})", head) for n in (b"NumProfiles", b"NumPoints")]
+    return tuple(int(m[1]) for m in found if m is not None)

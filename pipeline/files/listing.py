@@ -1,0 +1,61 @@
+"""Which parts a run means, by name alone: no file of theirs is opened.
+
+files, folders, globs --.
+URLs of any of these ---+--FoundFiles--> ListedPart, names made unique
+manifests --------------'
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from pipeline.files.listed import ListedPart, has_magic, is_url, is_web, local_name
+from pipeline.files.manifest import is_manifest, read_manifest, speaks_of_no_files
+from pipeline.files.parts import FoundFiles, NothingFoundError, key_and_kind, named_apart
+from pipeline.files.remote import list_remote
+
+
+def list_parts(
+    inputs: Sequence[str], *, manifests: Sequence[str] = (), photos: bool = False, beside: bool = False
+) -> list[ListedPart]:
+    """The parts that the inputs name, in the order given.
+
+    A URL that ends as a file of a known kind does is taken for one and not asked after; any other is listed.
+
+    Args:
+        inputs: as for `pipeline.files.parts.discover`; URLs of files, folders and globs; manifests (.csv, .parquet).
+        manifests: more manifests, whatever they are called.
+        photos: photographs in folders are parts of their own, too, beside height maps and scans.
+        beside: photographs of the same stem beside a file named belong to its part (on this machine).
+
+    Raises:
+        NothingFoundError: no file at all.
+        FileProblem: a manifest that cannot be used, or a folder that cannot be listed.
+        MissingExtraError: a library that URLs need is not installed.
+    """
+    found = FoundFiles(photos=photos)
+    for given in inputs:
+        name = local_name(given)
+        if len(inputs) > 1 and speaks_of_no_files(name):
+            continue  # of a folder that the shell has spelled out
+        if is_manifest(name) and not os.path.isdir(name):
+            found.add_told(read_manifest(name))
+        elif is_url(name):
+            _add_remote(found, name)
+        else:
+            found.add_local(name, beside=beside)
+    for manifest in manifests:
+        found.add_told(read_manifest(manifest))
+    parts = found.parts()
+    if not parts:
+        raise NothingFoundError([*inputs, *manifests])
+    return named_apart(parts)
+
+
+def _add_remote(found: FoundFiles, url: str) -> None:
+    if not has_magic(url) and not url.endswith("/") and (is_web(url) or key_and_kind(url)[1]):
+        found.add([url], named=True)
+        return
+    files = list_remote(url)
+    found.add(files, named=files == [url])

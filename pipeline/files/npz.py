@@ -1,0 +1,238 @@
+"""Height maps as `.npz`: `z_mm` (rows, cols) in mm, NaN for dropouts, row 0 at the top, and one `pitch_mm`.
+
+Beside them may lie what is on the part: `friction`, `soft_mm` (thickness of dirt that yields, under `z_mm` as its
+top) and `hardness_mpa`, each a map on the same grid or one number.
+
+The header of a member is looked at before the member is unpacked: what is too large or of the wrong type is
+refused without taking the memory.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import MAX_PIXELS, HeightMap
+from pipeline.common.atomic import replacing
+from pipeline.common.errors import FileProblem, damage_reported, require_file
+from whisker_array.whisker.defaults import NOMINAL_FRICTION
+
+MAX_FILE_BYTES = 1_000_000_000
+MAX_HEIGHT_MM = 1000.0
+MAX_PITCH_MM = 10.0
+_HEADER_BYTES = 10_000
+_NEEDED = ("z_mm", "pitch_mm")
+DEFAULT_HARDNESS_MPA = 10.0
+"""Of caked grime, where a file gives a thickness and no hardness."""
+
+
+@dataclass(frozen=True)
+class _SoilMember:
+    """What a member may hold, and what stands for it where it is missing."""
+
+    missing: float
+    least: float
+    most: float
+    mend: str
+
+
+_SOIL = {
+    "friction": _SoilMember(
+        NOMINAL_FRICTION, 0.0, 2.0, "give Coulomb coefficients from 0 to 2, mostly 0.05 to 0.6"
+    ),
+    "soft_mm": _SoilMember(
+        0.0, 0.0, MAX_HEIGHT_MM, "give the thickness of soft dirt in mm, 0 where there is none"
+    ),
+    "hardness_mpa": _SoilMember(
+        DEFAULT_HARDNESS_MPA,
+        1e-4,
+        1e6,
+        "give the pressure in MPa at which the dirt yields, grease 0.1, grime 10",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class _Member:
+    """What the header of one array says."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[np.generic]
+
+    @property
+    def size(self) -> int:
+        count = 1
+        for n in self.shape:
+            count *= n
+        return count
+
+
+def read_npz(path: Path) -> HeightMap:
+    """The height map of an `.npz` file.
+
+    Raises:
+        FileProblem: anything that keeps the file from being one.
+    """
+    require_file(path, most_bytes=MAX_FILE_BYTES)
+    with damage_reported(path, kind=".npz"):
+        with zipfile.ZipFile(path) as archive:
+            for name in _NEEDED:
+                if f"{name}.npy" not in archive.namelist():
+                    held = ", ".join(sorted(n.removesuffix(".npy") for n in archive.namelist())) or "nothing"
+                    raise FileProblem(
+                        path, f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it"
+                    )
+            heights, pitch = (_look(path, archive, name) for name in _NEEDED)
+            _check_heights(path, heights)
+            if pitch.size != 1:
+                raise FileProblem(path, f"pitch_mm has shape {pitch.shape}", "give one number, mm")
+            pitch_mm = float(_load(archive, "pitch_mm").reshape(()))
+            check_pitch(path, pitch_mm)
+            z = _load(archive, "z_mm")
+        return make_map(path, z, pitch_mm)
+
+
+def read_soil(path: Path) -> Soil | None:
+    """What lies on the part of an `.npz` file, on the grid of its `z_mm`; None if the file tells nothing of it.
+
+    A member that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal friction.
+
+    Raises:
+        FileProblem: a member of another shape, not finite or out of range; or a file that cannot be read.
+    """
+    require_file(path, most_bytes=MAX_FILE_BYTES)
+    with damage_reported(path, kind=".npz"), zipfile.ZipFile(path) as archive:
+        held = [name for name in _SOIL if f"{name}.npy" in archive.namelist()]
+        if not held:
+            return None
+        if "z_mm.npy" not in archive.namelist():
+            raise FileProblem(path, f"has {held[0]} and no z_mm", "save the height map with it")
+        heights = _look(path, archive, "z_mm")
+        _check_heights(path, heights)
+        for name in held:
+            member = _look(path, archive, name)
+            if member.shape != heights.shape and member.size != 1:
+                raise FileProblem(
+                    path,
+                    f"{name} has shape {member.shape}, z_mm {heights.shape}",
+                    "give both on one grid, or one number",
+                )
+        values = {name: _load_soil(path, archive, name) for name in held}
+        shape = (heights.shape[0], heights.shape[1])
+        friction, soft, hardness = (
+            np.broadcast_to(values.get(name, np.float32(member.missing)), shape)
+            for name, member in _SOIL.items()
+        )
+        return Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
+
+
+def _load_soil(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[np.float32]:
+    values, rule = _load(archive, name), _SOIL[name]
+    if not np.isfinite(values).all():
+        raise FileProblem(
+            path, f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.mend
+        )
+    # in the member's own precision: float32 would turn 1e300 into an infinity
+    low, high = float(values.min()), float(values.max())
+    if low < rule.least or high > rule.most:
+        raise FileProblem(path, f"{name} runs from {low:.3g} to {high:.3g}", rule.mend)
+    return np.asarray(values if values.size > 1 else values.reshape(()), dtype=np.float32)
+
+
+def soil_members(soil: Soil) -> dict[str, object]:
+    """The arrays that `read_soil` looks for, to be written with `write_npz(more=)`."""
+    return {"friction": soil.friction, "soft_mm": soil.thickness_mm, "hardness_mpa": soil.hardness_mpa}
+
+
+def _look(path: Path, archive: zipfile.ZipFile, name: str) -> _Member:
+    """Read the header of one member, and check that the archive holds as much as it declares."""
+    info = archive.getinfo(f"{name}.npy")
+    with archive.open(info) as stream:
+        version = np.lib.format.read_magic(stream)
+        readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        if version not in readers:
+            raise FileProblem(path, f"{name} is stored in npy version {version}", "save it with numpy.savez")
+        shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
+    member = _Member(shape, dtype)
+    if dtype.hasobject or dtype.kind not in "fiu":
+        raise FileProblem(path, f"{name} is of type {dtype}", "it must hold real numbers")
+    if member.size <= MAX_PIXELS and info.file_size < member.size * dtype.itemsize:
+        raise FileProblem(path, f"{name} is shorter than it declares", "copy or save it again")
+    return member
+
+
+def _check_heights(path: Path, heights: _Member) -> None:
+    if len(heights.shape) != 2 or min(heights.shape) < 2:
+        raise FileProblem(
+            path, f"z_mm has shape {heights.shape}", "it must be rows x columns, at least 2 x 2"
+        )
+    check_size(path, heights.shape[0], heights.shape[1])
+
+
+def _load(archive: zipfile.ZipFile, name: str) -> NDArray[np.float64]:
+    with archive.open(f"{name}.npy") as stream:
+        return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
+
+
+def check_size(path: Path, rows: int, cols: int) -> None:
+    """Refuse a map of more samples than the limit, before it is loaded.
+
+    Raises:
+        FileProblem: it has more.
+    """
+    if rows * cols > MAX_PIXELS:
+        raise FileProblem(
+            path, f"{rows:,} x {cols:,} samples exceed the limit of {MAX_PIXELS:,}", "crop or thin the map"
+        )
+
+
+def check_pitch(path: Path, pitch_mm: float) -> None:
+    """Refuse a sample distance that cannot be millimetres.
+
+    Raises:
+        FileProblem: not finite, not positive, or beyond 10 mm.
+    """
+    if not (np.isfinite(pitch_mm) and 0.0 < pitch_mm <= MAX_PITCH_MM):
+        raise FileProblem(
+            path,
+            f"pitch_mm is {pitch_mm:g}",
+            f"give the distance of samples in mm, above 0 and at most {MAX_PITCH_MM:g}",
+        )
+
+
+def make_map(path: Path, z_mm: NDArray[np.floating], pitch_mm: float) -> HeightMap:
+    """A height map out of checked numbers.
+
+    Raises:
+        FileProblem: no finite height, infinities, or heights beyond a metre.
+    """
+    finite = np.isfinite(z_mm)
+    if not finite.any():
+        raise FileProblem(path, "has no finite height; every point is a dropout", "measure it again")
+    if np.isinf(z_mm).any():
+        raise FileProblem(path, "has infinite heights", "mark bad points as NaN")
+    # float32 would turn -1.8e308 into an infinity, so this is looked at before the map is made
+    highest = max(abs(float(np.nanmin(z_mm))), abs(float(np.nanmax(z_mm))))
+    if highest > MAX_HEIGHT_MM:
+        raise FileProblem(
+            path, f"has heights of {highest:.3g} mm", "give z_mm in mm and mark bad points as NaN"
+        )
+    with damage_reported(path, kind="height map"):
+        return HeightMap(np.asarray(z_mm, dtype=np.float32), pitch_mm)
+
+
+def write_npz(path: Path, height_map: HeightMap, *, more: Mapping[str, object] | None = None) -> None:
+    """Write a height map; the file appears whole or not at all.
+
+    Raises:
+        FileProblem: it cannot be written.
+    """
+    arrays = {"z_mm": height_map.z_mm, "pitch_mm": np.float64(height_map.pitch_mm), **(more or {})}
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]

@@ -1,0 +1,212 @@
+"""Parts out of nothing: stamped plates, dirt on them, photographs, and the table of what was stamped.
+
+The truth stands in `truth.csv` alone; no part's own file tells its text. A part depends on the seed and its
+number only, so the first ten of fifty are the same as ten. Stamping, dirt and photograph draw from streams of
+their own: the same part clean and dirty, in this light and in that.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from glyphs.camera.appearance import draw_camera, draw_light, photograph
+from glyphs.camera.photo import Photo
+from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera
+from glyphs.camera.shading import Light
+from glyphs.fonts.outlines import Font, load_font
+from glyphs.fonts.serials import allowed_characters, random_text
+from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
+from glyphs.stamping.die import Die, Face, default_die
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from pipeline.common.atomic import replacing
+from pipeline.common.errors import FileProblem
+from pipeline.files.npz import write_npz
+from pipeline.files.photos import write_photo
+
+TRUTH_FILE = "truth.csv"
+MAX_PARTS = 1_000_000
+_SOIL_STREAM, _PHOTO_STREAM = 1, 2
+
+
+@dataclass(frozen=True)
+class SynthSpec:
+    """What to stamp.
+
+    Attributes:
+        mask: format of the serials.
+        font: built-in name or font file.
+        seed: of everything random.
+        height_mm: character height.
+        depth_mm: depth of the mark, from the table of usual depths unless given.
+        face: face of the die.
+        bevel_deg: slope of its walls.
+        raised: raised marks.
+        variation: whether blows and plate differ as they do in a shop; without it all is ideal.
+        dirt: what lies on the parts; none unless given.
+        light_azimuth_deg: where the lamp stands (`Light`); drawn for every part unless given.
+        light_elevation_deg: how high it stands; likewise.
+        pixel_mm: size of a pixel of the photographs on the part.
+
+    Raises:
+        ValueError: a mask, font, die, light or pixel that cannot be.
+    """
+
+    mask: str
+    font: str = "gothic"
+    seed: int = 0
+    height_mm: float = 5.0
+    depth_mm: float | None = None
+    face: Face = Face.FLAT
+    bevel_deg: float = 45.0
+    raised: bool = False
+    variation: bool = True
+    dirt: Dirt = field(default_factory=Dirt)
+    light_azimuth_deg: float | None = None
+    light_elevation_deg: float | None = None
+    pixel_mm: float = DEFAULT_PIXEL_MM
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ValueError(f"seed is {self.seed}; it cannot be negative")
+        allowed_characters(self.mask)
+        self.light(np.random.default_rng(0))
+        Camera(pitch_mm=self.pixel_mm)
+        self.die(load_font(self.font))
+
+    def die(self, font: Font) -> Die:
+        """The die that stamps them."""
+        return default_die(
+            self.height_mm, font=font, face=self.face, bevel_deg=self.bevel_deg, depth_mm=self.depth_mm
+        )
+
+    def light(self, rng: np.random.Generator) -> Light:
+        """The lamp: drawn, but for what is given."""
+        return draw_light(rng, azimuth_deg=self.light_azimuth_deg, elevation_deg=self.light_elevation_deg)
+
+
+def make_part(spec: SynthSpec, number: int) -> StampedPart:
+    """The part of that number, the same whatever was made before it."""
+    rng = np.random.default_rng([spec.seed, number])
+    font = load_font(spec.font)
+    return stamp(
+        random_text(spec.mask, rng=rng),
+        font,
+        spec.die(font),
+        height_mm=spec.height_mm,
+        variation=StampingVariation() if spec.variation else StampingVariation.none(),
+        raised=spec.raised,
+        rng=rng,
+    )
+
+
+def make_soiled(spec: SynthSpec, number: int) -> SoiledPart:
+    """The same part with its dirt on it, or as it is where the spec has none."""
+    rng = np.random.default_rng([spec.seed, number, _SOIL_STREAM])
+    return soil_part(make_part(spec, number), spec.dirt, rng=rng)
+
+
+def make_photo(spec: SynthSpec, number: int, soiled: SoiledPart) -> Photo:
+    """The photograph of that part; light, camera and noise are the same whatever lies on it."""
+    rng = np.random.default_rng([spec.seed, number, _PHOTO_STREAM])
+    light = spec.light(rng)
+    camera = draw_camera(rng, pitch_mm=spec.pixel_mm)
+    return photograph(soiled, light, camera, rng=rng)
+
+
+def write_parts(
+    spec: SynthSpec,
+    folder: Path,
+    *,
+    parts: int,
+    photos: bool = True,
+    workers: int = 1,
+    overwrite: bool = False,
+    on_part: Callable[[str], None] | None = None,
+) -> list[tuple[str, str]]:
+    """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`.
+
+    Args:
+        spec: what to make.
+        folder: for them, made if need be.
+        parts: how many.
+        photos: whether photographs are taken.
+        workers: processes; what is written does not depend on it.
+        overwrite: write into a folder that is not empty.
+        on_part: told the name of every part when it is written, in order.
+
+    Returns:
+        (name, text) of each part.
+
+    Raises:
+        FileProblem: the folder is not empty and not to be overwritten, or cannot be written.
+        MapError: a photograph too large.
+        ValueError: a number of parts or workers that cannot be.
+    """
+    if not 1 <= parts <= MAX_PARTS:
+        raise ValueError(f"the number of parts is {parts}; it lies between 1 and {MAX_PARTS:,}")
+    if workers < 1:
+        raise ValueError(f"the number of workers is {workers}; it must be at least 1")
+    _prepare(folder, overwrite=overwrite)
+    digits = max(3, len(str(parts - 1)))
+    names = [f"part-{number:0{digits}d}" for number in range(parts)]
+    truth = []
+    for name, text in zip(names, _written(spec, folder, names, photos, workers), strict=True):
+        truth.append((name, text))
+        if on_part is not None:
+            on_part(name)
+    with (
+        replacing(folder / TRUTH_FILE) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as stream,
+    ):
+        writer = csv.writer(stream)
+        writer.writerow(("part", "text"))
+        writer.writerows(truth)
+    return truth
+
+
+def _written(spec: SynthSpec, folder: Path, names: list[str], photos: bool, workers: int) -> Iterable[str]:
+    """The texts of the parts, each once it is written, in order."""
+    if workers == 1 or len(names) == 1:
+        return (write_part(spec, folder / name, k, photos=photos) for k, name in enumerate(names))
+    from joblib import Parallel, delayed
+
+    texts: Iterable[str] = Parallel(n_jobs=min(workers, len(names)), return_as="generator")(
+        delayed(write_part)(spec, folder / name, k, photos=photos) for k, name in enumerate(names)
+    )
+    return texts
+
+
+def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str:
+    """Write one part as `stem`.npz and .png; a clean one as its surface alone. Returns its text."""
+    if spec.dirt.clean and not photos:
+        part = make_part(spec, number)
+        write_npz(stem.with_suffix(".npz"), part.height_map)
+        return part.text
+    soiled = make_soiled(spec, number)
+    more = None
+    if not spec.dirt.clean:
+        soil = soiled.soil
+        # half precision holds micrometres of a tenth of a millimetre, at half the size
+        more = {
+            "friction": soil.friction.astype(np.float16),
+            "soft_mm": soil.thickness_mm.astype(np.float16),
+            "hardness_mpa": soil.hardness_mpa.astype(np.float16),
+        }
+    write_npz(stem.with_suffix(".npz"), soiled.height_map, more=more)
+    if photos:
+        write_photo(stem.with_suffix(".png"), make_photo(spec, number, soiled))
+    return soiled.part.text
+
+
+def _prepare(folder: Path, *, overwrite: bool) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()) and not overwrite:
+            raise FileProblem(folder, "is not empty", "name another folder or give --overwrite")
+    except OSError as error:
+        raise FileProblem(folder, f"cannot be made ({error.strerror})", "name another folder") from error

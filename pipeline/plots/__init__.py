@@ -1,0 +1,1 @@
+"""Pictures: parts, designs and the figures of the paper."""

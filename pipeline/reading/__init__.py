@@ -1,0 +1,1 @@
+"""One part to one reading."""

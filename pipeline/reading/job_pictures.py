@@ -1,0 +1,169 @@
+"""Pictures for the operator's page, drawn without matplotlib: a part waits for them.
+
+Each tells where it lies: `x0_mm`, `y0_mm` of the middle of its first pixel and `mm_per_pixel`, so that boxes in mm
+can be drawn over it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.common.errors import FileProblem
+from pipeline.common.records import EvidenceKind
+from pipeline.reading.jobs import MadeFile
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from glyphs.surface.maps import EdgeMap
+
+MOST_PIXELS_A_SIDE = 1600
+LEAST_EDGE_PIXELS = 900
+"""Width of an edge map's picture at least: small maps are drawn larger, so that boxes and strokes can be seen."""
+QUALITY = 88
+_STRONGEST_PERCENT = 99.0
+_SAMPLED = 200_000
+_NOT_FELT, _BLIND = 225, 128
+_BLUE, _WHITE, _RED = (27, 78, 145), (252, 252, 252), (160, 24, 38)
+
+
+def photo_picture(photo: Photo, folder: Path) -> MadeFile:
+    """The photograph, upright, in its own frame."""
+    from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
+
+    pixels = photo.pixels[..., ::-1] if photo.pixels.ndim == 3 else photo.pixels
+    return _written(
+        folder / "photo.jpg",
+        EvidenceKind.PHOTO_PICTURE,
+        pixels,
+        origin_mm=photo_origin_mm(photo),
+        pitch_mm=photo_pitch_mm(photo),
+    )
+
+
+def edges_picture(edges: EdgeMap | None, folder: Path) -> list[MadeFile]:
+    """Touch's edge map in the plate frame: land white, falls blue, rises red; none where nothing was felt."""
+    if edges is None:
+        return []
+    # what stands up or lies deep is felt whichever way; what only one way feels is half as strong
+    value = edges.enhancement.mean(axis=0)
+    top = max(_strongest(np.abs(value), edges.valid), 1e-3)
+    index = np.clip(127.5 + 127.5 * value / top, 0.0, 255.0).astype(np.uint8)
+    colours = _diverging()[index]
+    colours[~edges.valid] = _NOT_FELT
+    return [
+        _written(
+            folder / "edges.jpg",
+            EvidenceKind.EDGES_PICTURE,
+            colours,
+            origin_mm=edges.origin_mm,
+            pitch_mm=edges.pitch_mm,
+            least=LEAST_EDGE_PIXELS,
+        )
+    ]
+
+
+def sight_edges_picture(photo: Photo, height_mm: float, folder: Path) -> list[MadeFile]:
+    """How strong the photograph's edges are at the scale of the characters, in its own frame; grey where it is blind.
+
+    As `recognition.vision_edges` has them before it evens them out, which shows nothing to an eye.
+
+    Args:
+        photo: as read.
+        height_mm: of the characters; 0 where no line was found, and there is no picture then.
+        folder: for the picture.
+    """
+    import cv2
+
+    from recognition.vision_edges import DARK, SCALE_HEIGHTS, clipped
+    from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
+
+    if height_mm <= 0.0:
+        return []
+    pitch, small = photo_pitch_mm(photo), photo
+    width, height = _size(photo.shape, MOST_PIXELS_A_SIDE)
+    if width < photo.shape[1]:
+        pixels = cv2.resize(photo.pixels, (width, height), interpolation=cv2.INTER_AREA)
+        small = replace(photo, pixels=np.asarray(pixels, dtype=np.uint8))
+    scale = max(0.7, SCALE_HEIGHTS * height_mm / (pitch * photo.shape[1] / width))
+    table = np.log(np.arange(256, dtype=np.float32) / np.float32(255.0) + np.float32(DARK))
+    log = table[small.pixels if small.pixels.ndim == 2 else small.pixels[..., 1]]
+    log = np.asarray(cv2.GaussianBlur(log, (0, 0), scale))
+    size = cv2.magnitude(cv2.Sobel(log, cv2.CV_32F, 1, 0), cv2.Sobel(log, cv2.CV_32F, 0, 1))
+    blind = clipped(small)
+    top = max(_strongest(np.asarray(size), ~blind), 1e-6)
+    index = np.clip(size * np.float32(255.0 / top), 0.0, 255.0).astype(np.uint8)
+    colours = np.asarray(cv2.applyColorMap(index, cv2.COLORMAP_MAGMA), dtype=np.uint8)
+    colours[blind] = _BLIND
+    return [
+        _written(
+            folder / "sight_edges.jpg",
+            EvidenceKind.SIGHT_EDGES_PICTURE,
+            colours,
+            origin_mm=photo_origin_mm(photo),
+            pitch_mm=pitch,
+            was=photo.shape,
+        )
+    ]
+
+
+def _size(shape: tuple[int, int], most: int, least: int = 0) -> tuple[int, int]:
+    """(width, height) of a picture of so many rows and columns, shrunk or grown to what a page shows."""
+    longest = max(shape)
+    scale = most / longest if longest > most else 1.0
+    if shape[1] * scale < least:
+        scale = min(least / shape[1], most / longest)
+    return max(1, round(shape[1] * scale)), max(1, round(shape[0] * scale))
+
+
+def _strongest(size: NDArray[np.float32], valid: NDArray[np.bool_]) -> float:
+    felt = size[valid]
+    if not felt.size:
+        return 0.0
+    return float(np.percentile(felt[:: max(1, felt.size // _SAMPLED)], _STRONGEST_PERCENT))
+
+
+def _diverging() -> NDArray[np.uint8]:
+    """(256, 3) blue to white to red, as OpenCV orders colours."""
+    at = np.array([0.0, 127.5, 255.0])
+    stops = np.array([_BLUE, _WHITE, _RED], dtype=np.float64)[:, ::-1]
+    return np.stack([np.interp(np.arange(256), at, stops[:, k]) for k in range(3)], axis=1).astype(np.uint8)
+
+
+def _written(
+    path: Path,
+    kind: EvidenceKind,
+    pixels: NDArray[Any],
+    *,
+    origin_mm: tuple[float, float],
+    pitch_mm: float,
+    least: int = 0,
+    was: tuple[int, int] | None = None,
+) -> MadeFile:
+    """Write a picture, smaller or larger where it must be; `was`: (rows, cols) whose pitch and origin are given."""
+    import cv2
+
+    shape = was if was is not None else (pixels.shape[0], pixels.shape[1])
+    width, height = _size(shape, MOST_PIXELS_A_SIDE, least)
+    if (width, height) != (pixels.shape[1], pixels.shape[0]):
+        how = cv2.INTER_AREA if width < pixels.shape[1] else cv2.INTER_LINEAR
+        pixels = cv2.resize(pixels, (width, height), interpolation=how)
+    done, encoded = cv2.imencode(".jpg", np.ascontiguousarray(pixels), (cv2.IMWRITE_JPEG_QUALITY, QUALITY))
+    if not done:
+        raise FileProblem(path.name, "could not be drawn", "report it")
+    path.write_bytes(encoded.tobytes())
+    size = pitch_mm * shape[1] / width
+    meta: Mapping[str, float] = {
+        # the rims of both pictures are the same, the middles of their first pixels are not
+        "x0_mm": origin_mm[0] + 0.5 * (size - pitch_mm),
+        "y0_mm": origin_mm[1] + 0.5 * (size - pitch_mm),
+        "mm_per_pixel": size,
+        "width": float(width),
+        "height": float(height),
+    }
+    return MadeFile(kind, path, "image/jpeg", meta)

@@ -1,0 +1,227 @@
+"""What a worker process of the service does: read one part from its files. Arguments and results can be pickled.
+
+photo                    -> vision           and a plan for touch where the camera is unsure
+scan or height map       -> tactile
+photo + scan (map)       -> vision, fused
+sight + scan (map)       -> fused            sight: what the camera's reader believed, kept by an earlier job
+
+Whatever is wrong with a file is a `FileProblem` that calls the file as its sender did: paths of the server are
+nobody's business.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.common.errors import FileProblem
+from pipeline.common.records import EvidenceKind, PartState, ReadingRecord, ScanPlanRecord
+from pipeline.common.settings import ReadSettings
+
+if TYPE_CHECKING:
+    from pipeline.reading.job_senses import JobSenses, Seen
+    from pipeline.reading.vision_file import KeptSight
+
+_log = logging.getLogger(__name__)
+_FIELDS = {"photo": "photo", "scan": "scan", "height_map": "height map", "sight": "sight"}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a job may ask of the machine.
+
+    Attributes:
+        max_photo_pixels: of a photograph.
+        max_map_samples: of a height map.
+        max_scan_samples: of a recording, instants times channels.
+        memory_mb: a worker's writable memory; 0: no limit. Kept by `pipeline.workers.pool`.
+        stage_field_mm: width and height that the stage can feel, where a photograph has no scale.
+    """
+
+    max_photo_pixels: int = 40_000_000
+    max_map_samples: int = 30_000_000
+    max_scan_samples: int = 60_000_000
+    memory_mb: int = 4096
+    stage_field_mm: tuple[float, float] = (60.0, 25.0)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One part to be read.
+
+    Attributes:
+        folder: for the files that are made; it is there, and the job's own.
+        photo: photograph.
+        scan: recording (HDF5).
+        height_map: surface; its format is told by the suffix of its name.
+        sight: what an earlier job kept of the camera's reading (`pipeline.reading.vision_file`).
+        part_name: what the line calls the part.
+        expected: text it should bear; empty where none is.
+        database: glyph database to read with; the settings' unless given.
+        names: of "photo", "scan" and "height_map", what their sender calls them; their paths' own unless given.
+    """
+
+    folder: Path
+    photo: Path | None = None
+    scan: Path | None = None
+    height_map: Path | None = None
+    sight: Path | None = None
+    part_name: str = ""
+    expected: str = ""
+    database: Path | None = None
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def name_of(self, what: str) -> str:
+        """The sender's name of a file, for messages: never a path of the server."""
+        path: Path | None = getattr(self, what)
+        given = self.names.get(what, "") or (path.name if path is not None else "")
+        # a name is shown, not opened: its last part is enough, and no more than a line
+        last = given.replace("\\", "/").rpartition("/")[2]
+        return "".join(c for c in last if c.isprintable())[:120] or _FIELDS[what]
+
+
+@dataclass(frozen=True)
+class MadeFile:
+    """A file made for a part, in the job's folder.
+
+    Attributes:
+        kind: what it is.
+        path: where.
+        media_type: for the browser.
+        meta: of pictures, as `EvidenceRecord.meta`.
+    """
+
+    kind: EvidenceKind
+    path: Path
+    media_type: str
+    meta: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Done:
+    """What became of a job.
+
+    Attributes:
+        readings: in the order they were made; the last one counts.
+        made: files to be kept.
+        plan: what to feel; None where touch is not needed.
+    """
+
+    readings: tuple[ReadingRecord, ...]
+    made: tuple[MadeFile, ...] = ()
+    plan: ScanPlanRecord | None = None
+
+
+def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
+    """Read a part.
+
+    Args:
+        job: its files.
+        settings: how to read; `mode` is of no account, a part is read by all that it has files for.
+        limits: checked from the files' heads before anything is decoded.
+
+    Raises:
+        FileProblem: a file that cannot be used; or an expected text or a database, named so.
+        ValueError: a job without any file to read, or sight without touch.
+    """
+    from pipeline.reading.job_senses import JobSenses
+    from pipeline.reading.kept_readers import readers_of
+
+    felt = job.scan is not None or job.height_map is not None
+    if not felt and (job.photo is None or job.sight is not None):
+        raise ValueError("a job has a photo, a scan or a height map; sight goes with one of the latter")
+    with told(job, "database", job.database or settings.database):
+        readers = readers_of(settings, job.database)
+    senses = JobSenses(job, readers, limits)
+    if not felt:
+        return _by_sight(job, senses, settings, limits)
+    return _by_touch(job, senses)
+
+
+def _by_sight(job: Job, senses: JobSenses, settings: ReadSettings, limits: Limits) -> Done:
+    from pipeline.reading.job_pictures import photo_picture, sight_edges_picture
+    from pipeline.reading.scan_plan import plan_of
+    from pipeline.reading.triage import state_after, why_touch
+    from pipeline.reading.vision_file import save_sight
+
+    seen = senses.see()
+    record = senses.record(seen.sensed, seen.seconds)
+    made = [
+        photo_picture(seen.photo, job.folder),
+        *sight_edges_picture(seen.photo, seen.height_mm, job.folder),
+    ]
+    if state_after(record) is not PartState.TOUCH_NEEDED:
+        return Done((record,), tuple(made))
+    plan = plan_of(seen.sight, seen.photo, settings, field_mm=limits.stage_field_mm, reason=why_touch(record))
+    path = job.folder / "sight.npz"
+    save_sight(path, seen.kept)
+    made.append(MadeFile(EvidenceKind.SIGHT, path, "application/octet-stream"))
+    return Done((record,), tuple(made), plan)
+
+
+def _by_touch(job: Job, senses: JobSenses) -> Done:
+    from pipeline.reading.job_pictures import edges_picture, photo_picture, sight_edges_picture
+
+    started = time.perf_counter()
+    # a photograph that cannot be used is told before the time of touch is spent
+    photo = senses.load_photo() if job.photo is not None and job.sight is None else None
+    remembered = senses.remembered() if job.sight is not None else None
+    touch = senses.feel()
+    readings: list[ReadingRecord] = []
+    made = edges_picture(touch.edge_map, job.folder)
+    seen: Seen | KeptSight | None = remembered
+    if photo is not None:
+        looked = senses.see(photo, over=touch.height_map)
+        readings.append(senses.record(looked.sensed, looked.seconds))
+        made = [
+            photo_picture(looked.photo, job.folder),
+            *made,
+            *sight_edges_picture(looked.photo, looked.height_mm, job.folder),
+        ]
+        seen = looked
+    sensed = senses.of_touch(touch) if seen is None else senses.fused(touch, seen)
+    readings.append(senses.record(sensed, time.perf_counter() - started))
+    return Done(tuple(readings), tuple(made))
+
+
+@contextlib.contextmanager
+def told(job: Job, what: str, path: Path | None) -> Iterator[None]:
+    """Turn whatever goes wrong with a file into a problem of the name that its sender gave it.
+
+    Raises:
+        FileProblem: anything did.
+    """
+    name = job.name_of(what) if what in _FIELDS else (path.stem if path is not None else what)
+    try:
+        yield
+    except FileProblem as problem:
+        raise FileProblem(name, _unplaced(problem.problem, job, path), problem.mend) from problem
+    except MemoryError as error:
+        raise FileProblem(name, "needs more memory than a job may have", "crop or thin it") from error
+    except ValueError as error:
+        # of maps, recordings, fonts, databases: their messages say what is wrong and how to mend it
+        words, _, mend = _unplaced(_one_line(error), job, path).rpartition("; ")
+        raise FileProblem(name, words or mend, mend if words else "mend it") from error
+    except Exception as error:
+        _log.exception("fault of the program while reading %s", what)
+        fault = f"{type(error).__name__}: {_one_line(error)}"
+        raise FileProblem(
+            name, f"met a fault of the program ({_unplaced(fault, job, path)[:200]})", "report it"
+        ) from error
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _unplaced(message: str, job: Job, path: Path | None) -> str:
+    """The message without the folders of the server."""
+    for folder in (path.parent if path is not None else None, job.folder):
+        if folder is not None and len(str(folder)) > 1:
+            message = message.replace(f"{folder.resolve()}/", "").replace(f"{folder}/", "")
+    return message

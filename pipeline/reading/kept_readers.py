@@ -1,0 +1,43 @@
+"""The readers that a worker keeps from job to job: templates take longer to make than a part to read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.common.settings import ReadSettings
+from pipeline.reading.readers import Readers
+
+MOST_KEPT = 4
+"""Readers of so many databases at once; the one not used for longest goes."""
+
+_Key = tuple[str, int, ReadSettings]
+_KEPT: dict[_Key, Readers] = {}
+
+
+def readers_of(settings: ReadSettings, database: Path | None = None) -> Readers:
+    """The readers for these settings and this database, as the file now is.
+
+    Raises:
+        FileProblem: a lexicon that cannot be used.
+        ValueError: a database or font that cannot be used.
+    """
+    if database is not None:
+        settings = settings.model_copy(update={"database": database})
+    key = (str(settings.database or ""), _changed_ns(settings.database), settings)
+    found = _KEPT.pop(key, None)
+    if found is None:
+        found = Readers(settings)
+        # of a database that has changed the old readers are of no more use
+        for old in [k for k in _KEPT if k[0] == key[0] and k[1] != key[1]]:
+            del _KEPT[old]
+        while len(_KEPT) >= MOST_KEPT:
+            del _KEPT[next(iter(_KEPT))]
+    _KEPT[key] = found
+    return found
+
+
+def _changed_ns(path: Path | None) -> int:
+    try:
+        return path.stat().st_mtime_ns if path is not None else 0
+    except OSError:
+        return 0  # the readers tell what is wrong with it

@@ -1,0 +1,62 @@
+"""At how many pixels a photograph is read: no more than the characters need, for the time grows with them.
+
+12 million --> 0.6 million: characters 25 pixels high --> 4 million: 65 pixels, read
+           \\-> 0.6 million: 90 pixels, read
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from recognition.vision import SightReading
+
+SIZES = (600_000, 4_000_000)
+"""Pixels at which a photograph is read, one after the other, until its characters are high enough."""
+ENOUGH_ROWS = 60
+"""Of pixels in a character, beyond which more of them tell hardly more."""
+_HARDLY_LARGER = 1.5
+
+
+def read_at_sizes(photo: Photo, read: Callable[[Photo], SightReading]) -> tuple[Photo, SightReading]:
+    """The reading at the first size at which the line found has enough pixels, and the photograph as it was read."""
+    for small in _sizes(photo):
+        seen = read(small)
+        if seen.place is not None and _rows(small, seen.place.height_mm) >= ENOUGH_ROWS:
+            break
+    return small, seen
+
+
+def shrunk(photo: Photo, pixels: int) -> Photo:
+    """The photograph with about so many pixels, in the same frame if its scale is known; itself if it has fewer."""
+    import cv2
+
+    rows, cols = photo.shape
+    scale = (pixels / (rows * cols)) ** 0.5
+    if scale >= 1.0:
+        return photo
+    size = (max(8, round(cols * scale)), max(8, round(rows * scale)))
+    made = np.asarray(cv2.resize(photo.pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    if photo.pitch_mm is None:
+        return replace(photo, pixels=made)
+    # the rims stay where they are: the first pixel's middle does not, and with it the frame's origin
+    from pipeline.reading.vision_file import middle_mm
+
+    return replace(photo, pixels=made, pitch_mm=photo.pitch_mm * cols / size[0], centre_mm=middle_mm(photo))
+
+
+def _sizes(photo: Photo) -> Iterator[Photo]:
+    rows, cols = photo.shape
+    for size in SIZES[:-1]:
+        if rows * cols > _HARDLY_LARGER * size:
+            yield shrunk(photo, size)
+    yield shrunk(photo, SIZES[-1])
+
+
+def _rows(photo: Photo, height_mm: float) -> float:
+    return height_mm / (photo.pitch_mm if photo.pitch_mm is not None else 1.0)

@@ -1,0 +1,144 @@
+"""From what the camera saw to what the whisker stage is asked to feel, and back to a raster.
+
+::
+
+    +--------------------------------+  photograph
+    |   +------------------------+   |
+    |   |   K 7 B 2 9 1          |   |  region: the line and land around it
+    |   +------------------------+   |
+    +--------------------------------+
+
+The region's frame is the photograph's own, whose middle is told with it (`ScanPlanRecord.middle_mm`): what lies under
+the camera's axis is what a stage knows. Without a scale nothing is known of where the line is, and the stage's whole
+field is asked for, in the stage's frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.common.records import ScanPlanRecord
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from pipeline.common.settings import ReadSettings
+    from recognition.vision import SightReading
+    from whisker_array.whisker.array import RasterPlan
+
+MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
+"""Land felt around the line, character heights: dirt may have hidden a character at an end."""
+TRUSTED_SHARE = 0.8
+"""Mean belief in the characters seen, from which the line is taken to lie where the camera says; below it the whole
+picture is felt: half a line, felt well, would be worse than a longer scan."""
+USUAL_HEIGHT_MM = 5.0
+"""Of characters, where neither camera nor settings tell."""
+STAGE_FIELD_MM = (60.0, 25.0)
+
+
+@dataclass(frozen=True)
+class _Line:
+    region_mm: tuple[float, float, float, float]
+    height_mm: float
+
+
+def plan_of(
+    sight: SightReading | None,
+    photo: Photo,
+    settings: ReadSettings,
+    *,
+    field_mm: tuple[float, float] = STAGE_FIELD_MM,
+    reason: str = "",
+) -> ScanPlanRecord:
+    """The scan that would settle what the camera left open.
+
+    Args:
+        sight: what was seen; None where nothing was.
+        photo: as read; with a pitch the region lies around the line, and where no line was found, or hardly, it is
+            the whole picture.
+        settings: the character height, if it is known.
+        field_mm: width and height that the stage can feel.
+        reason: why touch is needed.
+    """
+    from pipeline.reading.vision_file import middle_mm
+    from whisker_array.whisker.array import default_plan
+    from whisker_array.whisker.touch import default_touch
+
+    known = photo.pitch_mm is not None
+    line = _around(sight, photo, settings) if known else None
+    if line is None:
+        line = _Line((0.0, 0.0, *field_mm), settings.height_mm or USUAL_HEIGHT_MM)
+    raster = default_plan(line.region_mm, character_height_mm=line.height_mm)
+    x0, y0, x1, y1 = (round(v, 3) for v in line.region_mm)
+    return ScanPlanRecord(
+        region_mm=(x0, y0, x1, y1),
+        directions_deg=tuple(int(d) for d in raster.directions),
+        passes=raster.n_passes,
+        line_pitch_mm=raster.line_pitch_mm,
+        sample_pitch_mm=raster.sample_pitch_mm,
+        speed_mm_s=raster.speed_mm_s,
+        preload_mm=default_touch(line.height_mm).preload_mm,
+        seconds=round(raster.scan_time_s, 1),
+        height_mm=line.height_mm,
+        reason=reason,
+        middle_mm=middle_mm(photo) if known else None,
+    )
+
+
+def _around(sight: SightReading | None, photo: Photo, settings: ReadSettings) -> _Line:
+    """The line and its margin, within the picture."""
+    from pipeline.reading.vision_file import middle_mm
+    from recognition.vision_frame import photo_origin_mm
+
+    left, top = photo_origin_mm(photo)
+    middle = middle_mm(photo)
+    right, bottom = 2.0 * middle[0] - left, 2.0 * middle[1] - top
+    place = sight.place if sight is not None else None
+    if place is None or sight is None:
+        return _Line((left, top, right, bottom), settings.height_mm or USUAL_HEIGHT_MM)
+    height = settings.height_mm or float(f"{place.height_mm:.3g}")
+    if _mean_belief(sight) < TRUSTED_SHARE:
+        return _Line((left, top, right, bottom), min(height, _most_height_mm(bottom - top)))
+    corners = place.corners()
+    x0, y0 = (float(v) for v in corners.min(axis=0))
+    x1, y1 = (float(v) for v in corners.max(axis=0))
+    turn = math.radians(place.rotation_deg)
+    along, across = MARGIN_ALONG_HEIGHTS * height, MARGIN_ACROSS_HEIGHTS * height
+    # the greater margin lies along the line, however it is turned
+    wide = max(across, abs(math.cos(turn)) * along)
+    high = max(across, abs(math.sin(turn)) * along)
+    x0, y0, x1, y1 = x0 - wide, y0 - high, x1 + wide, y1 + high
+    x0, y0, x1, y1 = max(x0, left), max(y0, top), min(x1, right), min(y1, bottom)
+    if x1 - x0 < height or y1 - y0 < height:  # a place beyond the picture is none
+        return _Line((left, top, right, bottom), height)
+    return _Line((x0, y0, x1, y1), height)
+
+
+def _mean_belief(sight: SightReading) -> float:
+    beliefs = [c.confidence for c in sight.reading.characters]
+    return math.fsum(beliefs) / len(beliefs) if beliefs else 0.0
+
+
+def _most_height_mm(field_mm: float) -> float:
+    """Of characters in a picture so high: dirt that fills it is soon taken for one line as high as it."""
+    return 0.5 * field_mm
+
+
+def raster_of(
+    plan: ScanPlanRecord, *, region_mm: tuple[float, float, float, float] | None = None
+) -> RasterPlan:
+    """The raster of a plan, over another region if one is given.
+
+    Raises:
+        ValueError: a plan that no array can run.
+    """
+    from glyphs.surface.maps import TraceDirection
+    from whisker_array.whisker.array import default_plan
+
+    return default_plan(
+        region_mm if region_mm is not None else plan.region_mm,
+        character_height_mm=plan.height_mm,
+        directions=tuple(TraceDirection(d) for d in plan.directions_deg),
+        speed_mm_s=plan.speed_mm_s,
+    )

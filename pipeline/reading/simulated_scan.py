@@ -1,0 +1,92 @@
+"""A height map under the virtual array: mounted level, scanned whole, with sensors as from the bench."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap
+from recognition.levelling import first_look, level
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.scan.sensor import draw_sensor_chain
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import RasterPlan, default_plan
+from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
+
+_RANGE_LAND_MOMENTS = 3.0
+
+
+def plan_for(
+    height_map: HeightMap, *, height_mm: float | None, rows: int = 1, two_way: bool = False
+) -> tuple[RasterPlan, float]:
+    """The raster over the whole map, and the character height that it is made for.
+
+    Args:
+        height_map: the part.
+        height_mm: character height; found out unless given.
+        rows: of whiskers, see `feel`.
+        two_way: every pass is felt again on its return.
+
+    Raises:
+        ValueError: no height given, and none to be seen in the map.
+    """
+    if height_mm is None:
+        heights = first_look(level(height_map)).heights_mm
+        if not heights:
+            raise ValueError("no characters to be seen, so the scale is unknown; give --height-mm")
+        height_mm = float(f"{heights[0]:.3g}")
+    region = (0.0, 0.0, *height_map.size_mm)
+    return default_plan(region, character_height_mm=height_mm, rows=rows, two_way=two_way), height_mm
+
+
+def feel(
+    height_map: HeightMap,
+    *,
+    plan: RasterPlan,
+    height_mm: float,
+    fidelity: Fidelity = Fidelity.CONTACT,
+    noise: bool = True,
+    sensor_seed: int = 0,
+    part_id: str = "",
+    touch: Touch | None = None,
+    friction: float | None = None,
+    soil: Soil | None = None,
+) -> Scan:
+    """Scan the map; with noise the sensors have gains, offsets, drift, vibration and a 16 bit converter.
+
+    Args:
+        height_map: the part.
+        plan: the raster; with two rows of whiskers the second are profilers.
+        height_mm: character height.
+        fidelity: how touch is simulated.
+        noise: sensors as from the bench.
+        sensor_seed: of gains, offsets and noise.
+        part_id: what the part is called.
+        touch: of the first row; the default one for the height unless given.
+        friction: true friction of the part; that of the soil unless given, without soil the touch's nominal one.
+        soil: dirt on the part, of which the map is the top; none unless given.
+
+    Raises:
+        MapError: a map that cannot be scanned, or soil on another grid.
+    """
+    touch = touch if touch is not None else default_touch(height_mm)
+    rng = np.random.default_rng(sensor_seed)
+    full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
+    n_whiskers = plan.array.n_whiskers * plan.array.rows
+    chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale) if noise else None
+    scan = trace_scan(
+        level(height_map),
+        touch=touch,
+        plan=plan,
+        fidelity=fidelity,
+        sensor=chain,
+        rng=rng if noise else None,
+        part_id=part_id,
+        friction=friction,
+        soil=soil,
+        others=(profiling_touch(height_mm),) if plan.array.rows > 1 else (),
+    )
+    return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))

@@ -1,0 +1,32 @@
+"""How far a reading takes a part: done, to be felt, or to be looked at by a person.
+
+camera sure -----------------------------> accepted
+camera unsure --> touch needed --> sure --> accepted
+                               \\-> unsure, nothing read, or another text than expected --> review
+"""
+
+from __future__ import annotations
+
+from pipeline.common.records import PartState, ReadingRecord
+
+
+def state_after(reading: ReadingRecord) -> PartState:
+    """Where a part stands after a reading.
+
+    The reader's own decision holds the thresholds of confidence and margin; with a text expected, only a part that
+    bears it is accepted.
+    """
+    sure = reading.decision == "accept" and reading.verdict in ("", "confirmed")
+    if sure:
+        return PartState.ACCEPTED
+    return PartState.TOUCH_NEEDED if reading.source == "vision" else PartState.REVIEW
+
+
+def why_touch(reading: ReadingRecord) -> str:
+    """Why the camera's word is not enough, for the person at the line."""
+    if not reading.text:
+        return "the camera has found no characters"
+    if reading.verdict in ("refuted", "undecided"):
+        return f"the camera reads {reading.text}, which leaves the text expected {reading.verdict}"
+    told = "; ".join(reading.messages) or "its thresholds are not met"
+    return f"the camera is unsure of {reading.text} (confidence {reading.confidence:.2f}): {told}"

@@ -1,0 +1,250 @@
+"""What the camera's reader believed, on disk: a scan that comes later is fused with it, not with the photograph anew.
+
+An `.npz` without pickles: `told` holds the reading and all else that is text or numbers as JSON, `edges` the camera's
+edge map in half precision, thinned to what touch can be compared with.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.common.errors import FileProblem, damage_reported, require_file
+from pipeline.common.record_json import from_json, to_json
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from glyphs.surface.maps import EdgeMap
+    from recognition.lattice import Lattice
+    from recognition.vision import SightReading
+
+FORMAT_VERSION = 1
+_MAX_BYTES = 200_000_000
+_FINEST_HEIGHTS = 0.0125
+"""Pitch of the edges kept, character heights at least: registration compares at three times that."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeptSight:
+    """A reading of a photograph as a later job needs it.
+
+    Attributes:
+        sight: the reading; its edges may be thinned.
+        middle_mm: photo frame (x, y) of the middle of the picture; None where its scale is unknown.
+        open_lattice: beliefs in any character at as many places as the text expected has; None where the reading's
+            own are as open.
+        expected: text that they were made for; empty for none.
+    """
+
+    sight: SightReading
+    middle_mm: tuple[float, float] | None = None
+    open_lattice: Lattice | None = None
+    expected: str = ""
+
+    @classmethod
+    def of(
+        cls, sight: SightReading, photo: Photo, *, open_lattice: Lattice | None = None, expected: str = ""
+    ) -> KeptSight:
+        """What to keep of a reading of this photograph."""
+        middle = middle_mm(photo) if photo.pitch_mm is not None else None
+        return cls(sight, middle, open_lattice, expected)
+
+    def open_for(self, expected: str) -> Lattice | None:
+        """Beliefs to hold an expected text against."""
+        if self.open_lattice is not None and expected == self.expected:
+            return self.open_lattice
+        return self.sight.lattice
+
+
+def middle_mm(photo: Photo) -> tuple[float, float]:
+    """Photo frame (x, y) of the middle of a picture; in pixels where its scale is unknown."""
+    from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
+
+    (rows, cols), pitch, (x0, y0) = photo.shape, photo_pitch_mm(photo), photo_origin_mm(photo)
+    return (x0 + 0.5 * (cols - 1) * pitch, y0 + 0.5 * (rows - 1) * pitch)
+
+
+def moved(kept: KeptSight, x_mm: float, y_mm: float) -> KeptSight:
+    """The same in a frame that lies otherwise: all coordinates grow by so much."""
+    sight = kept.sight
+    edges, place = sight.edges, sight.place
+    if edges is not None:
+        x0, y0 = edges.origin_mm
+        edges = replace(edges, origin_mm=(x0 + x_mm, y0 + y_mm))
+    if place is not None:
+        place = replace(place, middle_mm=(place.middle_mm[0] + x_mm, place.middle_mm[1] + y_mm))
+    reading = sight.reading
+    characters = tuple(replace(c, box=_shifted(c.box, x_mm, y_mm)) for c in reading.characters)
+    box = None if reading.box is None else _shifted(reading.box, x_mm, y_mm)
+    lattices = {name: _shifted_lattice(own, x_mm, y_mm) for name, own in sight.by_engine.items()}
+    middle = kept.middle_mm
+    return replace(
+        kept,
+        sight=replace(
+            sight,
+            reading=replace(reading, characters=characters, box=box),
+            lattice=None if sight.lattice is None else _shifted_lattice(sight.lattice, x_mm, y_mm),
+            edges=edges,
+            place=place,
+            by_engine=MappingProxyType(lattices),
+        ),
+        middle_mm=None if middle is None else (middle[0] + x_mm, middle[1] + y_mm),
+        open_lattice=None if kept.open_lattice is None else _shifted_lattice(kept.open_lattice, x_mm, y_mm),
+    )
+
+
+def _shifted(box: Any, x_mm: float, y_mm: float) -> Any:
+    return type(box)(box.x0_mm + x_mm, box.y0_mm + y_mm, box.x1_mm + x_mm, box.y1_mm + y_mm)
+
+
+def _shifted_lattice(lattice: Lattice, x_mm: float, y_mm: float) -> Lattice:
+    return replace(lattice, boxes=tuple(_shifted(b, x_mm, y_mm) for b in lattice.boxes))
+
+
+def save_sight(path: Path, kept: KeptSight) -> None:
+    """Write it; the file appears whole or not at all.
+
+    Raises:
+        FileProblem: it cannot be written.
+    """
+    from pipeline.common.atomic import replacing
+
+    sight = kept.sight
+    told: dict[str, Any] = {
+        "version": FORMAT_VERSION,
+        "reading": to_json(replace(sight.reading, seconds=dict(sight.reading.seconds))),
+        "engine": sight.engine,
+        "place": None if sight.place is None else to_json(sight.place),
+        "lattice": _told(sight.lattice),
+        "by_engine": {name: _told(lattice) for name, lattice in sight.by_engine.items()},
+        "middle_mm": kept.middle_mm,
+        "open_lattice": _told(kept.open_lattice),
+        "expected": kept.expected,
+    }
+    arrays: dict[str, NDArray[Any]] = {}
+    if sight.edges is not None:
+        edges = _thinned(sight.edges, sight.place.height_mm if sight.place is not None else 0.0)
+        arrays = {
+            "edges": edges.enhancement.astype(np.float16),
+            "valid": np.packbits(edges.valid),
+        }
+        told["edges"] = {
+            "directions": [int(d) for d in edges.directions],
+            "pitch_mm": edges.pitch_mm,
+            "origin_mm": edges.origin_mm,
+        }
+    # JSON has no infinities; a character that cannot be stands as null
+    text = json.dumps(told, allow_nan=False).encode("utf-8")
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, told=np.frombuffer(text, dtype=np.uint8), **arrays)  # type: ignore[arg-type]
+
+
+def _told(lattice: Lattice | None) -> dict[str, Any] | None:
+    if lattice is None:
+        return None
+    return {
+        "chars": "".join(lattice.chars),
+        "log_belief": [[v if np.isfinite(v) else None for v in row] for row in lattice.log_belief.tolist()],
+        "boxes": [[b.x0_mm, b.y0_mm, b.x1_mm, b.y1_mm] for b in lattice.boxes],
+        "spaces_after": sorted(lattice.spaces_after),
+    }
+
+
+def _thinned(edges: EdgeMap, height_mm: float) -> EdgeMap:
+    """Means over squares of pixels, where they are far smaller than touch is compared at."""
+    step = int(_FINEST_HEIGHTS * height_mm / edges.pitch_mm)
+    if step < 2 or min(edges.shape) < 8 * step:
+        return edges
+    rows, cols = (n // step for n in edges.shape)
+    count = edges.valid[: rows * step, : cols * step].reshape(rows, step, cols, step).sum(axis=(1, 3))
+    layers = edges.enhancement[:, : rows * step, : cols * step].reshape(-1, rows, step, cols, step)
+    total = layers.sum(axis=(2, 4), dtype=np.float32)
+    x0, y0 = edges.origin_mm
+    half = 0.5 * (step - 1) * edges.pitch_mm
+    return replace(
+        edges,
+        enhancement=np.asarray(total / np.maximum(count, 1), dtype=np.float32),
+        valid=2 * count > step * step,
+        pitch_mm=edges.pitch_mm * step,
+        origin_mm=(x0 + half, y0 + half),
+    )
+
+
+def load_sight(path: Path) -> KeptSight:
+    """Read what `save_sight` wrote.
+
+    Raises:
+        FileProblem: it is no such file, or damaged.
+    """
+    require_file(path, most_bytes=_MAX_BYTES)
+    with damage_reported(path, kind="sight"):
+        # in memory: the file may be expired while it is read
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as held:
+            arrays = {name: held[name] for name in held.files}
+        told: Mapping[str, Any] = json.loads(bytes(arrays["told"]).decode("utf-8"))
+        if told["version"] != FORMAT_VERSION:
+            raise FileProblem(path, f"is of version {told['version']}", "read the photograph anew")
+        return _kept(told, arrays)
+
+
+def _kept(told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> KeptSight:
+    from recognition.reading import Reading
+    from recognition.vision import SightReading
+    from recognition.vision_frame import LinePlace
+
+    reading = from_json(Reading, told["reading"])
+    by_engine = {name: _lattice(own) for name, own in told["by_engine"].items()}
+    middle = told["middle_mm"]
+    sight = SightReading(
+        reading=replace(reading, seconds=MappingProxyType(dict(reading.seconds))),
+        lattice=_lattice(told["lattice"]),
+        edges=_edges(told["edges"], arrays) if "edges" in told else None,
+        engine=str(told["engine"]),
+        place=None if told["place"] is None else from_json(LinePlace, told["place"]),
+        by_engine=MappingProxyType({n: own for n, own in by_engine.items() if own is not None}),
+    )
+    return KeptSight(
+        sight,
+        None if middle is None else (float(middle[0]), float(middle[1])),
+        _lattice(told["open_lattice"]),
+        str(told["expected"]),
+    )
+
+
+def _lattice(told: Mapping[str, Any] | None) -> Lattice | None:
+    from recognition.lattice import Lattice
+    from recognition.reading import Box
+
+    if told is None:
+        return None
+    chars = tuple(told["chars"])
+    rows = [[-np.inf if v is None else float(v) for v in row] for row in told["log_belief"]]
+    return Lattice(
+        chars,
+        np.array(rows, dtype=np.float64).reshape(len(rows), len(chars)),
+        boxes=tuple(Box(*(float(v) for v in box)) for box in told["boxes"]),
+        spaces_after=frozenset(int(k) for k in told["spaces_after"]),
+    )
+
+
+def _edges(told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> EdgeMap:
+    from glyphs.surface.maps import EdgeMap, TraceDirection
+
+    layers = arrays["edges"].astype(np.float32)
+    rows, cols = layers.shape[1:]
+    valid = np.unpackbits(arrays["valid"], count=rows * cols).reshape(rows, cols).astype(np.bool_)
+    return EdgeMap(
+        enhancement=layers,
+        directions=tuple(TraceDirection(d) for d in told["directions"]),
+        valid=valid,
+        pitch_mm=float(told["pitch_mm"]),
+        origin_mm=(float(told["origin_mm"][0]), float(told["origin_mm"][1])),
+    )

@@ -1,0 +1,1 @@
+"""The service: intake, composition, and what it speaks."""

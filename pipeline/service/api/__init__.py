@@ -1,0 +1,1 @@
+"""The service over HTTP: parts sent in and looked up."""

@@ -1,0 +1,157 @@
+"""What the interface takes and answers of parts, and how its description tells it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+from fastapi import Depends, Form, Header, Path, Request
+from pydantic import BaseModel, ConfigDict, Field
+
+from pipeline.common.part_id import is_part_id
+from pipeline.common.records import (
+    EventRecord,
+    EvidenceKind,
+    EvidenceRecord,
+    PartRecord,
+    ReadingRecord,
+    ReviewAction,
+    ReviewRecord,
+    Scope,
+)
+from pipeline.service.access import Access, Caller
+from pipeline.service.problem import MEDIA_TYPE, Problem, ProblemBody
+
+_PROBLEMS = {
+    400: "not understood",
+    401: "no token, or one that does not hold",
+    403: "the token does not allow it",
+    404: "no such part, picture or database",
+    409: "not as the part stands",
+    413: "over the limit of size",
+    415: "files of this kind are not read",
+    422: "a file or value that cannot be used; the detail names it and the mend",
+    503: "as many parts wait as may; the header Retry-After tells when to ask again",
+}
+PICTURES = {
+    "photo": EvidenceKind.PHOTO_PICTURE,
+    "edges": EvidenceKind.EDGES_PICTURE,
+    "sight-edges": EvidenceKind.SIGHT_EDGES_PICTURE,
+}
+PictureName = Literal["photo", "edges", "sight-edges", "boxes"]
+
+
+@dataclass(frozen=True)
+class PartAnswer(PartRecord):
+    """A part as it stands, and where more of it is to be had.
+
+    Attributes:
+        links: addresses of the part, its history, and of its pictures by name.
+    """
+
+    links: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class HistoryAnswer:
+    """All that happened to a part, oldest first; nothing of it is ever changed."""
+
+    events: tuple[EventRecord, ...]
+    readings: tuple[ReadingRecord, ...]
+    reviews: tuple[ReviewRecord, ...]
+    evidence: tuple[EvidenceRecord, ...]
+
+
+class ReviewBody(BaseModel):
+    """What a person says of a part."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={
+            "examples": [{"action": "correct", "text": "KX407251", "who": "Anna", "before": "KX4O7251"}]
+        },
+    )
+
+    action: ReviewAction
+    text: str = Field(
+        default="",
+        max_length=200,
+        pattern=r"^[^\x00-\x1f\x7f]*$",
+        description="the serial as it is; empty for unreadable",
+    )
+    who: str = Field(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")
+    note: str = Field(default="", max_length=2000, pattern=r"^[^\x00]*$")
+    before: str | None = Field(
+        default=None,
+        max_length=200,
+        description="the text as it was seen; if it has changed since, the answer is 409",
+    )
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The problems of a route, for the description of the interface."""
+    return {
+        status: {"description": _PROBLEMS[status], "content": {MEDIA_TYPE: {"schema": _PROBLEM_SCHEMA}}}
+        for status in statuses
+    }
+
+
+_PROBLEM_SCHEMA = {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}
+TEXT = r"^[^\x00-\x1f\x7f]*$"
+Name = Annotated[
+    str,
+    Form(
+        max_length=200, pattern=TEXT, description="what the line calls the part", examples=["tray-7/part-3"]
+    ),
+]
+Expected = Annotated[
+    str,
+    Form(
+        max_length=200,
+        pattern=TEXT,
+        description="the serial it should bear: confirmed, refuted or undecided",
+    ),
+]
+Database = Annotated[
+    str, Form(max_length=200, pattern=TEXT, description="glyph database, as /v1/databases lists them")
+]
+PartId = Annotated[
+    str, Path(max_length=64, description="of the part", examples=["01JD8Z6Y3Q5V7W9X1B2C3D4E5F"])
+]
+Key = Annotated[
+    str | None,
+    Header(
+        max_length=200,
+        pattern=r"^[\x21-\x7e]+$",
+        description="made by the sender for each part; a request that is sent again with it makes no second part",
+    ),
+]
+
+
+def may(access: Access, scope: Scope) -> Any:
+    """The dependency of a route that only callers with a scope may use."""
+
+    def check(request: Request) -> Caller:
+        return access.caller(request, scope)
+
+    return Depends(check)
+
+
+def checked_id(part_id: str) -> str:
+    """The id, if it can be one.
+
+    Raises:
+        Problem: 404, it cannot.
+    """
+    if not is_part_id(part_id):
+        raise Problem(404, f"there is no part {part_id[:64]!r}; /v1/parts lists them")
+    return part_id
+
+
+def answer(part: PartRecord) -> PartAnswer:
+    """The part with its links."""
+    here = f"/v1/parts/{part.id}"
+    links = {"self": here, "history": f"{here}/history"}
+    links.update({name: f"{here}/pictures/{name}" for name in (*PICTURES, "boxes")})
+    return PartAnswer(**{**part.__dict__, "links": links})

@@ -1,0 +1,160 @@
+"""Parts over HTTP, looked up: as they stand, their history, pictures and files."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query
+from fastapi.responses import FileResponse, Response
+
+from pipeline.common.records import EvidenceKind, EvidenceRecord, Figures, PartRecord, PartState, Scope
+from pipeline.plots.boxes_picture import boxes_picture
+from pipeline.service.access import Access, Caller
+from pipeline.service.api.answers import (
+    PICTURES,
+    TEXT,
+    HistoryAnswer,
+    PartAnswer,
+    PartId,
+    PictureName,
+    answer,
+    checked_id,
+    may,
+    problems,
+)
+from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE
+from pipeline.service.part_service import Desk
+from pipeline.service.problem import Problem
+
+
+def lookup_router(desk: Desk, access: Access) -> APIRouter:
+    """The routes that look up /v1/parts."""
+    router = APIRouter(prefix="/v1", tags=["parts"])
+    Reads = may(access, Scope.READ)
+
+    @router.get(
+        "/parts",
+        response_model=list[PartAnswer],
+        summary="Parts, newest first",
+        responses=problems(401, 403, 422),
+    )
+    def list_parts(
+        state: PartState | None = None,
+        text: Annotated[str, Query(max_length=200, pattern=TEXT, description="that its serial holds")] = "",
+        name: Annotated[str, Query(max_length=200, pattern=TEXT, description="that its name holds")] = "",
+        before: Annotated[
+            str | None, Query(max_length=64, pattern=TEXT, description="id after which to go on")
+        ] = None,
+        limit: Annotated[int, Query(ge=1, le=500)] = 50,
+        caller: Caller = Reads,
+    ) -> Any:
+        parts = desk.store.parts(state=state, text=text, name=name, before=before, limit=limit)
+        return [answer(part) for part in parts]
+
+    @router.get(
+        "/parts/{part_id}",
+        response_model=PartAnswer,
+        summary="A part as it stands",
+        responses={
+            200: {"content": {"application/json": {"example": PART_EXAMPLE}}},
+            **problems(401, 403, 404, 422),
+        },
+    )
+    def one_part(part_id: PartId, caller: Caller = Reads) -> Any:
+        return answer(desk.store.part(checked_id(part_id)))
+
+    @router.get(
+        "/parts/{part_id}/history",
+        response_model=HistoryAnswer,
+        summary="All that happened to a part",
+        responses={
+            200: {"content": {"application/json": {"example": HISTORY_EXAMPLE}}},
+            **problems(401, 403, 404, 422),
+        },
+    )
+    def history(part_id: PartId, caller: Caller = Reads) -> Any:
+        store = desk.store
+        store.part(checked_id(part_id))
+        return HistoryAnswer(
+            store.history(part_id), store.readings(part_id), store.reviews(part_id), store.evidence(part_id)
+        )
+
+    @router.get(
+        "/parts/{part_id}/pictures/{picture}",
+        response_class=Response,
+        summary="A picture of a part: as photographed, as felt, the camera's edges, or with the characters' boxes",
+        responses={200: {"content": {"image/*": {}}}, **problems(401, 403, 404, 422)},
+    )
+    def picture(part_id: PartId, picture: PictureName, caller: Caller = Reads) -> Any:
+        store = desk.store
+        part, evidence = store.part(checked_id(part_id)), store.evidence(part_id)
+        if picture == "boxes":
+            return _boxes(desk, part, evidence)
+        record = _last(evidence, PICTURES[picture])
+        if record is None:
+            raise Problem(404, f"the part {part_id} has no picture {picture!r}")
+        return _file(desk, record)
+
+    @router.get(
+        "/parts/{part_id}/evidence/{sha256}",
+        response_class=Response,
+        summary="A file kept for a part",
+        responses={200: {"content": {"application/octet-stream": {}}}, **problems(401, 403, 404, 422)},
+    )
+    def evidence_file(
+        part_id: PartId, sha256: Annotated[str, Path(pattern="^[0-9a-f]{64}$")], caller: Caller = Reads
+    ) -> Any:
+        records = [e for e in desk.store.evidence(checked_id(part_id)) if e.sha256 == sha256]
+        if not records:
+            raise Problem(404, f"the part {part_id} has no such file; its history lists them")
+        return _file(desk, records[0], download=True)
+
+    @router.get(
+        "/figures",
+        response_model=Figures,
+        summary="Reads, fallbacks, rejects, accuracy and times of the last hours",
+        responses=problems(401, 403, 422),
+        tags=["service"],
+    )
+    def figures(
+        hours: Annotated[float, Query(gt=0.0, le=24.0 * 366, allow_inf_nan=False)] = 24.0,
+        caller: Caller = Reads,
+    ) -> Any:
+        return desk.store.figures(datetime.now(UTC) - timedelta(hours=hours))
+
+    return router
+
+
+def _last(evidence: tuple[EvidenceRecord, ...], kind: EvidenceKind) -> EvidenceRecord | None:
+    return next((e for e in reversed(evidence) if e.kind is kind), None)
+
+
+def _file(desk: Desk, record: EvidenceRecord, *, download: bool = False) -> Response:
+    path = desk.evidence.path(record.sha256)
+    if record.gone or not path.is_file():
+        raise Problem(404, f"the {record.kind.value} is no longer kept; its time was up")
+    headers = {"Cache-Control": "private, max-age=31536000, immutable", "ETag": f'"{record.sha256}"'}
+    if download:
+        return FileResponse(
+            path,
+            media_type="application/octet-stream",
+            filename=record.name or record.sha256,
+            headers=headers,
+        )
+    return FileResponse(path, media_type=record.media_type, headers=headers)
+
+
+def _boxes(desk: Desk, part: PartRecord, evidence: tuple[EvidenceRecord, ...]) -> Response:
+    """What the last reading was made from, with its characters' boxes drawn in."""
+    reading = part.reading
+    kind = (
+        EvidenceKind.PHOTO_PICTURE
+        if reading is not None and reading.source == "vision"
+        else EvidenceKind.EDGES_PICTURE
+    )
+    record = _last(evidence, kind)
+    path = None if record is None or record.gone else desk.evidence.path(record.sha256)
+    if record is None or reading is None or path is None or not path.is_file():
+        raise Problem(404, f"the part {part.id} has no picture to draw boxes in")
+    return Response(boxes_picture(path, record.meta, reading), media_type="image/png")

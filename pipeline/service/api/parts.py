@@ -1,0 +1,180 @@
+"""Parts over HTTP, sent in: read, felt, reviewed."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, File, Form, Request, Response, UploadFile
+
+from pipeline.common.records import ReviewAction, Scope
+from pipeline.service.access import Access, Caller
+from pipeline.service.api.answers import (
+    Database,
+    Expected,
+    Key,
+    Name,
+    PartAnswer,
+    PartId,
+    ReviewBody,
+    answer,
+    checked_id,
+    may,
+    problems,
+)
+from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE
+from pipeline.service.idempotency import Received
+from pipeline.service.part_service import Desk, NewPart
+from pipeline.service.problem import Problem
+from pipeline.service.uploads import Upload, receive
+from pipeline.store.store import Idempotency
+
+
+def parts_router(desk: Desk, access: Access) -> APIRouter:
+    """The routes that add to /v1/parts."""
+    router = APIRouter(prefix="/v1", tags=["parts"])
+
+    Writes, Reviews = may(access, Scope.WRITE), may(access, Scope.REVIEW)
+
+    @router.post(
+        "/parts",
+        status_code=201,
+        response_model=PartAnswer,
+        summary="Read a part from its photograph, its scan, or both",
+        responses={
+            201: {
+                "description": "read, or touch needed with the scan plan",
+                "content": {
+                    "application/json": {
+                        "examples": {
+                            "accepted": {"summary": "the camera is sure", "value": PART_EXAMPLE},
+                            "touch_needed": {"summary": "the camera is unsure", "value": TOUCH_EXAMPLE},
+                        }
+                    }
+                },
+            },
+            200: {
+                "model": PartAnswer,
+                "description": "the same request was answered before; the part as it stands",
+            },
+            **problems(400, 401, 403, 413, 415, 422, 503),
+        },
+    )
+    async def read_part(
+        request: Request,
+        response: Response,
+        photo: Annotated[UploadFile | None, File(description="PNG, JPEG, BMP or TIFF")] = None,
+        scan: Annotated[
+            UploadFile | None, File(description="scan (.h5) or height map (.npz, .x3p, .sdf, .sur ...)")
+        ] = None,
+        name: Name = "",
+        expected: Expected = "",
+        database: Database = "",
+        touch: Annotated[
+            Literal["plan", "stage"],
+            Form(
+                description="where the camera is unsure: tell the plan, or have the service's stage feel the part"
+            ),
+        ] = "plan",
+        idempotency_key: Key = None,
+        caller: Caller = Writes,
+    ) -> Any:
+        new = NewPart(name=name, expected=expected.strip(), database=database, touch=touch == "stage")
+        folder = desk.evidence.new_work_folder()
+        try:
+            seen = await receive(photo, "photo", folder) if photo is not None else None
+            felt = await receive(scan, "scan", folder) if scan is not None else None
+            key = _idempotency(
+                request, caller, idempotency_key, (seen, felt), (name, expected, database, touch)
+            )
+            done = await desk.receive(new, photo=seen, scan=felt, idempotency=key)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+        return _answered(done, response)
+
+    @router.post(
+        "/parts/{part_id}/scan",
+        response_model=PartAnswer,
+        summary="Add what was felt; the answer is the fused reading",
+        responses={
+            200: {"content": {"application/json": {"example": PART_EXAMPLE}}},
+            **problems(400, 401, 403, 404, 409, 413, 415, 422, 503),
+        },
+    )
+    async def add_scan(
+        request: Request,
+        response: Response,
+        part_id: PartId,
+        scan: Annotated[
+            UploadFile, File(description="scan (.h5) or height map (.npz, .x3p, .sdf, .sur ...)")
+        ],
+        idempotency_key: Key = None,
+        caller: Caller = Writes,
+    ) -> Any:
+        checked_id(part_id)
+        folder = desk.evidence.new_work_folder()
+        try:
+            felt = await receive(scan, "scan", folder)
+            key = _idempotency(request, caller, idempotency_key, (felt,), (part_id,))
+            done = await desk.add_scan(part_id, felt, idempotency=key)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+        return _answered(done, response)
+
+    @router.post(
+        "/parts/{part_id}/touch",
+        response_model=PartAnswer,
+        summary="Have the service's own stage feel a part that waits for touch",
+        responses={
+            200: {"content": {"application/json": {"example": PART_EXAMPLE}}},
+            **problems(401, 403, 404, 409, 422, 503),
+        },
+    )
+    async def touch_part(part_id: PartId, caller: Caller = Writes) -> Any:
+        return answer(await desk.touch(checked_id(part_id)))
+
+    @router.post(
+        "/parts/{part_id}/review",
+        response_model=PartAnswer,
+        summary="Confirm or correct what was read",
+        responses=problems(400, 401, 403, 404, 409, 422),
+    )
+    def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> Any:
+        if body.action is not ReviewAction.UNREADABLE and not body.text.strip():
+            raise Problem(422, "the text is empty; give the serial, or the action unreadable")
+        part = desk.say(
+            checked_id(part_id),
+            action=body.action,
+            text=body.text.strip(),
+            who=body.who,
+            token=caller.name,
+            note=body.note,
+            before=body.before,
+        )
+        return answer(part)
+
+    return router
+
+
+def _idempotency(
+    request: Request,
+    caller: Caller,
+    key: str | None,
+    uploads: tuple[Upload | None, ...],
+    fields: tuple[str, ...],
+) -> Idempotency | None:
+    """The key with whose it is, and a digest of all that was asked."""
+    if key is None:
+        return None
+    digest = hashlib.sha256(request.url.path.encode())
+    for part in (*(u.sha256 if u is not None else "-" for u in uploads), *fields):
+        digest.update(b"\0" + part.encode())
+    return Idempotency(f"{caller.name}:{key}", digest.hexdigest())
+
+
+def _answered(done: Received, response: Response) -> PartAnswer:
+    if done.replayed:
+        response.status_code = 200
+        response.headers["Idempotent-Replayed"] = "true"
+    return answer(done.part)

@@ -1,0 +1,252 @@
+"""The service: everything that answers, put together and taken apart again in the right order."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.responses import Response
+
+from pipeline.common.version import program_version
+from pipeline.reading.jobs import Limits
+from pipeline.service.access import Access
+from pipeline.service.api.lookup import lookup_router
+from pipeline.service.api.parts import parts_router
+from pipeline.service.glyph_databases import GlyphDatabases
+from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
+from pipeline.service.middleware import DoorLayer, RequestLayer
+from pipeline.service.openapi import described
+from pipeline.service.pages.routes import pages_router
+from pipeline.service.part_service import Desk
+from pipeline.service.ports import Ports
+from pipeline.service.problem import Problem
+from pipeline.service.problem_responses import add_problem_handlers
+from pipeline.service.stage import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
+from pipeline.service.stage_driver import load_driver
+from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.store import Store, StoreError
+from pipeline.workers.pool import WorkPool
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
+    from pipeline.service.settings import ServiceSettings
+
+SWEEP_EVERY_S = 3600.0
+ORPHAN_AGE_S = 3600.0
+"""A file that no record names is left alone for so long: its transaction may be on the way."""
+KEYS_KEPT_DAYS = 7.0
+"""A request that is sent again later makes a new part."""
+log = structlog.get_logger("tactile-marks")
+
+
+class Service:
+    """One running service and all that it holds open."""
+
+    def __init__(self, settings: ServiceSettings, reading: ReadSettings) -> None:
+        """Open store and folders, and begin to warm up the workers.
+
+        Raises:
+            StoreError: a store that cannot be opened.
+            FileProblem: folders that cannot be made.
+            ValueError: settings that cannot be.
+        """
+        self.settings = settings
+        self.evidence = EvidenceFolder(settings.evidence_folder)
+        self.store = Store.open(settings.store_url)
+        self.metrics = Metrics()
+        self.access = Access(self.store, required=settings.tokens_asked)
+        self.databases = GlyphDatabases(settings.databases_folder, default=settings.database)
+        limits = Limits(
+            max_photo_pixels=settings.max_photo_pixels,
+            max_map_samples=settings.max_map_samples,
+            memory_mb=settings.worker_memory_mb,
+        )
+        self.pool = WorkPool(
+            reading, limits, workers=settings.workers, queue=settings.queue, timeout_s=settings.job_timeout_s
+        )
+        self.ports = Ports(settings)
+        self.desk = Desk(
+            store=self.store,
+            evidence=self.evidence,
+            pool=self.pool,
+            stage=_stage(settings),
+            camera=_camera(settings),
+            databases=self.databases.path,
+            reading=reading,
+            limits=limits,
+            metrics=self.metrics,
+            targets=tuple(self.ports.senders),
+        )
+        self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
+        self.metrics.gauge("workers_ready", "1 while parts can be read.", lambda: float(self.pool.ready()))
+        self.metrics.gauge("outbox", "Results not yet published.", self.store.undelivered)
+
+    def why_not_ready(self) -> str:
+        """What keeps it from reading parts; empty where nothing does."""
+        try:
+            self.store.ping()
+        except StoreError as error:
+            return str(error)
+        return "" if self.pool.ready() else "the workers are warming up"
+
+    def sweep(self) -> None:
+        """Throw away files that no record names, and those whose time is up."""
+        n = self.evidence.sweep(self.store.known_hashes(), older_than_s=ORPHAN_AGE_S)
+        expired = 0
+        if self.settings.retention_days:
+            before = datetime.now(UTC) - timedelta(days=self.settings.retention_days)
+            expired = self.evidence.expire(self.store, before=before)
+        self.store.forget_keys(datetime.now(UTC) - timedelta(days=KEYS_KEPT_DAYS))
+        if n or expired:
+            log.info("evidence swept", orphans=n, expired=expired)
+
+    @contextlib.asynccontextmanager
+    async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
+        """Everything that runs beside the requests."""
+        sweeper = asyncio.create_task(self._sweep_for_ever())
+        try:
+            async with self.ports.opened(self.desk):
+                yield
+        finally:
+            sweeper.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await sweeper
+            await asyncio.to_thread(self.close)
+
+    def close(self) -> None:
+        """End the workers and close the store."""
+        self.pool.close(self.settings.shutdown_grace_s)
+        self.store.close()
+
+    async def _sweep_for_ever(self) -> None:
+        while True:
+            try:
+                await asyncio.to_thread(self.sweep)
+            except Exception:
+                log.exception("sweep failed")
+            await asyncio.sleep(SWEEP_EVERY_S)
+
+
+def create_app(service: Service) -> FastAPI:
+    """The web application of a service."""
+    settings = service.settings
+    app = FastAPI(
+        title="tactile-marks",
+        summary="Reads die-stamped serials: by camera first, by touch when the camera is unsure.",
+        version=program_version(),
+        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
+        docs_url=None,  # its pages would load scripts from the internet
+        redoc_url=None,
+        openapi_url="/openapi.json",
+        lifespan=service.running,
+        max_body_size=settings.max_upload_mb * 1_000_000,
+        telemetry={"tracing": False, "metrics": False, "logs": False},
+        redirect_slashes=False,
+    )
+    app.include_router(parts_router(service.desk, service.access))
+    app.include_router(lookup_router(service.desk, service.access))
+    app.include_router(pages_router(service.store, service.evidence, service.access, review=service.desk.say))
+    _add_service_routes(app, service)
+    add_problem_handlers(app)
+    app.openapi = lambda: described(app, asked=service.access.required)  # type: ignore[method-assign]
+    app.add_middleware(
+        DoorLayer,
+        hosts=_names(settings),
+        busy=lambda: service.desk.busy,
+        refused=service.metrics.refused.inc,
+        uploads=lambda path: (
+            path == "/v1/parts" or (path.startswith("/v1/parts/") and path.endswith("/scan"))
+        ),
+        most_bytes=settings.max_upload_mb * 1_000_000,
+    )
+    app.add_middleware(RequestLayer, metrics=service.metrics)
+    return app
+
+
+def _names(settings: ServiceSettings) -> tuple[str, ...]:
+    """Names that the service answers to; with tokens asked for, or a given list, the browser is no danger."""
+    if settings.tokens_asked and not settings.hosts:
+        return ()
+    return (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")
+
+
+def _add_service_routes(app: FastAPI, service: Service) -> None:
+    @app.get(
+        "/healthz", tags=["service"], summary="Whether the service is alive", response_model=dict[str, str]
+    )
+    async def healthz() -> Any:
+        return {"status": "alive"}
+
+    @app.get(
+        "/readyz",
+        tags=["service"],
+        summary="Whether parts can be read",
+        response_model=dict[str, str],
+        responses={503: {"description": "not yet; the detail tells why"}},
+    )
+    def readyz() -> Any:
+        why = service.why_not_ready()
+        if why:
+            raise Problem(503, why, headers={"Retry-After": "1"})
+        return {"status": "ready"}
+
+    @app.get(
+        "/metrics",
+        tags=["service"],
+        summary="Figures for Prometheus",
+        response_class=Response,
+        responses={200: {"content": {"text/plain": {}}}},
+    )
+    def metrics() -> Any:
+        return Response(service.metrics.page(), media_type=CONTENT_TYPE_LATEST)
+
+    @app.get(
+        "/v1/databases",
+        tags=["service"],
+        summary="Glyph databases that a part may be read with",
+        response_model=list[dict[str, Any]],
+    )
+    def databases(request: Request) -> Any:
+        from pipeline.common.records import Scope
+
+        service.access.caller(request, Scope.READ)
+        return service.databases.listed()
+
+
+def _stage(settings: ServiceSettings) -> Stage:
+    if settings.stage_driver:
+        driver: Stage = load_driver(settings.stage_driver, verb="feel")
+        return driver
+    return SimulatedStage(settings.stage) if settings.stage is not None else NoStage()
+
+
+def _camera(settings: ServiceSettings) -> Camera:
+    if settings.camera_driver:
+        driver: Camera = load_driver(settings.camera_driver, verb="take")
+        return driver
+    return FolderCamera(settings.camera) if settings.camera is not None else NoCamera()
+
+
+def check_folder(settings: ServiceSettings) -> Path:
+    """Make the service's folder, and in it the one for glyph databases.
+
+    Raises:
+        FileProblem: it cannot be made.
+    """
+    from pipeline.common.errors import FileProblem
+
+    try:
+        settings.folder.mkdir(parents=True, exist_ok=True)
+        if settings.databases is None:
+            settings.databases_folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise FileProblem(
+            settings.folder, f"cannot be made ({error.strerror})", "name another with --folder"
+        ) from error
+    return settings.folder

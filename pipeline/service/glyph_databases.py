@@ -1,0 +1,62 @@
+"""The glyph databases that a service offers: the files of one folder, by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pipeline.service.problem import Problem
+
+SUFFIX = ".glyphs"
+
+
+class GlyphDatabases:
+    """Glyph databases by name; looked for whenever they are asked for, so one may be put there while it runs."""
+
+    def __init__(self, folder: Path, *, default: str = "") -> None:
+        """Take the folder.
+
+        Args:
+            folder: of the files; it need not be there.
+            default: name of the database where none is asked for; empty for the built-in fonts.
+
+        Raises:
+            ValueError: there is no such default.
+        """
+        self._folder, self._default = folder, default
+        if default and default not in self._files():
+            raise ValueError(
+                f"there is no glyph database {default}{SUFFIX} in {folder}; put it there, or name another"
+            )
+
+    def _files(self) -> dict[str, Path]:
+        try:
+            return {path.stem: path for path in sorted(self._folder.glob(f"*{SUFFIX}")) if path.is_file()}
+        except OSError:
+            return {}
+
+    def path(self, name: str) -> Path | None:
+        """The file of a database; None for the built-in fonts.
+
+        Raises:
+            Problem: there is none of that name.
+        """
+        name = name or self._default
+        if not name:
+            return None
+        files = self._files()
+        if name not in files:
+            there = ", ".join(files) or "none at all"
+            raise Problem(422, f"there is no glyph database {name!r}; there is {there}")
+        return files[name]
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Name, size and time of each, and whether it is the default."""
+        found = []
+        for name, path in self._files().items():
+            try:
+                status = path.stat()
+            except OSError:
+                continue
+            found.append({"name": name, "n_bytes": status.st_size, "default": name == self._default})
+        return found

@@ -1,0 +1,83 @@
+"""A request with a key is carried out once, however often and at whatever times it is sent."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+from pipeline.common.records import PartRecord
+from pipeline.service.problem import Problem
+from pipeline.store.store import AlreadyDoneError, Idempotency, Store
+
+
+@dataclass(frozen=True)
+class Received:
+    """What came of a request.
+
+    Attributes:
+        part: as it stands.
+        replayed: whether the same request had been answered before.
+    """
+
+    part: PartRecord
+    replayed: bool = False
+
+
+class Once:
+    """Remembers what is being done in this process; what was done is for the store to know."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._running: dict[str, asyncio.Future[PartRecord]] = {}
+
+    async def done(
+        self, idempotency: Idempotency | None, work: Callable[[], Awaitable[PartRecord]]
+    ) -> Received:
+        """Do the work, or find what came of it before.
+
+        Args:
+            idempotency: of the request; without one it is simply done.
+            work: adds the part with the key in one transaction.
+
+        Raises:
+            Problem: the key was used for another request; whatever the work raises.
+        """
+        if idempotency is None:
+            return Received(await work())
+        running = self._running.get(idempotency.key)
+        if running is not None:
+            # asked again while the first is at work: one answer for both, and after a failure each its own try
+            with contextlib.suppress(Problem):
+                await asyncio.shield(running)
+        known = await asyncio.to_thread(self._store.remembered, idempotency.key)
+        if known is not None:
+            return Received(await self._replayed(idempotency, *known), replayed=True)
+        future: asyncio.Future[PartRecord] = asyncio.get_running_loop().create_future()
+        self._running[idempotency.key] = future
+        try:
+            part = await work()
+            future.set_result(part)
+            return Received(part)
+        except AlreadyDoneError as error:
+            # another process, or another that waited for a failure, was quicker
+            part = await self._replayed(idempotency, error.fingerprint, error.part_id)
+            future.set_result(part)
+            return Received(part, replayed=True)
+        except BaseException as error:
+            future.set_exception(
+                error if isinstance(error, Problem) else Problem(500, "the first try failed")
+            )
+            future.exception()  # looked at, so that nobody complains where none waits
+            raise
+        finally:
+            if self._running.get(idempotency.key) is future:
+                del self._running[idempotency.key]
+
+    async def _replayed(self, asked: Idempotency, fingerprint: str, part_id: str) -> PartRecord:
+        if fingerprint != asked.fingerprint:
+            raise Problem(
+                422, "this Idempotency-Key was used for another request; make a new one for every part"
+            )
+        return await asyncio.to_thread(self._store.part, part_id)

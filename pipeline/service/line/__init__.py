@@ -1,0 +1,1 @@
+"""The factory's ports: TCP, MQTT, webhooks and OPC UA."""

@@ -1,0 +1,272 @@
+"""What leaves the service by itself: deliveries of the store's outbox, sent until they have arrived.
+
+outbox --due--> sender (webhook, MQTT) --arrived--> delivered
+                                       \\-failed---> postponed: 1, 2, 4 ... 300 s, less a random share
+
+A delivery is taken from the outbox only once the other side has said that it has it, so each arrives at least once;
+twice if the service dies between the two. The results of one part arrive in their order: the outbox gives only the
+eldest of each part and target, so later ones wait behind it. A target that is away is not tried with everything that
+is due: it rests, and is then tried with one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Protocol
+
+import numpy as np
+
+from pipeline.common.records import Delivery
+
+_log = logging.getLogger(__name__)
+
+
+class DeliveryError(Exception):
+    """A delivery that has not arrived.
+
+    Attributes:
+        away: the target cannot be reached at all, so others need not be tried now.
+        lasting: somebody has to mend something; there is no use in trying soon.
+        retry_after_s: the target's own wish; 0 where it has none.
+    """
+
+    def __init__(
+        self, message: str, *, away: bool = False, lasting: bool = False, retry_after_s: float = 0.0
+    ) -> None:
+        super().__init__(message)
+        self.away, self.lasting, self.retry_after_s = away, lasting, retry_after_s
+
+
+class Sender(Protocol):
+    """Brings deliveries to one target."""
+
+    def start(self) -> None:
+        """Begin, in the running loop."""
+
+    async def send(self, delivery: Delivery) -> None:
+        """Return once the target has the delivery.
+
+        Raises:
+            DeliveryError: it has it not, or not for sure.
+        """
+
+    async def close(self) -> None:
+        """Take leave of the target."""
+
+
+class Outbox(Protocol):
+    """Where deliveries wait: `pipeline.store.store.Store` is one. All of it may block."""
+
+    def due(self, *, limit: int = 20) -> tuple[Delivery, ...]:
+        """Deliveries whose time has come, longest due first; of a part and a target only the eldest."""
+
+    def delivered(self, delivery_id: int) -> None:
+        """Forget a delivery."""
+
+    def postpone(self, delivery_id: int, *, error: str, until: datetime) -> None:
+        """Count an attempt in vain; the delivery is not due before `until`."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How hard a dispatcher tries.
+
+    Attributes:
+        batch: deliveries looked at together.
+        together: sent to one target at the same time, of different parts.
+        look_s: between two looks at the outbox when nothing wakes the dispatcher.
+        first_wait_s: before the second attempt; doubled with every further one.
+        longest_wait_s: between two attempts.
+        longest_rest_s: of a target that is away.
+        send_s: for one attempt, whatever the sender's own limits.
+    """
+
+    batch: int = 100
+    together: int = 4
+    look_s: float = 1.0
+    first_wait_s: float = 1.0
+    longest_wait_s: float = 300.0
+    longest_rest_s: float = 30.0
+    send_s: float = 60.0
+
+    def wait_s(self, attempts: int) -> float:
+        """Before the next attempt, after `attempts` in vain."""
+        return min(self.longest_wait_s, self.first_wait_s * 2.0 ** min(attempts - 1, 60))
+
+
+class Dispatcher:
+    """Sends what waits in the outbox.
+
+    Attributes:
+        sent, failed: deliveries and attempts in vain by target, since the start.
+        errors: the last failure of each target that is not working now.
+    """
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        senders: Mapping[str, Sender],
+        *,
+        rng: np.random.Generator | None = None,
+        pace: Pace | None = None,
+    ) -> None:
+        self.sent: Counter[str] = Counter()
+        self.failed: Counter[str] = Counter()
+        self.errors: dict[str, str] = {}
+        self._outbox, self._senders = outbox, dict(senders)
+        self._rng = rng if rng is not None else np.random.default_rng()
+        self._pace = pace or Pace()
+        self._resting: dict[str, tuple[float, int]] = {}  # target: until (loop's time), failures in a row
+        self._busy: dict[str, asyncio.Task[None]] = {}
+        self._woken = asyncio.Event()
+        self._stopping = False
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin, in a task of the running loop."""
+        for sender in self._senders.values():
+            sender.start()
+        self._task = asyncio.create_task(self._run(), name="dispatcher")
+
+    def wake(self) -> None:
+        """Look at the outbox now; call it after something was put there, from the loop's own thread."""
+        self._woken.set()
+
+    async def stop(self, *, grace_s: float = 10.0) -> None:
+        """End: what is being sent gets `grace_s`; what has not arrived waits in the outbox for the next start."""
+        self._stopping = True
+        self._woken.set()
+        tasks = {*self._busy.values(), *((self._task,) if self._task is not None else ())}
+        if tasks:
+            await asyncio.wait(tasks, timeout=grace_s)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.gather(*(sender.close() for sender in self._senders.values()), return_exceptions=True)
+
+    async def _run(self) -> None:
+        troubles = 0
+        while not self._stopping:
+            self._woken.clear()
+            pause_s = self._pace.look_s
+            try:
+                await self._look()
+                troubles = 0
+            except Exception:  # the store is away, say; a dispatcher that ends would be noticed by nobody
+                troubles += 1
+                if troubles == 1:
+                    _log.exception("the outbox cannot be used; trying again")
+                pause_s = min(self._pace.wait_s(troubles), self._pace.longest_rest_s)
+            if not self._stopping:
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._woken.wait(), pause_s)
+
+    async def _look(self) -> None:
+        """Look at the outbox, and have every target served that has something due and is not being served."""
+        due = await asyncio.to_thread(self._outbox.due, limit=self._pace.batch)
+        by_target: dict[str, list[Delivery]] = {}
+        for delivery in due:
+            by_target.setdefault(delivery.target, []).append(delivery)
+        for target, deliveries in by_target.items():
+            if target not in self._senders:
+                await self._put_off(deliveries, f"no {target} is set up")
+            elif target not in self._busy and not self._rests(target) and not self._stopping:
+                self._busy[target] = asyncio.create_task(self._serve(target, deliveries))
+        if len(due) == self._pace.batch and not by_target.keys() & self._busy.keys():
+            # all that was looked at waits for targets that rest, and others may stand behind it
+            await self._put_off(due, "waits for its target")
+            self._woken.set()
+
+    def _rests(self, target: str) -> bool:
+        until, _ = self._resting.get(target, (0.0, 0))
+        return until > asyncio.get_running_loop().time()
+
+    async def _serve(self, target: str, deliveries: Sequence[Delivery]) -> None:
+        """Send what is due for a target."""
+        sender = self._senders[target]
+        waiting = list(reversed(deliveries))
+
+        async def work() -> None:
+            while waiting and not self._stopping and not self._rests(target):
+                await self._send(sender, waiting.pop())
+
+        try:
+            if target in self._resting:  # its rest is over: try with one
+                await self._send(sender, waiting.pop())
+            await asyncio.gather(*(work() for _ in range(self._pace.together)))
+        except Exception:  # the store: what was sent is sent again
+            _log.exception("the outbox cannot be used; %s rests", target)
+            self._rest(target, DeliveryError("the outbox cannot be used"))
+        finally:
+            del self._busy[target]
+            if not self._rests(target):
+                self._woken.set()  # there may be more
+
+    async def _send(self, sender: Sender, delivery: Delivery) -> None:
+        target = delivery.target
+        try:
+            async with asyncio.timeout(self._pace.send_s):
+                await sender.send(delivery)
+        except TimeoutError:
+            await self._failed(delivery, DeliveryError("no answer in time", away=True))
+            return
+        except DeliveryError as error:
+            await self._failed(delivery, error)
+            return
+        except Exception as error:
+            _log.exception("the %s sender failed on a delivery of part %s", target, delivery.part_id)
+            await self._failed(delivery, DeliveryError(f"{type(error).__name__}: {error}"))
+            return
+        if self.errors.pop(target, None) is not None:
+            _log.info("%s works again", target)
+        self._resting.pop(target, None)
+        self.sent[target] += 1
+        await asyncio.to_thread(self._outbox.delivered, delivery.id)
+
+    async def _failed(self, delivery: Delivery, error: DeliveryError) -> None:
+        target, pace = delivery.target, self._pace
+        self.failed[target] += 1
+        if target not in self.errors:  # once, not with every attempt
+            _log.warning("%s: part %s has not arrived: %s", target, delivery.part_id, error)
+        self.errors[target] = str(error)
+        if error.away:
+            self._rest(target, error)
+            wait_s = self._resting[target][0] - asyncio.get_running_loop().time()
+        else:
+            wait_s = pace.longest_wait_s if error.lasting else pace.wait_s(delivery.attempts + 1)
+            wait_s = min(max(self._jittered(wait_s), error.retry_after_s), pace.longest_wait_s)
+        await self._postpone(delivery, str(error), wait_s)
+
+    def _rest(self, target: str, error: DeliveryError) -> None:
+        if self._rests(target):
+            return  # of several that fail together, one counts
+        pace = self._pace
+        _, failures = self._resting.get(target, (0.0, 0))
+        longest_s = pace.longest_wait_s if error.lasting or error.retry_after_s else pace.longest_rest_s
+        rest_s = longest_s if error.lasting else min(pace.wait_s(failures + 1), longest_s)
+        rest_s = min(max(self._jittered(rest_s), error.retry_after_s), longest_s)
+        self._resting[target] = (asyncio.get_running_loop().time() + rest_s, failures + 1)
+
+    async def _put_off(self, deliveries: Sequence[Delivery], reason: str) -> None:
+        for delivery in deliveries:
+            await self._postpone(delivery, reason, self._jittered(self._pace.longest_wait_s))
+
+    async def _postpone(self, delivery: Delivery, error: str, wait_s: float) -> None:
+        until = datetime.now(UTC) + timedelta(seconds=wait_s)
+        await asyncio.to_thread(self._outbox.postpone, delivery.id, error=error, until=until)
+
+    def _jittered(self, wait_s: float) -> float:
+        return wait_s * float(self._rng.uniform(0.5, 1.0))
+
+
+def body_of(delivery: Delivery) -> bytes:
+    """What is sent: the payload and the delivery's number, as compact JSON in UTF-8."""
+    content = {**delivery.payload, "delivery_id": delivery.id}
+    return json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")

@@ -1,0 +1,288 @@
+"""An OPC UA server in the manner of OPC 30010 AutoID: the service as an OCR reader.
+
+Objects/DeviceSet/<name>: OcrReaderDeviceType
+  DeviceName, DeviceInfo (last fault, in words), DeviceStatus (Idle, Busy, Scanning), LastScanData, LastScanTimestamp
+  Scan(Settings) -> Results, Status         one trigger, answered with its result
+  ScanStart(Settings) -> Status             one trigger, answered at once; the result comes as OcrScanEventType
+  ScanStop()                                forgets that a scan was started; its part is still read
+  TriggerPart(PartName) -> ...              the same as Scan in plain types, and with the part's name
+  LastPartId, LastDecision, LastConfidence  of the last part, whatever triggered it
+
+One scan is one part: a repetition by Cycles or Duration would make further parts of the same piece of metal, so
+Cycles above 1 is refused, and Duration is for how long Scan waits. A part read through another door (HTTP, TCP) is
+shown as well: `show`.
+
+Without users everybody who reaches the port may scan, so it listens on the loopback address unless told otherwise.
+With a certificate only signed and encrypted connections are taken; with users only theirs.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from pipeline.common.records import PartRecord
+from pipeline.service.line.opcua_device import Users, bad, build_device, settings_fit
+from pipeline.service.line.opcua_library import require_asyncua, ua_types
+from pipeline.service.line.opcua_model import build_model
+from pipeline.service.line.opcua_result import (
+    DEVICE_FAULT,
+    DEVICE_NOT_READY,
+    SUCCESS,
+    ocr_scan_result,
+    status_of,
+)
+from pipeline.service.line.trigger import TOLD, LineDecision, Trigger, decision_of, in_words, is_hidden
+
+__all__ = ["OpcUaPort", "require_asyncua"]
+
+IDLE, SCANNING, BUSY = 0, 2, 3
+_LEAVE_S = 0.1
+_MOST_MESSAGE = 1 << 20
+_log = logging.getLogger(__name__)
+
+
+class OpcUaPort:
+    """The OPC UA server.
+
+    Attributes:
+        host: it listens on.
+        port: it listens on; the real one once it is started.
+    """
+
+    def __init__(
+        self,
+        trigger: Trigger,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        name: str = "tactile-marks",
+        version: str = "",
+        users: Mapping[str, str] | None = None,
+        certificate: Path | None = None,
+        private_key: Path | None = None,
+        connections: int = 16,
+        answer_s: float = 120.0,
+        told: tuple[type[Exception], ...] = TOLD,
+    ) -> None:
+        """Check the settings; nothing is opened yet.
+
+        Args:
+            trigger: reads a part.
+            host: address to listen on.
+            port: 0 takes any that is free.
+            name: of the device.
+            version: of the software, for clients.
+            users: passwords by name; without any everybody may call.
+            certificate: of the server, PEM or DER.
+            private_key: of the certificate.
+            connections: at once.
+            answer_s: for one scan; after it the status tells so, and the part is read to its end all the same.
+            told: failures of a trigger whose words are for the caller.
+
+        Raises:
+            MissingExtraError: asyncua is not installed.
+            ValueError: users without a certificate: passwords would go over the wire as they are.
+        """
+        require_asyncua()  # said at the start
+        if (certificate is None) != (private_key is None):
+            raise ValueError("a certificate needs its private key, and the key its certificate; give both")
+        if users and certificate is None:
+            raise ValueError(
+                "users need a certificate, else their passwords can be read on the way; give one"
+            )
+        self.host, self.port = host, port
+        self._trigger, self._told, self._name, self._version = trigger, told, name, version
+        self._users, self._certificate, self._private_key = dict(users or {}), certificate, private_key
+        self._connections, self._answer_s = connections, answer_s
+        self._server: Any = None
+        self._nodes: dict[str, Any] = {}
+        self._events: Any = None
+        self._scanning: asyncio.Task[PartRecord] | None = None
+        self._started: asyncio.Task[PartRecord] | None = None
+        self._stopped = False
+        self._shown: deque[tuple[str, datetime]] = deque(maxlen=256)
+        self._showing = asyncio.Lock()
+
+    async def start(self) -> None:
+        """Build the nodes and listen.
+
+        Raises:
+            OSError: the address cannot be had, a certificate cannot be read.
+        """
+        asyncua, ua = require_asyncua(), ua_types()
+        for quiet in ("asyncua", "asyncua.server.address_space", "asyncua.common"):
+            logging.getLogger(quiet).setLevel(logging.ERROR)  # it tells of every message and session
+        server = asyncua.Server(user_manager=Users(self._users))
+        server.iserver.allow_remote_admin = False
+        server.iserver.max_connections = self._connections
+        server.iserver.max_subscriptions = 4 * self._connections
+        server.limits.max_message_size = _MOST_MESSAGE
+        server.limits.max_chunk_count = max(1, _MOST_MESSAGE // server.limits.max_recv_buffer)
+        await server.init()
+        server.set_server_name(self._name)
+        await server.set_application_uri("urn:tactile-marks:server")
+        server.application_type = ua.ApplicationType.Server
+        server.set_endpoint(f"opc.tcp://{self.host}:{self.port}/tactile-marks")
+        policy = ua.SecurityPolicyType
+        if self._certificate is not None and self._private_key is not None:
+            await server.load_certificate(self._certificate)
+            await server.load_private_key(self._private_key)
+            server.set_security_policy(
+                [policy.Basic256Sha256_SignAndEncrypt, policy.Aes256Sha256RsaPss_SignAndEncrypt]
+            )
+        else:
+            server.set_security_policy([policy.NoSecurity])
+        server.set_identity_tokens([ua.UserNameIdentityToken if self._users else ua.AnonymousIdentityToken])
+        methods = {
+            "Scan": self._scan,
+            "ScanStart": self._scan_start,
+            "ScanStop": self._scan_stop,
+            "TriggerPart": self._trigger_part,
+        }
+        model = await build_model(server)
+        self._nodes, self._events = await build_device(
+            server, model, name=self._name, version=self._version, methods=methods
+        )
+        await server.start()
+        if server.bserver is not None:
+            self.port = server.bserver.port
+        self._server = server
+
+    async def stop(self, *, grace_s: float = 20.0) -> None:
+        """Close; what is being read gets `grace_s`."""
+        self._stopped = True
+        if self._scanning is not None:
+            scan = self._scanning
+            await asyncio.wait({scan}, timeout=grace_s)
+            scan.cancel()
+            await asyncio.gather(scan, return_exceptions=True)
+            await asyncio.sleep(_LEAVE_S)  # its answer is still to be sent
+        if self._server is not None:
+            await self._server.stop()
+            self._server = None
+
+    async def show(self, part: PartRecord, *, event: bool = True) -> None:
+        """Show a part that was read, whatever triggered it; the same one again is not shown twice.
+
+        Args:
+            part: as it stands.
+            event: whether subscribers are told.
+        """
+        if self._server is None or (part.id, part.changed_at) in self._shown:
+            return
+        ua = ua_types()
+        self._shown.append((part.id, part.changed_at))
+        at = part.changed_at.astimezone(UTC)
+        confidence = part.reading.confidence if part.reading else 0.0
+        async with self._showing:  # one part's values and event together
+            for name, value, kind in (
+                ("LastScanData", part.text, ua.VariantType.String),
+                ("LastScanTimestamp", at, ua.VariantType.DateTime),
+                ("LastPartId", part.id, ua.VariantType.String),
+                ("LastDecision", decision_of(part).value, ua.VariantType.String),
+                ("LastConfidence", confidence, ua.VariantType.Double),
+            ):
+                # the specification wants one source time for all of them, so that clients see what belongs together
+                await self._nodes[name].write_value(ua.DataValue(ua.Variant(value, kind), SourceTimestamp=at))
+            if event and self._events is not None:
+                self._events.event.ScanResult = [ocr_scan_result(part)]
+                self._events.event.Severity = 100 if decision_of(part) is LineDecision.ACCEPT else 500
+                told = f"{decision_of(part).value} {part.text} {part.name} {part.id}"
+                await self._events.trigger(message=" ".join(told.split()))
+
+    async def _scan(self, _parent: Any, *arguments: Any) -> Any:
+        """Method Scan: one trigger, and its result."""
+        ua = ua_types()
+        if not settings_fit(arguments, endless=False):
+            return bad("BadInvalidArgument")
+        if not self._ready:
+            return bad("BadInvalidState")
+        wait_s = arguments[0].Value.Duration / 1000.0 or self._answer_s
+        part, status = await self._wait(self._begin("", BUSY, event=False), min(wait_s, self._answer_s))
+        results = [ocr_scan_result(part)] if part is not None else []
+        return [
+            ua.Variant(results, ua.VariantType.ExtensionObject, is_array=True),
+            ua.Variant(status, ua.VariantType.Int32),
+        ]
+
+    async def _scan_start(self, _parent: Any, *arguments: Any) -> Any:
+        """Method ScanStart: one trigger; its result comes as an event."""
+        ua = ua_types()
+        if not settings_fit(arguments, endless=True):
+            return bad("BadInvalidArgument")
+        if not self._ready:
+            return bad("BadInvalidState")
+        self._started = self._begin("", SCANNING, event=True)
+        return [ua.Variant(SUCCESS, ua.VariantType.Int32)]
+
+    async def _scan_stop(self, _parent: Any, *_arguments: Any) -> Any:
+        """Method ScanStop."""
+        if self._started is None or self._started.done():
+            return bad("BadInvalidState")
+        self._started = None
+        return []
+
+    async def _trigger_part(self, _parent: Any, *arguments: Any) -> Any:
+        """Method TriggerPart: a scan in plain types, with the part's name."""
+        ua = ua_types()
+        name = arguments[0].Value if len(arguments) == 1 else 0
+        if not isinstance(name, str | None) or any(is_hidden(char) for char in name or ""):
+            return bad("BadInvalidArgument")
+        if not self._ready:
+            return bad("BadInvalidState")
+        part, _ = await self._wait(self._begin(name or "", BUSY, event=True), self._answer_s)
+        if part is None:
+            return bad("BadDeviceFailure")
+        reading, kinds = part.reading, ua.VariantType
+        return [
+            *(ua.Variant(text, kinds.String) for text in (part.id, part.text, decision_of(part).value)),
+            ua.Variant(reading.confidence if reading else 0.0, kinds.Double),
+            ua.Variant(reading.source if reading else "", kinds.String),
+        ]
+
+    @property
+    def _ready(self) -> bool:
+        return self._scanning is None and not self._stopped
+
+    def _begin(self, name: str, status: int, *, event: bool) -> asyncio.Task[PartRecord]:
+        """Begin the one scan that there may be."""
+        self._scanning = task = asyncio.create_task(self._cycle(name, status, event))
+        task.add_done_callback(lambda done: done.cancelled() or done.exception())  # told in DeviceInfo
+        return task
+
+    async def _cycle(self, name: str, status: int, event: bool) -> PartRecord:
+        try:
+            await self._write("DeviceStatus", status)
+            part = await self._trigger(name)
+            await self.show(part, event=event)
+            await self._write("DeviceInfo", "")
+            return part
+        except Exception as error:
+            if not isinstance(error, self._told):
+                _log.exception("a trigger of the OPC UA port failed")
+            await self._write("DeviceInfo", in_words(error, self._told))
+            raise
+        finally:
+            self._scanning = None
+            await self._write("DeviceStatus", IDLE)
+
+    async def _wait(self, scan: asyncio.Task[PartRecord], wait_s: float) -> tuple[PartRecord | None, int]:
+        """The part and its status; the scan goes on though the time is up or the caller has gone."""
+        await asyncio.wait({scan}, timeout=wait_s)
+        if not scan.done() or scan.cancelled():
+            return None, DEVICE_NOT_READY
+        error = scan.exception()
+        if error is not None:
+            return None, DEVICE_NOT_READY if isinstance(error, self._told) else DEVICE_FAULT
+        return scan.result(), status_of(scan.result())
+
+    async def _write(self, name: str, value: int | str) -> None:
+        ua = ua_types()
+        kind = ua.VariantType.String if isinstance(value, str) else ua.VariantType.Int32
+        await self._nodes[name].write_value(ua.Variant(value, kind))

@@ -1,0 +1,75 @@
+"""A part as OPC 30010 tells it: OcrScanResult and the status of a scan.
+
+CodeType   RAW:STRING           ScanData  the serial as a string
+Quality    confidence, whole percent rounded down: 100 is never said of what is less
+Position   hull of the characters in micrometres of the frame that was read (the specification's pixels are those of
+           a camera, and whiskers have none); PositionX, PositionY its least x and y; Rotation of the line in degrees
+Timestamp  of the reading       Font      whose shapes answered best
+ImageId    null, Location and DecodingTime left out
+"""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC
+from typing import Any
+
+from pipeline.common.records import PartRecord, ReadingRecord
+from pipeline.service.line.opcua_library import ua_types
+from pipeline.service.line.trigger import LineDecision, decision_of
+
+SUCCESS, NO_IDENTIFIER, DECODING_ERROR, MATCH_ERROR = 0, 8, 11, 12
+DEVICE_NOT_READY, DEVICE_FAULT = 17, 20
+CODE_TYPE = "RAW:STRING"
+_UM_PER_MM = 1000.0
+_INT32 = 2**31 - 1
+
+
+def status_of(part: PartRecord) -> int:
+    """AutoIdOperationStatusEnumeration: SUCCESS only for a part that is accepted."""
+    if not part.text:
+        return NO_IDENTIFIER
+    if part.reading is not None and part.reading.verdict == "refuted":
+        return MATCH_ERROR
+    return SUCCESS if decision_of(part) is LineDecision.ACCEPT else DECODING_ERROR
+
+
+def ocr_scan_result(part: PartRecord) -> Any:
+    """The part as OcrScanResult; the types must have been loaded into asyncua (`pipeline.service.line.opcua_model`)."""
+    ua = ua_types()
+    reading = part.reading
+    at = (reading.at if reading and reading.at else part.changed_at).astimezone(UTC)
+    data = ua.ScanData()
+    data.String = part.text
+    return ua.OcrScanResult(
+        CodeType=CODE_TYPE,
+        ScanData=data,
+        Timestamp=at,
+        ImageId=ua.NodeId(),
+        Quality=ua.Byte(_percent(reading.confidence) if reading else 0),
+        Position=ua.Position(**_position(reading)),
+        Font=(reading.font or None) if reading else None,
+    )
+
+
+def _percent(share: float) -> int:
+    return min(100, max(0, math.floor(100.0 * share))) if math.isfinite(share) else 0
+
+
+def _position(reading: ReadingRecord | None) -> dict[str, int]:
+    boxes = [character.box_mm for character in reading.characters] if reading else []
+    if reading is None or not boxes:
+        return dict.fromkeys(("PositionX", "PositionY", "SizeX", "SizeY", "Rotation"), 0)
+    x0, y0 = min(box[0] for box in boxes), min(box[1] for box in boxes)
+    x1, y1 = max(box[2] for box in boxes), max(box[3] for box in boxes)
+    return {
+        "PositionX": _int32(x0 * _UM_PER_MM),
+        "PositionY": _int32(y0 * _UM_PER_MM),
+        "SizeX": _int32((x1 - x0) * _UM_PER_MM),
+        "SizeY": _int32((y1 - y0) * _UM_PER_MM),
+        "Rotation": _int32(reading.rotation_deg),
+    }
+
+
+def _int32(value: float) -> int:
+    return max(-_INT32, min(_INT32, round(value))) if math.isfinite(value) else 0

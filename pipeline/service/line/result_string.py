@@ -1,0 +1,103 @@
+"""The result string: one line of text for a controller, by a format that names its fields.
+
+{name};{decision};{text};{confidence:.3f};{source};{id}      P17;ACCEPT;KX407251;0.998;fused;01JD...
+
+Whatever of a value could be taken for the format's own punctuation, or is no visible character, leaves as %XX (the
+bytes of its UTF-8, as in web addresses), and so does % itself: a serial A;B leaves as A%3BB. A controller that
+knows its serials have none of that need not care; one that decodes %XX gets back exactly what was read.
+"""
+
+from __future__ import annotations
+
+import re
+from string import Formatter
+
+from pipeline.common.records import PartRecord
+from pipeline.service.line.trigger import decision_of, is_hidden
+
+DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
+TEXT_FIELDS = ("name", "decision", "text", "source", "id", "state", "verdict", "expected", "font", "database")
+NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
+_SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
+_LONGEST = 500
+
+
+class FormatError(ValueError):
+    """A format that cannot be used."""
+
+
+class ResultString:
+    """Makes result strings of one format."""
+
+    def __init__(self, template: str = DEFAULT_FORMAT) -> None:
+        """Check the format.
+
+        Raises:
+            FormatError: an unknown field, one written as no number can be, or a control character.
+        """
+        self.template = template
+        if not template or len(template) > _LONGEST:
+            raise FormatError(f"a result format has 1 to {_LONGEST} characters, this one {len(template)}")
+        try:
+            parsed = list(Formatter().parse(template))
+        except ValueError as error:
+            raise FormatError(f"the result format {template!r} is broken: {error}") from error
+        self._pieces: list[tuple[str, str | None, str]] = []
+        for literal, field, spec, conversion in parsed:
+            if any(is_hidden(char) for char in literal):
+                raise FormatError("a result format has no control characters; the line's end is added")
+            if field is not None:
+                _check_field(field, spec or "", conversion)
+            self._pieces.append((literal, field, spec or ""))
+        if not any(field for _, field, _ in self._pieces):
+            raise FormatError(f"the result format {template!r} names no field, such as {{text}}")
+        literals = "".join(literal for literal, _, _ in self._pieces)
+        self._kept_apart = frozenset(char for char in literals if not char.isalnum()) | {"%"}
+
+    def of(self, part: PartRecord) -> str:
+        """The result string of a part, without the line's end."""
+        values = _values(part)
+        made = []
+        for literal, field, spec in self._pieces:
+            made.append(literal)
+            if field is not None:
+                value = values[field]
+                made.append(self._quoted(value) if isinstance(value, str) else format(value, spec))
+        return "".join(made)
+
+    def _quoted(self, text: str) -> str:
+        return "".join(
+            _percent(char) if char in self._kept_apart or is_hidden(char) else char for char in text
+        )
+
+
+def _percent(char: str) -> str:
+    return "".join(f"%{byte:02X}" for byte in char.encode("utf-8", "surrogatepass"))
+
+
+def _check_field(field: str, spec: str, conversion: str | None) -> None:
+    known = (*TEXT_FIELDS, *NUMBER_FIELDS)
+    if field not in known:  # so no attribute or index can be reached through a format
+        raise FormatError(f"the result format asks for {field!r}; there are {', '.join(known)}")
+    if conversion or (spec and (field in TEXT_FIELDS or not _SPEC.fullmatch(spec))):
+        raise FormatError(f"the field {field} cannot be written as {spec or conversion!r}; numbers as .3f")
+
+
+def _values(part: PartRecord) -> dict[str, str | float]:
+    reading = part.reading
+    return {
+        "name": part.name,
+        "decision": decision_of(part).value,
+        "text": part.text,
+        "source": reading.source if reading else "",
+        "id": part.id,
+        "state": part.state.value,
+        "verdict": reading.verdict if reading else "",
+        "expected": part.expected,
+        "font": reading.font if reading else "",
+        "database": part.database,
+        "confidence": reading.confidence if reading else 0.0,
+        "height_mm": reading.height_mm if reading else 0.0,
+        "rotation_deg": reading.rotation_deg if reading else 0.0,
+        "seconds": reading.seconds if reading else 0.0,
+    }

@@ -1,0 +1,281 @@
+"""A raw TCP port as line controllers use: a line in, a line out.
+
+TRIGGER P17<CR><LF>  -->  P17;ACCEPT;KX407251;0.998;fused;01JD...<CR><LF>        (pipeline.service.line.result_string)
+PING<CR><LF>         -->  PONG<CR><LF>
+anything else        -->  ERROR;what is wrong<CR><LF>
+
+Lines are UTF-8 and end with CR LF, CR or LF. Answers come in the order of the lines. The port asks for no name and
+encrypts nothing: whoever reaches it can trigger. So it listens on the loopback address unless told otherwise, and
+beyond that `clients` names the addresses that may call.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ipaddress
+import logging
+import re
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString
+from pipeline.service.line.trigger import TOLD, Trigger, in_words, is_hidden
+
+LINE_END = b"\r\n"
+_LET_GO_S = 0.5
+_log = logging.getLogger(__name__)
+_END = re.compile(rb"\r\n|\r|\n")
+
+
+@dataclass(frozen=True)
+class TcpLimits:
+    """What one caller may take.
+
+    Attributes:
+        connections: at once; more are told so and closed.
+        line_bytes: of one line; a longer one is told so and closes the connection.
+        idle_s: without a line after which a connection is closed.
+        line_s: in which a line that has begun must end.
+        answer_s: for one trigger; after it an error is told, and the part is read to its end all the same.
+        write_s: in which the caller must take an answer.
+    """
+
+    connections: int = 16
+    line_bytes: int = 256
+    idle_s: float = 3600.0
+    line_s: float = 10.0
+    answer_s: float = 120.0
+    write_s: float = 10.0
+
+
+class _LineError(Exception):
+    """A connection that cannot go on."""
+
+
+class TcpPort:
+    """The trigger port.
+
+    Attributes:
+        host: it listens on.
+        port: it listens on; the real one once it is started.
+    """
+
+    def __init__(
+        self,
+        trigger: Trigger,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        template: str = DEFAULT_FORMAT,
+        clients: Sequence[str] = (),
+        limits: TcpLimits | None = None,
+        told: tuple[type[Exception], ...] = TOLD,
+    ) -> None:
+        """Check the settings; nothing is opened yet.
+
+        Args:
+            trigger: reads a part.
+            host: address to listen on.
+            port: 0 takes any that is free.
+            template: of the result string.
+            clients: addresses or networks that may call (192.168.1.20, 10.0.0.0/24); empty: whoever can.
+            limits: what one caller may take.
+            told: failures of a trigger whose words are for the caller.
+
+        Raises:
+            ValueError: no such format, address or network.
+        """
+        self.host, self.port = host, port
+        self._trigger, self._told = trigger, told
+        self._result = ResultString(template or DEFAULT_FORMAT)
+        self._clients = tuple(ipaddress.ip_network(client) for client in clients)
+        self._limits = limits or TcpLimits()
+        self._server: asyncio.Server | None = None
+        self._callers: dict[asyncio.Task[None], asyncio.StreamWriter] = {}
+        self._idle: set[asyncio.Task[None]] = set()
+        self._reading: set[asyncio.Task[bytes]] = set()
+        self._stopping = False
+
+    async def start(self) -> None:
+        """Listen.
+
+        Raises:
+            OSError: the address cannot be had.
+        """
+        self._server = await asyncio.start_server(
+            self._serve, self.host, self.port, limit=2 * self._limits.line_bytes
+        )
+        self.port = self._server.sockets[0].getsockname()[1]
+
+    async def stop(self, *, grace_s: float = 20.0) -> None:
+        """Close: nobody new, idle callers at once, triggers under way get `grace_s` to be answered."""
+        self._stopping = True
+        if self._server is not None:
+            self._server.close()
+        for caller in self._idle & self._callers.keys():
+            caller.cancel()
+        if self._callers:
+            await asyncio.wait(self._callers, timeout=grace_s)
+        for caller in self._callers:
+            caller.cancel()
+        if self._reading:  # parts whose callers did not wait for them
+            await asyncio.wait(self._reading, timeout=grace_s)
+        for reading in self._reading:
+            reading.cancel()
+        await asyncio.gather(*self._callers, *self._reading, return_exceptions=True)
+        if self._server is not None:
+            await self._server.wait_closed()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        try:
+            if not self._welcome(writer):
+                return
+            if self._stopping or len(self._callers) >= self._limits.connections:
+                await self._write(writer, _error("too many connections"))
+                return
+            self._callers[task] = writer
+            _watch(writer)
+            await self._converse(task, _Lines(reader, self._limits), writer)
+        except _LineError as error:
+            with contextlib.suppress(OSError, TimeoutError):
+                await self._write(writer, _error(str(error)))
+                await _let_go(reader, writer)
+        except (OSError, TimeoutError):
+            pass  # the caller has gone, or does not take its answers
+        except asyncio.CancelledError:
+            pass  # stopped; a task of the stream server that ends as cancelled is logged as a failure
+        finally:
+            self._callers.pop(task, None)
+            self._idle.discard(task)
+            await _close(writer)
+
+    async def _converse(self, task: asyncio.Task[None], lines: _Lines, writer: asyncio.StreamWriter) -> None:
+        while not self._stopping:
+            self._idle.add(task)
+            line = await lines.next()
+            self._idle.discard(task)
+            if line is None:
+                return
+            await self._write(writer, await self._answer(line))
+
+    async def _answer(self, line: bytes) -> bytes:
+        try:
+            words = line.decode("utf-8").strip(" ")
+        except UnicodeDecodeError:
+            return _error("the line is no UTF-8")
+        if any(is_hidden(char) for char in words):
+            return _error("the line holds control characters")
+        command, _, rest = words.partition(" ")
+        match command.upper():
+            case "PING" if not rest:
+                return b"PONG"
+            case "TRIGGER":
+                return await self._triggered(rest.strip())
+        return _error("unknown command; send TRIGGER name, or PING")
+
+    async def _triggered(self, name: str) -> bytes:
+        # the part is read to its end though the caller may go: it may already be counted on elsewhere
+        reading = asyncio.create_task(self._read(name))
+        self._reading.add(reading)
+        reading.add_done_callback(self._reading.discard)
+        done, _ = await asyncio.wait({reading}, timeout=self._limits.answer_s)
+        return reading.result() if done else _error("no result in time; the part is still being read")
+
+    async def _read(self, name: str) -> bytes:
+        try:
+            return self._result.of(await self._trigger(name)).encode()
+        except Exception as error:
+            if not isinstance(error, self._told):
+                _log.exception("a trigger of the TCP port failed")
+            return _error(in_words(error, self._told))
+
+    async def _write(self, writer: asyncio.StreamWriter, answer: bytes) -> None:
+        writer.write(answer + LINE_END)
+        try:
+            await asyncio.wait_for(writer.drain(), self._limits.write_s)
+        except TimeoutError:
+            writer.transport.abort()
+            raise
+
+    def _welcome(self, writer: asyncio.StreamWriter) -> bool:
+        if not self._clients:
+            return True
+        address = ipaddress.ip_address(writer.get_extra_info("peername")[0].partition("%")[0])
+        mapped = getattr(address, "ipv4_mapped", None)
+        return any((mapped or address) in network for network in self._clients)
+
+
+class _Lines:
+    """The lines of one caller. CR LF may come in two pieces: the LF after a CR is no line of its own."""
+
+    def __init__(self, reader: asyncio.StreamReader, limits: TcpLimits) -> None:
+        self._reader, self._limits = reader, limits
+        self._held = b""
+        self._after_return = False
+
+    async def next(self) -> bytes | None:
+        """The next line that is not empty; None at the end.
+
+        Raises:
+            _LineError: too long, too slow, or nothing for too long.
+        """
+        loop = asyncio.get_running_loop()
+        begun = idle_since = loop.time()
+        while True:
+            if self._after_return and self._held:
+                self._held = self._held.removeprefix(b"\n")
+                self._after_return = False
+            end = _END.search(self._held)
+            if end is None and len(self._held) <= self._limits.line_bytes:
+                until = begun + self._limits.line_s if self._held else idle_since + self._limits.idle_s
+                try:
+                    async with asyncio.timeout_at(until):
+                        more = await self._reader.read(self._limits.line_bytes)
+                except TimeoutError:
+                    slow = bool(self._held)
+                    raise _LineError(
+                        "the line did not end" if slow else "nothing came for too long"
+                    ) from None
+                if not more:
+                    return None
+                begun = begun if self._held else loop.time()
+                self._held += more
+                continue
+            if end is None or end.start() > self._limits.line_bytes:
+                raise _LineError(f"a line has at most {self._limits.line_bytes} bytes")
+            line, self._held = self._held[: end.start()], self._held[end.end() :]
+            self._after_return = end.group() == b"\r" and not self._held
+            if line.strip():
+                return line
+
+
+def _error(message: str) -> bytes:
+    return f"ERROR;{message.replace(';', ',')}".encode()
+
+
+async def _let_go(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Take what still comes for a moment: a connection closed with bytes unread is reset, the last answer too."""
+    writer.write_eof()
+    async with asyncio.timeout(_LET_GO_S):
+        while await reader.read(4096):
+            pass
+
+
+async def _close(writer: asyncio.StreamWriter) -> None:
+    writer.close()
+    try:
+        await asyncio.wait_for(writer.wait_closed(), 1.0)
+    except (OSError, TimeoutError):
+        writer.transport.abort()
+
+
+def _watch(writer: asyncio.StreamWriter) -> None:
+    """Have the system notice a controller that was switched off."""
+    raw = writer.get_extra_info("socket")
+    if raw is not None:
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

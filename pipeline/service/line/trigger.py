@@ -1,0 +1,60 @@
+"""What the ports at the line share: a trigger, what it comes to in one word, and what to say when it fails."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Awaitable, Callable
+from enum import StrEnum
+
+from pipeline.common.errors import FileProblem
+from pipeline.common.records import PartRecord, PartState
+from pipeline.service.problem import Problem
+from pipeline.store.errors import StoreError
+
+Trigger = Callable[[str], Awaitable[PartRecord]]
+"""Takes the picture of the part of that name (it may be empty), reads it, and answers when it is durable."""
+
+TOLD: tuple[type[Exception], ...] = (Problem, FileProblem, StoreError)
+"""Failures whose words are for the caller; of any other one only its being is told."""
+
+_MOST_TOLD = 200
+_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
+
+
+class LineDecision(StrEnum):
+    """What a controller does with a part."""
+
+    ACCEPT = "ACCEPT"
+    REVIEW = "REVIEW"
+    REJECT = "REJECT"
+    TOUCH = "TOUCH"
+
+
+def decision_of(part: PartRecord) -> LineDecision:
+    """The part in one word.
+
+    ACCEPT: read surely, or a person has told its text. REVIEW: a person has to look. REJECT: one has to look, and
+    nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and nobody has felt it yet.
+    """
+    if part.state is PartState.TOUCH_NEEDED:
+        return LineDecision.TOUCH
+    if part.state is PartState.ACCEPTED:
+        return LineDecision.ACCEPT
+    if part.state is PartState.REVIEWED:
+        return LineDecision.ACCEPT if part.text else LineDecision.REJECT
+    rejected = part.reading is None or part.reading.decision == "reject" or not part.reading.text
+    return LineDecision.REJECT if rejected else LineDecision.REVIEW
+
+
+def is_hidden(char: str) -> bool:
+    """Whether a character has no place in a line of text: control, format, surrogate or line separator."""
+    return unicodedata.category(char) in _HIDDEN
+
+
+def in_words(error: BaseException, told: tuple[type[Exception], ...] = TOLD) -> str:
+    """What to tell the caller of a failure: one line, without control characters, not long."""
+    if not isinstance(error, told):
+        return "the service failed; its log says why"
+    plain = "".join(" " if is_hidden(char) else char for char in str(error))
+    words = " ".join(plain.split())
+    return words if len(words) <= _MOST_TOLD else words[: _MOST_TOLD - 3] + "..."

@@ -1,0 +1,206 @@
+"""Results posted to a web address, signed as Standard Webhooks have it (https://www.standardwebhooks.com).
+
+POST <url>
+webhook-id: 01JD...-17            the same for every attempt: by it a receiver knows what it has already
+webhook-timestamp: 1795000000     seconds, of the attempt
+webhook-signature: v1,<base64 of HMAC-SHA256 over "id.timestamp.body">
+
+{"id": "01JD...", "name": "P17", "state": "accepted", "text": "KX407251", ..., "delivery_id": 17}
+
+Any answer 2xx says that it has arrived. Redirects are not followed: a result goes to the address that was given,
+and nowhere else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import binascii
+import hashlib
+import hmac
+import ssl
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from pipeline.common.missing_extra import MissingExtraError
+from pipeline.common.records import Delivery
+from pipeline.common.retry_after import retry_after_s
+from pipeline.service.line.dispatch import DeliveryError, body_of
+
+if TYPE_CHECKING:
+    import httpx
+
+_ENCODED = "whsec_"
+_AGENT = "tactile-marks"
+_MOST_ANSWER = 65536
+_LATER = frozenset({408, 425, 429, 502, 503, 504})
+_ADDRESS_WRONG = frozenset({401, 403, 404, 405, 407, 410})
+
+
+class SignatureError(ValueError):
+    """A webhook that was not sent by whoever holds the secret, or not now."""
+
+
+def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> str:
+    """The header webhook-signature.
+
+    Args:
+        secret: any text, or whsec_ followed by the key in base64.
+        webhook_id: of the header webhook-id.
+        timestamp: of the header webhook-timestamp, s.
+        body: as it is sent.
+
+    Raises:
+        ValueError: a whsec_ secret that is no base64.
+    """
+    signed = f"{webhook_id}.{timestamp}.".encode() + body
+    digest = hmac.new(_key(secret), signed, hashlib.sha256).digest()
+    return f"v1,{base64.b64encode(digest).decode()}"
+
+
+def check_signature(
+    secret: str, headers: Mapping[str, str], body: bytes, *, now_s: float, tolerance_s: float = 300.0
+) -> str:
+    """For receivers: check what has come.
+
+    Args:
+        secret: as the service has it.
+        headers: of the request; looked up in lower case.
+        body: exactly as it came.
+        now_s: time, s since 1970.
+        tolerance_s: by which the sender's clock may be off; older ones may be repeats by somebody else.
+
+    Returns:
+        The webhook's id: one that is known already is to be answered 200 and left.
+
+    Raises:
+        SignatureError: headers missing, too old, or a signature that does not fit.
+    """
+    webhook_id, stamp = headers.get("webhook-id", ""), headers.get("webhook-timestamp", "")
+    if not webhook_id or not (stamp.isascii() and stamp.isdigit()):
+        raise SignatureError("no webhook-id or webhook-timestamp")
+    if abs(now_s - int(stamp)) > tolerance_s:
+        raise SignatureError("the webhook-timestamp is too far from now")
+    wanted = signature(secret, webhook_id=webhook_id, timestamp=int(stamp), body=body)
+    given = headers.get("webhook-signature", "").split()
+    if not any(hmac.compare_digest(wanted.encode(), one.encode()) for one in given):
+        raise SignatureError("the webhook-signature does not fit")
+    return webhook_id
+
+
+class WebhookSender:
+    """Posts deliveries to a web address."""
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        secret: str = "",
+        timeout_s: float = 10.0,
+        ca_file: Path | None = None,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        """Make ready; nothing is sent yet.
+
+        Args:
+            url: http:// or https://; a user and password in it are sent as basic authentication.
+            secret: of the signature; empty: not signed.
+            timeout_s: for one delivery, from connecting to the answer's end.
+            ca_file: certificates of authorities to trust, instead of the usual ones.
+            clock: seconds since 1970.
+
+        Raises:
+            MissingExtraError: httpx is not installed.
+            ValueError: no such address or secret.
+        """
+        try:
+            import httpx
+        except ImportError as error:
+            raise MissingExtraError("the webhook", "httpx", "service") from error
+        parts = urlsplit(url)
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise ValueError("a webhook's address begins with http:// or https:// and names a host")
+        self._url, self._secret, self._timeout_s, self._clock = url, secret, timeout_s, clock
+        if secret:
+            _key(secret)
+        trusted = ssl.create_default_context(cafile=str(ca_file)) if ca_file is not None else True
+        # proxies and the like of the environment are left alone: what is set here is all that counts
+        self._http: httpx.AsyncClient = httpx.AsyncClient(
+            follow_redirects=False, timeout=timeout_s, verify=trusted, trust_env=False
+        )
+
+    def start(self) -> None:
+        """Nothing to begin: a connection is made when there is something to post."""
+
+    async def send(self, delivery: Delivery) -> None:
+        """Post a delivery.
+
+        Raises:
+            DeliveryError: no answer, or none that says it has arrived.
+        """
+        import httpx
+
+        body, stamp = body_of(delivery), int(self._clock())
+        webhook_id = f"{delivery.part_id}-{delivery.id}"
+        headers = {
+            "content-type": "application/json",
+            "user-agent": _AGENT,
+            "webhook-id": webhook_id,
+            "webhook-timestamp": str(stamp),
+        }
+        if self._secret:
+            headers["webhook-signature"] = signature(
+                self._secret, webhook_id=webhook_id, timestamp=stamp, body=body
+            )
+        try:
+            # httpx limits each step; an answer that trickles in would take for ever
+            async with asyncio.timeout(self._timeout_s):
+                async with self._http.stream("POST", self._url, content=body, headers=headers) as answer:
+                    await _leave(answer)
+        except (TimeoutError, httpx.TimeoutException):
+            raise DeliveryError(f"no answer within {self._timeout_s:g} s", away=True) from None
+        except httpx.TransportError as error:
+            raise DeliveryError(f"cannot be reached: {type(error).__name__}: {error}", away=True) from error
+        _judge(answer)
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._http.aclose()
+
+
+async def _leave(answer: httpx.Response) -> None:
+    """Read a short answer, so that the connection can be used again; a long one is left."""
+    length = 0
+    async for piece in answer.aiter_raw():
+        length += len(piece)
+        if length > _MOST_ANSWER:
+            return
+
+
+def _judge(answer: httpx.Response) -> None:
+    status = answer.status_code
+    if 200 <= status < 300:
+        return
+    if answer.has_redirect_location:
+        raise DeliveryError(
+            f"answers {status}, a redirect, which is not followed; set the webhook to the address it means",
+            away=True,
+            lasting=True,
+        )
+    if status in _LATER:
+        raise DeliveryError(f"answers {status}", away=True, retry_after_s=retry_after_s(answer.headers))
+    if status in _ADDRESS_WRONG:
+        raise DeliveryError(f"answers {status}; check the webhook's address", away=True, lasting=True)
+    raise DeliveryError(f"answers {status}", lasting=400 <= status < 500)
+
+
+def _key(secret: str) -> bytes:
+    if not secret.startswith(_ENCODED):
+        return secret.encode()
+    try:
+        return base64.b64decode(secret.removeprefix(_ENCODED), validate=True)
+    except binascii.Error as error:
+        raise ValueError("a webhook secret that begins with whsec_ goes on in base64") from error

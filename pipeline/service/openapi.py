@@ -1,0 +1,43 @@
+"""The description of the interface: problems as they are, and tokens where they are asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+from pydantic import TypeAdapter
+
+from pipeline.service.access import COOKIE
+from pipeline.service.problem import ProblemBody
+
+
+def described(app: FastAPI, *, asked: bool) -> dict[str, Any]:
+    """The OpenAPI document of an application; `asked`: whether it asks for tokens."""
+    if app.openapi_schema:
+        return app.openapi_schema
+    made = get_openapi(
+        title=app.title,
+        version=app.version,
+        summary=app.summary,
+        license_info=app.license_info,
+        routes=app.routes,
+        description="Times are in UTC, lengths in mm. Every failure is application/problem+json (RFC 9457).",
+    )
+    components = made.setdefault("components", {})
+    schemas = components.setdefault("schemas", {})
+    schemas[ProblemBody.__name__] = TypeAdapter(ProblemBody).json_schema()
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    components["securitySchemes"] = {
+        "token": {
+            "type": "http",
+            "scheme": "bearer",
+            "description": "tactile-marks tokens add NAME --scope write",
+        },
+        "page": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "the operator page's"},
+    }
+    if asked:
+        made["security"] = [{"token": []}, {"page": []}]
+    app.openapi_schema = made
+    return made

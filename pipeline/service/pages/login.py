@@ -1,0 +1,52 @@
+"""Signing in with a token, where tokens are required, and out again."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Form
+from starlette.requests import Request
+from starlette.responses import Response
+
+from pipeline.service.pages.frame import Frame, see
+
+_HOURS_SIGNED_IN = 12  # a shift
+
+
+def add_login(router: APIRouter, frame: Frame) -> None:
+    """The routes of signing in and out."""
+
+    @router.get("/login")
+    def login(request: Request, to: str = "/review") -> Response:
+        if not frame.access.required:
+            return see(own_address(to))
+        return frame.page(request, "login.html.j2", to=own_address(to), fault="")
+
+    @router.post("/login")
+    def log_in(
+        request: Request,
+        secret: Annotated[str, Form()] = "",
+        to: Annotated[str, Form()] = "/review",
+        form_value: Annotated[str, Form()] = "",
+    ) -> Response:
+        frame.check_form(request, form_value)
+        value = frame.access.log_in(secret)
+        if value is None:
+            fault = "This token is not known, has expired or was revoked. Type it again or ask for another."
+            return frame.page(request, "login.html.j2", status=403, to=own_address(to), fault=fault)
+        answer = see(own_address(to))
+        frame.set_cookie(request, answer, frame.access.COOKIE, value, max_age_s=_HOURS_SIGNED_IN * 3600)
+        return answer
+
+    @router.post("/logout")
+    def log_out(request: Request, form_value: Annotated[str, Form()] = "") -> Response:
+        frame.check_form(request, form_value)
+        answer = see("/login")
+        answer.delete_cookie(frame.access.COOKIE, path="/")
+        return answer
+
+
+def own_address(to: str) -> str:
+    """An address of this service to go to, or the queue's: never another host's."""
+    own = to.startswith("/") and not to.startswith("//") and "\\" not in to and to.isprintable()
+    return to if own else "/review"

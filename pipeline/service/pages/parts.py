@@ -1,0 +1,88 @@
+"""Pages of all parts: the list to search in, and everything kept of one."""
+
+from __future__ import annotations
+
+from urllib.parse import urlencode
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from pipeline.common.records import EvidenceKind, PartState, Scope
+from pipeline.service.pages.frame import Frame, PageError
+from pipeline.service.pages.pictures import picture_pair
+from pipeline.service.pages.places import cells_of, expected_cells, places_of
+
+PARTS_SHOWN = 50
+_MOST_SEARCHED = 200
+KIND_NAMES = {
+    EvidenceKind.PHOTO: "photograph as sent",
+    EvidenceKind.SCAN: "scan",
+    EvidenceKind.HEIGHT_MAP: "height map",
+    EvidenceKind.SIGHT: "what the camera’s reader believed",
+    EvidenceKind.PHOTO_PICTURE: "photograph for this page",
+    EvidenceKind.EDGES_PICTURE: "tactile edge map",
+    EvidenceKind.SIGHT_EDGES_PICTURE: "camera’s edge map",
+}
+
+
+def add_part_pages(router: APIRouter, frame: Frame) -> None:
+    """The routes of the list and of one part."""
+
+    @router.get("/parts")
+    def parts(
+        request: Request, text: str = "", name: str = "", state: str = "", before: str = ""
+    ) -> Response:
+        caller = frame.reader(request)
+        if state and state not in set(PartState):
+            raise PageError(422, f"There is no state {state!r}; choose one of the list.")
+        if max(len(text), len(name)) > _MOST_SEARCHED:
+            raise PageError(422, f"Search for at most {_MOST_SEARCHED} characters.")
+        found = frame.store.parts(
+            state=PartState(state) if state else None,
+            text=text.strip(),
+            name=name.strip(),
+            before=before or None,
+            limit=PARTS_SHOWN + 1,
+        )
+        shown = found[:PARTS_SHOWN]
+        asked = {"text": text, "name": name, "state": state}
+        older = {**asked, "before": shown[-1].id} if len(found) > PARTS_SHOWN else {}
+        return frame.page(
+            request,
+            "parts.html.j2",
+            caller=caller,
+            parts=shown,
+            asked=asked,
+            searched=any(asked.values()),
+            older=_query(older),
+            newest=_query(asked) if before else "",
+            states=tuple(PartState),
+        )
+
+    @router.get("/parts/{part_id}")
+    def part(request: Request, part_id: str) -> Response:
+        caller = frame.reader(request)
+        found = frame.store.part(part_id)
+        readings, evidence = frame.store.readings(part_id), frame.store.evidence(part_id)
+        places = [places_of(r, low_margin=frame.low_margin) for r in readings]
+        return frame.page(
+            request,
+            "part.html.j2",
+            caller=caller,
+            part=found,
+            readings=[(r, p, cells_of(r.text, p)) for r, p in zip(readings, places, strict=True)],
+            pictures=picture_pair(found, readings, evidence, frame.evidence, low_margin=frame.low_margin),
+            expected=expected_cells(found),
+            reviews=frame.store.reviews(part_id),
+            events=frame.store.history(part_id),
+            evidence=evidence,
+            kind_names=KIND_NAMES,
+            may_review=Scope.REVIEW in caller.scopes,
+        )
+
+
+def _query(values: dict[str, str]) -> str:
+    """Address of the list with these values; empty without any."""
+    given = {name: value for name, value in values.items() if value}
+    return f"/parts?{urlencode(given)}" if given else "/parts" if values else ""

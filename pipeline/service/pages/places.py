@@ -1,0 +1,144 @@
+"""A reading as the operator's page shows it: places, what is doubtful about them, and the text laid over them.
+
+text      K  X     4  0  7     (as it stands; a person may have changed it, a space has no place)
+           \\  \\     \\  \\  \\
+places     0  1     2  3  4     (of the reading)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import SequenceMatcher
+from itertools import takewhile
+
+from pipeline.common.records import CandidateRecord, CharacterRecord, PartRecord, ReadingRecord
+
+LOW_MARGIN = 0.3
+"""Lead of the first over the second candidate below which a place is unsure; the reader's own limit."""
+LOW_PROBABILITY = 0.95
+"""Belief in the best candidate below which a place is unsure."""
+MOST_CANDIDATES = 5
+_LEAST_PROBABILITY = 0.002
+_FEWEST_CANDIDATES = 2
+_DOUBTS = ("mismatch", "not read", "confused")
+UNSURE, LEAST_SURE = "unsure", "least sure"
+UNKNOWN_CHAR = "?"
+
+
+@dataclass(frozen=True)
+class Place:
+    """One place of a reading.
+
+    Attributes:
+        index: from 0.
+        char: the best candidate; "?" without any.
+        doubt: mismatch, not read, confused, unsure or least sure; empty where there is none.
+        told: the state in the reader's words, such as "confused 8/B".
+        grade: of the mark, A to F; empty where it was not graded.
+        candidates: those worth showing, best first.
+    """
+
+    index: int
+    char: str
+    doubt: str
+    told: str
+    grade: str
+    candidates: tuple[CandidateRecord, ...]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One character of a text.
+
+    Attributes:
+        char: as it stands.
+        place: it is read at; None where no place of the reading answers to it.
+        doubt: of that place.
+    """
+
+    char: str
+    place: int | None
+    doubt: str
+
+
+def margin(character: CharacterRecord) -> float:
+    """Lead of the first over the second candidate; 0 without any."""
+    beliefs = [c.probability for c in character.candidates[:2]]
+    return beliefs[0] - sum(beliefs[1:]) if beliefs else 0.0
+
+
+def places_of(reading: ReadingRecord | None, *, low_margin: float = LOW_MARGIN) -> tuple[Place, ...]:
+    """The places of a reading; none without one.
+
+    Where the reading is not accepted and yet no place is in doubt by itself, the least sure one is where to look.
+    """
+    if reading is None:
+        return ()
+    doubts = [_doubt(c, low_margin) for c in reading.characters]
+    if doubts and not any(doubts) and reading.decision != "accept":
+        beliefs = [c.candidates[0].probability for c in reading.characters]
+        doubts[beliefs.index(min(beliefs))] = LEAST_SURE
+    return tuple(_place(k, c, d) for k, (c, d) in enumerate(zip(reading.characters, doubts, strict=True)))
+
+
+def _place(index: int, character: CharacterRecord, doubt: str) -> Place:
+    char = character.candidates[0].char if character.candidates else UNKNOWN_CHAR
+    told = doubt if doubt in (UNSURE, LEAST_SURE) else character.state or doubt
+    return Place(index, char, doubt, told, character.grade, _worth_showing(character.candidates))
+
+
+def _doubt(character: CharacterRecord, low_margin: float) -> str:
+    for doubt in _DOUBTS:
+        if character.state.startswith(doubt):
+            return doubt
+    if not character.candidates:
+        return "not read"
+    unsure = margin(character) < low_margin or character.candidates[0].probability < LOW_PROBABILITY
+    return UNSURE if unsure else ""
+
+
+def _worth_showing(candidates: Sequence[CandidateRecord]) -> tuple[CandidateRecord, ...]:
+    least = len(list(takewhile(lambda c: c.probability >= _LEAST_PROBABILITY, candidates)))
+    return tuple(candidates[: min(MOST_CANDIDATES, max(_FEWEST_CANDIDATES, least))])
+
+
+def cells_of(text: str, places: Sequence[Place]) -> tuple[Cell, ...]:
+    """The characters of a text, each with the place it answers to."""
+    written = [k for k, char in enumerate(text) if not char.isspace()]
+    answers = aligned([p.char for p in places], [text[k] for k in written])
+    found = {k: answers[n] for n, k in enumerate(written)}
+    return tuple(
+        Cell(char, place, "" if place is None else places[place].doubt)
+        for char, place in ((char, found.get(k)) for k, char in enumerate(text))
+    )
+
+
+def aligned(chars: Sequence[str], others: Sequence[str]) -> tuple[int | None, ...]:
+    """For each of the others the place among the chars that it answers to; None where there is none."""
+    if len(chars) == len(others):
+        return tuple(range(len(others)))
+    answers: list[int | None] = [None] * len(others)
+    matcher = SequenceMatcher(None, chars, others, autojunk=False)
+    for _, i0, i1, j0, j1 in matcher.get_opcodes():
+        for i, j in zip(range(i0, i1), range(j0, j1), strict=False):
+            answers[j] = i
+    return tuple(answers)
+
+
+def part_cells(part: PartRecord, *, low_margin: float = LOW_MARGIN) -> tuple[Cell, ...]:
+    """The text of a part as it stands; what a person has said holds no doubt."""
+    cells = cells_of(part.text, places_of(part.reading, low_margin=low_margin))
+    return cells if part.review is None else tuple(Cell(c.char, c.place, "") for c in cells)
+
+
+def expected_cells(part: PartRecord) -> tuple[Cell, ...]:
+    """The text expected; a character that the part's own text does not bear there is a mismatch."""
+    borne = [char for char in part.text if not char.isspace()]
+    answers = iter(aligned(borne, [char for char in part.expected if not char.isspace()]))
+    cells = []
+    for char in part.expected:
+        place = None if char.isspace() else next(answers)
+        same = char.isspace() or (place is not None and borne[place] == char)
+        cells.append(Cell(char, place, "" if same else "mismatch"))
+    return tuple(cells)

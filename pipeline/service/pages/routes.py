@@ -1,0 +1,57 @@
+"""The operator's page: queue, review, parts and dashboard, made on the server; works without script and internet.
+
+/review  /review/{id}  /parts  /parts/{id}  /dashboard  /login  /static/{name}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from pipeline.service.pages.dashboard import add_dashboard
+from pipeline.service.pages.frame import Frame, page_route
+from pipeline.service.pages.login import add_login
+from pipeline.service.pages.parts import add_part_pages
+from pipeline.service.pages.places import LOW_MARGIN
+from pipeline.service.pages.review import add_review_pages
+
+if TYPE_CHECKING:
+    from pipeline.common.records import PartRecord
+    from pipeline.service.access import Access
+    from pipeline.store.evidence_folder import EvidenceFolder
+    from pipeline.store.store import Store
+
+
+def pages_router(
+    store: Store,
+    evidence: EvidenceFolder,
+    access: Access,
+    *,
+    low_margin: float = LOW_MARGIN,
+    review: Callable[..., PartRecord] | None = None,
+) -> APIRouter:
+    """The routes of all pages.
+
+    Args:
+        store: of the parts.
+        evidence: where their pictures are kept; they are shown from `/v1/parts/{id}/pictures/...`.
+        access: who may look, and who may review.
+        low_margin: lead of the first over the second candidate below which a place is marked unsure.
+        review: keeps what a person says, `Store.review` unless given.
+    """
+    frame = Frame.make(store, evidence, access, low_margin=low_margin, review=review)
+    router = APIRouter(route_class=page_route(frame), include_in_schema=False)
+    add_review_pages(router, frame)
+    add_part_pages(router, frame)
+    add_dashboard(router, frame)
+    add_login(router, frame)
+
+    @router.get("/static/{name}")
+    def static(request: Request, name: str) -> Response:
+        return frame.static.answer(request, name)
+
+    return router

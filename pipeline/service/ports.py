@@ -1,0 +1,98 @@
+"""What the service speaks beside HTTP: trigger ports that it opens, and targets that it publishes results to."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import structlog
+
+from pipeline.common.version import program_version
+from pipeline.service.line.dispatch import Dispatcher, Sender
+
+if TYPE_CHECKING:
+    from pipeline.service.part_service import Desk
+    from pipeline.service.settings import ServiceSettings
+
+log = structlog.get_logger("tactile-marks")
+
+
+class Ports:
+    """The trigger ports and the dispatcher of one service."""
+
+    def __init__(self, settings: ServiceSettings) -> None:
+        """Make ready what the settings ask for; nothing is opened or sent yet.
+
+        Raises:
+            MissingExtraError: a library of an extra is not installed.
+            ValueError: an address that cannot be.
+        """
+        self._settings = settings
+        self.senders: dict[str, Sender] = {}
+        if settings.webhook:
+            from pipeline.service.line.webhook import WebhookSender
+
+            self.senders["webhook"] = WebhookSender(settings.webhook, secret=settings.webhook_secret)
+        if settings.mqtt:
+            from pipeline.service.line.mqtt import MqttSender
+
+            self.senders["mqtt"] = MqttSender(settings.mqtt, prefix=settings.mqtt_prefix)
+        if settings.tcp_format:
+            from pipeline.service.line.result_string import ResultString
+
+            ResultString(settings.tcp_format)
+        if settings.opcua_port is not None:
+            from pipeline.service.line.opcua import require_asyncua
+
+            require_asyncua()
+
+    @contextlib.asynccontextmanager
+    async def opened(self, desk: Desk) -> AsyncIterator[None]:
+        """Open the ports and send what waits; on leaving, what is at work may end first.
+
+        Raises:
+            OSError: an address that cannot be had.
+        """
+        settings, grace_s = self._settings, self._settings.shutdown_grace_s
+        async with contextlib.AsyncExitStack() as stack:
+            if self.senders:
+                dispatcher = Dispatcher(desk.store, self.senders)
+                dispatcher.start()
+                loop = asyncio.get_running_loop()
+                # results come from threads as well
+                desk.on_result = partial(loop.call_soon_threadsafe, dispatcher.wake)
+                stack.push_async_callback(dispatcher.stop, grace_s=min(grace_s, 10.0))
+            if settings.tcp_port is not None:
+                from pipeline.service.line.result_string import DEFAULT_FORMAT
+                from pipeline.service.line.tcp import TcpPort
+
+                tcp = TcpPort(
+                    desk.trigger,
+                    host=settings.line_host,
+                    port=settings.tcp_port,
+                    template=settings.tcp_format or DEFAULT_FORMAT,
+                    clients=settings.tcp_clients,
+                )
+                await tcp.start()
+                stack.push_async_callback(tcp.stop, grace_s=grace_s)
+                log.info("TCP trigger port", host=tcp.host, port=tcp.port)
+            if settings.opcua_port is not None:
+                from pipeline.service.line.opcua import OpcUaPort
+
+                opcua = OpcUaPort(
+                    desk.trigger,
+                    host=settings.line_host,
+                    port=settings.opcua_port,
+                    version=program_version(),
+                    users=settings.opcua_users,
+                    certificate=settings.opcua_certificate,
+                    private_key=settings.opcua_key,
+                )
+                await opcua.start()
+                stack.push_async_callback(opcua.stop, grace_s=grace_s)
+                desk.on_part = opcua.show
+                log.info("OPC UA server", host=opcua.host, port=opcua.port)
+            yield

@@ -1,0 +1,63 @@
+"""Every failure that is expected, as a problem with its status."""
+
+from __future__ import annotations
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse, Response
+from starlette.exceptions import HTTPException
+
+from pipeline.service.access import DeniedError
+from pipeline.service.middleware import problem_answer
+from pipeline.service.problem import Problem
+from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
+
+log = structlog.get_logger("tactile-marks")
+
+
+def add_problem_handlers(app: FastAPI) -> None:
+    """Have the application answer what it and the store raise."""
+
+    def answer(request: Request, problem: Problem) -> JSONResponse:
+        return problem_answer(problem, getattr(request.state, "request_id", ""))
+
+    @app.exception_handler(Problem)
+    async def _problem(request: Request, error: Problem) -> Response:
+        return answer(request, error)
+
+    @app.exception_handler(DeniedError)
+    async def _denied(request: Request, error: DeniedError) -> Response:
+        headers = {"WWW-Authenticate": "Bearer"} if error.status == 401 else {}
+        return answer(request, Problem(error.status, str(error), headers=headers))
+
+    @app.exception_handler(NotFoundError)
+    async def _not_found(request: Request, error: NotFoundError) -> Response:
+        return answer(request, Problem(404, str(error)))
+
+    @app.exception_handler(ConflictError)
+    async def _conflict(request: Request, error: ConflictError) -> Response:
+        return answer(request, Problem(409, str(error)))
+
+    @app.exception_handler(UnfitError)
+    async def _unfit(request: Request, error: UnfitError) -> Response:
+        return answer(request, Problem(422, str(error)))
+
+    @app.exception_handler(StoreError)
+    async def _store(request: Request, error: StoreError) -> Response:
+        log.error("store", why=str(error))
+        return answer(request, Problem(503, str(error), headers={"Retry-After": "5"}))
+
+    @app.exception_handler(RequestValidationError)
+    async def _invalid(request: Request, error: RequestValidationError) -> Response:
+        first = error.errors()[0]
+        where = ".".join(str(at) for at in first["loc"] if at not in ("body", "query", "path", "header"))
+        detail = f"{where or 'the request'}: {first['msg'][:1].lower()}{first['msg'][1:]}"
+        return answer(request, Problem(422, detail))
+
+    @app.exception_handler(HTTPException)
+    async def _http(request: Request, error: HTTPException) -> Response:
+        detail = str(error.detail)
+        if error.status_code == 404:
+            detail = f"there is nothing at {request.url.path[:200]}; /openapi.json tells what there is"
+        return answer(request, Problem(error.status_code, detail, headers=dict(error.headers or {})))

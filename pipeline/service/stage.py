@@ -1,0 +1,242 @@
+"""The whisker stage and the camera as the service drives them, and simulated ones to try it out.
+
+A stage is told the region in the photograph's frame, and what lies under the middle of the photograph; it knows where
+its camera's axis meets the plate, brings the two together, feels, and hands the recording back in the frame of the
+order, so that what was felt lies over what was seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from pipeline.common.errors import FileProblem
+from pipeline.common.records import ScanPlanRecord
+
+if TYPE_CHECKING:
+    from glyphs.surface.maps import HeightMap
+    from whisker_array.scan.scan import Scan
+
+_MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
+_PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+_LONGEST_NAME = 200
+_LEAST_HEIGHTS = 1.0
+"""Of the plate, what a region must cover either way, character heights."""
+
+
+class StageError(RuntimeError):
+    """What keeps a stage or a camera from doing as it is asked.
+
+    Attributes:
+        problem: what is wrong.
+        mend: what to do about it.
+    """
+
+    def __init__(self, problem: str, mend: str) -> None:
+        super().__init__(f"{problem}; {mend}")
+        self.problem, self.mend = problem, mend
+
+    def __reduce__(self) -> tuple[type[StageError], tuple[str, str]]:
+        return (type(self), (self.problem, self.mend))
+
+
+@dataclass(frozen=True)
+class ScanOrder:
+    """What a stage is asked to feel.
+
+    Attributes:
+        part_name: what the line calls the part.
+        plan: region, directions, pitches.
+    """
+
+    part_name: str
+    plan: ScanPlanRecord
+
+
+class Stage(Protocol):
+    """Moves the whiskers over a part."""
+
+    def feel(self, order: ScanOrder, into: Path) -> Path:
+        """Feel the part that lies under the whiskers, and write a recording.
+
+        Args:
+            order: what to feel.
+            into: folder for the recording.
+
+        Returns:
+            The recording (.h5), in the frame of the order's region.
+
+        Raises:
+            StageError: it could not be felt, and what to do.
+        """
+
+
+class Camera(Protocol):
+    """Takes photographs of parts."""
+
+    def take(self, part_name: str) -> Path:
+        """Photograph the part that lies under the camera.
+
+        Raises:
+            StageError: no photograph, and what to do.
+        """
+
+
+class NoStage:
+    """There is none: scans are sent by whoever has one."""
+
+    def feel(self, order: ScanOrder, into: Path) -> Path:
+        """Feels nothing.
+
+        Raises:
+            StageError: always.
+        """
+        raise StageError("this service drives no whisker stage", "send a scan of the part instead")
+
+
+class NoCamera:
+    """There is none: photographs are sent by whoever takes them."""
+
+    def take(self, part_name: str) -> Path:
+        """Takes nothing.
+
+        Raises:
+            StageError: always.
+        """
+        raise StageError("this service has no camera", "send a photograph of the part instead")
+
+
+@dataclass(frozen=True)
+class FolderCamera:
+    """Finds the photograph of a part in a folder, where a camera's own program saves it.
+
+    Attributes:
+        folder: of the photographs, named as the parts.
+    """
+
+    folder: Path
+
+    def take(self, part_name: str) -> Path:
+        """The photograph of that name.
+
+        Raises:
+            StageError: none, or a name that cannot be one.
+        """
+        return _file_of(self.folder, part_name, _PHOTO_SUFFIXES, "photograph")
+
+
+@dataclass(frozen=True)
+class SimulatedStage:
+    """Feels height maps of a folder with the virtual array, in place of parts.
+
+    Attributes:
+        folder: of the height maps, named as the parts; .npz with its soil.
+        noise: sensors as from the bench.
+        seed: of the sensors' gains, offsets and noise.
+    """
+
+    folder: Path
+    noise: bool = True
+    seed: int = 0
+
+    def feel(self, order: ScanOrder, into: Path) -> Path:
+        """Feel the order's region of the part's height map.
+
+        The camera's axis meets the middle of the map.
+
+        Raises:
+            StageError: no such part, a map that cannot be felt, or a region off the part.
+        """
+        from whisker_array.scan.recording import RecordingError, save_scan
+
+        path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
+        try:
+            scan = self._felt(path, order)
+            made = into / "scan.h5"
+            save_scan(scan, made)
+        except FileProblem as problem:
+            raise StageError(f"{problem.path.name} {problem.problem}", problem.mend) from problem
+        except RecordingError as error:
+            raise StageError(f"the recording {error.problem}", error.mend) from error
+        except ValueError as error:
+            raise StageError(f"{path.name} cannot be felt: {error}", "check the plan and the map") from error
+        return made
+
+    def _felt(self, path: Path, order: ScanOrder) -> Scan:
+        from pipeline.files.npz import read_soil
+        from pipeline.files.touch_file import read_height_map
+        from pipeline.reading.scan_plan import raster_of
+        from pipeline.reading.simulated_scan import feel
+
+        height_map = read_height_map(path)
+        soil = read_soil(path) if path.suffix.lower() == ".npz" else None
+        x_mm, y_mm = _shift(order.plan, height_map)
+        region = _on_plate(order.plan, height_map, x_mm, y_mm)
+        scan = feel(
+            height_map,
+            plan=raster_of(order.plan, region_mm=region),
+            height_mm=order.plan.height_mm,
+            noise=self.noise,
+            sensor_seed=self.seed,
+            part_id=order.part_name,
+            soil=soil,
+        )
+        return in_frame(scan, -x_mm, -y_mm)
+
+
+def in_frame(scan: Scan, x_mm: float, y_mm: float) -> Scan:
+    """The scan in a frame in which all of its coordinates are greater by so much."""
+    sweeps = []
+    for sweep in scan.sweeps:
+        along, across = (x_mm, y_mm) if sweep.plan.direction.along_x else (y_mm, x_mm)
+        plan = replace(sweep.plan, line_mm=sweep.plan.line_mm + across, start_mm=sweep.plan.start_mm + along)
+        sweeps.append(replace(sweep, plan=plan))
+    return replace(scan, sweeps=tuple(sweeps))
+
+
+def _shift(plan: ScanPlanRecord, height_map: HeightMap) -> tuple[float, float]:
+    """From the plan's frame to the plate's: what is under the camera's axis is the middle of the plate."""
+    if plan.middle_mm is None:
+        return (0.0, 0.0)
+    width, height = height_map.size_mm
+    return (0.5 * width - plan.middle_mm[0], 0.5 * height - plan.middle_mm[1])
+
+
+def _on_plate(
+    plan: ScanPlanRecord, height_map: HeightMap, x_mm: float, y_mm: float
+) -> tuple[float, float, float, float]:
+    """The part of the region that lies on the plate, in its frame."""
+    x0, y0, x1, y1 = plan.region_mm
+    width, height = height_map.size_mm
+    region = (max(0.0, x0 + x_mm), max(0.0, y0 + y_mm), min(width, x1 + x_mm), min(height, y1 + y_mm))
+    least = _LEAST_HEIGHTS * plan.height_mm
+    if region[2] - region[0] < least or region[3] - region[1] < least:
+        raise StageError(
+            f"the region {plan.region_mm} mm is not on the part, which is {width:.1f} x {height:.1f} mm",
+            "check where the camera stands over the stage",
+        )
+    return region
+
+
+def _file_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -> Path:
+    """The part's file in the folder, and never one elsewhere.
+
+    Raises:
+        StageError: a name that cannot be a file's, or no such file.
+    """
+    plain = 0 < len(part_name) <= _LONGEST_NAME and part_name.isprintable()
+    if not plain or part_name.startswith(".") or any(c in part_name for c in "/\\:"):
+        raise StageError(f"{part_name[:40]!r} is no name of a part on this stage", "name it without folders")
+    root = folder.resolve()
+    for suffix in suffixes:
+        path = root / f"{part_name}{suffix}"
+        # a link may lead out of the folder
+        if path.is_file() and path.resolve().is_relative_to(root):
+            return path
+    raise StageError(f"there is no {what} of {part_name} under the {_where(what)}", "put the part in place")
+
+
+def _where(what: str) -> str:
+    return "camera" if what == "photograph" else "whiskers"

@@ -1,0 +1,117 @@
+"""What was sent: received to a file of our own naming, and told apart by what it holds or is called."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.common.records import EvidenceKind
+from pipeline.files.touch_file import is_height_map, is_scan
+from pipeline.service.problem import Problem
+
+if TYPE_CHECKING:
+    from starlette.datastructures import UploadFile
+
+MOST_NAME = 200
+_CHUNK = 1 << 20
+_HEAD = 16
+_SCAN_MAGIC = b"\x89HDF\r\n\x1a\n"
+_PHOTO_TYPES = {
+    b"\x89PNG\r\n\x1a\n": (".png", "image/png"),
+    b"\xff\xd8": (".jpg", "image/jpeg"),
+    b"BM": (".bmp", "image/bmp"),
+    b"II*\0": (".tif", "image/tiff"),
+    b"MM\0*": (".tif", "image/tiff"),
+}
+_UNPRINTABLE = re.compile(r"[^\x20-\x7e\u00a0-\ud7ff\ue000-\ufffd]")
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A file that was sent.
+
+    Attributes:
+        path: where it lies, under a name of ours.
+        name: what the sender called it, for messages alone.
+        sha256: of what it holds; empty where nobody asked.
+    """
+
+    path: Path
+    name: str
+    sha256: str = ""
+
+    def kind(self, role: str) -> EvidenceKind:
+        """What it is, sent as photo or as scan.
+
+        Raises:
+            Problem: 415, a file of no kind that is read.
+        """
+        if role == "photo":
+            return EvidenceKind.PHOTO
+        return EvidenceKind.SCAN if is_scan(self.path) else EvidenceKind.HEIGHT_MAP
+
+    def media_type(self, kind: EvidenceKind) -> str:
+        """For the browser."""
+        if kind is EvidenceKind.SCAN:
+            return "application/x-hdf5"
+        types = dict(_PHOTO_TYPES.values())
+        return types.get(self.path.suffix, "application/octet-stream")
+
+
+def told_name(name: str | None) -> str:
+    """A file's name as its sender told it: the last part of any path, printable, of bounded length."""
+    last = re.split(r"[/\\]", name or "")[-1]
+    return _UNPRINTABLE.sub("_", last)[:MOST_NAME] or "unnamed"
+
+
+async def receive(sent: UploadFile, role: str, folder: Path) -> Upload:
+    """Write what was sent into the folder.
+
+    Args:
+        sent: the part of the form.
+        role: photo or scan.
+        folder: of this request.
+
+    Raises:
+        Problem: 415 for a file of no kind that is read, 422 for an empty one.
+    """
+    import anyio.to_thread
+
+    name = told_name(sent.filename)
+    head = await sent.read(_HEAD)
+    if not head:
+        raise Problem(422, f"the {role} {name!r} is empty; send it again")
+    await sent.seek(0)
+    path = folder / f"{role}{_suffix(role, name, head)}"
+    digest = hashlib.sha256()
+
+    def write() -> None:
+        with path.open("xb") as stream:
+            while chunk := sent.file.read(_CHUNK):
+                digest.update(chunk)
+                stream.write(chunk)
+
+    await anyio.to_thread.run_sync(write)
+    return Upload(path, name, digest.hexdigest())
+
+
+def _suffix(role: str, name: str, head: bytes) -> str:
+    """The suffix that says what the file is: of a photograph by its first bytes, of a scan by its name."""
+    if role == "photo":
+        for magic, (suffix, _) in _PHOTO_TYPES.items():
+            if head.startswith(magic):
+                return suffix
+        raise Problem(415, f"the photo {name!r} is no picture that can be read; send PNG, JPEG, BMP or TIFF")
+    told = Path(name)
+    if is_scan(told) or is_height_map(told):
+        return told.suffix.lower()
+    if head.startswith(_SCAN_MAGIC):
+        return ".h5"
+    raise Problem(
+        415,
+        f"the scan {name!r} is of no kind that is read; send a scan (.h5) or a height map (.npz, .x3p, .sdf, .sur ...) "
+        "and let its name end so",
+    )

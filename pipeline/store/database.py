@@ -1,0 +1,252 @@
+"""The store's database: opened, brought up to date, and its transactions.
+
+SQLite: one writer at a time, taken at the beginning of a transaction, so that none fails half way; every commit is on
+the disk before it returns (WAL, synchronous FULL). PostgreSQL: rows are locked where they are read to be changed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import sqlalchemy as sa
+from sqlalchemy import exc
+
+from pipeline.common.file_lock import exclusively
+from pipeline.store.errors import StoreError, UnfitError, cleaned
+
+if TYPE_CHECKING:
+    from sqlalchemy.engine import URL, Connection, Engine
+    from sqlalchemy.engine.interfaces import DBAPIConnection
+    from sqlalchemy.pool import ConnectionPoolEntry
+
+MIGRATIONS = Path(__file__).parent / "migrations"
+VERSION_TABLE = "tactile_marks_version"
+_WAIT_S = 30.0
+_ADVISORY_LOCK = 0x7AC71E
+_POOL = 16
+_MEND = "check that the database runs, that it may be written, and its address"
+
+# Alembic keeps what it runs in variables of its modules
+_migrating = threading.Lock()
+
+
+class Database:
+    """A database that has the tables of this version.
+
+    Attributes:
+        shown: its address without the password.
+    """
+
+    def __init__(self, engine: Engine, shown: str) -> None:
+        self.shown = shown
+        self._engine = engine
+        # threads queue here, not in SQLite's own wait, which polls and may starve one of many
+        self._writer = threading.Lock() if engine.dialect.name == "sqlite" else None
+
+    @contextlib.contextmanager
+    def reading(self) -> Iterator[Connection]:
+        """A transaction that only looks.
+
+        Raises:
+            StoreError: the database cannot be reached.
+        """
+        with self._failures_told(), self._engine.connect() as connection:
+            yield connection
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[Connection]:
+        """A transaction: durable when the block has ended, undone where it raises.
+
+        Raises:
+            StoreError: the database cannot be reached, or is busy for too long.
+        """
+        with self._failures_told(), contextlib.ExitStack() as held:
+            if self._writer is not None:
+                if not self._writer.acquire(timeout=_WAIT_S):
+                    raise StoreError(f"the store {self.shown} is busy; try again")
+                held.callback(self._writer.release)
+            connection = held.enter_context(self._engine.connect())
+            connection = connection.execution_options(tactile_marks_writes=True)
+            held.enter_context(connection.begin())
+            yield connection
+
+    def close(self) -> None:
+        """Let go of every connection."""
+        self._engine.dispose()
+
+    @contextlib.contextmanager
+    def _failures_told(self) -> Iterator[None]:
+        try:
+            yield
+        except exc.StatementError as error:
+            if isinstance(error.orig, UnfitError):
+                raise error.orig from error
+            raise StoreError(_told(self.shown, error)) from error
+        except exc.SQLAlchemyError as error:
+            raise StoreError(_told(self.shown, error)) from error
+
+
+def open_database(url: str) -> Database:
+    """Open a database and bring its tables up to date.
+
+    Args:
+        url: sqlite:///file.db or postgresql://user:password@host/name.
+
+    Raises:
+        StoreError: it cannot be opened, or was made by a newer version.
+    """
+    parsed = _checked(url)
+    shown = parsed.render_as_string(hide_password=True)
+    try:
+        with contextlib.ExitStack() as held:
+            if parsed.get_backend_name() == "sqlite":
+                file = Path(str(parsed.database))
+                file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                # also for the change to WAL, for which SQLite does not wait
+                held.enter_context(exclusively(file.with_name(file.name + ".lock")))
+                engine = _sqlite(parsed)
+            else:
+                engine = _postgresql(parsed)
+            failed = held.enter_context(contextlib.ExitStack())
+            failed.callback(engine.dispose)
+            _bring_up_to_date(engine, shown)
+            failed.pop_all()
+    except OSError as error:
+        raise StoreError(
+            f"the store {shown} cannot be opened ({error.strerror or error}); {_MEND}"
+        ) from error
+    except exc.SQLAlchemyError as error:
+        raise StoreError(_told(shown, error)) from error
+    return Database(engine, shown)
+
+
+def _checked(url: str) -> URL:
+    try:
+        parsed = sa.make_url(url)
+    except exc.ArgumentError as error:
+        raise StoreError(
+            "the store's address is no URL; write sqlite:///file.db or postgresql://user@host/name"
+        ) from error
+    backend = parsed.get_backend_name()
+    if backend in ("postgresql", "postgres"):
+        return parsed.set(drivername="postgresql+psycopg")
+    if backend != "sqlite":
+        raise StoreError(
+            f"the store cannot be {backend}; write sqlite:///file.db or postgresql://user@host/name"
+        )
+    if not parsed.database or ":memory:" in parsed.database or parsed.database.startswith("file:"):
+        raise StoreError("a store in memory would forget everything; name a file: sqlite:///file.db")
+    return parsed.set(drivername="sqlite+pysqlite")
+
+
+def _json(value: Any) -> str:
+    try:
+        return json.dumps(cleaned(value), allow_nan=False, separators=(",", ":"))
+    except (TypeError, ValueError) as error:
+        raise UnfitError(f"a value is none that JSON has ({error}); leave it out") from error
+
+
+def _sqlite(url: URL) -> Engine:
+    engine = sa.create_engine(
+        url,
+        json_serializer=_json,
+        connect_args={"timeout": _WAIT_S, "check_same_thread": False},
+        pool_size=_POOL,
+        max_overflow=2 * _POOL,
+        pool_timeout=_WAIT_S,
+    )
+
+    @sa.event.listens_for(engine, "connect")
+    def _prepare(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
+        # transactions begin where we say, not where the driver thinks fit
+        connection.isolation_level = None
+        cursor = connection.cursor()
+        cursor.execute("PRAGMA journal_mode = WAL")
+        cursor.execute("PRAGMA synchronous = FULL")
+        cursor.execute("PRAGMA foreign_keys = ON")
+        # else INSERT OR REPLACE would remove rows behind the triggers' back
+        cursor.execute("PRAGMA recursive_triggers = ON")
+        cursor.close()
+
+    @sa.event.listens_for(engine, "begin")
+    def _begin(connection: Connection) -> None:
+        writes = connection.get_execution_options().get("tactile_marks_writes", False)
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+    return engine
+
+
+def _postgresql(url: URL) -> Engine:
+    try:
+        engine = sa.create_engine(
+            url,
+            json_serializer=_json,
+            connect_args={} if "connect_timeout" in url.query else {"connect_timeout": 10},
+            pool_size=_POOL,
+            max_overflow=2 * _POOL,
+            pool_timeout=_WAIT_S,
+            pool_pre_ping=True,
+        )
+    except ImportError as error:
+        raise StoreError(
+            f"PostgreSQL needs {error.name}; install it with: pip install 'tactile-marks[postgres]',"
+            " or use sqlite:///file.db"
+        ) from error
+
+    @sa.event.listens_for(engine, "connect")
+    def _prepare(connection: DBAPIConnection, _entry: ConnectionPoolEntry) -> None:
+        cursor = connection.cursor()
+        cursor.execute("SET TIME ZONE 'UTC'")
+        # an answer means that it is on the disk, whatever the server's default
+        cursor.execute(
+            "SELECT set_config('synchronous_commit', 'on', false)"
+            " WHERE current_setting('synchronous_commit') = 'off'"
+        )
+        cursor.close()
+        connection.commit()
+
+    return engine
+
+
+def _bring_up_to_date(engine: Engine, shown: str) -> None:
+    from alembic.config import Config
+    from alembic.runtime.migration import MigrationContext
+    from alembic.script import ScriptDirectory
+    from alembic.util import CommandError
+
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
+    script = ScriptDirectory.from_config(config)
+    with (
+        _migrating,
+        engine.connect().execution_options(tactile_marks_writes=True) as connection,
+        connection.begin(),
+    ):
+        if engine.dialect.name == "postgresql":
+            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(_ADVISORY_LOCK)))
+        context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
+        found = context.get_current_revision()
+        if found == script.get_current_head():
+            return
+        try:
+            script.get_revision(found or "base")
+        except CommandError as error:
+            raise StoreError(
+                f"the store {shown} was made by a newer tactile-marks (its version is {found});"
+                " install that one, or name another store"
+            ) from error
+        from alembic import command
+
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+
+
+def _told(shown: str, error: Exception) -> str:
+    orig = getattr(error, "orig", None) or error
+    reason = " ".join(str(orig).split())[:300]
+    return f"the store {shown} does not answer ({reason}); {_MEND}"

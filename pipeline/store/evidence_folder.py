@@ -1,0 +1,208 @@
+"""Files kept for parts, each under the hash of what it holds.
+
+    root/files/3f/3f9a...  kept for good, until retention takes it
+    root/incoming/         uploads and work files on the same disk; nothing there outlives a crash
+
+A file is on the disk before the store speaks of it, and the store has forgotten it before it is removed: after a crash
+there may be a file too many, never one too few, and `sweep` takes those.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import os
+import re
+import shutil
+import stat
+import tempfile
+import time
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.common.errors import FileProblem
+from pipeline.common.file_lock import exclusively
+
+if TYPE_CHECKING:
+    from pipeline.store.store import Store
+
+_HASH = re.compile(r"[0-9a-f]{64}")
+_CHUNK = 1 << 20
+_BATCH = 200
+_SETTLED_S = 3600.0
+"""A file kept anew more recently may be about to be named by the store."""
+
+
+class EvidenceFolder:
+    """A folder of files named by what they hold.
+
+    Attributes:
+        root: the folder.
+        incoming: for uploads and work files, on the same disk.
+    """
+
+    def __init__(self, root: Path) -> None:
+        """Make the folder, if it is not there.
+
+        Raises:
+            FileProblem: it cannot be made.
+        """
+        self.root = root
+        self.incoming = root / "incoming"
+        self._files = root / "files"
+        self._lock = root / ".lock"
+        with _trouble_told(root):
+            for folder in (root, self.incoming, self._files):
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+
+    def keep(self, path: Path) -> tuple[str, int]:
+        """Move a file in; the same content twice is one file. When this returns it survives a power cut.
+
+        Args:
+            path: the file, no link; best from `incoming`, else it is copied first.
+
+        Returns:
+            Its SHA-256 in hexadecimal, and its length in bytes.
+
+        Raises:
+            FileProblem: it cannot be read or kept.
+        """
+        with _trouble_told(path):
+            sha256, n_bytes = _settle(path)
+            target = self.path(sha256)
+            if not target.parent.is_dir():
+                target.parent.mkdir(mode=0o700, exist_ok=True)
+                _fsync_folder(self._files)
+            with exclusively(self._lock):
+                self._move(path, target)
+                os.utime(target)
+            _fsync_folder(target.parent)
+        return sha256, n_bytes
+
+    def path(self, sha256: str) -> Path:
+        """Where the file of that hash is, if it is kept.
+
+        Raises:
+            ValueError: no hash.
+        """
+        if _HASH.fullmatch(sha256) is None:
+            raise ValueError(f"{sha256[:80]!r} is no SHA-256; give 64 hexadecimal digits in lower case")
+        return self._files / sha256[:2] / sha256
+
+    def new_work_folder(self) -> Path:
+        """A new folder in `incoming` for one request; whoever asks for it removes it.
+
+        Raises:
+            FileProblem: it cannot be made.
+        """
+        with _trouble_told(self.incoming):
+            return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
+
+    def sweep(self, known: frozenset[str], *, older_than_s: float) -> int:
+        """Remove what a crash has left: files that nobody knows, and whatever is in `incoming`.
+
+        Args:
+            known: hashes that the store needs.
+            older_than_s: what is younger may be in the making, and stays.
+
+        Returns:
+            How many files were removed.
+        """
+        latest_s = time.time() - older_than_s
+        n_removed = 0
+        for path in self.incoming.iterdir():
+            n_removed += _remove_if_older(path, latest_s)
+        for path in self._files.glob("*/*"):
+            if path.name not in known:
+                with exclusively(self._lock):
+                    n_removed += _remove_if_older(path, latest_s)
+        return n_removed
+
+    def expire(self, store: Store, *, before: datetime) -> int:
+        """Remove evidence from before a time, of every part, whatever its state.
+
+        A file that was sent again within the last hour stays until the next `sweep` or for the part that needs it.
+
+        Returns:
+            How many files were removed.
+
+        Raises:
+            StoreError: the store does not answer.
+        """
+        n_removed = 0
+        while batch := store.evidence_before(before, limit=_BATCH):
+            for part_id, file in batch:
+                if store.evidence_gone(part_id, file.sha256):
+                    with exclusively(self._lock):
+                        n_removed += _remove_if_older(self.path(file.sha256), time.time() - _SETTLED_S)
+        return n_removed
+
+    def _move(self, path: Path, target: Path) -> None:
+        try:
+            os.replace(path, target)
+        except OSError as error:
+            if error.errno != errno.EXDEV:
+                raise
+            handle, name = tempfile.mkstemp(prefix="copy-", dir=self.incoming)
+            with os.fdopen(handle, "wb") as copy, path.open("rb") as original:
+                shutil.copyfileobj(original, copy, _CHUNK)
+                copy.flush()
+                os.fsync(copy.fileno())
+            os.replace(name, target)
+            path.unlink()
+
+
+def _settle(path: Path) -> tuple[str, int]:
+    # O_NOFOLLOW and O_NONBLOCK: neither a link nor a pipe is what it seems
+    handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(handle, "rb") as stream:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise FileProblem(path, "is no file", "name a file")
+        digest = hashlib.sha256()
+        n_bytes = 0
+        while chunk := stream.read(_CHUNK):
+            digest.update(chunk)
+            n_bytes += len(chunk)
+        os.fsync(handle)
+    return digest.hexdigest(), n_bytes
+
+
+def _fsync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _remove_if_older(path: Path, latest_s: float) -> int:
+    try:
+        status = path.lstat()
+        if status.st_mtime > latest_s:
+            return 0
+        if not stat.S_ISDIR(status.st_mode):
+            path.unlink()
+            return 1
+        # a folder shows when a name in it changed, not when a file was written
+        inside = [p for p in path.rglob("*") if not p.is_dir()]
+        if any(p.lstat().st_mtime > latest_s for p in inside):
+            return 0
+        shutil.rmtree(path, ignore_errors=True)
+        return len(inside)
+    except FileNotFoundError:
+        return 0
+
+
+@contextlib.contextmanager
+def _trouble_told(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise FileProblem(
+            path,
+            f"cannot be kept ({error.strerror or error})",
+            "check that the disk has room and that the evidence folder can be written",
+        ) from error

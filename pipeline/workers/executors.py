@@ -1,0 +1,169 @@
+"""Who does a run's work: this process, processes of this machine, or a Dask cluster (`pipeline.workers.cluster`).
+
+    tasks (as they are asked for) --> crew --> outcomes (as they are done)
+
+A crew holds only the few tasks that are at work, so that a run may have any number of them. A worker that is lost
+costs no other task; one that is lost again and again with the same task costs that task, and the run goes on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+
+from pipeline.common.allocator import kept_memory
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from pipeline.common.settings import ReadSettings
+
+O = TypeVar("O")  # noqa: E741 - an order
+T = TypeVar("T")
+R = TypeVar("R")
+
+PART_TIMEOUT_S = 900.0
+_AHEAD = 2
+"""Tasks that are handed over for each worker: one at work, one waiting."""
+_AGAIN = 1
+"""Times that a task is tried again whose worker was lost."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome(Generic[T, R]):
+    """What became of a task.
+
+    Attributes:
+        task: as it was given.
+        result: what the function returned; None with an error.
+        error: what the function raised, or what became of its worker.
+    """
+
+    task: T
+    result: R | None = None
+    error: Exception | None = None
+
+
+class Crew(Protocol):
+    """Calls a function for many tasks."""
+
+    @property
+    def workers(self) -> int:
+        """Tasks that are at work at once, about."""
+
+    def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
+        """What the function makes of (order, task), as it is done, in any order."""
+
+
+class InlineCrew:
+    """This process."""
+
+    workers = 1
+
+    def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
+        """See `Crew`; in the order of the tasks."""
+        for task in tasks:
+            try:
+                outcome = Outcome(task, function(order, task))
+            except Exception as error:
+                outcome = Outcome(task, error=error)
+            yield outcome
+
+
+class PoolCrew:
+    """Processes of this machine, each on one core and within its share of the memory."""
+
+    def __init__(self, settings: ReadSettings, jobs: int, *, timeout_s: float = PART_TIMEOUT_S) -> None:
+        """Tell how; the processes start with the block.
+
+        Args:
+            settings: of reading.
+            jobs: processes.
+            timeout_s: after which a task is given up and its process replaced.
+
+        Raises:
+            ValueError: no process, no time.
+        """
+        if jobs < 1 or not timeout_s > 0.0:
+            raise ValueError(f"{jobs} jobs, {timeout_s} s a part: give at least 1, and a time above 0")
+        self.workers = jobs
+        self._settings, self._timeout_s = settings, timeout_s
+        self._stack = contextlib.ExitStack()
+
+    def __enter__(self) -> PoolCrew:
+        from pipeline.reading.jobs import Limits
+        from pipeline.workers.pool import WorkPool
+
+        self._stack.enter_context(kept_memory())
+        limits = Limits(memory_mb=_share_mb(self.workers))
+        self._pool = WorkPool(
+            self._settings, limits, self.workers, _AHEAD * self.workers, self._timeout_s, warm=False
+        )
+        self._stack.callback(self._pool.close, 0.0)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """Of the processes that live."""
+        return self._pool.pids
+
+    def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
+        """See `Crew`."""
+        from pipeline.workers.pool import WorkerLostError
+
+        done: queue.SimpleQueue[Future[R]] = queue.SimpleQueue()
+        held: dict[Future[R], tuple[T, int]] = {}
+        waiting = iter(tasks)
+
+        def hand_over(task: T, tries: int) -> None:
+            future: Future[Any] = self._pool.submit(function, order, task)
+            held[future] = (task, tries)
+            future.add_done_callback(done.put)
+
+        for task in islice(waiting, _AHEAD * self.workers):
+            hand_over(task, 0)
+        while held:
+            future = done.get()
+            task, tries = held.pop(future)
+            error = future.exception()
+            if isinstance(error, WorkerLostError) and not error.timed_out and tries < _AGAIN:
+                hand_over(task, tries + 1)
+                continue
+            for following in islice(waiting, 1):
+                hand_over(following, 0)
+            if error is None:
+                yield Outcome(task, future.result())
+            elif isinstance(error, Exception):
+                yield Outcome(task, error=error)
+            else:
+                raise error
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    import os
+
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _share_mb(workers: int) -> int:
+    """A worker's share of the machine's memory, in MB; 0, no limit, where that is not known."""
+    import os
+
+    try:
+        total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return 0
+    return max(1024, int(0.9 * total / (1 << 20) / workers))

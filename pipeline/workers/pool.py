@@ -1,0 +1,196 @@
+"""Worker processes, each with a thread of the service that feeds it; what does not fit is refused at once.
+
+::
+
+    submit --> waiting (bounded) --> thread 1 <== pipe ==> worker 1
+                                 --> thread 2 <== pipe ==> worker 2
+
+A worker that dies, or takes longer than a job may, costs its own job and is replaced; no lock is shared between
+processes, so that one killed at any moment leaves nothing held. Workers keep to a limit of memory, use one core each,
+and end when the service does, however that ends.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any
+
+from pipeline.workers.process import Answer
+from pipeline.workers.slot import Slot, SlotOrder, Task, Tasks, WorkerLostError
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
+    from pipeline.reading.jobs import Limits
+
+__all__ = ["BusyError", "WorkPool", "WorkerLostError"]
+
+_USUAL_S = 1.0
+_SMOOTHING = 0.2
+_LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0
+
+
+class BusyError(RuntimeError):
+    """As many jobs wait as may.
+
+    Attributes:
+        retry_after_s: when a place may be free, about.
+    """
+
+    def __init__(self, retry_after_s: float) -> None:
+        super().__init__(f"as many parts wait as may; try again in {retry_after_s:.0f} s")
+        self.retry_after_s = retry_after_s
+
+    def __reduce__(self) -> tuple[type[BusyError], tuple[float]]:
+        return (type(self), (self.retry_after_s,))
+
+
+class WorkPool:
+    """Runs functions in worker processes.
+
+    The functions are of modules that a worker can import; arguments, results and exceptions can be pickled.
+    """
+
+    def __init__(
+        self,
+        settings: ReadSettings,
+        limits: Limits,
+        workers: int,
+        queue: int,
+        timeout_s: float,
+        *,
+        warm: bool = True,
+    ) -> None:
+        """Start the workers; they warm up by themselves, see `ready`.
+
+        Args:
+            settings: how the workers read; they make their readers while they warm up.
+            limits: memory of a worker.
+            workers: processes.
+            queue: jobs that may wait beyond those that run.
+            timeout_s: a job may take.
+            warm: whether workers read a small part before their first job.
+
+        Raises:
+            ValueError: numbers that cannot be.
+        """
+        if workers < 1 or queue < 0 or not timeout_s > 0.0:
+            raise ValueError(
+                f"{workers} workers, {queue} waiting, {timeout_s} s: give at least 1, 0 and above 0"
+            )
+        self.workers, self.queue, self.timeout_s = workers, queue, timeout_s
+        self._order = SlotOrder(settings, limits, timeout_s, warm)
+        self._tasks: Tasks = _no_tasks()
+        self._lock = threading.Lock()
+        self._jobs = 0
+        self._mean_s = _USUAL_S
+        self._slots = [Slot(k, self._order, self._tasks, self._settle) for k in range(workers)]
+        for slot in self._slots:
+            slot.thread.start()
+        # before multiprocessing's own, which waits for workers that do not end by themselves
+        atexit.register(self.close, 0.0)
+
+    def submit(self, function: Callable[..., Any], *args: Any) -> Future[Any]:
+        """Have a worker call the function.
+
+        Returns:
+            Its future: the function's result or exception, or WorkerLostError. It cannot be cancelled.
+
+        Raises:
+            BusyError: as many jobs wait as may.
+            RuntimeError: the pool is closed.
+        """
+        future: Future[Any] = Future()
+        future.set_running_or_notify_cancel()
+        with self._lock:
+            if self._order.closing.is_set():
+                raise RuntimeError("the pool is closed")
+            busy_s = self.retry_after_s()
+            if busy_s is not None:
+                raise BusyError(busy_s)
+            self._jobs += 1
+        self._tasks.put(Task(function, args, future))
+        return future
+
+    def retry_after_s(self) -> float | None:
+        """When a place may be free, about; None while there is one."""
+        if self._jobs < self.workers + self.queue:
+            return None
+        after_s = self._mean_s * (self._jobs - self.workers + 1) / self.workers
+        return min(max(after_s, _LEAST_RETRY_S), _MOST_RETRY_S)
+
+    @property
+    def waiting(self) -> int:
+        """Jobs that no worker has begun."""
+        return max(0, self._tasks.qsize())
+
+    @property
+    def running(self) -> int:
+        """Jobs that workers are at."""
+        return max(0, self._jobs - self.waiting)
+
+    @property
+    def restarts(self) -> int:
+        """Workers that were replaced."""
+        return sum(slot.restarts for slot in self._slots)
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """Of the worker processes that live."""
+        return tuple(pid for slot in self._slots if (pid := slot.pid) is not None)
+
+    def ready(self) -> bool:
+        """Whether any worker is warm; one that is being replaced does not make the service unready."""
+        return not self._order.closing.is_set() and any(slot.warm for slot in self._slots)
+
+    def wait_ready(self, timeout_s: float) -> bool:
+        """Wait until every worker is warm."""
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until and not self._order.closing.is_set():
+            if all(slot.warm for slot in self._slots):
+                return True
+            time.sleep(0.02)
+        return False
+
+    def close(self, grace_s: float) -> None:
+        """Take no more jobs, let those that there are end, and end the workers; what is not done by then is lost."""
+        with self._lock:
+            if self._order.closing.is_set():
+                return
+            self._order.closing.set()
+        atexit.unregister(self.close)
+        until = time.monotonic() + max(0.0, grace_s)
+        for _ in self._slots:
+            self._tasks.put(None)
+        for slot in self._slots:
+            slot.thread.join(max(0.0, until - time.monotonic()))
+        self._order.stopped.set()
+        for slot in self._slots:
+            slot.kill()
+        for slot in self._slots:
+            slot.thread.join()
+        with contextlib.suppress(queue.Empty):
+            while True:
+                task = self._tasks.get_nowait()
+                if task is not None:
+                    self._settle(task, WorkerLostError("the service is stopping"))
+
+    def _settle(self, task: Task, outcome: Any) -> None:
+        with self._lock:
+            self._jobs -= 1
+            if isinstance(outcome, Answer):
+                self._mean_s += _SMOOTHING * (time.monotonic() - task.begun - self._mean_s)
+        if isinstance(outcome, Answer):
+            task.future.set_result(outcome.value)
+        else:
+            task.future.set_exception(outcome)
+
+
+def _no_tasks() -> Tasks:
+    # `queue` is what the pool calls the number of jobs that may wait
+    return queue.Queue()

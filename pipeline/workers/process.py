@@ -1,0 +1,120 @@
+"""A worker process: keeps to its means, warms up, and calls what it is sent until the service is gone."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import pickle
+import signal
+import sys
+import threading
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
+    from pipeline.reading.jobs import Limits
+
+_THREADS = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+)
+_PR_SET_PDEATHSIG = 1
+_MB = 1 << 20
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a function returned."""
+
+    value: Any
+
+
+def serve_jobs(
+    pipe: Connection, life: Connection, parent: int, settings: ReadSettings, limits: Limits, warm: bool
+) -> None:
+    """Call the functions that come through the pipe, and send back `Answer` or the exception.
+
+    Args:
+        pipe: (function, arguments) in, answers out; the first answer tells that the worker is warm.
+        life: nothing ever comes through it; it closes when the service ends.
+        parent: process of the service.
+        settings: how to read, to warm up with.
+        limits: memory.
+        warm: read a small part first.
+    """
+    _end_with(parent, life)
+    # the service is told to stop; it then tells its workers
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    for name in _THREADS:
+        os.environ[name] = "1"  # before the libraries are loaded
+    _bound_memory(limits.memory_mb)
+    if warm:
+        from pipeline.reading.warm_up import warm_up
+
+        warm_up(settings, limits)
+    pipe.send(Answer(None))
+    while True:
+        try:
+            function, args = pipe.recv()
+        except (EOFError, OSError):
+            return
+        except Exception as error:  # a function that cannot be found here
+            pipe.send(_sendable(error))
+            continue
+        try:
+            pipe.send(_called(function, args))
+        except OSError:
+            return
+
+
+def _called(function: Any, args: tuple[Any, ...]) -> Any:
+    try:
+        answer = Answer(function(*args))
+        pickle.dumps(answer)
+    except Exception as error:
+        return _sendable(error)
+    return answer
+
+
+def _sendable(error: Exception) -> Exception:
+    """The exception, or its words where it cannot be pickled there and back."""
+    try:
+        if type(pickle.loads(pickle.dumps(error))) is type(error):
+            return error
+    except Exception:
+        pass
+    return RuntimeError(f"{type(error).__name__}: {error}")
+
+
+def _end_with(parent: int, life: Connection) -> None:
+    """End this process when the service does, even by `kill -9`."""
+
+    def watch() -> None:
+        try:
+            life.recv_bytes()
+        except (EOFError, OSError):
+            os._exit(0)
+
+    threading.Thread(target=watch, daemon=True).start()
+    if sys.platform == "linux":
+        # native code that holds the interpreter would keep the thread from seeing it
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(0)
+
+
+def _bound_memory(limit_mb: int) -> None:
+    if limit_mb <= 0:
+        return
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return
+    # what is written to, that is: libraries reserve far more addresses than they use
+    resource.setrlimit(resource.RLIMIT_DATA, (limit_mb * _MB, limit_mb * _MB))

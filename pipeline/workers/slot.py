@@ -1,0 +1,235 @@
+"""One worker of the pool: its process, the thread that feeds it, and what becomes of both."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import multiprocessing
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from typing import TYPE_CHECKING, Any
+
+from pipeline.workers.process import Answer, serve_jobs
+
+if TYPE_CHECKING:
+    from multiprocessing.context import SpawnProcess
+
+    from pipeline.common.settings import ReadSettings
+    from pipeline.reading.jobs import Limits
+
+_log = logging.getLogger(__name__)
+_PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
+_WARM_UP_S = 180.0
+_LOOK_S = 0.25
+
+
+class WorkerLostError(RuntimeError):
+    """A job whose worker ended before it did.
+
+    Attributes:
+        reason: what became of the worker, in words.
+        timed_out: whether it took longer than a job may; the same job will then hardly do better.
+    """
+
+    def __init__(self, reason: str, timed_out: bool = False) -> None:
+        super().__init__(reason)
+        self.reason, self.timed_out = reason, timed_out
+
+
+@dataclass
+class Task:
+    """A call that someone waits for."""
+
+    function: Callable[..., Any]
+    args: tuple[Any, ...]
+    future: Future[Any]
+    begun: float = 0.0
+
+
+Tasks = queue.Queue[Task | None]
+
+
+@dataclass(frozen=True, eq=False)
+class SlotOrder:
+    """How workers are to be, and when to end.
+
+    Attributes:
+        settings: how they read.
+        limits: memory of a worker.
+        timeout_s: a job may take.
+        warm: whether they read a small part first.
+        closing: no more jobs come.
+        stopped: jobs that are not done are lost.
+    """
+
+    settings: ReadSettings
+    limits: Limits
+    timeout_s: float
+    warm: bool
+    closing: threading.Event = field(default_factory=threading.Event)
+    stopped: threading.Event = field(default_factory=threading.Event)
+
+
+class Slot:
+    """One worker, whichever process it is at the time, and the thread that feeds it."""
+
+    def __init__(
+        self, number: int, order: SlotOrder, tasks: Tasks, settle: Callable[[Task, Any], None]
+    ) -> None:
+        """Prepare; `thread` is to be started.
+
+        Args:
+            number: for the thread's name.
+            order: how the worker is to be, and when to end.
+            tasks: where jobs come from; one None for each slot at the end.
+            settle: told of every job what came of it: an `Answer` or an exception.
+        """
+        self.order, self.tasks, self.settle = order, tasks, settle
+        self.restarts, self.warm = 0, False
+        self.process: SpawnProcess | None = None
+        self.pipe: Connection | None = None
+        self._life: Connection | None = None
+        self.thread = threading.Thread(target=self._run, name=f"worker-{number}", daemon=True)
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process, while it lives."""
+        process = self.process
+        return process.pid if process is not None and process.exitcode is None else None
+
+    def kill(self) -> None:
+        """End the process now; its thread sees it."""
+        process = self.process
+        if process is not None:
+            with contextlib.suppress(OSError, ValueError):
+                process.kill()
+
+    def _run(self) -> None:
+        pause = _PAUSE_S
+        closing = self.order.closing
+        while not self.order.stopped.is_set():
+            if not self.warm and not (closing.is_set() and self.tasks.empty()):
+                started = self._start()
+                if not started:
+                    if not self.order.stopped.is_set():
+                        _log.warning("a worker has ended before it was warm")
+                    self._end()
+                    self.restarts += 1
+                    # a worker that cannot even start would otherwise keep a core busy with failing
+                    closing.wait(pause)
+                    pause = min(2.0 * pause, _MOST_PAUSE_S)
+                    if closing.is_set():
+                        break
+                    continue
+                pause = _PAUSE_S
+            task = self._next()
+            if task is None and (closing.is_set() or self.warm):
+                break
+            if task is not None:
+                self._do(task)
+        self._end()
+
+    def _next(self) -> Task | None:
+        """The next job; None at the end, or where the idle worker has died and is to be replaced first."""
+        while True:
+            with contextlib.suppress(queue.Empty):
+                return self.tasks.get(timeout=_LOOK_S)
+            if self.process is None or self.process.exitcode is not None:
+                self._end()
+                self.restarts += 1
+                return None
+
+    def _start(self) -> bool:
+        """Begin a process and wait until it is warm."""
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        life_end, self._life = context.Pipe(duplex=False)
+        process = context.Process(
+            target=serve_jobs,
+            args=(theirs, life_end, os.getpid(), self.order.settings, self.order.limits, self.order.warm),
+            name="tactile-marks-worker",
+            daemon=True,
+        )
+        self.pipe = ours
+        try:
+            process.start()
+        except OSError:
+            return False
+        finally:
+            theirs.close()
+            life_end.close()
+        self.process = process
+        if self.order.stopped.is_set():
+            return False
+        message = self._received(_WARM_UP_S)
+        self.warm = isinstance(message, Answer)
+        return self.warm
+
+    def _do(self, task: Task) -> None:
+        task.begun = time.monotonic()
+        try:
+            outcome = self._outcome(task)
+        except Exception as error:  # of this thread: the job may not wait for ever, nor the slot be lost
+            _log.exception("fault of the program while waiting for a worker")
+            self._end()
+            self.restarts += 1
+            outcome = WorkerLostError(f"the worker was lost ({type(error).__name__})")
+        self.settle(task, outcome)
+
+    def _outcome(self, task: Task) -> Any:
+        assert self.pipe is not None
+        try:
+            self.pipe.send((task.function, task.args))
+        except OSError:
+            pass  # it has died: seen below
+        except Exception as error:  # arguments that cannot be pickled
+            return error
+        started = time.monotonic()
+        message = self._received(self.order.timeout_s)
+        if message is not None:
+            return message
+        timed_out = time.monotonic() - started >= self.order.timeout_s
+        lost = WorkerLostError(self._fate(timed_out), timed_out)
+        _log.warning("%s", lost.reason)
+        self._end()
+        self.restarts += 1
+        return lost
+
+    def _received(self, timeout_s: float) -> Any:
+        """What the worker sends; None where it is gone or too late."""
+        assert self.pipe is not None
+        assert self.process is not None
+        wait([self.pipe, self.process.sentinel], timeout_s)
+        with contextlib.suppress(Exception):  # a message cut short by a kill may be anything
+            if self.pipe.poll():
+                return self.pipe.recv()
+        return None
+
+    def _fate(self, timed_out: bool) -> str:
+        if timed_out:
+            return f"reading took longer than {self.order.timeout_s:g} s and was stopped"
+        process = self.process
+        if process is not None:
+            process.join(1.0)
+        code = process.exitcode if process is not None else None
+        return f"the worker that was reading has ended (exit code {code})"
+
+    def _end(self) -> None:
+        self.warm = False
+        process, self.process = self.process, None
+        if self.pipe is not None:
+            self.pipe.close()
+        if self._life is not None:
+            self._life.close()
+        self.pipe = self._life = None
+        if process is not None:
+            process.join(0.2 if process.exitcode is None and self.order.closing.is_set() else 0.0)
+            if process.exitcode is None:
+                process.kill()
+            process.join()

@@ -1,0 +1,311 @@
+import itertools
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.path import Path as PlotPath
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
+
+from glyphs.fonts.outlines import (
+    BUILTIN_FONTS,
+    SERIAL_CHARACTERS,
+    Font,
+    FontError,
+    Glyph,
+    load_font,
+    signed_distance,
+    transformed,
+    with_stroke,
+)
+
+DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+CFF_LIKE_STIX = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "STIXGeneral.ttf"
+
+coordinates = st.floats(-0.5, 1.5)
+letters = st.sampled_from(SERIAL_CHARACTERS)
+fonts = st.sampled_from((*BUILTIN_FONTS, DEJAVU))
+
+
+def raster(glyph, stroke, step=0.02):
+    x, y = np.arange(-0.2, 1.5, step), np.arange(-0.4, 1.3, step)
+    return signed_distance(glyph, x[None, :], y[:, None], stroke=stroke) < 0
+
+
+@pytest.mark.parametrize("name", BUILTIN_FONTS)
+def test_built_in_fonts_have_all_serial_characters_one_cap_height_tall(name):
+    font = load_font(name)
+    assert set(SERIAL_CHARACTERS) <= set(font.glyphs)
+    _, y0, _, y1 = font.glyph("H").ink_box
+    assert (y0, y1) == pytest.approx((0.0, 1.0), abs=1e-9)
+    for char in SERIAL_CHARACTERS:
+        x0, y0, x1, y1 = font.glyph(char).ink_box
+        assert -0.01 <= x0 < x1 <= font.glyph(char).advance + 0.01
+        # Q and the serifed J reach below the baseline in Hershey's letters.
+        assert y0 >= -0.36
+        assert y1 == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("name", BUILTIN_FONTS)
+def test_characters_of_a_font_are_pairwise_different(name):
+    font = load_font(name)
+
+    def centred(char):
+        box = font.glyph(char).ink_box
+        x = np.arange(-0.75, 0.75, 0.02) + (box[0] + box[2]) / 2
+        y = np.arange(-0.4, 1.2, 0.02)
+        return signed_distance(font.glyph(char), x[None, :], y[:, None], stroke=font.stroke_ratio) < 0
+
+    ink = {char: centred(char) for char in SERIAL_CHARACTERS}
+    overlap = {
+        a + b: (ink[a] & ink[b]).sum() / (ink[a] | ink[b]).sum()
+        for a, b in itertools.combinations(SERIAL_CHARACTERS, 2)
+    }
+    # Q is an O with a tail in every gothic; the tail alone must tell them apart.
+    assert overlap.pop("OQ") < 0.93
+    worst = max(overlap, key=overlap.get)
+    assert overlap[worst] < 0.87, f"{worst} overlap by {overlap[worst]:.2f}"
+
+
+def test_gothic_keeps_look_alikes_apart():
+    font = load_font("gothic")
+    width = {c: font.glyph(c).ink_box[2] - font.glyph(c).ink_box[0] for c in SERIAL_CHARACTERS}
+    assert width["O"] > 1.3 * width["0"]
+    assert width["1"] > 1.5 * width["I"]
+    for a, b in ("5S", "8B", "2Z", "O0", "1I", "O0", "DO", "UV"):
+        ink_a, ink_b = raster(font.glyph(a), 0.15), raster(font.glyph(b), 0.15)
+        assert (ink_a & ink_b).sum() / (ink_a | ink_b).sum() < 0.75, a + b
+
+
+@pytest.mark.parametrize("char", ["8", "R", "W"])
+@pytest.mark.parametrize("source", ["gothic", "timesrb", DEJAVU])
+def test_signed_distance_agrees_with_a_search_among_points_along_the_outline(source, char):
+    font = load_font(source)
+    glyph = font.glyph(char)
+    apart = 0.0005
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(-0.2, 1.6, 0.02), np.arange(-0.3, 1.3, 0.02)))
+    ours = signed_distance(glyph, x, y, stroke=font.stroke_ratio)
+    lines = glyph.strokes or [np.vstack([c, c[:1]]) for c in glyph.contours]
+    theirs = cKDTree(np.concatenate([_points_along(line, apart) for line in lines])).query(
+        np.column_stack([x, y])
+    )[0]
+    if glyph.contours:
+        inside = np.zeros(x.size, bool)
+        for contour in glyph.contours:  # these do not overlap, so even-odd is the same as non-zero
+            inside ^= PlotPath(contour).contains_points(np.column_stack([x, y]))
+        theirs = np.where(inside, -theirs, theirs)
+    else:
+        theirs = theirs - font.stroke_ratio / 2
+    # The nearest point of a line is at most half the spacing away from the nearest sample of it.
+    assert np.abs(ours - theirs).max() <= apart / 2 + 1e-6
+    assert (ours < 0).any()
+    assert (ours > 0).any()
+
+
+def _points_along(line, apart):
+    """Points along a polyline, no further apart than that."""
+    parts = [
+        np.linspace(p, q, int(np.ceil(np.hypot(*(q - p)) / apart)) + 1) for p, q in itertools.pairwise(line)
+    ]
+    return np.concatenate(parts)
+
+
+@pytest.mark.parametrize("source", ["gothic", DEJAVU])
+def test_distance_outside_agrees_with_a_distance_transform(source):
+    font = load_font(source)
+    step = 0.005
+    x, y = np.arange(-0.2, 1.6, step), np.arange(-0.3, 1.3, step)
+    ours = signed_distance(font.glyph("R"), x[None, :], y[:, None], stroke=font.stroke_ratio)
+    theirs = distance_transform_edt(ours > 0) * step
+    # The transform measures to the nearest inked pixel centre, up to a pixel's diagonal behind the edge.
+    outside = ours > 0
+    assert (theirs - ours)[outside].min() > -1e-6
+    assert (theirs - ours)[outside].max() < np.sqrt(2) * step
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    source=fonts, char=letters, p=st.tuples(coordinates, coordinates), q=st.tuples(coordinates, coordinates)
+)
+def test_signed_distance_never_changes_faster_than_the_way(source, char, p, q):
+    font = load_font(source)
+    d = signed_distance(font.glyph(char), [p[0], q[0]], [p[1], q[1]], stroke=font.stroke_ratio)
+    assert abs(float(d[0] - d[1])) <= np.hypot(p[0] - q[0], p[1] - q[1]) + 1e-5
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    char=letters, shift=st.tuples(st.floats(-3, 3), st.floats(-3, 3)), p=st.tuples(coordinates, coordinates)
+)
+def test_signed_distance_moves_with_the_glyph(char, shift, p):
+    glyph = load_font("gothic").glyph(char)
+    moved = Glyph(char, strokes=tuple(s + shift for s in glyph.strokes), advance=1.0)
+    here = signed_distance(glyph, p[0], p[1], stroke=0.15)
+    there = signed_distance(moved, p[0] + shift[0], p[1] + shift[1], stroke=0.15)
+    assert float(there) == pytest.approx(float(here), abs=1e-5)
+    assert here.shape == ()
+
+
+@settings(max_examples=30, deadline=None)
+@given(char=letters, pick=st.integers(0, 10_000), stroke=st.floats(0.02, 0.3))
+def test_centre_line_is_half_a_stroke_inside(char, pick, stroke):
+    glyph = load_font("gothic").glyph(char)
+    points = np.concatenate(glyph.strokes)
+    x, y = points[pick % len(points)]
+    assert float(signed_distance(glyph, x, y, stroke=stroke)) == pytest.approx(-stroke / 2, abs=1e-6)
+    assert float(signed_distance(glyph, x + 5.0, y, stroke=stroke)) > 3.0
+
+
+def square(x0, y0, side):
+    return np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]) * side + (x0, y0)
+
+
+def test_overlapping_contours_have_no_seam():
+    glyph = Glyph("+", contours=(square(0, 0, 1.0), square(0.5, 0.25, 0.5), square(0.9, 0.25, 0.5)))
+    # (0.9, 0.5) lies on the left edge of the third square, deep inside the union.
+    assert float(signed_distance(glyph, 0.9, 0.5, stroke=0)) == pytest.approx(-np.hypot(0.1, 0.25), abs=1e-6)
+    assert float(signed_distance(glyph, 1.5, 0.5, stroke=0)) == pytest.approx(0.1, abs=1e-6)
+
+
+def test_counter_of_opposite_winding_is_a_hole_and_of_like_winding_is_not():
+    ring = Glyph("O", contours=(square(0, 0, 1.0), square(0.25, 0.25, 0.5)[::-1]))
+    assert float(signed_distance(ring, 0.5, 0.5, stroke=0)) == pytest.approx(0.25)
+    solid = Glyph("O", contours=(square(0, 0, 1.0), square(0.25, 0.25, 0.5)))
+    assert float(signed_distance(solid, 0.5, 0.5, stroke=0)) == pytest.approx(-0.5)
+
+
+def test_space_has_no_ink():
+    assert np.isposinf(
+        signed_distance(load_font("gothic").glyph(" "), np.zeros((2, 3)), 0.0, stroke=0.1)
+    ).all()
+    assert load_font("gothic").glyph(" ").ink_box == (0.0, 0.0, load_font("gothic").glyph(" ").advance, 1.0)
+
+
+def test_with_stroke_keeps_the_ink_height():
+    glyph = load_font("gothic").glyph("H")
+    for stroke in (0.02, 0.1, 0.3):
+        assert with_stroke(glyph, stroke).ink_box[1::2] == pytest.approx((0.0, 1.0))
+    with pytest.raises(FontError, match="narrower"):
+        with_stroke(glyph, 1.0)
+
+
+def test_transformed_widens_and_leans_about_mid_cap():
+    leaning = transformed(load_font("gothic").glyph("I"), x_scale=2.0, shear=0.2)
+    (x0, y0), (x1, y1) = leaning.strokes[0]
+    assert (x1 - x0) / (y1 - y0) == pytest.approx(0.2)
+    assert (x0 + x1) / 2 == pytest.approx(2.0 * load_font("gothic").glyph("I").strokes[0][:, 0].mean())
+
+
+@pytest.mark.parametrize("path", [DEJAVU, CFF_LIKE_STIX, DEJAVU.with_name("cmr10.ttf")])
+def test_truetype_fonts_are_scaled_to_the_cap_height(path):
+    font = load_font(path)
+    assert font.stroke_ratio == 0.0
+    assert set(SERIAL_CHARACTERS) <= set(font.glyphs)
+    assert font.glyph("H").ink_box[3] == pytest.approx(1.0, abs=1e-6)
+    assert load_font(str(path)) is font
+
+
+def test_curves_are_flattened_finely_enough():
+    from fontTools.pens.areaPen import AreaPen
+    from fontTools.ttLib import TTFont
+
+    with TTFont(DEJAVU) as file:
+        glyph_set = file.getGlyphSet()
+        pen = AreaPen(glyph_set)
+        glyph_set["O"].draw(pen)
+        cap = load_font(DEJAVU).glyph("H")
+        assert cap.ink_box[3] == pytest.approx(1.0)
+        unit = file["OS/2"].sCapHeight if file["OS/2"].version >= 2 else 1493
+        exact = abs(pen.value) / unit**2
+    polygons = load_font(DEJAVU).glyph("O").contours
+    area = abs(sum(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) for x, y in (p.T for p in polygons)))
+    # Two rings, each about 3 cap heights round, may each lie 0.002 off at worst.
+    assert area == pytest.approx(exact, abs=2 * 3 * 0.002)
+
+
+def test_unknown_name_lists_the_built_ins():
+    with pytest.raises(FontError, match=r"unknown font 'helvetica'.*gothic"):
+        load_font("helvetica")
+
+
+def test_missing_damaged_and_letterless_files(tmp_path):
+    with pytest.raises(FontError, match="missing"):
+        load_font(tmp_path / "nothing.ttf")
+    data = DEJAVU.read_bytes()
+    for name, content in {
+        "empty": b"",
+        "noise": b"\x00\x01\x00\x00" + b"x" * 999,
+        "half": data[: len(data) // 2],
+    }.items():
+        path = tmp_path / f"{name}.ttf"
+        path.write_bytes(content)
+        with pytest.raises(FontError, match="cannot be read"):
+            load_font(path)
+    with pytest.raises(FontError, match="none of A-Z"):
+        load_font(_font_with_only_an_exclamation_mark(tmp_path / "bare.ttf"))
+
+
+def _font_with_only_an_exclamation_mark(path):
+    from fontTools.fontBuilder import FontBuilder
+    from fontTools.pens.ttGlyphPen import TTGlyphPen
+
+    pen = TTGlyphPen(None)
+    pen.moveTo((0, 0))
+    pen.lineTo((100, 700))
+    pen.lineTo((200, 0))
+    pen.closePath()
+    builder = FontBuilder(1000, isTTF=True)
+    builder.setupGlyphOrder([".notdef", "exclam"])
+    builder.setupCharacterMap({ord("!"): "exclam"})
+    builder.setupGlyf({".notdef": TTGlyphPen(None).glyph(), "exclam": pen.glyph()})
+    builder.setupHorizontalMetrics({".notdef": (500, 0), "exclam": (300, 0)})
+    builder.setupHorizontalHeader(ascent=800, descent=-200)
+    builder.setupNameTable({"familyName": "Bare", "styleName": "Regular"})
+    builder.setupOS2(sCapHeight=700)
+    builder.setupPost()
+    builder.save(path)
+    return path
+
+
+def test_a_changed_font_file_is_read_again(tmp_path):
+    path = tmp_path / "font.ttf"
+    path.write_bytes(DEJAVU.read_bytes())
+    first = load_font(path)
+    path.write_bytes(CFF_LIKE_STIX.read_bytes())
+    assert load_font(path).name != first.name
+
+
+LINE = np.array([[0.0, 0.0], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Glyph("AB", strokes=(LINE,)), "one character"),
+        (lambda: Glyph("A", strokes=(LINE,), contours=(square(0, 0, 1),)), "one of them"),
+        (lambda: Glyph("A", strokes=(np.zeros((2, 3)),)), "shape"),
+        (lambda: Glyph("A", contours=(LINE,)), "shape"),
+        (lambda: Glyph("A", strokes=(LINE * np.nan,)), "finite"),
+        (lambda: Glyph("A", strokes=(LINE,), advance=-1.0), "advance"),
+        (lambda: Glyph("A", strokes=(LINE,), stroke=1.0), "stroke"),
+        (lambda: Font("f", {}, 0.1, "here"), "no glyphs"),
+        (lambda: Font("", {"A": Glyph("A")}, 0.1, "here"), "name"),
+        (lambda: Font("f", {"B": Glyph("A")}, 0.1, "here"), "other characters"),
+        (lambda: Font("f", {"A": Glyph("A")}, 1.5, "here"), "stroke_ratio"),
+        (lambda: load_font("gothic").glyph("é"), "no character 'é'"),
+    ],
+)
+def test_glyphs_and_fonts_refuse(make, message):
+    with pytest.raises(FontError, match=message):
+        make()
+
+
+def test_glyphs_cannot_be_changed_through_their_arrays():
+    glyph = Glyph("A", strokes=(LINE,))
+    with pytest.raises(ValueError, match="read-only"):
+        glyph.strokes[0][0, 0] = 1.0
+    with pytest.raises(TypeError):
+        load_font("gothic").glyphs["A"] = glyph

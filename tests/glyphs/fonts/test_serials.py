@@ -1,0 +1,41 @@
+import string
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from glyphs.fonts.serials import MaskError, allowed_characters, random_text
+
+masks = st.text("A9*BZ-./0", min_size=1, max_size=12)
+
+
+def test_mask_letters():
+    letters, figures = string.ascii_uppercase, string.digits
+    assert allowed_characters("A9*-") == (letters, figures, letters + figures, "-")
+    assert allowed_characters("B0") == ("B", "0")
+    assert "O" not in allowed_characters("A", exclude="IOQ")[0]
+    assert allowed_characters("O", exclude="IOQ") == ("O",)
+
+
+@given(mask=masks, seed=st.integers(0, 2**32 - 1))
+def test_random_text_obeys_its_mask_and_its_seed(mask, seed):
+    text = random_text(mask, rng=np.random.default_rng(seed), exclude="IOQ")
+    assert len(text) == len(mask)
+    assert all(c in allowed for c, allowed in zip(text, allowed_characters(mask, exclude="IOQ"), strict=True))
+    assert text == random_text(mask, rng=np.random.default_rng(seed), exclude="IOQ")
+
+
+def test_random_text_uses_the_whole_alphabet():
+    assert set(random_text("*" * 1000, rng=np.random.default_rng(0))) == set(
+        string.ascii_uppercase + string.digits
+    )
+
+
+@pytest.mark.parametrize(
+    ("mask", "exclude", "message"),
+    [("", "", "empty"), ("A\n", "", "printed"), ("A9", string.digits, "position 2")],
+)
+def test_masks_refused(mask, exclude, message):
+    with pytest.raises(MaskError, match=message):
+        allowed_characters(mask, exclude=exclude)

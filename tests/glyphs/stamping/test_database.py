@@ -1,0 +1,237 @@
+import os
+from dataclasses import asdict
+
+import h5py
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from glyphs.fonts.glyph import Font, Glyph
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping import database as module
+from glyphs.stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
+from glyphs.stamping.die import Face, default_die
+from glyphs.surface.maps import EdgeMap
+
+WHEN = "2024-05-17T09:30:00+00:00"
+
+
+def exemplar(**change):
+    noise = np.random.default_rng(0).normal(size=(2, 20, 15)).astype(np.float32)
+    edges = EdgeMap(noise, (0, 270), noise[0] > -1, 0.05, (1.5, -2.0))
+    values = {"char": "8", "font_name": "gothic", "edge_map": edges, "note": "worn ½", "enrolled_at": WHEN}
+    return Exemplar(**{**values, **change})
+
+
+@pytest.fixture(scope="module")
+def full():
+    dejavu = load_font(f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans.ttf")
+    fonts = (load_font("gothic"), load_font("timesr"), dejavu)
+    dies = {"5 mm/flat": default_die(5.0), "sharp é": default_die(3.2, face=Face.SHARP, bevel_deg=60.0)}
+    return GlyphDatabase({f.name: f for f in fonts}, dies, (exemplar(), exemplar(char="B", note="")))
+
+
+@pytest.fixture(scope="module")
+def saved(full, tmp_path_factory):
+    path = tmp_path_factory.mktemp("database") / "glyphs.h5"
+    save_database(full, path)
+    return path
+
+
+def test_round_trip_keeps_everything(full, saved):
+    back = load_database(saved)
+    assert list(back.fonts) == list(full.fonts)
+    for name, font in full.fonts.items():
+        other = back.fonts[name]
+        assert (other.stroke_ratio, other.source) == (font.stroke_ratio, font.source)
+        assert list(other.glyphs) == list(font.glyphs)
+        for char, glyph in font.glyphs.items():
+            twin = other.glyphs[char]
+            assert (twin.advance, twin.stroke) == (glyph.advance, glyph.stroke)
+            assert len(twin.strokes) == len(glyph.strokes)
+            assert len(twin.contours) == len(glyph.contours)
+            for a, b in zip(twin.strokes + twin.contours, glyph.strokes + glyph.contours, strict=True):
+                assert np.array_equal(a, b)
+    assert {n: asdict(d) for n, d in back.dies.items()} == {n: asdict(d) for n, d in full.dies.items()}
+    for one, two in zip(back.exemplars, full.exemplars, strict=True):
+        assert (one.char, one.font_name, one.note, one.enrolled_at) == (
+            two.char,
+            two.font_name,
+            two.note,
+            WHEN,
+        )
+        assert np.array_equal(one.edge_map.enhancement, two.edge_map.enhancement)
+        assert np.array_equal(one.edge_map.valid, two.edge_map.valid)
+        assert one.edge_map.directions == two.edge_map.directions
+        assert (one.edge_map.pitch_mm, one.edge_map.origin_mm) == (0.05, (1.5, -2.0))
+
+
+def test_an_empty_database_is_one(tmp_path):
+    save_database(GlyphDatabase(), tmp_path / "empty.h5")
+    back = load_database(tmp_path / "empty.h5")
+    assert (len(back.fonts), len(back.dies), len(back.exemplars)) == (0, 0, 0)
+
+
+def test_any_hdf5_reader_opens_the_file(saved):
+    with h5py.File(saved) as file:
+        assert file.attrs["format"] == module.FORMAT_NAME
+        assert file.attrs["format_version"] == module.FORMAT_VERSION
+        assert set(file) == {"fonts", "dies", "exemplars"}
+
+
+def test_saving_the_same_twice_gives_the_same_bytes(full, saved, tmp_path):
+    save_database(full, tmp_path / "again.h5")
+    assert (tmp_path / "again.h5").read_bytes() == saved.read_bytes()
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_flipped_byte_is_noticed(saved, tmp_path, data):
+    content = bytearray(saved.read_bytes())
+    at = data.draw(st.one_of(st.integers(0, 600), st.integers(0, len(content) - 1)))
+    content[at] ^= data.draw(st.integers(1, 255))
+    path = tmp_path / "flipped.h5"
+    path.write_bytes(content)
+    with pytest.raises(DatabaseError, match=r"flipped\.h5"):
+        load_database(path)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_truncation_and_any_noise_is_noticed(saved, tmp_path, data):
+    content = saved.read_bytes()
+    path = tmp_path / "cut.h5"
+    path.write_bytes(
+        data.draw(
+            st.one_of(st.integers(0, len(content) - 1).map(lambda n: content[:n]), st.binary(max_size=2000))
+        )
+    )
+    with pytest.raises(DatabaseError, match=r"cut\.h5"):
+        load_database(path)
+
+
+def test_a_newer_version_is_named_as_such(saved, tmp_path):
+    path = tmp_path / "newer.h5"
+    path.write_bytes(saved.read_bytes().replace(b"format_version 2\n", b"format_version 3\n", 1))
+    with pytest.raises(DatabaseError, match=r"newer\.h5.*version 3, newer than 2.*update"):
+        load_database(path)
+
+
+def test_missing_file_folder_and_target(full, tmp_path):
+    with pytest.raises(DatabaseError, match=r"nothing\.h5.*does not exist"):
+        load_database(tmp_path / "nothing.h5")
+    with pytest.raises(DatabaseError, match="cannot be read"):
+        load_database(tmp_path)
+    with pytest.raises(DatabaseError, match="check the folder"):
+        save_database(full, tmp_path / "no folder" / "glyphs.h5")
+
+
+def rewritten(saved, tmp_path, change):
+    """The saved file with its HDF5 part edited and the digest made good."""
+    body = tmp_path / "body.h5"
+    body.write_bytes(saved.read_bytes()[module._BLOCK_BYTES :])
+    with h5py.File(body, "r+") as file:
+        change(file)
+    path = tmp_path / "edited.h5"
+    path.write_bytes(module._block(body.read_bytes()) + body.read_bytes())
+    return path
+
+
+def replace_with_objects(file):
+    del file["fonts/0/advance"]
+    file["fonts/0"].create_dataset("advance", data=["cos\nsystem\n"] * 3, dtype=h5py.string_dtype())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        replace_with_objects,
+        lambda file: file.__delitem__("dies"),
+        lambda file: file["dies/0"].attrs.__setitem__("die", "{}"),
+        lambda file: file["exemplars/0"].attrs.__setitem__("pitch_mm", -1.0),
+        lambda file: file["exemplars/0"].attrs.__setitem__("directions_deg", [0, 45]),
+        lambda file: file["fonts/0/points"].__setitem__((0, 0), np.nan),
+    ],
+)
+def test_nonsense_behind_a_right_digest_is_refused(saved, tmp_path, change):
+    with pytest.raises(DatabaseError, match=r"edited\.h5.*no glyph database"):
+        load_database(rewritten(saved, tmp_path, change))
+
+
+def test_a_failed_save_leaves_the_old_file_and_no_litter(full, tmp_path, monkeypatch):
+    path = tmp_path / "glyphs.h5"
+    save_database(GlyphDatabase(), path)
+    before = path.read_bytes()
+
+    def full_disk(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full_disk)
+    with pytest.raises(DatabaseError, match="No space left"):
+        save_database(full, path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["glyphs.h5"]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: exemplar(char="AB"), "one character"),
+        (lambda: exemplar(enrolled_at="yesterday"), "ISO 8601"),
+        (lambda: GlyphDatabase({"other": load_font("gothic")}), "own name"),
+        (lambda: GlyphDatabase(dies={"": default_die(5.0)}), "name"),
+    ],
+)
+def test_values_refuse(make, message):
+    with pytest.raises(DatabaseError, match=message):
+        make()
+
+
+def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
+    relief = np.random.default_rng(1).normal(size=(53, 65)).astype(np.float32)
+    square = np.array([[0.1, 0.0], [0.5, 0.0], [0.5, 1.0], [0.1, 1.0]])
+    glyphs = {
+        "8": Glyph("8", contours=(square,), advance=0.6, felt=relief),
+        "B": Glyph("B", contours=(square,), advance=0.6, felt=-relief, guessed=True),
+        "-": Glyph("-", contours=(square,), advance=0.6),
+    }
+    edges = EdgeMap(relief[None], (0,), relief > 0, 0.125, (-4.0, -3.25))
+    felt = np.where(relief > 1.0, np.nan, relief)
+    values = {"relief": felt, "height_mm": 5.0, "rotation_deg": -2.5, "raised": True}
+    one = exemplar(edge_map=edges, part="part-7", evidence="ab" * 32, **values)
+    save_database(GlyphDatabase({"press": Font("press", glyphs, 0.0, "")}, {}, (one,)), tmp_path / "l.glyphs")
+    back = load_database(tmp_path / "l.glyphs")
+    font = back.fonts["press"]
+    assert font.learned
+    assert [g.guessed for g in font.glyphs.values()] == [False, True, False]
+    assert np.array_equal(font.glyphs["B"].felt, -relief)
+    assert font.glyphs["-"].felt is None
+    twin = back.exemplars[0]
+    assert np.array_equal(twin.relief, felt, equal_nan=True)
+    assert (twin.height_mm, twin.rotation_deg, twin.raised) == (5.0, -2.5, True)
+    assert (twin.part, twin.evidence) == ("part-7", "ab" * 32)
+
+
+def test_a_file_of_the_first_format_is_read(saved, tmp_path):
+    body = tmp_path / "body.h5"
+    body.write_bytes(saved.read_bytes()[module._BLOCK_BYTES :])
+    with h5py.File(body, "r+") as file:
+        file.attrs["format_version"] = 1
+        for group in file["exemplars"].values():
+            for key in ("part", "evidence", "height_mm", "rotation_deg", "raised"):
+                del group.attrs[key]
+    path = tmp_path / "first.h5"
+    path.write_bytes(module._block(body.read_bytes(), 1) + body.read_bytes())
+    back = load_database(path)
+    assert list(back.fonts) == list(load_database(saved).fonts)
+    assert [(e.char, e.relief, e.part, e.height_mm) for e in back.exemplars] == [
+        ("8", None, "", 0.0),
+        ("B", None, "", 0.0),
+    ]
+
+
+def test_an_exemplar_whose_relief_does_not_fit_is_refused():
+    with pytest.raises(DatabaseError, match="does not fit the edge map"):
+        exemplar(relief=np.zeros((3, 3), dtype=np.float32))

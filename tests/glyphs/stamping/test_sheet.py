@@ -1,0 +1,34 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import Face
+from glyphs.stamping.sheet import sheet_figure
+
+
+def test_sheet_shows_ink_and_relief_of_every_font():
+    fonts = [load_font("gothic"), load_font("timesr")]
+    figure = sheet_figure(fonts, die_face=Face.SHARP)
+    axes = [a for a in figure.axes if a.get_title(loc="left")]
+    assert [a.get_title(loc="left").split()[0] for a in axes] == ["gothic", "timesr"]
+    reliefs = [np.asarray(image.get_array()) for a in figure.axes for image in a.get_images()]
+    assert len(reliefs) == 2
+    assert all(r.min() < -0.1 for r in reliefs)
+    assert all(a.collections for a in axes)
+
+
+def test_sheet_needs_a_font():
+    with pytest.raises(ValueError, match="at least one font"):
+        sheet_figure([])
+
+
+def test_importing_the_package_is_cheap():
+    heavy = "{'numba', 'h5py', 'fontTools', 'HersheyFonts', 'matplotlib', 'scipy'}"
+    names = ("maps", "outlines", "die", "stamping", "serials", "database", "sheet")
+    modules = ", ".join(f"glyphs.{name}" for name in names)
+    code = f"import sys, {modules}; print(sorted({heavy} & set(sys.modules)))"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"

@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+
+from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
+
+PLANE = np.zeros((3, 4), np.float32)
+
+
+def test_height_map_keeps_what_it_was_given_read_only():
+    source = np.arange(12.0).reshape(3, 4)
+    heights = HeightMap(source, 0.5)
+    source[0, 0] = 99.0
+    assert heights.z_mm[0, 0] == 0.0
+    assert heights.z_mm.dtype == np.float32
+    assert heights.shape == (3, 4)
+    assert heights.size_mm == (1.5, 1.0)
+    with pytest.raises(ValueError, match="read-only"):
+        heights.z_mm[0, 0] = 1.0
+
+
+def test_height_map_leaves_a_float32_source_writeable():
+    source = PLANE.copy()
+    heights = HeightMap(source, 0.1)
+    source[0, 0] = 5.0
+    assert heights.z_mm[0, 0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("z", "pitch_mm", "message"),
+    [
+        (np.zeros(5), 0.1, "rows and columns"),
+        (np.zeros((1, 5)), 0.1, "rows and columns"),
+        (np.full((3, 3), np.nan), 0.1, "dropout"),
+        (np.full((3, 3), np.inf), 0.1, "infinit"),
+        (np.zeros((3, 3), complex), 0.1, "real numbers"),
+        (np.array([["a", "b"], ["c", "d"]]), 0.1, "real numbers"),
+        (PLANE, 0.0, "pitch_mm"),
+        (PLANE, -1.0, "pitch_mm"),
+        (PLANE, float("nan"), "pitch_mm"),
+        (np.broadcast_to(np.float32(0), (9000, 9000)), 0.1, "limit"),
+    ],
+)
+def test_height_map_refuses(z, pitch_mm, message):
+    with pytest.raises(MapError, match=message):
+        HeightMap(z, pitch_mm)
+
+
+def edge_map(**change):
+    values = {
+        "enhancement": np.zeros((2, 3, 4), np.float32),
+        "directions": (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y),
+        "valid": np.ones((3, 4), bool),
+        "pitch_mm": 0.1,
+    }
+    return EdgeMap(**{**values, **change})
+
+
+def test_edge_map_takes_plain_degrees_as_directions():
+    assert edge_map(directions=(0, 270)).directions == (TraceDirection.FORWARD_X, TraceDirection.BACK_Y)
+    assert edge_map().shape == (3, 4)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"directions": (0,)}, "do not agree"),
+        ({"directions": (0, 0)}, "at most once"),
+        ({"valid": np.ones((4, 3), bool)}, "do not agree"),
+        ({"enhancement": np.full((2, 3, 4), np.nan)}, "finite"),
+        ({"pitch_mm": 0.0}, "pitch_mm"),
+    ],
+)
+def test_edge_map_refuses(change, message):
+    with pytest.raises(MapError, match=message):
+        edge_map(**change)
+
+
+def test_directions_know_their_axis():
+    assert [d.along_x for d in TraceDirection] == [True, False, True, False]
+    assert [d.backward for d in TraceDirection] == [False, False, True, True]

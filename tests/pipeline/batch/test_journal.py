@@ -1,0 +1,654 @@
+"""The table of a run: what is kept of it whatever ends the program, and what it costs."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import asdict, fields
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.batch.journal import RunBook
+from pipeline.batch.row_files import read_rows
+from pipeline.batch.tables import LINE_FORMS, MOST_TEXT, write_rows
+from pipeline.common.errors import FileProblem
+from pipeline.reading.rows import Row
+
+SUFFIXES = (".csv", ".jsonl", ".parquet")
+RUN = {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3}
+
+NASTY = (
+    'a,"b"',
+    "two\r\nlines",
+    '"',
+    "\n",
+    "\x00",
+    "\udcff\ud800",
+    r"\udcff \u005c \u0000 \n",
+    "ü\u2028\x85",
+    "",
+)
+ANY_TEXT = st.text(st.characters(exclude_categories=()), max_size=12) | st.sampled_from(NASTY)
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+OF_KIND: dict[str, st.SearchStrategy[Any]] = {
+    "str": ANY_TEXT,
+    "float": NUMBERS,
+    "float | None": st.none() | NUMBERS,
+    "bool": st.booleans(),
+}
+ANY_ROW = st.builds(Row, **{f.name: OF_KIND[str(f.type)] for f in fields(Row)})
+
+
+def row(name: str, **more: Any) -> Row:
+    return Row(name, "AB12", "accept", 0.97, "tactile", 0.25, font="gothic", **more)
+
+
+def rows_of(n: int, start: int = 0) -> list[Row]:
+    return [row(f"part-{i}") for i in range(start, start + n)]
+
+
+def names(rows: list[Row]) -> list[str]:
+    return [r.part for r in rows]
+
+
+def growing(table: Path) -> Path:
+    """The file that the rows of a run go to."""
+    return table.with_name(table.name + ".rows.jsonl") if table.suffix == ".parquet" else table
+
+
+def begun(table: Path, rows: list[Row]) -> Path:
+    """A run that broke off."""
+    with RunBook.open(table, RUN) as book:
+        for r in rows:
+            book.add(r)
+    return table
+
+
+@pytest.fixture(params=SUFFIXES)
+def table(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    return tmp_path / f"rows{request.param}"
+
+
+@pytest.fixture
+def _no_sync(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests that open hundreds of books: what the disk was made to write no test can see."""
+    monkeypatch.setattr("os.fsync", lambda _: None)
+
+
+# --------------------------------------------------------------------------------------------------- whole runs
+
+
+def test_a_run_ends_in_order_and_leaves_just_its_table(table: Path) -> None:
+    rows = rows_of(5)
+    with RunBook.open(table, RUN) as book:
+        assert (book.resumed, book.kept, set(book.done)) == (False, None, set())
+        for i in (3, 0, 4, 1, 2):
+            book.add(rows[i])
+            assert rows[i].part in book.done
+        assert [r.part for r in book.rows()] == ["part-3", "part-0", "part-4", "part-1", "part-2"]
+        # part-1 is named twice and part-9 has no row; part-4 is not named and comes last
+        book.finish(["part-2", "part-1", "part-9", "part-1", "part-0", "part-3"])
+        in_order = [rows[i] for i in (2, 1, 0, 3, 4)]
+        assert list(book.rows()) == in_order
+    assert [p.name for p in table.parent.iterdir()] == [table.name]
+    assert list(read_rows(table)) == in_order
+    assert table.stat().st_mode & 0o777 == 0o666 & ~_umask()
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def test_a_run_of_no_parts_is_an_empty_table_as_ever(table: Path) -> None:
+    with RunBook.open(table, RUN) as book:
+        book.finish([])
+    written = table.with_name("written" + table.suffix)
+    write_rows([], written)
+    assert list(read_rows(table)) == []
+    assert table.read_bytes() == written.read_bytes()
+
+
+def test_the_table_of_a_run_is_that_of_write_rows(table: Path) -> None:
+    rows = [row(f"p{i}", error=text, depth_min_mm=0.1) for i, text in enumerate(NASTY)]
+    with RunBook.open(begun(table, rows[::-1]), RUN) as book:
+        book.finish(names(rows))
+    written = table.with_name("written" + table.suffix)
+    write_rows(iter(rows), written)
+    assert table.read_bytes() == written.read_bytes()
+
+
+def test_two_rows_of_one_part_are_one(table: Path) -> None:
+    with RunBook.open(table, RUN) as book:
+        book.add(row("p", grade="A"))
+        book.add(row("p", grade="F"))
+        book.add(row("q"))
+        assert [(r.part, r.grade) for r in book.rows()] == [("p", "A"), ("q", "")]
+    # as a file has them that was put together by hand
+    written = growing(table).with_name("twice" + growing(table).suffix)
+    write_rows([row("p", grade="A"), row("p", grade="F"), row("q")], written)
+    written.replace(growing(table))
+    with RunBook.open(table, RUN) as book:
+        assert set(book.done) == {"p", "q"}
+        assert [r.grade for r in book.rows()] == ["A", ""]
+        book.finish(["p", "q"])
+    assert [(r.part, r.grade) for r in read_rows(table)] == [("p", "A"), ("q", "")]
+
+
+# ------------------------------------------------------------------------------------------------- every field
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(ANY_ROW, max_size=4, unique_by=lambda r: r.part))
+def test_every_field_comes_back_from_every_file(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[Row]
+) -> None:
+    folder = tmp_path_factory.mktemp("rows")
+    for suffix in SUFFIXES:
+        table = begun(folder / f"t{suffix}", rows)
+        with RunBook.open(table, RUN) as book:
+            assert book.done == set(names(rows))
+            assert list(book.rows()) == rows
+            book.finish(reversed(names(rows)))
+        assert list(read_rows(table)) == rows[::-1]
+        if suffix != ".parquet":
+            table.read_bytes().decode("utf-8")  # strictly
+
+
+PLAIN_TEXT = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\x00\\"), max_size=12)
+PLAIN_ROW = st.builds(Row, **{f.name: {**OF_KIND, "str": PLAIN_TEXT}[str(f.type)] for f in fields(Row)})
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(PLAIN_ROW, max_size=3))
+def test_other_programs_read_the_same(tmp_path_factory: pytest.TempPathFactory, rows: list[Row]) -> None:
+    folder = tmp_path_factory.mktemp("rows")
+    for suffix in SUFFIXES:
+        write_rows(rows, folder / f"t{suffix}")
+    with (folder / "t.csv").open(newline="", encoding="utf-8") as stream:
+        assert list(csv.DictReader(stream)) == [
+            {k: "" if v is None else str(v) for k, v in asdict(r).items()} for r in rows
+        ]
+    # `splitlines` takes more for ends of lines than JSON does, as many programs do
+    lines = (folder / "t.jsonl").read_text(encoding="utf-8").splitlines()
+    assert [Row(**json.loads(line)) for line in lines] == rows
+    assert [Row(**r) for r in pyarrow.parquet.read_table(folder / "t.parquet").to_pylist()] == rows
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_what_utf8_has_not_is_told_in_words(suffix: str, tmp_path: Path) -> None:
+    table = tmp_path / f"t{suffix}"
+    write_rows([Row("caf\udce9", error="a\x00b")], table)
+    if suffix == ".parquet":
+        (told,) = pyarrow.parquet.read_table(table).to_pylist()
+    elif suffix == ".jsonl":
+        told = json.loads(table.read_bytes())
+    else:
+        (told,) = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
+    assert (told["part"], told["error"]) == (r"caf\udce9", r"a\u0000b")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"confidence": float("nan")}, "confidence of part 'bad' is nan"),
+        ({"depth_min_mm": float("inf")}, "depth_min_mm of part 'bad' is inf"),
+        ({"flags": "x" * (MOST_TEXT + 1)}, "flags of part 'bad' has 100001 characters"),
+        ({"error": "\x00" * (MOST_TEXT // 6 + 1)}, "error of part 'bad' has 100002 characters"),
+    ],
+)
+def test_a_row_that_no_table_holds_is_refused_and_harms_none(
+    wrong: dict[str, Any], told: str, table: Path
+) -> None:
+    with RunBook.open(table, RUN) as book:
+        book.add(row("a"))
+        with pytest.raises(ValueError, match=told):
+            book.add(Row("bad", **wrong))
+        book.add(row("b"))
+        book.finish([])
+    assert names(list(read_rows(table))) == ["a", "b"]
+
+
+def test_the_longest_texts_come_back(table: Path) -> None:
+    longest = Row(
+        "p", **{f.name: "\x01" * MOST_TEXT for f in fields(Row) if f.type == "str" and f.name != "part"}
+    )
+    with RunBook.open(begun(table, [longest]), RUN) as book:
+        assert list(book.rows()) == [longest]
+        book.finish([])
+    assert list(read_rows(table)) == [longest]
+
+
+# -------------------------------------------------------------------------------------------------- broken off
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from pipeline.reading.rows import Row
+from pipeline.batch.journal import RunBook
+book = RunBook.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
+if os.fork() == 0:
+    os.close(1)
+    sys.stdin.read()  # a worker that outlives the run
+    os._exit(0)
+i = len(book.done)
+while True:
+    book.add(Row(f"part-{i}", "AB12", error='two\\nlines, "quoted" ' * 20))
+    os.write(1, f"part-{i}\\n".encode())
+    i += 1
+"""
+
+
+def test_a_killed_run_is_taken_up_without_a_row_lost(table: Path) -> None:
+    """Three times killed while it adds; whatever `add` returned for is there once, and the lock is free."""
+    told: list[str] = []
+    for least in (1, 40, 700):
+        process = subprocess.Popen(
+            [sys.executable, "-c", KILLED, str(table)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        assert process.stdout is not None
+        assert process.stdin is not None
+        try:
+            before = len(told)
+            while len(told) < before + least:
+                told.append(process.stdout.readline().decode().strip())
+            if least == 40:
+                with pytest.raises(FileProblem, match="is being written by another run; wait for it"):
+                    RunBook.open(table, RUN)
+            os.kill(process.pid, signal.SIGKILL)
+            # a name told in part tells nothing, as the kill may have come between
+            told += [line for line in process.stdout.read().decode().split("\n")[:-1] if line]
+            process.wait()
+            with RunBook.open(table, RUN) as book:  # the worker still waits
+                kept = names(list(book.rows()))
+                assert book.resumed
+                assert book.done == set(kept)
+            assert len(set(kept)) == len(kept)
+            assert set(told) <= set(kept)
+            assert len(kept) <= len(set(told)) + 1  # one may be written and not told
+            told = kept
+        finally:
+            process.stdin.close()
+            process.stdout.close()
+    with RunBook.open(table, RUN) as book:
+        book.finish(told)
+    assert names(list(read_rows(table))) == told
+
+
+@pytest.mark.usefixtures("_no_sync")
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_last_row_cut_anywhere_is_read_again(suffix: str, tmp_path: Path) -> None:
+    rows = [row("p0"), row("p1", flags='a "q",\r\n b\n'), row("p2", error='x\n"y"\nü')]
+    table = begun(tmp_path / f"t{suffix}", rows)
+    whole = growing(table).read_bytes()
+    form = LINE_FORMS[growing(table).suffix]
+    ends = [len(form.head) + n for n in accumulate(len(form.encode(r)) for r in rows)]
+    assert ends[-1] == len(whole)
+    # JSON lines are long, and alike but for their last
+    for cut in range(0 if suffix == ".csv" else ends[-2] - 3, len(whole)):
+        growing(table).write_bytes(whole[:cut])
+        with RunBook.open(table, RUN) as book:
+            assert list(book.rows()) == [r for r, end in zip(rows, ends, strict=True) if end <= cut]
+            for r in rows:
+                book.add(r)
+        assert growing(table).read_bytes() == whole
+    with RunBook.open(table, RUN) as book:
+        book.finish(names(rows))
+    assert list(read_rows(table)) == rows
+
+
+@pytest.mark.parametrize("tail", [b"\x00" * 5000, b'{"part": "x"', b'"', b"\xff\xfe"])
+def test_what_a_loss_of_power_leaves_at_the_end_is_cut_off(tail: bytes, table: Path) -> None:
+    begun(table, rows_of(3))
+    with growing(table).open("ab") as stream:
+        stream.write(tail)
+    with RunBook.open(table, RUN) as book:
+        book.add(row("part-3"))
+        book.finish([])
+    assert list(read_rows(table)) == rows_of(4)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl"])
+@pytest.mark.parametrize(
+    "harm",
+    [
+        lambda line: b"rubbish" + line[-2:],
+        lambda line: line.replace(b"0.97", b"zero"),
+        lambda line: line.replace(b"0.97", b"NaN"),
+        lambda line: line.replace(b"gothic", b"\xff\xff"),
+        lambda line: line.replace(b"AB12", b'A"12'),
+        lambda line: line.replace(b",AB12", b"").replace(b'"flags"', b'"flag"'),
+        lambda line: line.replace(b"False", b"no").replace(b"false", b"3"),
+    ],
+)
+def test_a_line_damaged_before_the_last_is_told_by_its_number(
+    harm: Callable[[bytes], bytes], suffix: str, tmp_path: Path
+) -> None:
+    table = begun(tmp_path / f"t{suffix}", [row("p0", flags="x"), row("p1"), row("p2"), row("p3")])
+    lines = table.read_bytes().splitlines(keepends=True)
+    damaged = 2 if suffix == ".csv" else 1  # p1; a CSV has a head
+    harmed = harm(lines[damaged])
+    assert harmed != lines[damaged]
+    table.write_bytes(b"".join([*lines[:damaged], harmed, *lines[damaged + 1 :]]))
+    before = table.read_bytes()
+    with pytest.raises(FileProblem, match=rf"line {damaged + 1} is damaged .*remove that line") as caught:
+        RunBook.open(table, RUN)
+    assert caught.value.path == table
+    assert table.read_bytes() == before
+    # as told
+    table.write_bytes(b"".join(lines[:damaged] + lines[damaged + 1 :]))
+    with RunBook.open(table, RUN) as book:
+        assert set(book.done) == {"p0", "p2", "p3"}
+
+
+def test_a_quote_never_closed_does_not_swallow_the_rows_after_it(tmp_path: Path) -> None:
+    table = begun(tmp_path / "t.csv", rows_of(40_000))
+    data = table.read_bytes().replace(b"part-7,", b'"part-7,')
+    table.write_bytes(data)
+    with pytest.raises(FileProblem, match="line 9 is damaged"):
+        RunBook.open(table, RUN)
+    assert table.read_bytes() == data
+
+
+def test_a_table_of_other_columns_is_no_run_of_this_version(tmp_path: Path) -> None:
+    table = begun(tmp_path / "t.csv", rows_of(2))
+    table.write_bytes(table.read_bytes().replace(b"part,", b"piece,", 1))
+    with pytest.raises(FileProblem, match="line 1 does not name the columns"):
+        RunBook.open(table, RUN)
+
+
+class Kill(BaseException):
+    """Ends the program."""
+
+
+@pytest.mark.parametrize("step", ["replace", "unlink-rows", "unlink-marker"])
+def test_a_run_that_breaks_off_as_it_finishes_is_finished(
+    step: str, table: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = rows_of(6)
+    book = RunBook.open(begun(table, rows[:4]), RUN)
+    for r in rows[4:]:
+        book.add(r)
+
+    def kill_replace(source: Path, target: Path) -> None:
+        raise Kill
+
+    def kill_unlink(path: Path, missing_ok: bool = False) -> None:
+        if path.name.endswith(".unfinished" if step == "unlink-marker" else ".rows.jsonl"):
+            raise Kill
+        os.unlink(path) if path.exists() or not missing_ok else None
+
+    if step == "unlink-rows" and table.suffix != ".parquet":
+        assert growing(table) == table  # there is no such step
+        return
+    with monkeypatch.context() as patched:
+        if step == "replace":
+            patched.setattr("pipeline.common.atomic.os.replace", kill_replace)
+        else:
+            patched.setattr(Path, "unlink", kill_unlink)
+        with pytest.raises(Kill):
+            book.finish(reversed(names(rows)))
+    book.close()
+    with RunBook.open(table, RUN) as again:
+        assert again.resumed
+        assert again.kept is None
+        assert set(again.done) == set(names(rows))
+        again.finish(reversed(names(rows)))
+    assert list(read_rows(table)) == rows[::-1]
+    assert [p.name for p in table.parent.iterdir()] == [table.name]
+
+
+@pytest.mark.parametrize("step", ["make place", "head", "marker"])
+def test_a_run_that_breaks_off_as_it_begins_loses_no_table(
+    step: str, table: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_rows(rows_of(3), table)
+    old, kept = table.read_bytes(), table.with_name(table.name + "~")
+    broken = {"make place": "_make_place", "head": "_taken_up", "marker": "_heading"}[step]
+    real = getattr(RunBook, broken)
+
+    def kill(book: RunBook) -> None:
+        if step == "head":
+            real(book)
+            os.truncate(book._marker_path, 0)  # the marker is written last
+        # a kill runs no handler: what the handler would remove is put there again
+        raise Kill
+
+    with monkeypatch.context() as patched:
+        patched.setattr(RunBook, broken, kill)
+        with pytest.raises(Kill):
+            RunBook.open(table, RUN)
+    table.with_name(table.name + ".unfinished").touch()
+    with RunBook.open(table, RUN) as book:
+        assert not book.resumed
+        assert set(book.done) == set()
+    assert kept.read_bytes() == old
+
+
+# ----------------------------------------------------------------------------------------------- whose table it is
+
+
+def test_a_finished_table_is_kept(table: Path) -> None:
+    kept = table.with_name(table.name + "~")
+    for run in range(3):
+        with RunBook.open(table, RUN) as book:
+            assert not book.resumed
+            assert book.kept == (kept if run else None)
+            book.add(row(f"run-{run}"))
+            book.finish([])
+        assert names(list(read_rows(table))) == [f"run-{run}"]
+        if run:
+            old = kept.rename(table.with_name("old" + table.suffix))
+            assert names(list(read_rows(old))) == [f"run-{run - 1}"]
+
+
+def test_another_run_is_told_and_leaves_all_as_it_was(table: Path) -> None:
+    begun(table, rows_of(2))
+    before = {p: p.read_bytes() for p in table.parent.iterdir()}
+    other = {**RUN, "font": "roman", "lexicon": "x" * 200}
+    with pytest.raises(FileProblem, match="is of another run, not finished") as caught:
+        RunBook.open(table, other)
+    assert 'font was "gothic", now "roman"; lexicon was null, now "xxx' in str(caught.value)
+    assert f"name another file, or remove {table.name}.unfinished to begin anew" in str(caught.value)
+    assert "depth_mm" not in str(caught.value)
+    assert len(str(caught.value)) < 400 + len(str(table))
+    assert {p: p.read_bytes() for p in table.parent.iterdir()} == before
+    # the order of the entries is no matter, nor are tuples for lists
+    with RunBook.open(table, {"depth_mm": 0.3, "formats": ("AA99",), "font": "gothic"}) as book:
+        assert book.resumed
+    # as told
+    table.with_name(table.name + ".unfinished").unlink()
+    with RunBook.open(table, other) as book:
+        assert not book.resumed
+        assert book.kept == growing(table).with_name(growing(table).name + "~")
+        assert set(book.done) == set()
+
+
+def test_a_second_writer_is_refused_while_the_first_lives(table: Path) -> None:
+    with RunBook.open(table, RUN) as book:
+        book.add(row("a"))
+        for description in (RUN, {}):
+            with pytest.raises(FileProblem, match="is being written by another run; wait for it"):
+                RunBook.open(table, description)
+        book.add(row("b"))
+    with RunBook.open(table, RUN) as book:
+        assert set(book.done) == {"a", "b"}
+        book.finish([])
+        with RunBook.open(table, RUN) as later:  # finished, though its object lives
+            assert not later.resumed
+
+
+def test_a_run_that_ends_while_the_next_begins_does_not_share_its_lock(
+    table: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The one before removes the marker after the next has opened it and before it has locked it."""
+    marker = table.with_name(table.name + ".unfinished")
+    calls = []
+
+    def flock(stream: Any, how: int) -> None:
+        calls.append(how)
+        if len(calls) == 1:
+            marker.unlink()
+        real(stream, how)
+
+    real = fcntl.flock
+    monkeypatch.setattr("pipeline.batch.journal.fcntl.flock", flock)
+    with RunBook.open(table, RUN):
+        assert len(calls) == 2
+        assert marker.exists()
+        with pytest.raises(FileProblem, match="is being written by another run"):
+            RunBook.open(table, RUN)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"format_version": 1}', "\x00\x00"])
+def test_a_damaged_marker_costs_no_row(text: str, table: Path) -> None:
+    begun(table, rows_of(2))
+    marker = table.with_name(table.name + ".unfinished")
+    marker.write_text(text)
+    with pytest.raises(FileProblem, match="is damaged; name another file, or remove"):
+        RunBook.open(table, RUN)
+    marker.write_text('{"format_version": 99}')
+    with pytest.raises(FileProblem, match="another version"):
+        RunBook.open(table, RUN)
+    assert names([*read_rows(growing(table))]) == ["part-0", "part-1"]
+
+
+def test_the_marker_tells_the_run(table: Path) -> None:
+    begun(table, [])
+    told = json.loads(table.with_name(table.name + ".unfinished").read_bytes())
+    assert told.keys() == {"format_version", "description", "key", "begun"}
+    assert told["description"] == RUN
+
+
+def test_a_table_replaced_by_another_program_stops_the_run(table: Path) -> None:
+    with RunBook.open(table, RUN) as book:
+        book.add(row("a"))
+        other = table.with_name("other")
+        other.write_bytes(growing(table).read_bytes())
+        other.replace(growing(table))
+        for call in (lambda: list(book.rows()), lambda: book.finish([])):
+            with pytest.raises(FileProblem, match="by another program; close what has it open"):
+                call()
+
+
+def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileProblem, match=r"\.csv, \.jsonl, \.parquet"):
+        RunBook.open(tmp_path / "t.xlsx", RUN)
+    with pytest.raises(FileProblem, match="cannot be written"):
+        RunBook.open(tmp_path / "none" / "t.csv", RUN)
+    (tmp_path / "t.csv").mkdir()
+    with pytest.raises(FileProblem, match="is a folder"):
+        RunBook.open(tmp_path / "t.csv", RUN)
+    (tmp_path / "u.csv.unfinished").mkdir()
+    with pytest.raises(FileProblem, match=r"cannot be written .*see to the disk"):
+        RunBook.open(tmp_path / "u.csv", RUN)
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from pipeline.reading.rows import Row
+from pipeline.common.errors import FileProblem
+from pipeline.batch.journal import RunBook
+book = RunBook.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
+resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))  # a write over it is done in part, then refused
+for i in range(1000):
+    try:
+        book.add(Row(f"part-{i}", "AB12"))
+    except FileProblem as problem:
+        print(i, problem)
+        break
+"""
+
+
+def test_a_full_disk_is_told_and_the_rows_before_it_stay_whole(table: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(table)], capture_output=True, text=True, check=True
+    )
+    count, told = done.stdout.strip().split(" ", 1)
+    assert told == (
+        f"{table}: cannot be written (File too large); make room and start the same command again"
+    )
+    assert growing(table).read_bytes().endswith(b"\n")
+    with RunBook.open(table, RUN) as book:
+        assert book.done == {f"part-{i}" for i in range(int(count))}
+        assert int(count) > 5
+
+
+def test_a_disk_full_at_the_end_keeps_the_rows(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    rows = rows_of(3)
+    with RunBook.open(begun(table, rows), RUN) as book:
+        with monkeypatch.context() as patched:
+            patched.setattr("pipeline.common.atomic.os.replace", full)
+            with pytest.raises(FileProblem, match=r"No space .*make room and start the same command again"):
+                book.finish(reversed(names(rows)))
+        book.finish(reversed(names(rows)))
+    assert list(read_rows(table)) == rows[::-1]
+
+
+# ------------------------------------------------------------------------------------------------------ memory
+
+
+def _peak(call: Callable[[], object]) -> int:
+    tracemalloc.start()
+    try:
+        call()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def _finish_peak(table: Path, n: int) -> int:
+    """Bytes that it takes at most to put n rows in order."""
+    with RunBook.open(table, RUN) as book:
+        for i in range(n):
+            book.add(
+                row(
+                    f"part-{i}", rivals=f"AB{i} 0.02, AC{i} 0.01", states="3:confused 8/B", flags=40 * "flag "
+                )
+            )
+        order = [f"part-{i}" for i in np.random.default_rng(6).permutation(n)]
+        return _peak(lambda: book.finish(order))
+
+
+@pytest.mark.usefixtures("_no_sync")
+def test_memory_does_not_grow_with_the_rows(table: Path) -> None:
+    few, many = 5_000, 20_000
+    write_rows(rows_of(1), table)  # whatever libraries load, once
+    # Buffers of files, and a record; of Parquet a group of 2,000 rows of some 1 kB each as Python has them, twice
+    # while they are turned into columns. All rows of the larger table as objects would take 21 MB.
+    fixed_bytes = 6_000_000 if table.suffix == ".parquet" else 400_000
+    # Of the order: a byte to tick a row off, 8 of its number, up to 16 while the array grows by copying itself.
+    row_bytes = 25
+    finish_few, finish_many = _finish_peak(table, few), _finish_peak(table, many)
+    assert finish_many < fixed_bytes + row_bytes * many
+    # a group of 2,000 rows takes a little more where its numbers are longer
+    assert finish_many - finish_few < row_bytes * (many - few) + fixed_bytes / 20
+    assert _peak(lambda: sum(1 for _ in read_rows(table))) < fixed_bytes
+
+
+def test_streaming_an_open_book_takes_no_memory(tmp_path: Path) -> None:
+    with RunBook.open(tmp_path / "t.csv", RUN) as book:
+        for r in rows_of(20_000):
+            book.add(r)
+        # a record and the buffer of a file; the rows as objects would take 20 MB
+        assert _peak(lambda: sum(1 for _ in book.rows())) < 200_000

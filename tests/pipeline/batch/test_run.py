@@ -1,0 +1,245 @@
+"""A run's bookkeeping: what is kept of every part, and what a part's own settings change."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sqlalchemy as sa
+
+from glyphs.surface.maps import HeightMap
+from pipeline.batch.journal import RunBook
+from pipeline.batch.quarantine import Quarantine
+from pipeline.batch.run import Run
+from pipeline.batch.setting_files import files_to_send, settled
+from pipeline.batch.setup import Means, Target, opened
+from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
+from pipeline.cli.main import main
+from pipeline.common.errors import FileProblem
+from pipeline.common.records import EvidenceKind, ReadingRecord
+from pipeline.common.settings import ReadSettings
+from pipeline.files.listed import ListedPart
+from pipeline.files.manifest import read_manifest
+from pipeline.files.npz import write_npz
+from pipeline.files.synth import SynthSpec, write_part
+from pipeline.reading.rows import Row
+from pipeline.workers.executors import InlineCrew, Outcome
+
+ORDER = RunOrder(ReadSettings(font=("gothic",)))
+PARTS = [ListedPart(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
+
+
+class FakeCrew:
+    """Reads nothing; says what it is told of every part, and breaks off after some."""
+
+    workers = 2
+
+    def __init__(self, *, bad: Iterable[str] = (), breaks_after: int = 99) -> None:
+        self.bad, self.breaks_after, self.read = set(bad), breaks_after, list[str]()
+
+    def calls(
+        self, function: Callable[[Any, Any], Any], order: Any, tasks: Iterable[Any]
+    ) -> Iterator[Outcome[Any, Any]]:
+        for part in reversed(list(tasks)):  # in any order
+            if len(self.read) == self.breaks_after:
+                raise KeyboardInterrupt
+            self.read.append(part.name)
+            if part.name in self.bad:
+                yield Outcome(part, error=RuntimeError("its worker\nis lost"))
+            else:
+                yield Outcome(part, ReadPart(part, Row(part.name, f"T{part.name[1:]}", "accept", 0.9)))
+
+
+def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
+    path, marker = tmp_path / "rows.csv", tmp_path / "rows.csv.unfinished"
+    for breaks_after, bad in ((2, ["p5"]), (3, ["p1"])):
+        with RunBook.open(path, {"a": 1}) as book:
+            listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
+            run = Run(book, listed)
+            with pytest.raises(KeyboardInterrupt):
+                run.work(PARTS, ORDER, FakeCrew(bad=bad, breaks_after=breaks_after))
+            listed.close()
+        assert marker.exists()
+    with RunBook.open(path, {"a": 1}) as book:
+        told: list[str] = []
+        listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
+        run = Run(book, listed, on_row=lambda row: told.append(row.part))
+        crew = FakeCrew()
+        run.work(PARTS, ORDER, crew)
+        listed.close()
+    assert crew.read == told == ["p0"]
+    assert (run.read_now, run.summary.parts, run.summary.errors) == (1, 6, 2)
+    assert not marker.exists()
+    with path.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["part"] for row in rows] == [p.name for p in PARTS]
+    assert rows[5]["error"] == "p5.npz: its worker is lost; try it alone"
+    # the list of bad parts is a manifest
+    assert [p.name for p in read_manifest(str(tmp_path / "bad.csv"))] == ["p5", "p1"]
+
+
+def test_a_store_has_a_part_before_the_table_does(tmp_path: Path) -> None:
+    stored: list[str] = []
+
+    class Store:
+        def add(self, read: ReadPart) -> None:
+            if len(stored) == 3:
+                raise KeyboardInterrupt
+            stored.append(read.row.part)
+
+    with RunBook.open(tmp_path / "rows.jsonl", {}) as book:
+        with pytest.raises(KeyboardInterrupt):
+            Run(book, store=Store()).work(PARTS, ORDER, FakeCrew())
+        assert book.done == set(stored)
+
+
+def test_a_row_that_no_table_holds_is_an_error_and_no_end(tmp_path: Path) -> None:
+    class Odd(FakeCrew):
+        def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
+            for outcome in super().calls(*given):
+                part = outcome.task
+                yield Outcome(part, ReadPart(part, Row(part.name, "A", "accept", float("nan"))))
+
+    with RunBook.open(tmp_path / "rows.jsonl", {}) as book:
+        run = Run(book)
+        run.work(PARTS[:1], ORDER, Odd())
+    assert run.summary.errors == 1
+
+
+def test_parts_with_formats_and_fonts_of_their_own() -> None:
+    base = ReadSettings(font=("gothic",), format=("AA99",), height_mm=5.0)
+    own = settings_of(base, ListedPart("a", "a.npz", font="romans, timesrb", format="9999"))
+    assert (own.font, own.format, own.height_mm) == (("romans", "timesrb"), ("9999",), 5.0)
+    assert settings_of(base, ListedPart("a", "a.npz")) is base
+
+
+def test_a_format_that_cannot_be_is_the_parts_own_error(tmp_path: Path) -> None:
+    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
+    for own in ({"format": "re:["}, {"font": "nosuchfont"}):
+        read = read_listed(ORDER, ListedPart("a", str(tmp_path / "a.npz"), **own))
+        assert "mend its format or font in the manifest" in read.row.error, read.row.error
+    read = read_listed(ORDER, ListedPart("a", str(tmp_path / "a.npz")))
+    assert (read.row.error, read.row.decision) == ("", "reject")
+
+
+def test_a_text_expected_that_the_format_forbids_is_told(tmp_path: Path) -> None:
+    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
+    listed = ListedPart("a", str(tmp_path / "a.npz"), expected="A1", format="99")
+    assert "should bear 'A1'" in read_listed(ORDER, listed).row.error
+    noted = read_listed(RunOrder(ORDER.settings, verify=True), ListedPart("a", str(tmp_path / "a.npz")))
+    assert "not verified" in noted.row.flags
+
+
+def test_a_url_is_read_and_its_error_names_it(tmp_path: Path) -> None:
+    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
+    there, gone = (tmp_path / name for name in ("a.npz", "b.npz"))
+    assert read_listed(ORDER, ListedPart("a", there.as_uri())).row.decision == "reject"
+    error = read_listed(ORDER, ListedPart("b", gone.as_uri())).row.error
+    assert error.endswith("b.npz: is not there; check the name")
+
+
+def test_files_of_the_settings_travel_with_the_order(tmp_path: Path) -> None:
+    lexicon = tmp_path / "known.txt"
+    lexicon.write_text("AB12\n")
+    settings = ReadSettings(lexicon=lexicon, font=("gothic",))
+    sent = files_to_send(settings)
+    lexicon.unlink()  # as on another machine
+    there = settled(settings, sent)
+    assert there.lexicon is not None
+    assert (there.lexicon.read_text(), there.lexicon.name, there.font) == ("AB12\n", "known.txt", ("gothic",))
+    assert settled(settings, sent) == there
+    assert settled(settings, {}) is settings
+    with pytest.raises(FileProblem, match=r"known\.txt"):
+        files_to_send(settings)
+
+
+@pytest.mark.parametrize(
+    ("target", "message"),
+    [(Target("rows.xlsx"), "rows.xlsx"), (Target("no/such/rows.csv"), "rows.csv")],
+)
+def test_tables_that_cannot_be_written_are_told_before_the_run(target: Target, message: str) -> None:
+    with pytest.raises(FileProblem, match=message):
+        target.check()
+
+
+def test_pictures_go_with_a_store_alone() -> None:
+    with pytest.raises(ValueError, match="--evidence goes with a store"):
+        Target("rows.csv", Path("evidence")).check()
+    Target("sqlite:///parts.db", Path("evidence")).check()
+
+
+@pytest.mark.parametrize(
+    ("jobs", "parts", "workers"), [(None, 3, 1), (1, 500, 1), (2, 500, 2), (4, 2, 2), (1, 0, 1)]
+)
+def test_who_reads(jobs: int | None, parts: int, workers: int) -> None:
+    with Means(jobs).crew(ReadSettings(), parts) as crew:
+        assert crew.workers == workers
+        assert isinstance(crew, InlineCrew) == (workers == 1)
+
+
+def test_no_jobs_are_refused() -> None:
+    with pytest.raises(ValueError, match="give at least 1"), Means(0).crew(ReadSettings(), 20):
+        pass
+
+
+def test_a_run_into_a_store_leaves_no_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sqlalchemy")
+    monkeypatch.chdir(tmp_path)
+    with opened(Target("sqlite:///parts.db"), {"inputs": ["a"]}) as run:
+        run.work(PARTS, ORDER, FakeCrew(bad=["p2"]))
+    assert sorted(p.name for p in tmp_path.iterdir() if not p.name.startswith("parts.db")) == [
+        "parts.quarantine.csv"
+    ]
+
+
+def test_a_part_that_no_store_holds_is_an_error_and_no_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("sqlalchemy")
+    monkeypatch.chdir(tmp_path)
+    record = ReadingRecord("tactile", "A1", "accept", 0.99)
+    listed = [ListedPart("long", "a.npz", expected="A" * 300), ListedPart("odd \udcff", "b.npz"), PARTS[0]]
+
+    class Read(FakeCrew):
+        def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
+            for outcome in super().calls(*given):
+                part = outcome.task
+                yield Outcome(part, ReadPart(part, Row(part.name, "A1", "accept", 0.99), record))
+
+    with opened(Target("sqlite:///parts.db"), {}) as run:
+        run.work(listed, ORDER, Read())
+    assert (run.summary.errors, run.summary.decisions["accept"]) == (1, 2)
+    with sa.create_engine("sqlite:///parts.db").connect() as connection:
+        names = {row.name for row in connection.execute(sa.text("select name from parts"))}
+    assert names == {"odd \ufffd", "p0"}
+
+
+def test_a_store_that_does_not_answer_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    pytest.importorskip("psycopg")
+    write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
+    out = "postgresql://nobody@127.0.0.1:1/parts"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path)
+        assert main(["read", "a.npz", "--font", "gothic", "--out", out]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "127.0.0.1" in error
+
+
+def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
+    """A part that is read surely, and bears another text than expected, is to be reviewed."""
+    part = tmp_path / "part"
+    write_part(SynthSpec(mask="A9", seed=3, height_mm=4.0, variation=False), part, 0, photos=False)
+    settings = ReadSettings(font=("gothic",), format=("A9",), height_mm=4.0)
+    order = RunOrder(settings, for_store=True, pictures=True)
+    plain = read_listed(order, ListedPart("a", f"{part}.npz"))
+    assert (plain.row.decision, plain.pictures) == ("accept", ())
+    wrong = "Z9" if plain.row.text != "Z9" else "Y8"
+    refuted = read_listed(order, ListedPart("a", f"{part}.npz", expected=wrong))
+    assert refuted.row.verdict == "refuted"
+    assert [p.kind for p in refuted.pictures] == [EvidenceKind.EDGES_PICTURE]
+    assert refuted.pictures[0].content.startswith(b"\xff\xd8")

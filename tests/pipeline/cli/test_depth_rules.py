@@ -1,0 +1,69 @@
+"""Depth from a file to the table and the terminal."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import default_die
+from glyphs.stamping.stamp import StampingVariation, stamp
+from pipeline.cli.exit_status import USAGE, CommandError
+from pipeline.cli.inspect import inspect
+from pipeline.cli.read import read
+from pipeline.files.npz import write_npz
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    font = load_font("gothic")
+    die = default_die(5.0, font=font, depth_mm=0.15)
+    how, rng = StampingVariation.none(), np.random.default_rng(1)
+    stamped = stamp("K7B1", font, die, height_mm=5.0, pitch_mm=0.08, variation=how, rng=rng)
+    path = tmp_path_factory.mktemp("parts") / "one.npz"
+    write_npz(path, stamped.height_map)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_table_tells_depths_and_what_is_too_shallow(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = {"font": ["gothic"], "height_mm": 5.0, "out": "t.csv"}
+    assert read(str(part), depth_rule="27CFR478.92", min_depth_mm=0.2, **options) == 0  # type: ignore[arg-type]
+    with Path("t.csv").open(newline="", encoding="utf-8") as stream:
+        (row,) = csv.DictReader(stream)
+    assert row["text"] == "K7B1"
+    assert row["decision"] == "accept"
+    # the die is 0.15 mm deep; a flat floor is felt some micrometres too deep
+    assert float(row["depth_min_mm"]) == pytest.approx(0.15, abs=0.008)
+    assert float(row["depth_min_mm"]) <= float(row["depth_mean_mm"])
+    told = row["depths"].split()
+    assert told[::2] == ["K", "7", "B", "1"]
+    assert all(float(least) <= float(mean) for least, mean in (pair.split("/") for pair in told[1::2]))
+    assert row["flags"].startswith("too shallow for min_depth_mm: K 0.1")
+    assert row["flags"].endswith("(at least 0.2)")
+    printed = capsys.readouterr().out
+    assert "depth" in printed
+    assert "too shallow for min_depth_mm" in printed
+    assert "27CFR478.92" not in printed
+
+
+def test_inspect_says_what_is_too_shallow(part: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert inspect(part, font=["gothic"], height_mm=5.0, min_depth_mm=0.2, out=Path("a.png")) == 0
+    printed = capsys.readouterr().out
+    assert "mm at least" in printed
+    assert "too shallow for min_depth_mm" in printed
+    assert Path("a.png").is_file()
+
+
+def test_an_unknown_rule_is_a_wrong_argument(part: Path) -> None:
+    for command in (read, inspect):
+        with pytest.raises(CommandError, match=r"known are 27CFR478\.92") as caught:
+            command(part, depth_rule="VIN")  # type: ignore[operator]
+        assert caught.value.status == USAGE

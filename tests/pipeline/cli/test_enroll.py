@@ -1,0 +1,244 @@
+from datetime import UTC, datetime
+
+import matplotlib
+import numpy as np
+import pytest
+
+from glyphs.stamping.database import DatabaseError, load_database
+from glyphs.surface.maps import HeightMap
+from pipeline.cli.enroll import enroll
+from pipeline.cli.exit_status import CommandError
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReadingRecord, ReviewAction
+from pipeline.common.settings import ReadSettings
+from pipeline.files.npz import write_npz
+from pipeline.files.synth import SynthSpec, make_part
+from pipeline.reading.enrolment import MOST_EXEMPLARS, ReviewedPart, enrol
+from pipeline.reading.readers import Readers
+from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.store import Store
+from recognition.reader import Reader, ReaderSettings
+
+FOREIGN = f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans-Bold.ttf"
+SPEC = SynthSpec(mask="9999", font=FOREIGN, seed=5)
+SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0)
+WHEN = datetime(2026, 3, 1, 8, 30, tzinfo=UTC)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Parts of an unknown die, and the table of what a person says of them."""
+    path = tmp_path_factory.mktemp("reviewed")
+    lines = ["part,text"]
+    for k in range(8):
+        part = make_part(SPEC, k)
+        write_npz(path / f"part-{k}.npz", part.height_map)
+        lines.append(f"part-{k},{part.text}")
+    (path / "truth.csv").write_text("\n".join(lines) + "\n")
+    return path
+
+
+def reviewed(folder, *numbers, text=None):
+    return [
+        ReviewedPart(f"part-{k}", text or make_part(SPEC, k).text, height_map=folder / f"part-{k}.npz")
+        for k in numbers
+    ]
+
+
+@pytest.fixture(scope="module")
+def taught(folder, tmp_path_factory):
+    """A database that eight parts were enrolled into, and the report."""
+    path = tmp_path_factory.mktemp("database") / "press.glyphs"
+    report = enrol(reviewed(folder, *range(8)), path, font="press-7", settings=SETTINGS, now=WHEN)
+    return path, report
+
+
+def test_an_unknown_die_is_read_once_it_was_enrolled(taught):
+    """Parts that were not enrolled."""
+    path, _ = taught
+    parts = [make_part(SPEC, k) for k in (1004, 1002)]
+    fonts = tuple(load_database(path).fonts.values())
+    before = Reader(ReaderSettings(mask="9999", height_mm=5.0, fonts=("gothic",)))
+    after = Reader(ReaderSettings(mask="9999", height_mm=5.0), fonts=fonts)
+    first = [before.read_height_map(p.height_map).reading for p in parts]
+    second = [after.read_height_map(p.height_map).reading for p in parts]
+    assert [r.decision for r in first] == ["review"] * 2
+    assert sum(r.text == p.text for r, p in zip(first, parts, strict=True)) == 0
+    assert [(r.text, r.decision, r.font) for r in second] == [(p.text, "accept", "press-7") for p in parts]
+
+
+def test_the_report_says_what_was_learned(taught, folder):
+    _, report = taught
+    assert [name for name, _ in report.enrolled] == [f"part-{k}" for k in range(8)]
+    assert report.felt == "0123456789"
+    assert (report.refused, report.set_aside, report.known, report.exemplars) == ((), (), (), 32)
+    assert report.like == "gothic"
+    assert not report.trusted
+    assert "never felt, after gothic: ABC" in report.describe()
+
+
+def test_the_database_holds_exemplars_and_where_they_are_from(taught):
+    kept = load_database(taught[0])
+    assert list(kept.fonts) == ["gothic", "press-7"]
+    assert kept.fonts["press-7"].learned
+    assert not kept.fonts["gothic"].learned
+    first = kept.exemplars[0]
+    assert (first.char, first.font_name, first.part, first.note) == (
+        make_part(SPEC, 0).text[0],
+        "press-7",
+        "part-0",
+        make_part(SPEC, 0).text,
+    )
+    assert first.enrolled_at == WHEN.isoformat(timespec="seconds")
+    assert first.height_mm == pytest.approx(5.0, rel=0.05)
+    assert len(first.evidence) == 64
+
+
+def test_the_same_part_twice_is_enrolled_once(taught, folder):
+    path, _ = taught
+    before = path.read_bytes()
+    again = enrol(reviewed(folder, 0, 3), path, font="press-7", settings=SETTINGS)
+    assert again.known == ("part-0", "part-3")
+    assert again.enrolled == ()
+    assert path.read_bytes() == before
+    # a copy under another name is the same evidence
+    copy = path.parent / "copy.npz"
+    copy.write_bytes((folder / "part-0.npz").read_bytes())
+    renamed = [ReviewedPart("other", make_part(SPEC, 0).text, height_map=copy)]
+    assert enrol(renamed, path, font="press-7", settings=SETTINGS).known == ("other",)
+
+
+def test_a_part_reviewed_anew_replaces_what_it_taught(folder, tmp_path):
+    path = tmp_path / "press.glyphs"
+    right = make_part(SPEC, 1).text
+    wrong = right[:-1] + ("8" if right[-1] != "8" else "3")
+    enrol(reviewed(folder, 1, text=wrong), path, font="press-7", settings=SETTINGS)
+    report = enrol(reviewed(folder, 1), path, font="press-7", settings=SETTINGS)
+    assert report.enrolled == (("part-1", right),)
+    assert [e.char for e in load_database(path).exemplars] == list(right)
+
+
+def test_the_order_of_enrolment_does_not_matter(folder, tmp_path):
+    one, two = tmp_path / "one.glyphs", tmp_path / "two.glyphs"
+    enrol(reviewed(folder, 0, 1), one, font="press-7", settings=SETTINGS, now=WHEN)
+    for k in (0, 1):
+        enrol(reviewed(folder, k), two, font="press-7", settings=SETTINGS, now=WHEN)
+    first, second = (load_database(p).fonts["press-7"] for p in (one, two))
+    felt = [c for c in "0123456789" if not first.glyphs[c].guessed]
+    assert felt == [c for c in "0123456789" if not second.glyphs[c].guessed]
+    for char in felt:
+        # the second part is found by the shapes of the first: places differ by less than a pixel
+        assert np.abs(first.glyphs[char].felt - second.glyphs[char].felt).mean() < 0.002
+
+
+def test_what_cannot_be_enrolled_is_refused_and_the_rest_is_taken(folder, tmp_path):
+    flat = tmp_path / "flat.npz"
+    write_npz(flat, HeightMap(np.zeros((200, 400), dtype=np.float32), 0.05))
+    damaged = tmp_path / "damaged.npz"
+    damaged.write_bytes(b"PK\x03\x04 nothing")
+    parts = [
+        ReviewedPart("flat", "1234", height_map=flat),
+        ReviewedPart("damaged", "1234", height_map=damaged),
+        ReviewedPart("gone", "1234", height_map=tmp_path / "gone.npz"),
+        ReviewedPart("photo only", "1234"),
+        ReviewedPart("no text", " ", height_map=folder / "part-0.npz"),
+        ReviewedPart("another text", "MWMWMWMWMWMW", height_map=folder / "part-0.npz"),
+        *reviewed(folder, 0),
+    ]
+    report = enrol(parts, tmp_path / "press.glyphs", font="press-7", settings=SETTINGS)
+    assert [r.part for r in report.refused] == [p.name for p in parts[:-1]]
+    assert all(r.why for r in report.refused)
+    assert report.enrolled == (("part-0", parts[-1].text),)
+
+
+def test_nothing_taken_leaves_no_database(tmp_path):
+    path = tmp_path / "press.glyphs"
+    report = enrol([ReviewedPart("photo only", "1234")], path, font="press-7", settings=SETTINGS)
+    assert report.enrolled == ()
+    assert not path.exists()
+
+
+def test_a_font_that_was_not_learned_is_not_overwritten(taught, folder):
+    with pytest.raises(DatabaseError, match=r"font of its own.*gothic-worn"):
+        enrol(reviewed(folder, 0), taught[0], font="gothic", settings=SETTINGS)
+
+
+def test_of_many_exemplars_the_last_are_kept(taught):
+    from pipeline.reading.enrolment import _youngest
+
+    one = load_database(taught[0]).exemplars[0]
+    many = [one] * (MOST_EXEMPLARS + 5)
+    assert len(_youngest(many, "press-7")) == MOST_EXEMPLARS
+    assert len(_youngest(many, "another")) == len(many)
+
+
+def test_the_camera_is_not_shown_a_font_that_holds_guesses(taught):
+    readers = Readers(ReadSettings(database=taught[0]))
+    assert [f.name for f in readers.touch.fonts] == ["gothic", "press-7"]
+    assert [f.name for f in readers.sight.fonts] == ["gothic"]
+
+
+def test_the_command_takes_a_table(folder, tmp_path, capsys):
+    path, config = tmp_path / "press.glyphs", tmp_path / "c.toml"
+    config.write_text('font = ["gothic"]\nheight_mm = 5.0\n')
+    parts = folder / "part-2.npz"
+    status = enroll(parts, database=path, font="press-7", truth=folder / "truth.csv", config=config)
+    assert status == 0
+    assert "press-7: 4 characters of 1 parts enrolled" in capsys.readouterr().out
+    assert "press-7" in load_database(path).fonts
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "name parts with --truth"),
+        ({"inputs": ["x"]}, "give --truth"),
+        ({"inputs": ["x"], "from_store": True}, "name parts with --truth"),
+        ({"from_store": True, "since": -1.0}, "positive number"),
+    ],
+)
+def test_the_command_refuses(given, message, tmp_path):
+    inputs = given.pop("inputs", [])
+    with pytest.raises(CommandError, match=message):
+        enroll(*inputs, database=tmp_path / "d.glyphs", font="press-7", **given)
+
+
+def reviewed_store(folder, root, *, actions):
+    """A service's store with a part an action, its evidence kept under hashes; the parts' ids."""
+    files = EvidenceFolder(root / "evidence")
+    store = Store.open(f"sqlite:///{root / 'store.db'}")
+    ids = []
+    for k, action in enumerate(actions):
+        copy = files.incoming / f"upload-{k}"
+        copy.write_bytes((folder / f"part-{k}.npz").read_bytes())
+        sha256, n_bytes = files.keep(copy)
+        kept = EvidenceRecord(EvidenceKind.HEIGHT_MAP, sha256, n_bytes, name=f"../p{k}.npz")
+        ids.append(new_part_id())
+        read = ReadingRecord("tactile", "0000", "review", 0.5)
+        evidence = [kept] if k != 3 else []
+        store.add_part(part_id=ids[-1], name="", state=PartState.REVIEW, readings=[read], evidence=evidence)
+        if action is not None:
+            store.review(ids[-1], action=action, text=make_part(SPEC, k).text, who="Ann")
+    store.close()
+    return ids
+
+
+def test_the_command_takes_reviewed_parts_of_the_store(folder, tmp_path, monkeypatch, capsys):
+    """Corrected ones alone: neither those that nobody looked at, nor unreadable ones, nor those never felt."""
+    service = tmp_path / "service"
+    service.mkdir()
+    correct, unreadable = ReviewAction.CORRECT, ReviewAction.UNREADABLE
+    ids = reviewed_store(folder, service, actions=[correct, unreadable, None, correct])
+    config = tmp_path / "c.toml"
+    config.write_text(f'font = ["gothic"]\nheight_mm = 5.0\n[service]\nfolder = "{service}"\n')
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "press.glyphs"
+    assert enroll(database=path, font="press-7", from_store=True, since=1.0, config=config) == 0
+    said = capsys.readouterr().out
+    assert "4 characters of 1 parts enrolled" in said
+    assert "1 reviewed parts left out" in said
+    assert [e.part for e in load_database(path).exemplars] == [ids[0]] * 4
+    store = Store.open(f"sqlite:///{service / 'store.db'}")
+    enrolled = [e for e in store.history(ids[0]) if e.kind == "enrolled"]
+    store.close()
+    assert [dict(e.data) for e in enrolled] == [{"font": "press-7", "characters": make_part(SPEC, 0).text}]

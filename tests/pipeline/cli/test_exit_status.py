@@ -1,0 +1,29 @@
+from __future__ import annotations
+
+import importlib
+import sys
+
+import pytest
+
+from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+from pipeline.common.missing_extra import MissingExtraError
+
+
+def test_a_library_of_an_extra_is_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    with (
+        pytest.raises(CommandError, match=r"needs uvicorn; .*'tactile-marks\[service\]'") as told,
+        failures_told(),
+    ):
+        importlib.import_module("uvicorn")
+    assert told.value.status == USAGE
+
+
+def test_a_part_that_names_its_own_extra_is_believed() -> None:
+    with pytest.raises(CommandError, match=r"MQTT needs paho-mqtt; .*\[mqtt\]"), failures_told():
+        raise MissingExtraError("MQTT", "paho-mqtt", "mqtt")
+
+
+def test_a_fault_of_the_program_is_not_taken_for_a_missing_extra() -> None:
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"), failures_told():
+        importlib.import_module("pipeline.no_such_module")

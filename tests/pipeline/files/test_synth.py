@@ -1,0 +1,181 @@
+"""Parts out of nothing."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glyphs.soiling.dirty import Dirt
+from glyphs.stamping.die import Face
+from pipeline.cli.main import main
+from pipeline.files.photos import read_photo
+from pipeline.files.synth import SynthSpec, make_part, make_photo, make_soiled, write_parts
+from pipeline.files.touch_file import FileProblem, read_height_map
+from pipeline.files.truth import load_truth
+
+
+def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
+    spec = SynthSpec(mask="A9", seed=7, height_mm=3.0)
+    few = write_parts(spec, tmp_path / "few", parts=2)
+    more = write_parts(spec, tmp_path / "more", parts=3)
+    assert more[:2] == few
+    for name, text in few:
+        assert (tmp_path / "few" / f"{name}.png").read_bytes() == (
+            tmp_path / "more" / f"{name}.png"
+        ).read_bytes()
+        one, other = (read_height_map(tmp_path / f / f"{name}.npz") for f in ("few", "more"))
+        np.testing.assert_array_equal(one.z_mm, other.z_mm)
+        assert len(text) == 2
+    assert make_part(spec, 1).text == more[1][1]
+    changed = make_part(SynthSpec(mask="A9", seed=8, height_mm=3.0), 1)
+    assert changed.text != more[1][1] or changed.height_map.shape != make_part(spec, 1).height_map.shape
+
+
+def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
+    made = write_parts(SynthSpec(mask="99", height_mm=3.0), tmp_path / "out", parts=2)
+    assert load_truth(tmp_path / "out" / "truth.csv") == dict(made)
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "part-000.npz",
+        "part-000.png",
+        "part-001.npz",
+        "part-001.png",
+        "truth.csv",
+    ]
+    with np.load(tmp_path / "out" / "part-000.npz") as content:
+        assert sorted(content.files) == ["pitch_mm", "z_mm"]
+    with (tmp_path / "out" / "truth.csv").open(newline="") as stream:
+        assert next(csv.reader(stream)) == ["part", "text"]
+
+
+def test_a_folder_that_is_not_empty_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    spec = SynthSpec(mask="9", height_mm=3.0)
+    with pytest.raises(FileProblem, match="--overwrite"):
+        write_parts(spec, tmp_path, parts=1)
+    write_parts(spec, tmp_path, parts=1, overwrite=True)
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert (tmp_path / "part-000.npz").is_file()
+    with pytest.raises(FileProblem, match="cannot be made"):
+        write_parts(spec, tmp_path / "mine.txt" / "deeper", parts=1)
+
+
+def test_what_is_asked_for_is_stamped() -> None:
+    sunk = make_part(SynthSpec(mask="8", height_mm=4.0, depth_mm=0.3, variation=False), 0)
+    assert sunk.height_map.z_mm.min() == pytest.approx(-0.3, abs=0.01)
+    assert sunk.height_map.z_mm.max() == pytest.approx(0.0, abs=0.01)
+    raised = make_part(SynthSpec(mask="8", height_mm=4.0, depth_mm=0.3, variation=False, raised=True), 0)
+    assert raised.height_map.z_mm.max() == pytest.approx(0.3, abs=0.01)
+    steep, gentle = (
+        make_part(SynthSpec(mask="8", height_mm=4.0, face=Face.SHARP, bevel_deg=b, variation=False), 0)
+        for b in (60.0, 30.0)
+    )
+    assert np.abs(np.diff(steep.height_map.z_mm)).max() > np.abs(np.diff(gentle.height_map.z_mm)).max()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"mask": ""},
+        {"mask": "9", "seed": -1},
+        {"mask": "9", "font": "comic"},
+        {"mask": "9", "height_mm": 0.0},
+        {"mask": "9", "bevel_deg": 90.0},
+        {"mask": "9", "depth_mm": -0.1},
+        {"mask": "9", "light_elevation_deg": 0.0},
+        {"mask": "9", "light_azimuth_deg": float("nan")},
+        {"mask": "9", "pixel_mm": 0.0},
+    ],
+)
+def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match=r"\S"):
+        SynthSpec(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("parts", [0, -3, 10_000_000])
+def test_a_number_of_parts_that_cannot_be_is_refused(parts: int, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="number of parts"):
+        write_parts(SynthSpec(mask="9"), tmp_path / "out", parts=parts)
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(ValueError, match="number of workers"):
+        write_parts(SynthSpec(mask="9"), tmp_path / "out", parts=1, workers=0)
+
+
+def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
+    clean, dirty = (SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(d)) for d in (0.0, 0.7))
+    bare = make_part(clean, 1)
+    np.testing.assert_array_equal(make_soiled(clean, 1).height_map.z_mm, bare.height_map.z_mm)
+    soiled = make_soiled(dirty, 1)
+    assert soiled.part.text == bare.text
+    np.testing.assert_array_equal(soiled.part.height_map.z_mm, bare.height_map.z_mm)
+    assert (soiled.height_map.z_mm != bare.height_map.z_mm).any()
+    write_parts(clean, tmp_path / "with", parts=2)
+    write_parts(clean, tmp_path / "without", parts=2, photos=False)
+    assert not list((tmp_path / "without").glob("*.png"))
+    for name in ("part-000.npz", "part-001.npz"):
+        one, other = (read_height_map(tmp_path / f / name) for f in ("with", "without"))
+        np.testing.assert_array_equal(one.z_mm, other.z_mm)
+
+
+def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
+    spec = SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(0.7))
+    write_parts(spec, tmp_path / "out", parts=2)
+    soiled = make_soiled(spec, 1)
+    np.testing.assert_array_equal(
+        read_height_map(tmp_path / "out" / "part-001.npz").z_mm, soiled.height_map.z_mm
+    )
+    with np.load(tmp_path / "out" / "part-001.npz") as content:
+        assert sorted(content.files) == ["friction", "hardness_mpa", "pitch_mm", "soft_mm", "z_mm"]
+        # half precision: eleven bits
+        for name, kept in (
+            ("friction", soiled.soil.friction),
+            ("soft_mm", soiled.soil.thickness_mm),
+            ("hardness_mpa", soiled.soil.hardness_mpa),
+        ):
+            np.testing.assert_allclose(content[name].astype(np.float32), kept, rtol=2**-11, atol=1e-7)
+    photo = make_photo(spec, 1, soiled)
+    back = read_photo(tmp_path / "out" / "part-001.png")
+    np.testing.assert_array_equal(back.pixels, photo.pixels)
+    assert photo.pitch_mm == 0.06
+    assert back.pitch_mm == pytest.approx(0.06, rel=1e-4)
+    width, height = soiled.height_map.size_mm
+    assert photo.centre_mm == (width / 2, height / 2)
+    assert photo.shape == (round(height / 0.06) + 1, round(width / 0.06) + 1)
+
+
+def test_workers_write_the_same(tmp_path: Path) -> None:
+    spec = SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(0.5))
+    told: list[str] = []
+    one = write_parts(spec, tmp_path / "one", parts=2)
+    two = write_parts(spec, tmp_path / "two", parts=2, workers=2, on_part=told.append)
+    assert one == two
+    assert told == ["part-000", "part-001"]
+    for path in sorted((tmp_path / "one").glob("*.png")):
+        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
+
+
+def test_the_light_may_be_told() -> None:
+    free = SynthSpec(mask="8", height_mm=3.0)
+    told = SynthSpec(mask="8", height_mm=3.0, light_azimuth_deg=10.0, light_elevation_deg=30.0)
+    soiled = make_soiled(free, 0)
+    assert (make_photo(told, 0, soiled).pixels != make_photo(free, 0, soiled).pixels).any()
+    light = told.light(np.random.default_rng(3))
+    assert (light.azimuth_deg, light.elevation_deg) == (10.0, 30.0)
+
+
+def test_dirt_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    common = ["--parts", "1", "--format", "A9", "--height-mm", "3"]
+    assert main(["synth", str(tmp_path / "a"), *common, "--dirt", "0.5", "--oil", "0", "--pits", "0"]) == 0
+    with np.load(tmp_path / "a" / "part-000.npz") as content:
+        assert content["soft_mm"].max() > 0.0
+        assert content["friction"].min() > 0.19  # no oil
+    assert main(["synth", str(tmp_path / "b"), *common, "--swarf", "0.6", "--no-photo"]) == 0
+    assert not (tmp_path / "b" / "part-000.png").exists()
+    with np.load(tmp_path / "b" / "part-000.npz") as content:
+        assert content["soft_mm"].max() == 0.0
+    assert main(["synth", str(tmp_path / "c"), *common, "--dirt", "1.5"]) == 2
+    assert "severity is 1.5" in capsys.readouterr().err
+    assert main(["synth", str(tmp_path / "c"), *common, "--grime", "-1"]) == 2
+    assert "grime is -1" in capsys.readouterr().err

@@ -1,0 +1,175 @@
+"""Pictures: drawn for every kind of evidence, in the plate frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
+from pipeline.common.errors import FileProblem
+from pipeline.plots.axes import moment_image
+from pipeline.plots.pictures import (
+    SheetPart,
+    headline,
+    inspect_figure,
+    overview_figure,
+    same_text,
+    save_figure,
+)
+from recognition.reader import ReadingWithEvidence
+from recognition.reading import (
+    Box,
+    Candidate,
+    CharacterReading,
+    Decision,
+    MarkDepth,
+    Reading,
+    ReadingFlag,
+)
+from whisker_array.estimation.relief import Route, relief_from_edges
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.touch import default_touch
+
+EMPTY = Reading((), Decision.REJECT, 0.0, flags=ReadingFlag.NO_CHARACTERS)
+
+
+def tilted() -> HeightMap:
+    y, x = np.mgrid[0:50, 0:80]
+    z = (0.02 * (x > 40) + 0.01 * (y > 25)).astype(np.float32)
+    z[3:6, 70:75] = np.nan
+    return HeightMap(z, 0.1)
+
+
+def scan_of(height_map: HeightMap) -> Scan:
+    plan = RasterPlan(WhiskerArray(3, 1.0), (0.5, 0.5, 7.0, 4.0), 0.25, 0.1, lead_mm=0.5)
+    return trace_scan(height_map, touch=default_touch(5.0), plan=plan, fidelity=Fidelity.POINTWISE)
+
+
+def evidence() -> ReadingWithEvidence:
+    candidates = (Candidate("A", 0.9, 0.97), Candidate("$", 0.2, 0.01), Candidate("_", 0.1, 0.005))
+    depths = (MarkDepth(0.2, 0.151, 0.25), None, MarkDepth(0.2, 0.123, 0.25))
+    characters = tuple(
+        CharacterReading(candidates, Box(x, 1.0, x + 1.0, 4.0), depth)
+        for x, depth in zip((1.0, 2.5, 4.0), depths, strict=True)
+    )
+    reading = Reading(
+        characters,
+        Decision.REVIEW,
+        0.7,
+        flags=ReadingFlag.AMBIGUOUS | ReadingFlag.TOO_SHALLOW,
+        notes=("too shallow for $x$: A 0.123 mm (at least 0.2)",),
+        font="gothic",
+        height_mm=3.0,
+        rotation_deg=-2.0,
+    )
+    layers = np.zeros((3, 40, 60), np.float32)
+    layers[:, 10:20, 5:50] = -0.2
+    edges = EdgeMap(layers, tuple(TraceDirection)[:3], layers[0] <= 0.0, 0.1)
+    relief = relief_from_edges(edges, default_touch(5.0))
+    return ReadingWithEvidence(reading, edges, scan_of(tilted()), tilted(), relief=relief)
+
+
+def inked(figure: Figure, path: Path) -> float:
+    save_figure(figure, path)
+    picture = matplotlib.image.imread(path)
+    return float((picture[..., :3].min(axis=2) < 0.9).mean())
+
+
+def test_all_evidence_is_drawn(tmp_path: Path) -> None:
+    figure = inspect_figure(evidence(), title="part $7$ _x_")
+    titles = [a.get_title(loc="left") for a in figure.axes]
+    assert sum("edge map, traced" in t for t in titles) == 3
+    assert sum("raw moment" in t for t in titles) == 1
+    boxes = [p for a in figure.axes if a.get_title(loc="left").startswith("height map") for p in a.patches]
+    assert [b.get_xy() for b in boxes] == [(1.0, 1.0), (2.5, 1.0), (4.0, 1.0)]
+    assert sum("steepness as felt" in t for t in titles) == 1
+    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height as felt")]
+    assert [t.get_text() for t in relief.texts] == ["0.151\n0.200", "?", "0.123\n0.200"]
+    assert len(relief.patches) == 3
+    # what to know about the reading stands below, not taken for a formula
+    assert figure.get_supxlabel() == "\n".join(evidence().reading.messages())
+    assert "$x$" in figure.get_supxlabel()
+    assert inked(figure, tmp_path / "a.png") > 0.05
+
+
+def test_a_scan_names_its_characters_on_what_was_felt(tmp_path: Path) -> None:
+    figure = inspect_figure(replace(evidence(), height_map=None), title="scan")
+    titles = [a.get_title(loc="left") for a in figure.axes]
+    assert not any(t.startswith("height map") for t in titles)
+    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height as felt")]
+    assert [t.get_text() for t in relief.texts].count("A") == 3
+    assert inked(figure, tmp_path / "a.png") > 0.05
+
+
+def test_slopes_that_were_not_felt_are_said() -> None:
+    found = evidence()
+    assert found.relief is not None
+    one_way = replace(found.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
+    figure = inspect_figure(replace(found, relief=one_way), title="one way")
+    words = " ".join(t.get_text() for a in figure.axes for t in a.texts)
+    assert Route.FLOORS.describe() in words
+
+
+def test_missing_evidence_is_said(tmp_path: Path) -> None:
+    figure = inspect_figure(ReadingWithEvidence(EMPTY, None, None, None), title="none")
+    words = " ".join(t.get_text() for a in figure.axes for t in a.texts)
+    assert "no characters were found" in words
+    assert "no scan" in words
+    assert "no heights were felt" in words
+    assert inked(figure, tmp_path / "a.png") > 0.0
+
+
+def test_rows_run_downwards_in_every_picture() -> None:
+    for axes in inspect_figure(evidence(), title="x").axes:
+        if axes.get_ylabel() == "y, mm":
+            bottom, top = axes.get_ylim()
+            assert bottom > top
+
+
+def test_moments_of_every_direction_lie_alike_in_the_plate() -> None:
+    z = np.zeros((50, 80), np.float32)
+    z[30:40, 60:75] = -0.3  # below right of the middle
+    for sweep in scan_of(HeightMap(z, 0.1)).sweeps:
+        values, (left, right, bottom, top) = moment_image(sweep)
+        away = np.abs(values - np.nanmedian(values))
+        row, col = np.array(np.nonzero(away > 0.5 * np.nanmax(away))).mean(axis=1)
+        x = left + (col / (values.shape[1] - 1)) * (right - left)
+        y = top + (row / (values.shape[0] - 1)) * (bottom - top)
+        assert x == pytest.approx(6.7, abs=0.9)
+        assert y == pytest.approx(3.45, abs=0.6)
+
+
+def test_the_overview_says_what_is_right(tmp_path: Path) -> None:
+    figure = overview_figure([SheetPart("one", "AAA", evidence()), SheetPart("two", "AAB", evidence())])
+    titles = " ".join(a.get_title(loc="left") for a in figure.axes)
+    assert "“AAA”, read right" in titles
+    assert "“AAB”, read WRONG" in titles
+    assert inked(figure, tmp_path / "a.png") > 0.05
+
+
+def test_pictures_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileProblem, match=r"\.png, \.svg, \.pdf"):
+        save_figure(Figure(), tmp_path / "a.jpeg")
+    with pytest.raises(FileProblem, match="cannot be written"):
+        save_figure(Figure(), tmp_path / "none" / "a.png")
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"), [("AB C", "ABC", True), ("", "", True), ("AB", "BA", False)]
+)
+def test_spaces_are_not_stamped(one: str, other: str, same: bool) -> None:
+    assert same_text(one, other) is same
+
+
+def test_the_headline_tells_the_reading() -> None:
+    line: Any = headline(evidence().reading)
+    assert line == "“AAA”, review, confidence 0.700, gothic, 3.00 mm, sunk, -2.0°, deep 0.123 mm at least"
+    assert headline(EMPTY) == "no characters"

@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from glyphs.camera.photo import Photo
+from glyphs.surface.maps import EdgeMap, TraceDirection
+from pipeline.common.records import EvidenceKind
+from pipeline.reading.job_pictures import (
+    MOST_PIXELS_A_SIDE,
+    edges_picture,
+    photo_picture,
+    sight_edges_picture,
+)
+from pipeline.reading.jobs import MadeFile
+
+DIRECTIONS = (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y)
+
+
+def brightest_mm(made: MadeFile, weigh: np.ndarray | None = None) -> tuple[float, float]:
+    """Plate frame of the middle of the spot, from the picture and its meta alone."""
+    image = cv2.imread(str(made.path)).astype(np.float64)
+    assert image.shape[:2] == (made.meta["height"], made.meta["width"])
+    value = image @ (np.array([1.0, 1.0, 1.0]) / 3.0 if weigh is None else weigh)
+    value = np.where(value > 0.5 * value.max(), value, 0.0)
+    rows, cols = np.mgrid[0 : value.shape[0], 0 : value.shape[1]]
+    x, y = (float((value * k).sum() / value.sum()) for k in (cols, rows))
+    size = made.meta["mm_per_pixel"]
+    return (made.meta["x0_mm"] + size * x, made.meta["y0_mm"] + size * y)
+
+
+def spot(shape: tuple[int, int], at: tuple[int, int]) -> np.ndarray:
+    rows, cols = np.mgrid[0 : shape[0], 0 : shape[1]]
+    return np.asarray(np.exp(-((rows - at[0]) ** 2 + (cols - at[1]) ** 2) / (0.001 * shape[0] * shape[1])))
+
+
+@pytest.mark.parametrize("shape", [(120, 400), (1000, 4001), (3000, 500)])
+def test_photo_picture_tells_where_it_lies(tmp_path: Path, shape: tuple[int, int]) -> None:
+    at = (shape[0] // 3, shape[1] // 4)
+    pixels = np.rint(250.0 * spot(shape, at)).astype(np.uint8)
+    photo = Photo(np.stack([pixels] * 3, axis=2), pitch_mm=0.02, centre_mm=(5.0, -7.0))
+    made = photo_picture(photo, tmp_path)
+    assert made.kind is EvidenceKind.PHOTO_PICTURE
+    assert max(made.meta["width"], made.meta["height"]) <= MOST_PIXELS_A_SIDE
+    x = 5.0 + 0.02 * (at[1] - 0.5 * (shape[1] - 1))
+    y = -7.0 + 0.02 * (at[0] - 0.5 * (shape[0] - 1))
+    # a pixel of the picture; its rounded size is not quite in proportion
+    assert brightest_mm(made) == pytest.approx((x, y), abs=made.meta["mm_per_pixel"])
+
+
+def test_colours_are_kept(tmp_path: Path) -> None:
+    red = np.zeros((40, 60, 3), dtype=np.uint8)
+    red[..., 0] = 200
+    made = photo_picture(Photo(red), tmp_path)
+    image = cv2.imread(str(made.path))
+    assert image[20, 30] == pytest.approx([0, 0, 200], abs=8)
+    assert made.meta["mm_per_pixel"] == 1.0
+
+
+def test_edges_picture_is_blue_below_and_red_above_the_land(tmp_path: Path) -> None:
+    shape = (60, 200)
+    layer = spot(shape, (20, 50)) - spot(shape, (40, 150))
+    valid = np.ones(shape, dtype=np.bool_)
+    valid[:, 190:] = False
+    edges = EdgeMap(np.stack([layer, layer]).astype(np.float32), DIRECTIONS, valid, 0.1, origin_mm=(3.0, 4.0))
+    (made,) = edges_picture(edges, tmp_path)
+    image = cv2.imread(str(made.path)).astype(np.int64)
+    assert made.kind is EvidenceKind.EDGES_PICTURE
+    red_less_blue = np.clip(image[..., 2] - image[..., 0], 0, None)
+    blue_less_red = np.clip(image[..., 0] - image[..., 2], 0, None)
+    for value, (row, col) in ((red_less_blue, (20, 50)), (blue_less_red, (40, 150))):
+        value = np.where(value > 0.5 * value.max(), value, 0)
+        rows, cols = np.mgrid[0 : value.shape[0], 0 : value.shape[1]]
+        x, y = (float((value * k).sum() / value.sum()) for k in (cols, rows))
+        size = made.meta["mm_per_pixel"]
+        found = (made.meta["x0_mm"] + size * x, made.meta["y0_mm"] + size * y)
+        assert found == pytest.approx((3.0 + 0.1 * col, 4.0 + 0.1 * row), abs=0.05)
+    far_right = image[:, -10:].mean(axis=(0, 1))
+    assert np.ptp(far_right) < 6.0, "grey where nothing was felt"
+    assert image[5, 5].min() > 240, "land is white"
+
+
+def test_sight_edges_picture_shows_where_brightness_changes(tmp_path: Path) -> None:
+    shape = (100, 300)
+    pixels = np.full(shape, 100, dtype=np.uint8)
+    pixels[:, 150:] = 200
+    (made,) = sight_edges_picture(Photo(pixels, pitch_mm=0.05), 5.0, tmp_path)
+    assert made.kind is EvidenceKind.SIGHT_EDGES_PICTURE
+    bright = cv2.imread(str(made.path)).sum(axis=2).mean(axis=0)
+    x = made.meta["x0_mm"] + made.meta["mm_per_pixel"] * float(np.argmax(bright))
+    assert x == pytest.approx(0.05 * 149.5, abs=0.1)
+
+
+def test_no_edges_no_picture(tmp_path: Path) -> None:
+    assert edges_picture(None, tmp_path) == []
+    assert sight_edges_picture(Photo(np.zeros((20, 20), dtype=np.uint8)), 0.0, tmp_path) == []
+    nothing = EdgeMap(np.zeros((1, 9, 9), np.float32), DIRECTIONS[:1], np.zeros((9, 9), np.bool_), 0.1)
+    assert len(edges_picture(nothing, tmp_path)) == 1

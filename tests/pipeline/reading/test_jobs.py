@@ -1,0 +1,266 @@
+from __future__ import annotations
+
+import os
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.common.errors import FileProblem
+from pipeline.common.records import EvidenceKind, ReadingRecord
+from pipeline.common.settings import ReadSettings
+from pipeline.files.npz import write_npz
+from pipeline.files.photos import read_photo
+from pipeline.files.synth import SynthSpec, make_soiled, write_part
+from pipeline.reading.jobs import Done, Job, Limits, read_job
+from pipeline.reading.kept_readers import MOST_KEPT, readers_of
+from pipeline.reading.scan_plan import plan_of
+from pipeline.service.stage import ScanOrder, SimulatedStage
+
+LIMITS = Limits()
+SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0)
+UNSURE = ReadSettings(font=("gothic",), height_mm=5.0, accept_confidence=1.0)
+"""No reading is ever so sure: every photograph asks for touch."""
+FRAMES_AGREE_MM = 0.6
+"""The part lies up to half a millimetre from where the camera's stage believes it."""
+
+
+class Parts:
+    """A clean part on a plate, as files."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        spec = SynthSpec("AA99", seed=5)
+        self.text = write_part(spec, folder / "part", 0, photos=True)
+        self.photo, self.map = folder / "part.png", folder / "part.npz"
+        self.size_mm = make_soiled(spec, 0).height_map.size_mm
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
+    return Parts(tmp_path_factory.mktemp("parts"))
+
+
+@pytest.fixture(scope="module")
+def unsure(parts: Parts, tmp_path_factory: pytest.TempPathFactory) -> tuple[Done, Path]:
+    """What a job makes of a photograph that is not sure enough, and its folder."""
+    folder = tmp_path_factory.mktemp("unsure")
+    return read_job(Job(folder, photo=parts.photo, expected=parts.text), UNSURE, LIMITS), folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    made = tmp_path / "work"
+    made.mkdir()
+    return made
+
+
+def kinds(done: Done) -> list[EvidenceKind]:
+    return [made.kind for made in done.made]
+
+
+def middle(record: ReadingRecord) -> np.ndarray:
+    """Of the line, x and y."""
+    boxes = np.array([c.box_mm for c in record.characters])
+    return np.array([boxes[:, [0, 2]].mean(), boxes[:, [1, 3]].mean()])
+
+
+def test_sure_photograph_is_accepted_without_touch(parts: Parts, folder: Path) -> None:
+    done = read_job(Job(folder, photo=parts.photo), SETTINGS, LIMITS)
+    (reading,) = done.readings
+    assert (reading.source, reading.text, reading.decision) == ("vision", parts.text, "accept")
+    assert done.plan is None
+    assert kinds(done) == [EvidenceKind.PHOTO_PICTURE, EvidenceKind.SIGHT_EDGES_PICTURE]
+    assert all(made.path.is_file() and made.path.parent == folder for made in done.made)
+    assert reading.seconds > 0.0
+
+
+def test_unsure_photograph_asks_for_touch_around_the_line(parts: Parts, unsure: tuple[Done, Path]) -> None:
+    done, _ = unsure
+    assert done.plan is not None
+    assert kinds(done)[-1] is EvidenceKind.SIGHT
+    x0, y0, x1, y1 = done.plan.region_mm
+    boxes = np.array([c.box_mm for c in done.readings[0].characters])
+    assert x0 <= boxes[:, 0].min()
+    assert y0 <= boxes[:, 1].min()
+    assert x1 >= boxes[:, 2].max()
+    assert y1 >= boxes[:, 3].max()
+    assert x0 >= 0.0
+    assert x1 <= parts.size_mm[0] + 0.06
+    assert done.plan.directions_deg == (0, 90, 180, 270)
+    assert done.plan.seconds > 0.0
+    assert parts.text in done.plan.reason
+
+
+def test_scan_of_the_plan_is_fused_with_what_was_seen(
+    parts: Parts, unsure: tuple[Done, Path], folder: Path
+) -> None:
+    done, kept = unsure
+    assert done.plan is not None
+    scan = SimulatedStage(parts.folder).feel(ScanOrder("part", done.plan), folder)
+    later = read_job(Job(folder, scan=scan, sight=kept / "sight.npz", expected=parts.text), SETTINGS, LIMITS)
+    (reading,) = later.readings
+    assert (reading.source, reading.text, reading.decision) == ("fused", parts.text, "accept")
+    assert reading.verdict == "confirmed"
+    assert reading.confidence > done.readings[0].confidence
+    # the recording lies in the photograph's frame
+    assert np.abs(middle(reading) - middle(done.readings[0])).max() < FRAMES_AGREE_MM
+    assert kinds(later) == [EvidenceKind.EDGES_PICTURE]
+
+
+def test_height_map_after_the_photograph_is_fused_in_its_own_frame(
+    parts: Parts, unsure: tuple[Done, Path], folder: Path
+) -> None:
+    _, kept = unsure
+    later = read_job(Job(folder, height_map=parts.map, sight=kept / "sight.npz"), SETTINGS, LIMITS)
+    assert later.readings[0].source == "fused"
+    assert later.readings[0].text == parts.text
+
+
+def test_photo_and_height_map_give_two_readings_in_the_plate_frame(parts: Parts, folder: Path) -> None:
+    done = read_job(Job(folder, photo=parts.photo, height_map=parts.map), SETTINGS, LIMITS)
+    seen, both = done.readings
+    assert (seen.source, both.source) == ("vision", "fused")
+    assert seen.text == both.text == parts.text
+    assert np.abs(middle(seen) - middle(both)).max() < FRAMES_AGREE_MM
+    assert kinds(done) == [
+        EvidenceKind.PHOTO_PICTURE,
+        EvidenceKind.EDGES_PICTURE,
+        EvidenceKind.SIGHT_EDGES_PICTURE,
+    ]
+    assert done.plan is None
+
+
+def test_height_map_alone_is_read_by_touch_under_the_name_its_sender_gave(
+    parts: Parts, folder: Path, tmp_path: Path
+) -> None:
+    kept = tmp_path / ("ab" * 32)
+    kept.write_bytes(parts.map.read_bytes())
+    job = Job(folder, height_map=kept, names={"height_map": "C:\\parts\\plate.NPZ"}, expected="ZZ00")
+    (reading,) = read_job(job, SETTINGS, LIMITS).readings
+    assert (reading.source, reading.text, reading.verdict) == ("tactile", parts.text, "refuted")
+    assert any("expected" in message for message in reading.messages)
+
+
+def test_results_can_be_pickled(unsure: tuple[Done, Path]) -> None:
+    done, _ = unsure
+    assert pickle.loads(pickle.dumps(done)) == done
+    job = Job(Path("a"), photo=Path("b"), names={"photo": "c"})
+    assert pickle.loads(pickle.dumps(job)) == job
+
+
+def test_problems_survive_pickling() -> None:
+    problem = FileProblem(Path("a") / "b.png", "is empty", "copy it again")
+    again = pickle.loads(pickle.dumps(problem))
+    assert str(again) == str(problem)
+    assert (again.path, again.problem, again.mend) == (problem.path, problem.problem, problem.mend)
+
+
+@pytest.mark.parametrize(
+    ("given", "shown"),
+    [
+        ("photo.png", "photo.png"),
+        ("../../etc/photo.png", "photo.png"),
+        ("C:\\a\\photo.png", "photo.png"),
+        ("a\nb\x1b[31m.png", "ab[31m.png"),
+        ("", "upload-7"),
+        ("/", "photo"),
+    ],
+)
+def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, shown: str) -> None:
+    path = tmp_path / "upload-7"
+    path.write_bytes(b"no picture")
+    with pytest.raises(FileProblem) as caught:
+        read_job(Job(tmp_path, photo=path, names={"photo": given}), SETTINGS, LIMITS)
+    assert str(caught.value).startswith(f"{shown}: is no picture")
+    assert str(tmp_path) not in str(caught.value)
+
+
+def test_limits_are_checked_from_the_heads(parts: Parts, folder: Path, tmp_path: Path) -> None:
+    rows, cols = read_photo(parts.photo).shape
+    narrow = replace(LIMITS, max_photo_pixels=rows * cols - 1, max_map_samples=1000)
+    with pytest.raises(FileProblem, match="over the limit"):
+        read_job(Job(folder, photo=parts.photo), SETTINGS, narrow)
+    with pytest.raises(FileProblem, match="over the limit"):
+        read_job(Job(folder, height_map=parts.map), SETTINGS, narrow)
+    with pytest.raises(FileProblem, match="is not there"):
+        read_job(Job(folder, photo=tmp_path / "none.png"), SETTINGS, LIMITS)
+
+
+def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Path) -> None:
+    settings = SETTINGS.model_copy(update={"format": ("AA99",)})
+    with pytest.raises(FileProblem, match=r"^expected: is '12'"):
+        read_job(Job(folder, photo=parts.photo, expected="12"), settings, LIMITS)
+
+
+def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="a job has"):
+        read_job(Job(tmp_path), SETTINGS, LIMITS)
+    with pytest.raises(ValueError, match="sight goes with"):
+        read_job(Job(tmp_path, photo=tmp_path / "a", sight=tmp_path / "b"), SETTINGS, LIMITS)
+
+
+def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "dies.npz"
+    path.write_bytes(b"no database")
+    with pytest.raises(FileProblem) as caught:
+        read_job(Job(folder, photo=parts.photo, database=path), SETTINGS, LIMITS)
+    assert str(caught.value).startswith("dies: ")
+    assert str(tmp_path) not in str(caught.value)
+
+
+def test_readers_are_kept_until_their_database_changes(tmp_path: Path) -> None:
+    from glyphs.fonts.outlines import load_font
+    from glyphs.stamping.database import GlyphDatabase, save_database
+
+    path = tmp_path / "dies.npz"
+    save_database(GlyphDatabase(fonts={"gothic": load_font("gothic")}), path)
+    settings = ReadSettings()
+    first = readers_of(settings, path)
+    assert readers_of(settings, path) is first
+    changed = path.stat().st_mtime_ns + 10**9
+    os.utime(path, ns=(changed, changed))
+    second = readers_of(settings, path)
+    assert second is not first
+    for k in range(MOST_KEPT):
+        readers_of(ReadSettings(height_mm=1.0 + k))
+    assert readers_of(settings, path) is not second
+
+
+def test_without_a_scale_the_whole_field_is_asked_for(parts: Parts) -> None:
+    photo = replace(read_photo(parts.photo), pitch_mm=None)
+    plan = plan_of(None, photo, ReadSettings(), field_mm=(50.0, 20.0), reason="unsure")
+    assert plan.region_mm == (0.0, 0.0, 50.0, 20.0)
+    assert plan.middle_mm is None
+    assert plan.reason == "unsure"
+
+
+def test_a_line_hardly_seen_is_felt_with_the_whole_picture(parts: Parts) -> None:
+    photo = read_photo(parts.photo)
+    plan = plan_of(None, photo, ReadSettings())
+    rows, cols = photo.shape
+    assert photo.pitch_mm is not None
+    assert plan.region_mm == pytest.approx(
+        (0.0, 0.0, (cols - 1) * photo.pitch_mm, (rows - 1) * photo.pitch_mm), abs=1e-3
+    )
+
+
+def test_scan_beyond_the_limit_is_refused(parts: Parts, unsure: tuple[Done, Path], folder: Path) -> None:
+    done, _ = unsure
+    assert done.plan is not None
+    scan = SimulatedStage(parts.folder, noise=False).feel(ScanOrder("part", done.plan), folder)
+    with pytest.raises(FileProblem, match="over the limit"):
+        read_job(Job(folder, scan=scan), SETTINGS, replace(LIMITS, max_scan_samples=10_000))
+
+
+def test_soil_beside_the_map_is_felt(folder: Path, tmp_path: Path) -> None:
+    z = np.zeros((60, 80), dtype=np.float32)
+    z[20:40, 20:24] = -0.2
+    from glyphs.surface.maps import HeightMap
+
+    path = tmp_path / "soiled.npz"
+    write_npz(path, HeightMap(z, 0.1), more={"friction": np.float64(5.0)})
+    with pytest.raises(FileProblem, match="friction runs"):
+        read_job(Job(folder, height_map=path), SETTINGS, LIMITS)

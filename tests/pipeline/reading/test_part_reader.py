@@ -1,0 +1,268 @@
+"""Which senses read a part, with readers that answer at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glyphs.camera.photo import Photo
+from glyphs.fonts.glyph import Font
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap
+from pipeline.batch.setup import open_readers
+from pipeline.common.errors import FileProblem
+from pipeline.files.listing import list_parts
+from pipeline.files.npz import soil_members, write_npz
+from pipeline.files.parts import Part, discover
+from pipeline.files.photos import write_photo
+from pipeline.reading.expected import Expected
+from pipeline.reading.part_reader import Mode, Sense, Senses, senses_of
+from recognition.grammar import Grammar
+from recognition.lattice import Lattice
+from recognition.reader import ReaderSettings, ReadingWithEvidence
+from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.verify import Verdict
+
+SHAPE = (20, 30)
+
+
+def reading(text: str, source: str) -> Reading:
+    box = Box(0.0, 0.0, 1.0, 1.0)
+    characters = tuple(CharacterReading((Candidate(c, 0.9, 0.99),), box) for c in text)
+    return Reading(characters, Decision.ACCEPT, 0.95, source=source)
+
+
+def lattice(text: str, chars: str = "AB12") -> Lattice:
+    return Lattice(tuple(chars), np.log([[0.999 if c == t else 1e-5 for c in chars] for t in text]))
+
+
+@dataclass
+class FakeReaders:
+    """Touch reads A1 and sight B1, whatever they are given; what they are given is kept."""
+
+    grammar: Grammar | None = None
+    told: ReaderSettings = field(default_factory=lambda: ReaderSettings(mask="A9"))
+    fonts: tuple[Font, ...] = ()
+    given: list[Any] = field(default_factory=list)
+    opened: list[str] = field(default_factory=list)
+
+    @property
+    def touch(self) -> Any:
+        self.opened.append("touch")
+
+        def read_height_map(height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Any:
+            self.given.append((height_map, soil, part_id))
+            return ReadingWithEvidence(
+                reading("A1", "tactile"),
+                lattice=lattice("A1", "A1"),
+                open_lattice=lattice("A1"),
+                height_map=height_map,
+            )
+
+        return SimpleNamespace(read_height_map=read_height_map)
+
+    @property
+    def sight(self) -> Any:
+        self.opened.append("sight")
+        return self._sight()
+
+    def open_sight(self, expected: str) -> Any:
+        self.opened.append(f"sight open to {expected}")
+        return self._sight()
+
+    def _sight(self) -> Any:
+        def read_photo(photo: Photo) -> Any:
+            self.given.append(photo)
+            return SimpleNamespace(reading=reading("B1", "vision"), lattice=lattice("B1"))
+
+        return SimpleNamespace(read_photo=read_photo)
+
+
+def fused_as(
+    monkeypatch: pytest.MonkeyPatch,
+    seen: list[Any],
+    *,
+    lattice: Any = None,
+    contradicted: tuple[str, ...] = (),
+) -> None:
+    """Fusion that says so."""
+
+    def fuse(touch: Any, sight: Any, settings: Any, *, fonts: Any) -> Reading:
+        seen.append((touch.reading.text, sight.reading.text, settings.mask))
+        return reading("A1", "fused")
+
+    def fused_lattice(touch: Any, sight: Any, settings: Any, *, fonts: Any) -> Any:
+        seen.append((touch.lattice, sight.lattice, settings.grammar))
+        return None if lattice is None else (lattice, contradicted)
+
+    monkeypatch.setattr("recognition.fuse.fuse", fuse)
+    monkeypatch.setattr("recognition.fuse.fused_lattice", fused_lattice)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    soil = Soil(
+        np.full(SHAPE, 0.01, np.float32), np.full(SHAPE, 5.0, np.float32), np.full(SHAPE, 0.2, np.float32)
+    )
+    surface = HeightMap(np.zeros(SHAPE, np.float32), 0.1)
+    photo = Photo(np.full((16, 24), 90, np.uint8), pitch_mm=0.05)
+    write_npz(tmp_path / "both.npz", surface, more=soil_members(soil))
+    write_photo(tmp_path / "both.png", photo)
+    write_npz(tmp_path / "felt.npz", surface)
+    write_photo(tmp_path / "seen.png", photo)
+    return tmp_path
+
+
+def part(folder: Path, name: str) -> Part:
+    (found,) = discover([str(folder / f"{name}.*")])
+    return found
+
+
+TOUCH, SIGHT = (Sense.TOUCH,), (Sense.SIGHT,)
+BOTH = (Sense.TOUCH, Sense.SIGHT)
+
+
+@pytest.mark.parametrize(
+    ("mode", "felt", "seen", "both"),
+    [
+        (None, TOUCH, SIGHT, TOUCH),
+        (Mode.TACTILE, TOUCH, None, TOUCH),
+        (Mode.VISION, None, SIGHT, SIGHT),
+        (Mode.FUSED, None, None, BOTH),
+        (Mode.AUTO, TOUCH, SIGHT, BOTH),
+    ],
+)
+def test_modes(mode: Mode | None, felt: Any, seen: Any, both: Any, folder: Path) -> None:
+    for name, senses in (("felt", felt), ("seen", seen), ("both", both)):
+        if senses is None:
+            with pytest.raises(FileProblem, match=rf"{name}\.(npz|png): has no .*; add one"):
+                senses_of(part(folder, name), mode)
+        else:
+            assert senses_of(part(folder, name), mode) == senses
+
+
+def test_touch_is_given_the_soil(folder: Path) -> None:
+    readers = FakeReaders()
+    found = Senses(readers).sense(part(folder, "both"))
+    ((_, soil, name),) = readers.given
+    assert name == "both"
+    assert soil.thickness_mm == pytest.approx(np.full(SHAPE, 0.01))
+    assert (found.reading.text, found.sight, found.photo) == ("A1", None, None)
+    Senses(readers).sense(part(folder, "felt"))
+    assert readers.given[1][1] is None
+
+
+def test_a_photograph_alone_is_read_by_sight(folder: Path) -> None:
+    readers = FakeReaders()
+    found = Senses(readers).sense(part(folder, "seen"))
+    assert (found.reading.source, found.touch) == ("vision", None)
+    assert readers.given[0].centre_mm is None
+    assert readers.opened == ["sight"]
+
+
+@pytest.mark.parametrize("mode", [Mode.FUSED, Mode.AUTO])
+def test_both_senses_are_fused(mode: Mode, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Any] = []
+    fused_as(monkeypatch, seen)
+    readers = FakeReaders()
+    found = Senses(readers, mode=mode).sense(part(folder, "both"))
+    assert found.reading.source == "fused"
+    assert seen == [("A1", "B1", "A9")]
+    # the stage brings the middle of the plate under the middle of the picture
+    assert readers.given[1].centre_mm == pytest.approx((1.45, 0.95))
+
+
+def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Path) -> None:
+    (folder / "both.png").write_bytes(b"\x89PNG rubbish")
+    found = Senses(FakeReaders(), mode=Mode.AUTO).sense(part(folder, "both"))
+    assert found.reading.source == "tactile"
+    assert any(
+        "read by touch alone" in message and "both.png" in message for message in found.reading.messages()
+    )
+    with pytest.raises(FileProblem, match=r"both\.png"):
+        Senses(FakeReaders(), mode=Mode.FUSED).sense(part(folder, "both"))
+
+
+def test_two_photographs_are_told_where_sight_is_asked(folder: Path) -> None:
+    (folder / "both.jpg").write_bytes(b"x")
+    assert Senses(FakeReaders()).sense(part(folder, "both")).reading.text == "A1"
+    with pytest.raises(FileProblem, match="which is the part's is unclear"):
+        Senses(FakeReaders(), mode=Mode.VISION).sense(part(folder, "both"))
+
+
+def test_only_the_readers_needed_are_opened(folder: Path) -> None:
+    for mode, names, opened in (
+        (None, "felt", ["touch"]),
+        (None, "seen", ["sight"]),
+        (Mode.AUTO, "both", ["touch", "sight"]),
+        (
+            Mode.VISION,
+            "felt",
+            ["touch"],
+        ),  # none can be read: what is wrong with the font is told all the same
+    ):
+        readers = FakeReaders()
+        named = [p for p in list_parts([str(folder)], photos=True) if p.name == names]
+        open_readers(readers, named, mode=mode)
+        assert readers.opened == opened
+
+
+def test_touch_is_verified_on_its_open_beliefs(folder: Path) -> None:
+    senses = Senses(FakeReaders(), expected=Expected("B1"))
+    found = senses.sense(part(folder, "both"))
+    assert found.verification is not None
+    assert found.verification.verdict is Verdict.REFUTED
+    assert ReadingFlag.MISMATCH in found.reading.flags
+    found = Senses(FakeReaders(), expected=Expected("A1")).sense(part(folder, "both"))
+    assert found.verification is not None
+    assert found.verification.verdict is Verdict.CONFIRMED
+
+
+def test_sight_under_a_format_looks_again_for_any_character(folder: Path) -> None:
+    readers = FakeReaders(grammar=Grammar(mask="A9"))
+    found = Senses(readers, expected=Expected("B1")).sense(part(folder, "seen"))
+    assert readers.opened == ["sight", "sight open to B1"]
+    assert found.verification is not None
+    assert found.verification.verdict is Verdict.CONFIRMED
+    readers = FakeReaders()
+    Senses(readers, expected=Expected("B1")).sense(part(folder, "seen"))
+    assert readers.opened == ["sight"]
+
+
+def test_both_senses_are_verified_together(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Any] = []
+    fused_as(monkeypatch, seen, lattice=lattice("B1"))
+    readers = FakeReaders(grammar=Grammar(mask="A9"))
+    found = Senses(readers, mode=Mode.FUSED, expected=Expected("B1")).sense(part(folder, "both"))
+    assert found.verification is not None
+    assert found.verification.verdict is Verdict.CONFIRMED
+    assert "sight open to B1" in readers.opened
+    felt, _, grammar = seen[-1]
+    assert (felt.chars, grammar) == (tuple("AB12"), None)
+    fused_as(monkeypatch, [], lattice=lattice("B1"), contradicted=("place 1",))
+    found = Senses(FakeReaders(), mode=Mode.FUSED, expected=Expected("B1")).sense(part(folder, "both"))
+    assert found.verification is not None
+    assert found.verification.verdict is Verdict.UNDECIDED
+    assert ReadingFlag.SENSES_DISAGREE in found.reading.flags
+    # what the camera has nothing to say of, touch is asked alone
+    fused_as(monkeypatch, [])
+    found = Senses(FakeReaders(), mode=Mode.FUSED, expected=Expected("A1")).sense(part(folder, "both"))
+    assert found.verification is not None
+    assert found.verification.verdict is Verdict.CONFIRMED
+
+
+def test_a_part_that_the_table_does_not_know_is_told(folder: Path) -> None:
+    found = Senses(FakeReaders(), expected=Expected(by_part={"other": "A1"})).sense(part(folder, "felt"))
+    assert found.verification is None
+    assert "not verified" in found.reading.messages()[-1]
+
+
+def test_a_part_with_a_problem_is_not_opened(folder: Path) -> None:
+    problem = FileProblem("a", "b", "c")
+    with pytest.raises(FileProblem):
+        Senses(FakeReaders()).sense(replace(part(folder, "felt"), problem=problem))

@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from glyphs.camera.photo import Photo
+from pipeline.reading.photo_sizes import ENOUGH_ROWS, SIZES, read_at_sizes, shrunk
+from pipeline.reading.vision_file import middle_mm
+from recognition.reading import Decision, Reading
+from recognition.vision import SightReading
+from recognition.vision_frame import LinePlace, photo_origin_mm
+
+
+def photo(pixels: int, *, pitch_mm: float | None = 0.01) -> Photo:
+    rows = int((pixels / 3) ** 0.5)
+    return Photo(np.zeros((rows, 3 * rows), dtype=np.uint8), pitch_mm=pitch_mm)
+
+
+def looks(given: Photo, height_mm: float | None) -> list[int]:
+    """Pixels of the photographs that were read, of characters so high."""
+    seen: list[int] = []
+
+    def read(small: Photo) -> SightReading:
+        seen.append(small.shape[0] * small.shape[1])
+        place = None if height_mm is None else LinePlace((1.0, 1.0), 3.0 * height_mm, height_mm)
+        return SightReading(Reading((), Decision.REJECT, 0.0), None, None, "", place, MappingProxyType({}))
+
+    last, _ = read_at_sizes(given, read)
+    assert last.shape[0] * last.shape[1] == seen[-1]
+    return seen
+
+
+def test_small_photographs_are_read_as_they_are() -> None:
+    given = photo(400_000)
+    assert looks(given, None) == [given.shape[0] * given.shape[1]]
+
+
+def test_high_characters_are_read_at_the_first_size() -> None:
+    given = photo(12_000_000)
+    height_mm = 0.01 * ENOUGH_ROWS * (12_000_000 / SIZES[0]) ** 0.5
+    assert looks(given, 1.02 * height_mm) == pytest.approx([SIZES[0]], rel=0.01)
+    assert looks(given, 0.98 * height_mm) == pytest.approx(list(SIZES), rel=0.01)
+
+
+def test_where_no_line_is_found_all_sizes_are_tried() -> None:
+    assert looks(photo(12_000_000), None) == pytest.approx(list(SIZES), rel=0.01)
+
+
+@pytest.mark.parametrize("centre", [None, (7.0, -3.0)])
+def test_shrinking_leaves_the_frame_where_it_is(centre: tuple[float, float] | None) -> None:
+    given = Photo(np.zeros((900, 2000), dtype=np.uint8), pitch_mm=0.01, centre_mm=centre)
+    small = shrunk(given, 112_500)  # a quarter of the length
+    assert small.shape == (225, 500)
+    assert small.pitch_mm == pytest.approx(0.04)
+    assert middle_mm(small) == pytest.approx(middle_mm(given))
+    # rims alike: the first pixel reaches as far out
+    for one, other in zip(photo_origin_mm(small), photo_origin_mm(given), strict=True):
+        assert one - 0.02 == pytest.approx(other - 0.005)
+
+
+def test_without_a_scale_there_is_none_after_shrinking() -> None:
+    assert shrunk(photo(10**6, pitch_mm=None), 10**5).pitch_mm is None

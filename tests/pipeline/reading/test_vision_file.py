@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from glyphs.camera.photo import Photo
+from glyphs.surface.maps import EdgeMap, TraceDirection
+from pipeline.common.errors import FileProblem
+from pipeline.reading.vision_file import KeptSight, load_sight, middle_mm, moved, save_sight
+from recognition.lattice import Lattice
+from recognition.reader_settings import ReaderSettings
+from recognition.reading import Box, Decision, ReadingFlag
+from recognition.vision import SightReading
+from recognition.vision_combine import as_reading
+from recognition.vision_frame import LinePlace
+
+HALF_PRECISION = 1e-3
+"""Relative, of edges: ten bits of mantissa."""
+
+
+def lattice(shift: float = 0.0) -> Lattice:
+    chars = ("A", "B", "1")
+    with np.errstate(divide="ignore"):
+        log = np.log(np.array([[0.9, 0.05, 0.0], [0.2, 0.3, 0.4]]))
+    boxes = (Box(1.0 + shift, 2.0, 4.0 + shift, 7.0), Box(5.0 + shift, 2.0, 8.0 + shift, 7.0))
+    return Lattice(chars, log, boxes=boxes, spaces_after=frozenset({0}))
+
+
+def edges(shape: tuple[int, int] = (40, 90), pitch_mm: float = 0.1) -> EdgeMap:
+    rng = np.random.default_rng(4)
+    valid = rng.random(shape) > 0.1
+    layers = np.where(valid, rng.standard_normal((2, *shape)), 0.0).astype(np.float32)
+    return EdgeMap(
+        layers, (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y), valid, pitch_mm, origin_mm=(-3.0, 1.0)
+    )
+
+
+def sight(**changes: object) -> SightReading:
+    reading = replace(
+        as_reading(lattice(), ReaderSettings(), flags=ReadingFlag.FOREIGN_SHAPES | ReadingFlag.DROPOUTS),
+        notes=("read by templates alone",),
+        seconds=MappingProxyType({"templates": 0.2}),
+        height_mm=5.0,
+    )
+    made = SightReading(
+        reading=reading,
+        lattice=lattice(),
+        edges=edges(),
+        engine="templates",
+        place=LinePlace((4.0, 5.0), 7.0, 5.0, 1.5),
+        by_engine=MappingProxyType({"templates": lattice()}),
+    )
+    return replace(made, **changes)
+
+
+def assert_same_lattice(one: Lattice | None, other: Lattice | None) -> None:
+    if one is None or other is None:
+        assert one is other
+        return
+    assert one.chars == other.chars
+    np.testing.assert_array_equal(one.log_belief, other.log_belief)
+    assert one.boxes == other.boxes
+    assert one.spaces_after == other.spaces_after
+
+
+def test_what_was_seen_comes_back(tmp_path: Path) -> None:
+    kept = KeptSight(sight(), (1.0, 2.0), lattice(1.0), "AB")
+    save_sight(tmp_path / "a.npz", kept)
+    again = load_sight(tmp_path / "a.npz")
+    assert again.sight.reading == kept.sight.reading
+    assert again.sight.place == kept.sight.place
+    assert again.sight.engine == "templates"
+    assert (again.middle_mm, again.expected) == ((1.0, 2.0), "AB")
+    assert_same_lattice(again.sight.lattice, kept.sight.lattice)
+    assert_same_lattice(again.open_lattice, kept.open_lattice)
+    assert_same_lattice(again.sight.by_engine["templates"], kept.sight.by_engine["templates"])
+    assert again.sight.edges is not None
+    assert kept.sight.edges is not None
+    np.testing.assert_array_equal(again.sight.edges.valid, kept.sight.edges.valid)
+    np.testing.assert_allclose(
+        again.sight.edges.enhancement, kept.sight.edges.enhancement, rtol=HALF_PRECISION
+    )
+    assert again.sight.edges.origin_mm == kept.sight.edges.origin_mm
+
+
+def test_nothing_seen_comes_back_as_nothing(tmp_path: Path) -> None:
+    nothing = sight(lattice=None, edges=None, place=None, by_engine=MappingProxyType({}))
+    nothing = replace(nothing, reading=replace(nothing.reading, characters=(), decision=Decision.REJECT))
+    save_sight(tmp_path / "a.npz", KeptSight(nothing))
+    again = load_sight(tmp_path / "a.npz")
+    assert (again.sight.lattice, again.sight.edges, again.sight.place) == (None, None, None)
+    assert again.sight.reading.decision is Decision.REJECT
+    assert again.middle_mm is None
+
+
+def test_fine_edges_are_thinned_and_stay_where_they_are(tmp_path: Path) -> None:
+    fine = edges((400, 900), 0.01)
+    yy, xx = np.mgrid[0:400, 0:900]
+    bump = np.exp(-((xx - 300.0) ** 2 + (yy - 100.0) ** 2) / 2000.0).astype(np.float32)
+    fine = replace(fine, enhancement=np.stack([bump, bump]), valid=np.ones_like(fine.valid))
+    save_sight(tmp_path / "a.npz", KeptSight(sight(edges=fine)))
+    thin = load_sight(tmp_path / "a.npz").sight.edges
+    assert thin is not None
+    assert thin.pitch_mm > 3.0 * fine.pitch_mm
+    weight = thin.enhancement[0] / thin.enhancement[0].sum()
+    rows, cols = np.mgrid[0 : thin.shape[0], 0 : thin.shape[1]]
+    x = thin.origin_mm[0] + thin.pitch_mm * float((weight * cols).sum())
+    y = thin.origin_mm[1] + thin.pitch_mm * float((weight * rows).sum())
+    # a tenth of a fine pixel: means over squares have the same middle
+    assert (x, y) == pytest.approx((-3.0 + 3.0, 1.0 + 1.0), abs=0.001)
+
+
+@given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+def test_moving_moves_all_alike(x_mm: float, y_mm: float) -> None:
+    kept = KeptSight(sight(), (1.0, 2.0), lattice(1.0), "AB")
+    away = moved(kept, x_mm, y_mm)
+    assert away.sight.edges is not None
+    assert away.sight.edges.origin_mm == pytest.approx((-3.0 + x_mm, 1.0 + y_mm))
+    assert away.sight.place is not None
+    assert away.sight.place.middle_mm == pytest.approx((4.0 + x_mm, 5.0 + y_mm))
+    assert away.middle_mm == pytest.approx((1.0 + x_mm, 2.0 + y_mm))
+    for one, other in (
+        (kept.sight.lattice, away.sight.lattice),
+        (kept.open_lattice, away.open_lattice),
+        (kept.sight.by_engine["templates"], away.sight.by_engine["templates"]),
+    ):
+        assert one is not None
+        assert other is not None
+        for was, now in zip(one.boxes, other.boxes, strict=True):
+            assert now.x0_mm - was.x0_mm == pytest.approx(x_mm)
+            assert now.y1_mm - was.y1_mm == pytest.approx(y_mm)
+    assert away.sight.reading.characters[0].box == away.sight.lattice.boxes[0]  # type: ignore[union-attr]
+
+
+def test_open_beliefs_are_of_their_text_only() -> None:
+    kept = KeptSight(sight(), None, lattice(1.0), "AB")
+    assert kept.open_for("AB") is kept.open_lattice
+    assert kept.open_for("XY") is kept.sight.lattice
+
+
+def test_middle_of_a_picture() -> None:
+    photo = Photo(np.zeros((11, 21), dtype=np.uint8), pitch_mm=0.1)
+    assert middle_mm(photo) == pytest.approx((1.0, 0.5))
+    assert middle_mm(replace(photo, centre_mm=(7.0, 8.0))) == pytest.approx((7.0, 8.0))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_damaged_files_are_problems(tmp_path: Path, share: float) -> None:
+    path = tmp_path / "a.npz"
+    save_sight(path, KeptSight(sight()))
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(FileProblem):
+        load_sight(path)
+
+
+def test_other_archives_are_problems(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, told=np.array([object()], dtype=object))
+    with pytest.raises(FileProblem):
+        load_sight(path)
+    np.savez(path, other=np.zeros(3))
+    with pytest.raises(FileProblem):
+        load_sight(path)

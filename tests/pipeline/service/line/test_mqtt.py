@@ -1,0 +1,364 @@
+"""Publishing over MQTT, against a real mosquitto."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import datetime as dt
+import ipaddress
+import logging
+import signal
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.common.records import Delivery
+from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
+from pipeline.service.line.mqtt import MqttSender
+from tests.support.line_broker import Broker, Listener
+from tests.support.line_fakes import MemoryOutbox, free_port, part, until, until_now
+
+FAST = Pace(look_s=0.02, first_wait_s=0.02, longest_wait_s=0.2, longest_rest_s=0.2)
+
+
+@pytest.fixture
+def make_broker(tmp_path: Path, find_program: Callable[[str], str]) -> Iterator[Callable[..., Broker]]:
+    made: list[Broker] = []
+
+    def make(settings: str = "") -> Broker:
+        broker = Broker(tmp_path, find_program("mosquitto"), settings)
+        made.append(broker)
+        broker.start()
+        return broker
+
+    yield make
+    for broker in made:
+        broker.kill()
+
+
+@pytest.fixture
+def listen() -> Iterator[Callable[..., Listener]]:
+    made: list[Listener] = []
+
+    def make(port: int, **options: str) -> Listener:
+        made.append(Listener(port, **options))
+        return made[-1]
+
+    yield make
+    for listener in made:
+        listener.close()
+
+
+def one_delivery(part_id: str = "PART1", number: int = 1) -> Delivery:
+    return Delivery(number, "mqtt", part_id, {"id": part_id, "text": f"TEXT{number}"})
+
+
+def publishing_threads() -> list[str]:
+    return [t.name for t in threading.enumerate() if t.name.startswith("paho-mqtt-client-tactile-marks")]
+
+
+async def threads_gone() -> None:
+    await until(lambda: not publishing_threads(), why="for paho's threads to end")
+
+
+def test_a_result_is_published_and_the_status_follows(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+) -> None:
+    broker = make_broker()
+    listener = listen(broker.port)
+
+    async def run() -> None:
+        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", prefix="plant/line-4")
+        await asyncio.gather(*(sender.send(one_delivery(f"PART{n}", n)) for n in range(50)))
+        await sender.close()
+
+    asyncio.run(run())
+    until_now(lambda: len(listener.results()) == 50 and len(listener.statuses("plant/line-4")) == 2)
+    topics = {topic for topic, _, _ in listener.messages}
+    assert {f"plant/line-4/parts/PART{n}/result" for n in range(50)} < topics
+    assert listener.statuses("plant/line-4") == ["online", "offline"]
+    assert {"id": "PART7", "text": "TEXT7", "delivery_id": 7} in listener.results()
+    # who comes later finds the status, and no results of yesterday
+    late = listen(broker.port)
+    until_now(lambda: len(late.messages) == 1)
+    assert late.messages == [("plant/line-4/status", b"offline", True)]
+
+
+def test_results_are_published_with_qos_1(make_broker: Callable[..., Broker]) -> None:
+    broker = make_broker()
+
+    async def run() -> None:
+        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
+        await sender.send(one_delivery())
+        await sender.close()
+
+    asyncio.run(run())
+    until_now(lambda: "PART1/result" in broker.log)
+    line = next(line for line in broker.log.splitlines() if "PART1/result" in line)
+    assert "Received PUBLISH" in line
+    assert "q1, r0" in line
+
+
+def test_the_last_will_tells_of_a_service_that_died(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+) -> None:
+    broker = make_broker()
+    listener = listen(broker.port)
+
+    async def run() -> None:
+        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
+        await sender.send(one_delivery())
+        assert sender._connection is not None
+        raw = sender._connection._client.socket()
+        assert raw is not None
+        raw.shutdown(2)  # as a machine that loses its power: no goodbye
+        await until(lambda: listener.statuses() == ["online", "offline"], why="for the will")
+        await sender.send(one_delivery(number=2))  # and it comes back by itself
+        await until(lambda: listener.statuses() == ["online", "offline", "online"])
+        await sender.close()
+        await threads_gone()
+
+    asyncio.run(run())
+
+
+def test_the_status_is_online_though_there_is_nothing_to_publish(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+) -> None:
+    broker = make_broker()
+    listener = listen(broker.port)
+
+    async def run() -> None:
+        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
+        sender.start()
+        await until(lambda: listener.statuses() == ["online"])
+        broker.kill()
+        listener.messages.clear()
+        await asyncio.to_thread(broker.start)
+        await until(lambda: listener.statuses()[-1:] == ["online"], why="for it to come back by itself")
+        await sender.close()
+
+    asyncio.run(run())
+    until_now(lambda: listener.statuses()[-1] == "offline")
+    assert not publishing_threads()
+
+
+def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+) -> None:
+    broker = make_broker()
+    listener = listen(broker.port)
+    outbox, parts, each = MemoryOutbox(), 5, 60
+
+    class WhileSeen:
+        """Sends only while the listener listens: it has no session, so what is acknowledged before it cannot see."""
+
+        def __init__(self, sender: MqttSender) -> None:
+            self._sender = sender
+
+        def start(self) -> None:
+            self._sender.start()
+
+        async def send(self, delivery: Delivery) -> None:
+            if not listener.subscribed.is_set():
+                raise DeliveryError("nobody listens", away=True)
+            await self._sender.send(delivery)
+
+        async def close(self) -> None:
+            await self._sender.close()
+
+    async def run() -> None:
+        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=5.0)
+        dispatcher = Dispatcher(outbox, {"mqtt": WhileSeen(sender)}, rng=np.random.default_rng(4), pace=FAST)
+        dispatcher.start()
+        for step in range(each):
+            for index in range(parts - 1):
+                outbox.put(part(id=f"PART{index}", text=f"N{step}"), ("mqtt",))
+            dispatcher.wake()
+            if step % 20 == 10:
+                sent = dispatcher.sent["mqtt"]
+                await until(lambda sent=sent: dispatcher.sent["mqtt"] > sent)
+                broker.kill()  # in the middle of sending
+                listener.subscribed.clear()
+            # and something is left to be sent, should all have arrived before
+            outbox.put(part(id=f"PART{parts - 1}", text=f"N{step}"), ("mqtt",))
+            if step % 20 == 10:
+                failed = dispatcher.failed["mqtt"]
+                await until(lambda failed=failed: dispatcher.failed["mqtt"] > failed)
+                await asyncio.to_thread(broker.start)
+            await asyncio.sleep(0.002)
+        await until(lambda: outbox.undelivered() == 0, why="for everything to arrive")
+        await dispatcher.stop()
+        await threads_gone()
+
+    asyncio.run(run())
+    wanted = [f"N{step}" for step in range(each)]
+
+    def seen(index: int) -> list[object]:
+        return [result["text"] for result in listener.results() if result["id"] == f"PART{index}"]
+
+    with contextlib.suppress(AssertionError):
+        until_now(lambda: all(set(seen(index)) == set(wanted) for index in range(parts)))
+    lost = {index: set(wanted) - set(seen(index)) for index in range(parts)}
+    assert not any(lost.values()), f"lost: {lost}"
+    for index in range(parts):
+        numbers = [wanted.index(str(text)) for text in seen(index)]
+        assert numbers == sorted(numbers), "an older result after a newer one"
+    assert outbox.failures
+
+
+def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+) -> None:
+    broker = make_broker()
+    listener = listen(broker.port)
+
+    async def run() -> None:
+        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=0.5)
+        await sender.send(one_delivery(number=1))
+        broker.kill(signal.SIGSTOP)
+        try:
+            for number in (2, 3):
+                with pytest.raises(DeliveryError) as caught:
+                    await sender.send(one_delivery(number=number))
+                assert caught.value.away
+        finally:
+            broker.kill(signal.SIGCONT)
+        await sender.send(one_delivery(number=4))
+        await sender.send(one_delivery(number=5))
+        await sender.close()
+        await threads_gone()
+
+    asyncio.run(run())
+    until_now(lambda: bool(listener.results()) and listener.results()[-1]["delivery_id"] == 5)
+    numbers = [int(str(r["delivery_id"])) for r in listener.results()]
+    # what the broker had in its socket when it hung may come, but before what was sent afterwards
+    assert numbers == sorted(numbers)
+    assert {1, 4, 5} <= set(numbers)
+
+
+def test_nobody_there_is_told_at_once() -> None:
+    async def run() -> None:
+        sender = MqttSender(f"mqtt://127.0.0.1:{free_port()}")
+        with pytest.raises(DeliveryError, match="cannot be reached") as caught:
+            await sender.send(one_delivery())
+        assert caught.value.away
+        await sender.close()
+        with pytest.raises(DeliveryError, match="closed"):
+            await sender.send(one_delivery())
+
+    asyncio.run(run())
+
+
+def test_user_and_password_are_checked_and_never_told(
+    make_broker: Callable[..., Broker],
+    tmp_path: Path,
+    find_program: Callable[[str], str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    passwords = tmp_path / "passwords"
+    subprocess.run(
+        [find_program("mosquitto_passwd"), "-b", "-c", str(passwords), "reader", "s3cr:et/"],
+        check=True,
+        capture_output=True,
+    )
+    broker = make_broker(f"allow_anonymous false\npassword_file {passwords}\n")
+
+    async def run() -> None:
+        sender = MqttSender(f"mqtt://reader:s3cr%3Aet%2F@127.0.0.1:{broker.port}")
+        await sender.send(one_delivery())
+        await sender.close()
+        for wrong in ("reader:wr0ng@", ""):
+            other = MqttSender(f"mqtt://{wrong}127.0.0.1:{broker.port}")
+            with pytest.raises(DeliveryError, match="refuses") as caught:
+                await other.send(one_delivery())
+            assert "wr0ng" not in str(caught.value)
+            await other.close()
+
+    with caplog.at_level(logging.DEBUG):
+        asyncio.run(run())
+    assert "s3cr" not in caplog.text
+
+
+def certificates(folder: Path, name: str) -> tuple[Path, Path]:
+    """A certificate of its own authority for 127.0.0.1, and its key."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    key = ec.generate_private_key(ec.SECP256R1())
+    who = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
+    now = dt.datetime.now(dt.UTC)
+    made = (
+        x509.CertificateBuilder()
+        .subject_name(who)
+        .issuer_name(who)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - dt.timedelta(days=1))
+        .not_valid_after(now + dt.timedelta(days=1))
+        .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
+        .add_extension(
+            x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]), critical=False
+        )
+        .sign(key, hashes.SHA256())
+    )
+    certificate, private = folder / f"{name}.crt", folder / f"{name}.key"
+    certificate.write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    private.write_bytes(
+        key.private_bytes(
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.PKCS8,
+            serialization.NoEncryption(),
+        )
+    )
+    return certificate, private
+
+
+def test_over_tls_the_brokers_certificate_is_checked(
+    make_broker: Callable[..., Broker], tmp_path: Path
+) -> None:
+    certificate, key = certificates(tmp_path, "broker")
+    stranger, _ = certificates(tmp_path, "stranger")
+    broker = make_broker(f"allow_anonymous true\ncertfile {certificate}\nkeyfile {key}\n")
+
+    async def run() -> None:
+        url = f"mqtts://127.0.0.1:{broker.port}"
+        sender = MqttSender(url, ca_file=certificate)
+        await sender.send(one_delivery())
+        await sender.close()
+        for wrong in (MqttSender(url), MqttSender(url, ca_file=stranger)):
+            with pytest.raises(DeliveryError, match="certificate"):
+                await wrong.send(one_delivery())
+            await wrong.close()
+        plain = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=2.0)
+        with pytest.raises(DeliveryError):
+            await plain.send(one_delivery())
+        await plain.close()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("url", ["", "127.0.0.1:1883", "http://127.0.0.1", "mqtt://"])
+def test_an_address_that_is_none_is_refused(url: str) -> None:
+    with pytest.raises(ValueError, match="mqtt://host:1883"):
+        MqttSender(url)
+
+
+@pytest.mark.parametrize("prefix", ["", "a/#", "+/a", "/a", "a/", "$SYS", "a\0"])
+def test_a_prefix_that_is_no_topic_is_refused(prefix: str) -> None:
+    with pytest.raises(ValueError, match="prefix"):
+        MqttSender("mqtt://127.0.0.1", prefix=prefix)
+
+
+def test_a_part_cannot_choose_another_topic() -> None:
+    async def run() -> None:
+        sender = MqttSender("mqtt://127.0.0.1:1")
+        for name in ("a/b", "#", "a+"):
+            with pytest.raises(DeliveryError, match="topic"):
+                await sender.send(one_delivery(name))
+
+    asyncio.run(run())

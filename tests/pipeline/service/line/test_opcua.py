@@ -1,0 +1,453 @@
+"""The OPC UA server, asked by asyncua's own client: in this process, and in one that knows nothing of the types."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import subprocess
+import sys
+import threading
+from collections.abc import AsyncIterator, Coroutine, Iterator
+from dataclasses import replace
+from datetime import timedelta
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pytest
+from asyncua import Client, ua
+
+from pipeline.common.records import PartRecord, PartState
+from pipeline.service.line.opcua import OpcUaPort
+from pipeline.service.line.opcua_device import settings_fit
+from pipeline.service.line.opcua_result import ocr_scan_result, status_of
+from pipeline.service.problem import Problem
+from tests.support.line_fakes import LONG_S, NOW, part, reading, until
+
+T = TypeVar("T")
+DEVICE = ["2:DeviceSet", "4:tactile-marks"]
+STRANGER = """
+import asyncio, json, sys
+from asyncua import Client, ua
+
+async def main(url):
+    async with Client(url) as client:
+        await client.load_data_type_definitions()
+        spaces = await client.get_namespace_array()
+        autoid = spaces.index("http://opcfoundation.org/UA/AutoID/")
+        di = spaces.index("http://opcfoundation.org/UA/DI/")
+        device_set = await client.nodes.objects.get_child(f"{di}:DeviceSet")
+        (device,) = await device_set.get_children()
+        kind = client.get_node(await device.read_type_definition())
+        events = []
+        class Handler:
+            def event_notification(self, event):
+                events.append(event)
+        subscription = await client.create_subscription(20, Handler())
+        await subscription.subscribe_events(device, client.get_node(ua.NodeId(1005, autoid)))
+        settings = ua.ScanSettings(Duration=5000.0, Cycles=1, DataAvailable=True)
+        results, status = await device.call_method(f"{autoid}:Scan", settings)
+        started = await device.call_method(f"{autoid}:ScanStart", settings)
+        for _ in range(500):
+            if events:
+                break
+            await asyncio.sleep(0.02)
+        result, (event,) = results[0], events
+        told = event.ScanResult[0]
+        print(json.dumps({
+            "type": (await kind.read_browse_name()).to_string(), "type_id": kind.nodeid.to_string(),
+            "status": status, "started": started, "code": result.CodeType, "data": result.ScanData.String,
+            "at": result.Timestamp.isoformat(), "quality": result.Quality, "font": result.Font,
+            "location": result.Location, "x": result.Position.PositionX, "width": result.Position.SizeX,
+            "rotation": result.Position.Rotation, "event": told.ScanData.String, "device": event.DeviceName,
+            "message": event.Message.Text, "event_type": event.EventType.to_string(),
+            "source": event.SourceName, "status_name": ua.AutoIdOperationStatusEnumeration(status).name,
+        }))
+
+asyncio.run(main(sys.argv[1]))
+"""
+
+
+async def read_at_once(name: str) -> PartRecord:
+    return part(name)
+
+
+def numbered() -> Any:
+    """A trigger that makes a new part each time."""
+    count = 0
+
+    async def trigger(name: str) -> PartRecord:
+        nonlocal count
+        count += 1
+        return part(name, id=f"PART{count}", changed_at=NOW + timedelta(seconds=count))
+
+    return trigger
+
+
+@contextlib.asynccontextmanager
+async def serving_opcua(trigger: Any = read_at_once, **options: Any) -> AsyncIterator[tuple[OpcUaPort, str]]:
+    port = OpcUaPort(trigger, **options)
+    await port.start()
+    try:
+        yield port, f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
+    finally:
+        await port.stop(grace_s=1.0)
+
+
+class Shared:
+    """One server for most tests, in a loop and thread of its own: each takes seconds to build its standard nodes."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.new_event_loop()
+        threading.Thread(target=self._loop.run_forever, daemon=True).start()
+        self._trigger: Any = read_at_once
+        self.port = OpcUaPort(self._triggered, version="0.1.0")
+        self.run(self.port.start())
+
+    async def _triggered(self, name: str) -> PartRecord:
+        record: PartRecord = await self._trigger(name)
+        return record
+
+    def run(self, work: Coroutine[Any, Any, T]) -> T:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(60.0)
+
+    @contextlib.asynccontextmanager
+    async def serving(self, trigger: Any = read_at_once) -> AsyncIterator[tuple[OpcUaPort, str]]:
+        self._trigger = trigger
+        self.port._shown.clear()
+        yield self.port, f"opc.tcp://127.0.0.1:{self.port.port}/tactile-marks"
+        await until(lambda: self.port._scanning is None)
+
+    def close(self) -> None:
+        self.run(self.port.stop(grace_s=1.0))
+        self._loop.call_soon_threadsafe(self._loop.stop)
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Shared]:
+    made = Shared()
+    yield made
+    made.close()
+
+
+@contextlib.asynccontextmanager
+async def asking(url: str) -> AsyncIterator[tuple[Client, Any]]:
+    async with Client(url, timeout=LONG_S) as client:
+        await client.load_data_type_definitions()
+        yield client, await client.nodes.objects.get_child(DEVICE)
+
+
+def settings(duration: float = 0.0, cycles: int = 1, available: bool = True) -> Any:
+    kinds: Any = ua
+    return kinds.ScanSettings(Duration=duration, Cycles=cycles, DataAvailable=available)
+
+
+async def value_of(device: Any, path: str) -> Any:
+    return await (await device.get_child(path)).read_value()
+
+
+def test_a_client_that_knows_nothing_of_the_types_finds_scans_and_hears(shared: Shared) -> None:
+    async def run() -> dict[str, Any]:
+        async with shared.serving(numbered()) as (port, url):
+            assert port.host == "127.0.0.1"
+            stranger = await asyncio.create_subprocess_exec(
+                sys.executable, "-c", STRANGER, url, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            )
+            out, err = await asyncio.wait_for(stranger.communicate(), 60.0)
+            assert stranger.returncode == 0, err.decode()[-2000:]
+            told: dict[str, Any] = json.loads(out)
+            return told
+
+    told = shared.run(run())
+    assert told == {
+        "type": "3:OcrReaderDeviceType",
+        "type_id": "ns=3;i=1002",
+        "status": 0,
+        "status_name": "SUCCESS",
+        "started": 0,
+        "code": "RAW:STRING",
+        "data": "KX407251",
+        "at": NOW.isoformat(),
+        "quality": 99,  # of 0.9984: never rounded up
+        "font": "gothic",
+        "location": None,
+        "x": 0,
+        "width": 46000,
+        "rotation": -2,
+        # one event: the part that Scan read was for whoever asked for it
+        "event": "KX407251",
+        "device": "tactile-marks",
+        "message": "ACCEPT KX407251 PART2",
+        "event_type": "ns=3;i=1005",
+        "source": "tactile-marks",
+    }
+
+
+def test_scanning_shows_the_part_in_the_variables(shared: Shared) -> None:
+    async def run() -> None:
+        async with shared.serving(numbered()) as (port, url), asking(url) as (_, device):
+            assert await value_of(device, "2:SoftwareRevision") == "0.1.0"
+            assert await value_of(device, "3:DeviceStatus") == 0
+            results, status = await device.call_method("3:Scan", settings())
+            assert (results[0].ScanData.String, status) == ("KX407251", 0)
+            assert await value_of(device, "4:LastPartId") == "PART1"
+            told = await device.call_method("4:TriggerPart", "tray-7")
+            assert told == ["PART2", "KX407251", "ACCEPT", 0.9984, "fused"]
+            names = ("3:LastScanData", "3:LastScanTimestamp", "4:LastPartId", "4:LastConfidence")
+            values = [await (await device.get_child(name)).read_data_value() for name in names]
+            assert len({value.SourceTimestamp for value in values}) == 1
+            assert values[1].Value.Value == values[1].SourceTimestamp == NOW + timedelta(seconds=2)
+            # a part that came by another door
+            await port.show(part(id="PART9", text="ZZ9"))
+            assert await value_of(device, "3:LastScanData") == "ZZ9"
+
+    shared.run(run())
+
+
+def test_one_scan_at_a_time_and_its_status(shared: Shared) -> None:
+    async def run() -> None:
+        go = asyncio.Event()
+
+        async def trigger(name: str) -> PartRecord:
+            await go.wait()
+            return part(name)
+
+        async with shared.serving(trigger) as (_, url), asking(url) as (_, device), asking(url) as (_, other):
+            scanning = asyncio.create_task(device.call_method("3:Scan", settings()))
+            while await value_of(other, "3:DeviceStatus") != 3:
+                await asyncio.sleep(0.01)
+            for method, argument in (
+                ("3:Scan", settings()),
+                ("3:ScanStart", settings()),
+                ("4:TriggerPart", ""),
+            ):
+                with pytest.raises(ua.UaStatusCodeError, match="BadInvalidState"):
+                    await other.call_method(method, argument)
+            with pytest.raises(ua.UaStatusCodeError, match="BadInvalidState"):
+                await other.call_method("3:ScanStop")  # none was started
+            go.set()
+            assert (await asyncio.wait_for(scanning, LONG_S))[1] == 0
+            assert await value_of(other, "3:DeviceStatus") == 0
+            go.clear()
+            assert await device.call_method("3:ScanStart", settings(0.0, 0, False)) == 0
+            while await value_of(other, "3:DeviceStatus") != 2:
+                await asyncio.sleep(0.01)
+            await other.call_method("3:ScanStop")
+            go.set()
+            while await value_of(other, "3:DeviceStatus") != 0:
+                await asyncio.sleep(0.01)
+
+    shared.run(run())
+
+
+def test_settings_that_cannot_be_are_refused(shared: Shared) -> None:
+    async def run() -> None:
+        async with shared.serving() as (_, url), asking(url) as (_, device):
+            for wrong in (
+                settings(0.0, 0, False),
+                settings(-1.0),
+                settings(float("nan")),
+                settings(float("inf")),
+                settings(cycles=2),
+                settings(cycles=-1),
+                "no settings",
+            ):
+                with pytest.raises(ua.UaStatusCodeError, match="BadInvalidArgument"):
+                    await device.call_method("3:Scan", wrong)
+            with pytest.raises(ua.UaStatusCodeError, match="BadInvalidArgument"):
+                await device.call_method("3:Scan")
+            for wrong in (7, "a\x07b"):
+                with pytest.raises(ua.UaStatusCodeError, match="BadInvalidArgument"):
+                    await device.call_method("4:TriggerPart", wrong)
+
+    shared.run(run())
+    assert not settings_fit((), endless=True)
+
+
+def test_failures_come_as_a_status_and_words(shared: Shared) -> None:
+    async def run() -> None:
+        problem: Exception = Problem(422, "no picture;\nput one into the folder")
+
+        async def trigger(_: str) -> PartRecord:
+            raise problem
+
+        async with shared.serving(trigger) as (_, url), asking(url) as (_, device):
+            assert await device.call_method("3:Scan", settings()) == [[], 17]
+            assert await value_of(device, "3:DeviceInfo") == "no picture; put one into the folder"
+            assert await value_of(device, "3:DeviceStatus") == 0  # a client may try again
+            problem = KeyError("secret")
+            assert await device.call_method("3:Scan", settings()) == [[], 20]
+            assert await value_of(device, "3:DeviceInfo") == "the service failed; its log says why"
+            with pytest.raises(ua.UaStatusCodeError, match="BadDeviceFailure"):
+                await device.call_method("4:TriggerPart", "")
+
+    shared.run(run())
+
+
+def test_a_scan_that_takes_longer_than_its_duration_goes_on_and_is_told_as_it_ends(shared: Shared) -> None:
+    async def run() -> None:
+        go = asyncio.Event()
+
+        async def trigger(name: str) -> PartRecord:
+            await go.wait()
+            return part(name)
+
+        async with shared.serving(trigger) as (_, url), asking(url) as (_, device):
+            assert await device.call_method("3:Scan", settings(50.0)) == [[], 17]
+            assert await value_of(device, "3:DeviceStatus") == 3
+            go.set()
+            while await value_of(device, "3:LastScanData") != "KX407251":
+                await asyncio.sleep(0.01)
+
+    shared.run(run())
+
+
+def test_a_caller_that_goes_does_not_end_the_reading_and_a_stop_waits_for_it() -> None:
+    async def run() -> None:
+        go, read = asyncio.Event(), []
+
+        async def trigger(name: str) -> PartRecord:
+            await go.wait()
+            read.append(name)
+            return part(name)
+
+        port = OpcUaPort(trigger)
+        await port.start()
+        client = Client(f"opc.tcp://127.0.0.1:{port.port}/tactile-marks", timeout=LONG_S)
+        await client.connect()
+        device = await client.nodes.objects.get_child(DEVICE)
+        calling = asyncio.create_task(device.call_method("4:TriggerPart", "P1"))
+        await until(lambda: port._scanning is not None)
+        calling.cancel()
+        await asyncio.gather(calling, return_exceptions=True)
+        client.disconnect_socket()  # no goodbye: it would wait behind the scan
+        stopping = asyncio.create_task(port.stop(grace_s=LONG_S))
+        await asyncio.sleep(0.05)
+        go.set()
+        await asyncio.wait_for(stopping, LONG_S)
+        assert read == ["P1"]
+
+    asyncio.run(run())
+
+
+def test_nobody_may_write_or_be_the_administrator(shared: Shared) -> None:
+    async def run() -> None:
+        async with shared.serving() as (_, url):
+            client = Client(url, timeout=LONG_S)
+            client.set_user("admin")  # asyncua makes an administrator of that name unless told not to
+            with pytest.raises(ua.UaStatusCodeError):
+                await client.connect()
+            async with asking(url) as (asker, device):
+                variable = await device.get_child("3:LastScanData")
+                with pytest.raises(ua.UaStatusCodeError):
+                    await variable.write_value("FAKED")
+                with pytest.raises(ua.UaStatusCodeError):
+                    await asker.nodes.objects.add_object(4, "mine")
+
+    shared.run(run())
+
+
+def test_users_and_a_certificate(tmp_path: Path) -> None:
+    from asyncua.crypto.cert_gen import setup_self_signed_certificate
+    from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+    from cryptography.x509.oid import ExtendedKeyUsageOID
+
+    async def run() -> None:
+        files = {}
+        for who, usage in (
+            ("server", ExtendedKeyUsageOID.SERVER_AUTH),
+            ("client", ExtendedKeyUsageOID.CLIENT_AUTH),
+        ):
+            files[who] = (tmp_path / f"{who}.der", tmp_path / f"{who}.pem")
+            certificate, key = files[who]
+            await setup_self_signed_certificate(
+                key, certificate, f"urn:tactile-marks:{who}", "localhost", [usage], {"commonName": who}
+            )
+        certificate, key = files["server"]
+
+        async def call(user: str, password: str, *, secure: bool = True) -> str:
+            client = Client(url, timeout=LONG_S)
+            client.application_uri = "urn:tactile-marks:client"
+            if user:
+                client.set_user(user)
+                client.set_password(password)
+            if secure:
+                mine, mine_key = files["client"]
+                await client.set_security(SecurityPolicyBasic256Sha256, mine, mine_key)
+            async with client:
+                device = await client.nodes.objects.get_child(DEVICE)
+                told: str = (await device.call_method("4:TriggerPart", "P1"))[1]
+                return told
+
+        options = {"users": {"line-4": "pa55"}, "certificate": certificate, "private_key": key}
+        async with serving_opcua(**options) as (_, url):
+            assert await call("line-4", "pa55") == "KX407251"
+            for user, password in (("line-4", "wrong"), ("line-4", ""), ("admin", ""), ("", "")):
+                with pytest.raises(ua.UaError):
+                    await call(user, password)
+            with pytest.raises(ua.UaError):
+                await call("line-4", "pa55", secure=False)
+
+    asyncio.run(run())
+    with pytest.raises(ValueError, match="certificate"):
+        OpcUaPort(read_at_once, users={"a": "b"})
+    with pytest.raises(ValueError, match="both"):
+        OpcUaPort(read_at_once, certificate=tmp_path / "server.der")
+
+
+def test_more_connections_than_may_be_are_refused_and_a_stop_does_not_wait_for_ever() -> None:
+    async def run() -> None:
+        async def never(_: str) -> PartRecord:
+            await asyncio.Event().wait()
+            raise AssertionError
+
+        port = OpcUaPort(never, connections=1)
+        await port.start()
+        url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
+        async with asking(url) as (_, device):
+            with pytest.raises((ua.UaError, ConnectionError, TimeoutError)):
+                await Client(url, timeout=2.0).connect()
+            assert await device.call_method("3:ScanStart", settings()) == 0
+        await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
+
+    asyncio.run(run())
+
+
+def test_it_is_quiet(shared: Shared, caplog: pytest.LogCaptureFixture) -> None:
+    async def run() -> None:
+        async with shared.serving() as (_, url), asking(url) as (_, device):
+            await device.call_method("3:Scan", settings())
+
+    with caplog.at_level(logging.DEBUG):
+        shared.run(run())
+    told = [r for r in caplog.records if r.name.startswith("asyncua.server")]
+    assert told == []
+
+
+@pytest.mark.parametrize(
+    ("record", "status"),
+    [
+        (part(), 0),
+        (part(text=""), 8),
+        (part(state=PartState.REVIEW, reading=reading(decision="review")), 11),
+        (part(state=PartState.TOUCH_NEEDED), 11),
+        (part(state=PartState.REVIEW, reading=reading(verdict="refuted")), 12),
+        (part(state=PartState.REVIEWED), 0),
+    ],
+)
+def test_the_status_of_a_part(record: PartRecord, status: int) -> None:
+    assert status_of(record) == status
+
+
+def test_a_result_of_odd_values_can_be_sent(shared: Shared) -> None:
+    async def run() -> None:
+        async with shared.serving():
+            odd = reading(confidence=float("nan"), rotation_deg=float("inf"), characters=())
+            result = ocr_scan_result(part(reading=odd))
+            assert (result.Quality, result.Position.Rotation) == (0, 0)
+            far = replace(reading("A").characters[0], box_mm=(-1e9, 0.0, 1e9, 5.0))
+            assert ocr_scan_result(part(reading=reading(characters=(far,)))).Position.SizeX == 2**31 - 1
+            assert ocr_scan_result(part(reading=None)).Quality == 0
+
+    shared.run(run())

@@ -1,0 +1,336 @@
+"""The raw TCP trigger port, spoken to over real sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import struct
+from collections.abc import AsyncIterator
+from typing import Any
+from urllib.parse import unquote
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.common.records import PartRecord, PartState
+from pipeline.service.line.result_string import DEFAULT_FORMAT, FormatError, ResultString
+from pipeline.service.line.tcp import TcpLimits, TcpPort
+from pipeline.service.line.trigger import LineDecision, decision_of, in_words, is_hidden
+from pipeline.service.problem import Problem
+from tests.support.line_fakes import LONG_S, part, reading, until
+
+ANSWER = b"P17;ACCEPT;KX407251;0.998;fused;01KB0000000000000000000017\r\n"
+
+
+async def read_at_once(name: str) -> PartRecord:
+    return part(name)
+
+
+@contextlib.asynccontextmanager
+async def listening(trigger: Any = read_at_once, **options: Any) -> AsyncIterator[TcpPort]:
+    port = TcpPort(trigger, **options)
+    await port.start()
+    try:
+        yield port
+    finally:
+        await port.stop(grace_s=0.2)
+
+
+async def said(port: TcpPort, sent: bytes) -> bytes:
+    """All that comes back for what is sent before this side ends."""
+    reader, writer = await asyncio.open_connection(port.host, port.port)
+    writer.write(sent)
+    writer.write_eof()
+    answer = await asyncio.wait_for(reader.read(), LONG_S)
+    writer.close()
+    return answer
+
+
+def answer_to(sent: bytes, trigger: Any = read_at_once, **options: Any) -> bytes:
+    async def run() -> bytes:
+        async with listening(trigger, **options) as port:
+            return await said(port, sent)
+
+    return asyncio.run(run())
+
+
+def test_listens_on_the_loopback_address_unless_told_otherwise() -> None:
+    async def run() -> None:
+        async with listening() as port:
+            assert port.host == "127.0.0.1"
+            assert port.port > 0
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("end", [b"\r\n", b"\n", b"\r"])
+def test_a_trigger_is_answered_with_one_result_string(end: bytes) -> None:
+    assert answer_to(b"TRIGGER P17" + end) == ANSWER
+    assert answer_to(b"PING" + end + b"trigger P17" + end) == b"PONG\r\n" + ANSWER
+
+
+def test_a_line_may_come_in_pieces_and_lines_together() -> None:
+    async def run() -> None:
+        async with listening() as port:
+            reader, writer = await asyncio.open_connection(port.host, port.port)
+            for piece in (b"TRI", b"GGER P", b"17\r", b"\nPING\r", b"\n\r\n\nPING\n"):
+                writer.write(piece)
+                await writer.drain()
+                await asyncio.sleep(0.02)  # else they travel together, which must be right as well
+            answers = [await asyncio.wait_for(reader.readline(), LONG_S) for _ in range(3)]
+            assert answers == [ANSWER, b"PONG\r\n", b"PONG\r\n"]
+            writer.close()
+
+    asyncio.run(run())
+
+
+def test_a_return_at_the_end_of_a_packet_is_answered_without_waiting_for_a_line_feed() -> None:
+    async def run() -> None:
+        async with listening() as port:
+            reader, writer = await asyncio.open_connection(port.host, port.port)
+            writer.write(b"PING\r")
+            assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
+            writer.write(b"\nPING\r\n")
+            assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
+            writer.close()
+
+    asyncio.run(run())
+
+
+def test_what_is_not_understood_is_told() -> None:
+    assert answer_to(b"GO\r\n") == b"ERROR;unknown command, send TRIGGER name, or PING\r\n"
+    assert answer_to(b"PING PONG\r\n").startswith(b"ERROR;unknown command")
+    assert answer_to(b"TRIGGER \xff\r\n") == b"ERROR;the line is no UTF-8\r\n"
+    assert answer_to(b"TRIGGER a\x07b\r\n") == b"ERROR;the line holds control characters\r\n"
+    assert answer_to(b"TRIGGER\r\n").startswith(b";ACCEPT;KX407251;")  # a part without a name
+    assert answer_to(b"GET / HTTP/1.1\r\n").startswith(b"ERROR;unknown command")
+
+
+def test_a_failure_is_told_in_one_line_or_only_that_there_was_one() -> None:
+    async def refused(_: str) -> PartRecord:
+        raise Problem(422, "no picture of P17;\r\nput one into the folder")
+
+    async def broken(_: str) -> PartRecord:
+        raise KeyError("password")
+
+    assert answer_to(b"TRIGGER P17\r\n", refused) == b"ERROR;no picture of P17, put one into the folder\r\n"
+    assert answer_to(b"TRIGGER P17\r\n", broken) == b"ERROR;the service failed, its log says why\r\n"
+    assert len(in_words(Problem(500, "x" * 5000))) == 200
+
+
+def test_a_long_line_is_refused_and_the_connection_closed() -> None:
+    limits = TcpLimits(line_bytes=32)
+    wanted = b"ERROR;a line has at most 32 bytes\r\n"
+    assert answer_to(b"TRIGGER " + b"x" * 100, limits=limits) == wanted
+    assert answer_to(b"TRIGGER " + b"x" * 100 + b"\r\nPING\r\n", limits=limits) == wanted
+    assert answer_to(b"TRIGGER " + b"x" * 24 + b"\r\n", limits=limits).startswith(b"x" * 24)
+
+
+def test_silence_and_slowness_end_a_connection() -> None:
+    async def run() -> None:
+        async with listening(limits=TcpLimits(idle_s=0.1)) as port:
+            reader, _ = await asyncio.open_connection(port.host, port.port)
+            assert await asyncio.wait_for(reader.read(), LONG_S) == b"ERROR;nothing came for too long\r\n"
+        async with listening(limits=TcpLimits(line_s=0.3)) as port:
+            reader, writer = await asyncio.open_connection(port.host, port.port)
+
+            async def drip() -> None:
+                while True:
+                    writer.write(b"x")
+                    await asyncio.sleep(0.02)
+
+            dripping = asyncio.create_task(drip())
+            assert await asyncio.wait_for(reader.read(), LONG_S) == b"ERROR;the line did not end\r\n"
+            dripping.cancel()
+
+    asyncio.run(run())
+
+
+def test_more_connections_than_may_be_are_told_so() -> None:
+    async def run() -> None:
+        async with listening(limits=TcpLimits(connections=2)) as port:
+            kept = [await asyncio.open_connection(port.host, port.port) for _ in range(2)]
+            for reader, writer in kept:
+                writer.write(b"PING\r\n")
+                assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
+            assert await said(port, b"") == b"ERROR;too many connections\r\n"
+            kept[0][1].close()
+
+            async def again() -> bool:
+                return await said(port, b"PING\r\n") == b"PONG\r\n"
+
+            for _ in range(200):
+                if await again():
+                    break
+                await asyncio.sleep(0.01)
+            else:
+                raise AssertionError("the place of a caller who has gone is not given away")
+
+    asyncio.run(run())
+
+
+def test_only_the_clients_named_may_call() -> None:
+    with contextlib.suppress(ConnectionResetError):  # what was sent is not even read
+        assert answer_to(b"PING\r\n", clients=("10.0.0.0/8",)) == b""
+    assert answer_to(b"PING\r\n", clients=("10.0.0.0/8", "127.0.0.1")) == b"PONG\r\n"
+    with pytest.raises(ValueError, match="10"):
+        TcpPort(read_at_once, clients=("10.0.0.300",))
+
+
+def test_answers_keep_the_order_of_the_lines_and_callers_do_not_wait_for_each_other() -> None:
+    async def run() -> None:
+        go = asyncio.Event()
+
+        async def trigger(name: str) -> PartRecord:
+            if name == "slow":
+                await go.wait()
+            return part(name)
+
+        async with listening(trigger) as port:
+            reader, writer = await asyncio.open_connection(port.host, port.port)
+            writer.write(b"TRIGGER slow\r\nTRIGGER fast\r\n")
+            assert (await said(port, b"TRIGGER other\r\n")).startswith(b"other;")
+            go.set()
+            answers = [await asyncio.wait_for(reader.readline(), LONG_S) for _ in range(2)]
+            assert [answer.split(b";")[0] for answer in answers] == [b"slow", b"fast"]
+            writer.close()
+
+    asyncio.run(run())
+
+
+def test_a_part_is_read_to_its_end_though_the_caller_resets_or_gives_up() -> None:
+    async def run() -> None:
+        begun, go, read = asyncio.Event(), asyncio.Event(), []
+
+        async def trigger(name: str) -> PartRecord:
+            begun.set()
+            await go.wait()
+            read.append(name)
+            return part(name)
+
+        async with listening(trigger, limits=TcpLimits(answer_s=0.2)) as port:
+            _, writer = await asyncio.open_connection(port.host, port.port)
+            writer.write(b"TRIGGER gone\r\n")
+            await asyncio.wait_for(begun.wait(), LONG_S)
+            raw = writer.get_extra_info("socket")
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            writer.transport.abort()
+            late = await said(port, b"TRIGGER late\r\n")
+            assert late == b"ERROR;no result in time, the part is still being read\r\n"
+            go.set()
+            await until(lambda: sorted(read) == ["gone", "late"])
+
+    asyncio.run(run())
+
+
+def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
+    async def run() -> None:
+        begun, go = asyncio.Event(), asyncio.Event()
+
+        async def trigger(name: str) -> PartRecord:
+            begun.set()
+            await go.wait()
+            return part(name)
+
+        port = TcpPort(trigger)
+        await port.start()
+        idle_reader, _ = await asyncio.open_connection(port.host, port.port)
+        reader, writer = await asyncio.open_connection(port.host, port.port)
+        writer.write(b"TRIGGER P17\r\nTRIGGER P18\r\n")
+        await asyncio.wait_for(begun.wait(), LONG_S)
+        stopping = asyncio.create_task(port.stop(grace_s=LONG_S))
+        assert await asyncio.wait_for(idle_reader.read(), LONG_S) == b""
+        with pytest.raises(ConnectionRefusedError):
+            await asyncio.open_connection(port.host, port.port)
+        go.set()
+        assert await asyncio.wait_for(reader.read(), LONG_S) == ANSWER  # and P18 was not begun
+        await asyncio.wait_for(stopping, LONG_S)
+
+    asyncio.run(run())
+
+
+def test_a_stop_does_not_wait_for_ever() -> None:
+    async def run() -> None:
+        async def never(_: str) -> PartRecord:
+            await asyncio.Event().wait()
+            raise AssertionError
+
+        port = TcpPort(never)
+        await port.start()
+        reader, writer = await asyncio.open_connection(port.host, port.port)
+        writer.write(b"TRIGGER P17\r\n")
+        await until(lambda: bool(port._reading))
+        await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
+        assert await asyncio.wait_for(reader.read(), LONG_S) == b""
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("record", "wanted"),
+    [
+        (part(), LineDecision.ACCEPT),
+        (part(state=PartState.TOUCH_NEEDED), LineDecision.TOUCH),
+        (part(state=PartState.REVIEW, reading=reading(decision="review")), LineDecision.REVIEW),
+        # read surely, but not what was expected
+        (part(state=PartState.REVIEW, reading=reading(verdict="refuted")), LineDecision.REVIEW),
+        (part(state=PartState.REVIEW, reading=reading(decision="reject")), LineDecision.REJECT),
+        (part(text=""), LineDecision.REJECT),
+        (part(state=PartState.REVIEW, reading=None), LineDecision.REJECT),
+        (part(state=PartState.REVIEWED), LineDecision.ACCEPT),
+        (part(text="", state=PartState.REVIEWED), LineDecision.REJECT),
+    ],
+)
+def test_a_part_comes_to_one_word(record: PartRecord, wanted: LineDecision) -> None:
+    assert decision_of(record) is wanted
+
+
+def test_the_format_is_the_integrators() -> None:
+    assert ResultString("{text}").of(part()) == "KX407251"
+    assert ResultString("S={text} C={confidence:06.2f}").of(part()) == "S=KX407251 C=001.00"
+    assert ResultString("{{{text}}}{verdict}").of(part()) == "{KX407251}"
+    assert ResultString(DEFAULT_FORMAT).of(part(reading=None)).split(";")[3:5] == ["0.000", ""]
+
+
+@pytest.mark.parametrize(
+    "template",
+    [
+        *(
+            "",
+            "OK",
+            "{serial}",
+            "{text.__class__}",
+            "{text[0]}",
+            "{}",
+            "{0}",
+            "{text",
+            "{text!r}",
+            "{text:>9}",
+        ),
+        *("{confidence:9999999999}", "{confidence:.3e}", "{confidence:{text}}", "{text}\n", "x" * 501),
+    ],
+)
+def test_a_format_that_cannot_be_is_refused_at_once(template: str) -> None:
+    with pytest.raises(FormatError):
+        ResultString(template)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(max_size=20), st.text(max_size=20))
+def test_no_value_breaks_the_line_and_every_value_comes_back(name: str, text: str) -> None:
+    line = ResultString().of(part(name, text))
+    assert not any(is_hidden(char) for char in line)
+    line.encode()
+    fields = line.split(";")
+    assert len(fields) == 6
+    assert unquote(fields[0], errors="surrogatepass") == name
+    assert unquote(fields[2], errors="surrogatepass") == text
+
+
+def test_separators_are_those_of_the_format() -> None:
+    record = part("tray 7/3", "A;B|C%")
+    assert ResultString("{name}|{text}").of(record) == "tray 7/3|A;B%7CC%25"
+    assert ResultString("{name};{text}").of(record) == "tray 7/3;A%3BB|C%25"
+    assert ResultString("{name} {text}").of(record) == "tray%207/3 A;B|C%25"

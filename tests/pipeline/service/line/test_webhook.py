@@ -1,0 +1,303 @@
+"""The webhook, posted to a real web server that answers well, badly, slowly or not at all."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import ssl
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response
+from starlette.routing import Route
+
+from pipeline.common.records import Delivery
+from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
+from pipeline.service.line.webhook import SignatureError, WebhookSender, check_signature, signature
+from tests.support.line_fakes import MemoryOutbox, free_port, part, serving, until
+
+FAST = Pace(look_s=0.02, first_wait_s=0.02, longest_wait_s=0.1, longest_rest_s=0.1)
+SECRET = "a secret of the plant"
+DELIVERY = Delivery(17, "webhook", "01KB0000000000000000000017", {"text": "KX407251", "name": "Träger"})
+Answering = Callable[[Request], Awaitable[Response]]
+
+
+class Receiver:
+    """A web server that keeps what came; `answering` answers."""
+
+    def __init__(self, answering: Answering | None = None) -> None:
+        self.came: list[tuple[dict[str, str], bytes]] = []
+        self._answering = answering
+        self.app = Starlette(routes=[Route("/{path:path}", self._take, methods=["GET", "POST"])])
+
+    async def _take(self, request: Request) -> Response:
+        self.came.append((dict(request.headers), await request.body()))
+        return await self._answering(request) if self._answering else Response(status_code=204)
+
+
+def answers(*statuses: int, headers: dict[str, str] | None = None) -> Answering:
+    """The statuses one after the other, the last for ever."""
+    left = list(statuses)
+
+    async def answer(_: Request) -> Response:
+        return Response(status_code=left.pop(0) if len(left) > 1 else left[0], headers=headers)
+
+    return answer
+
+
+def error_of(url: str, **options: object) -> DeliveryError:
+    async def run() -> DeliveryError:
+        sender = WebhookSender(url, **options)  # type: ignore[arg-type]
+        try:
+            with pytest.raises(DeliveryError) as caught:
+                await sender.send(DELIVERY)
+            return caught.value
+        finally:
+            await sender.close()
+
+    return asyncio.run(run())
+
+
+def posted(url: str, **options: object) -> None:
+    async def run() -> None:
+        sender = WebhookSender(url, **options)  # type: ignore[arg-type]
+        await sender.send(DELIVERY)
+        await sender.send(DELIVERY)
+        await sender.close()
+
+    asyncio.run(run())
+
+
+def test_the_signature_is_that_of_standard_webhooks() -> None:
+    # the example of the specification's own libraries
+    made = signature(
+        "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw",
+        webhook_id="msg_p5jXN8AQM9LWM0D4loKWxJek",
+        timestamp=1614265330,
+        body=b'{"test": 2432232314}',
+    )
+    assert made == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
+    with pytest.raises(ValueError, match="base64"):
+        WebhookSender("http://127.0.0.1", secret="whsec_no base64!")
+
+
+def test_a_delivery_is_posted_signed_and_can_be_told_from_others() -> None:
+    receiver = Receiver()
+    with serving(receiver.app) as url:
+        posted(f"{url}/parts?line=4", secret=SECRET)
+    assert len(receiver.came) == 2
+    for headers, body in receiver.came:
+        assert json.loads(body) == {"text": "KX407251", "name": "Träger", "delivery_id": 17}
+        assert headers["content-type"] == "application/json"
+        assert check_signature(SECRET, headers, body, now_s=time.time()) == f"{DELIVERY.part_id}-17"
+
+
+def test_whoever_changes_or_repeats_a_delivery_is_found_out() -> None:
+    receiver = Receiver()
+    with serving(receiver.app) as url:
+        posted(url, secret=SECRET)
+    headers, body = receiver.came[0]
+    now_s = float(headers["webhook-timestamp"])  # when it was signed: ending the receiver may take seconds
+    for wrong, changed, when in (
+        ({}, body.replace(b"KX", b"KY"), now_s),
+        ({"webhook-id": "another"}, body, now_s),
+        ({"webhook-timestamp": str(int(now_s) + 1)}, body, now_s),
+        ({"webhook-timestamp": "²"}, body, now_s),
+        ({"webhook-signature": ""}, body, now_s),
+        ({"webhook-signature": "v1,ä"}, body, now_s),
+        ({}, body, now_s + 301.0),
+        ({}, body, now_s - 301.0),
+    ):
+        with pytest.raises(SignatureError):
+            check_signature(SECRET, {**headers, **wrong}, changed, now_s=when)
+    with pytest.raises(SignatureError):
+        check_signature("another", headers, body, now_s=now_s)
+    # several signatures while the secret is changed
+    both = {**headers, "webhook-signature": f"v1,AAAA {headers['webhook-signature']}"}
+    check_signature(SECRET, both, body, now_s=now_s)
+
+
+def test_without_a_secret_nothing_is_signed() -> None:
+    receiver = Receiver()
+    with serving(receiver.app) as url:
+        posted(url)
+    assert "webhook-signature" not in receiver.came[0][0]
+
+
+@pytest.mark.parametrize(
+    ("status", "away", "lasting"),
+    [
+        (500, False, False),
+        (501, False, False),
+        (429, True, False),
+        (503, True, False),
+        (400, False, True),
+        (422, False, True),
+        (404, True, True),
+        (410, True, True),
+        (401, True, True),
+        (304, False, False),
+    ],
+)
+def test_an_answer_that_is_not_2xx_is_no_delivery(status: int, away: bool, lasting: bool) -> None:
+    with serving(Receiver(answers(status, headers={"retry-after": "7"})).app) as url:
+        error = error_of(url)
+    assert str(status) in str(error)
+    assert (error.away, error.lasting) == (away, lasting)
+    assert error.retry_after_s == (7.0 if status in (429, 503) else 0.0)
+
+
+def test_a_redirect_is_not_followed() -> None:
+    elsewhere = Receiver()
+
+    async def redirect(_: Request) -> Response:
+        return RedirectResponse(f"{other}/elsewhere", status_code=307)
+
+    with serving(elsewhere.app) as other, serving(Receiver(redirect).app) as url:
+        error = error_of(url)
+    assert "redirect" in str(error)
+    assert error.lasting
+    assert not elsewhere.came
+
+
+def test_a_receiver_that_hangs_is_given_up() -> None:
+    async def hang(_: Request) -> Response:
+        await asyncio.sleep(30.0)
+        return Response()
+
+    with serving(Receiver(hang).app) as url:
+        begun = time.monotonic()
+        error = error_of(url, timeout_s=0.3)
+    assert error.away
+    assert "0.3 s" in str(error)
+    assert time.monotonic() - begun < 10.0  # rather than 30
+
+
+def raw_server_error(talk: Callable[[asyncio.StreamWriter], Awaitable[None]]) -> DeliveryError | None:
+    """What comes of a delivery to a server that answers as `talk` does."""
+
+    async def run() -> DeliveryError | None:
+        async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            await reader.readuntil(b'"delivery_id":17}')
+            try:
+                await talk(writer)
+            except OSError:
+                pass
+            finally:
+                writer.close()
+
+        server = await asyncio.start_server(serve, "127.0.0.1", 0)
+        port = server.sockets[0].getsockname()[1]
+        sender = WebhookSender(f"http://127.0.0.1:{port}", timeout_s=0.5)
+        try:
+            await sender.send(DELIVERY)
+        except DeliveryError as error:
+            return error
+        finally:
+            await sender.close()
+            server.close()
+        return None
+
+    return asyncio.run(run())
+
+
+def test_an_answer_that_trickles_in_is_given_up() -> None:
+    async def trickle(writer: asyncio.StreamWriter) -> None:
+        writer.write(b"HTTP/1.1 200 OK\r\ncontent-length: 100000\r\n\r\n")
+        while True:
+            writer.write(b"x")
+            await writer.drain()
+            await asyncio.sleep(0.05)
+
+    error = raw_server_error(trickle)
+    assert error is not None
+    assert "0.5 s" in str(error)
+
+
+def test_an_answer_without_end_is_not_read_to_it() -> None:
+    async def flood(writer: asyncio.StreamWriter) -> None:
+        writer.write(b"HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n")
+        while True:
+            writer.write(b"10000\r\n" + b"x" * 65536 + b"\r\n")
+            await writer.drain()
+
+    assert raw_server_error(flood) is None  # it has said 200
+
+
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 200 OK\r\n", b"SSH-2.0-OpenSSH\r\n\r\n"])
+def test_an_answer_that_breaks_off_or_is_none_is_no_delivery(answer: bytes) -> None:
+    async def broken(writer: asyncio.StreamWriter) -> None:
+        writer.write(answer)
+
+    error = raw_server_error(broken)
+    assert error is not None
+    assert error.away
+
+
+def test_nobody_there_is_told_without_the_password() -> None:
+    error = error_of(f"http://user:passw0rd@127.0.0.1:{free_port()}/")
+    assert error.away
+    assert "cannot be reached" in str(error)
+    assert "passw0rd" not in str(error)
+
+
+def test_user_and_password_of_the_address_are_sent() -> None:
+    receiver = Receiver()
+    with serving(receiver.app) as url:
+        posted(url.replace("http://", "http://user:passw0rd@"))
+    assert receiver.came[0][0]["authorization"].startswith("Basic ")
+
+
+def test_proxies_of_the_environment_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{free_port()}")
+    monkeypatch.delenv("NO_PROXY", raising=False)
+    receiver = Receiver()
+    with serving(receiver.app) as url:
+        posted(url)
+    assert len(receiver.came) == 2
+
+
+@pytest.mark.parametrize("url", ["", "example.org", "ftp://127.0.0.1", "http://", "mqtt://127.0.0.1"])
+def test_an_address_that_is_none_is_refused(url: str) -> None:
+    with pytest.raises(ValueError, match="http"):
+        WebhookSender(url)
+
+
+def test_a_file_of_authorities_that_is_none_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "ca.pem"
+    path.write_text("no certificate")
+    with pytest.raises(ssl.SSLError):
+        WebhookSender("https://127.0.0.1", ca_file=path)
+
+
+def test_a_receiver_that_fails_at_first_gets_everything_in_order() -> None:
+    receiver = Receiver(answers(500, 503, 500, 410, 500, 200))
+    outbox = MemoryOutbox()
+    for number in range(5):
+        for index in range(3):
+            outbox.put(part(id=f"PART{index}", text=f"N{number}"), ("webhook",))
+
+    async def run(url: str) -> None:
+        sender = WebhookSender(url, secret=SECRET)
+        dispatcher = Dispatcher(outbox, {"webhook": sender}, rng=np.random.default_rng(1), pace=FAST)
+        dispatcher.start()
+        await until(lambda: outbox.undelivered() == 0)
+        await dispatcher.stop()
+        assert dispatcher.failed["webhook"] == 5
+
+    with serving(receiver.app) as url:
+        asyncio.run(run(url))
+    bodies = [json.loads(body) for _, body in receiver.came]
+    for index in range(3):
+        texts = [body["text"] for body in bodies if body["id"] == f"PART{index}"]
+        assert texts == sorted(texts)
+        assert set(texts) == {f"N{number}" for number in range(5)}
+    # what was sent again bears the id that it had
+    ids = [headers["webhook-id"] for headers, _ in receiver.came]
+    assert len(ids) == 20
+    assert len(set(ids)) == 15

@@ -1,0 +1,535 @@
+"""The operator's pages as a browser without script sees them: forms, refusals, escapes, and the geometry behind."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from pathlib import Path
+
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.benchmark.shares import share
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import (
+    CandidateRecord,
+    CharacterRecord,
+    EvidenceKind,
+    EvidenceRecord,
+    PartRecord,
+    PartState,
+    ReadingRecord,
+    ReviewAction,
+    ScanPlanRecord,
+    Scope,
+)
+from pipeline.service.access import Access
+from pipeline.service.pages.dashboard import chart_of, wilson
+from pipeline.service.pages.login import own_address
+from pipeline.service.pages.pictures import picture_pair
+from pipeline.service.pages.places import aligned, cells_of, expected_cells, places_of
+from pipeline.service.pages.routes import pages_router
+from pipeline.store.errors import StoreError
+from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.store import Store
+
+SURE = (CandidateRecord("K", 0.99, 0.9), CandidateRecord("X", 0.01, 0.4))
+MM, WIDTH, HEIGHT = 0.05, 800.0, 200.0
+META = {"x0_mm": 1.0, "y0_mm": 2.0, "mm_per_pixel": MM, "width": WIDTH, "height": HEIGHT}
+FORM = re.compile(r'name="form_value" value="([^"]+)"')
+BEFORE = re.compile(r'name="before" value="([^"]*)"')
+
+
+def character(
+    char: str, place: int = 0, *, state: str = "read", probability: float = 0.99
+) -> CharacterRecord:
+    x_mm = 3.0 + 4.0 * place
+    rival = CandidateRecord("B" if char != "B" else "8", 1.0 - probability, 0.5)
+    return CharacterRecord(
+        (CandidateRecord(char, probability, 0.9), rival), (x_mm, 4.0, x_mm + 3.0, 9.0), state
+    )
+
+
+def reading(text: str, *, source: str = "fused", decision: str = "review", **more: object) -> ReadingRecord:
+    places = tuple(character(c, k) for k, c in enumerate(text.replace(" ", "")))
+    made = ReadingRecord(source, text, decision, 0.8, places, ("a character is uncertain",))
+    return replace(made, **more)  # type: ignore[arg-type]
+
+
+class Shop:
+    """A service with the pages alone, and a person at it."""
+
+    def __init__(self, folder: Path, *, required: bool = False) -> None:
+        self.store = Store.open(f"sqlite:///{folder / 'store.db'}")
+        self.evidence = EvidenceFolder(folder / "evidence")
+        app = FastAPI()
+        router = pages_router(
+            self.store,
+            self.evidence,
+            Access(self.store, required=required),
+            review=partial(self.store.review, targets=("webhook",)),
+        )
+        app.include_router(router)
+        self.client = TestClient(app, follow_redirects=False)
+
+    def add(
+        self,
+        text: str = "KX407251",
+        *,
+        name: str = "P-1",
+        state: PartState = PartState.REVIEW,
+        readings: tuple[ReadingRecord, ...] | None = None,
+        evidence: tuple[EvidenceRecord, ...] = (),
+        expected: str = "",
+    ) -> str:
+        part_id = new_part_id()
+        given = (reading(text),) if readings is None else readings
+        self.store.add_part(
+            part_id=part_id, name=name, state=state, readings=given, evidence=evidence, expected=expected
+        )
+        return part_id
+
+    def keep(self, kind: EvidenceKind, content: bytes) -> EvidenceRecord:
+        path = self.evidence.incoming / "made.png"
+        path.write_bytes(content)
+        sha256, n_bytes = self.evidence.keep(path)
+        return EvidenceRecord(kind, sha256, n_bytes, "made.png", "image/png", META)
+
+    def say(
+        self, part_id: str, text: str, *, before: str | None = None, who: str = "Ada", **more: str
+    ) -> int:
+        page = self.client.get(f"/review/{part_id}").text
+        shown = BEFORE.search(page)
+        form = FORM.search(page)
+        assert shown is not None
+        assert form is not None
+        data = {"text": text, "who": who, "form_value": form[1], "action": "save", **more}
+        data["before"] = shown[1] if before is None else before
+        self.answer = self.client.post(f"/review/{part_id}", data=data)
+        return self.answer.status_code
+
+
+@pytest.fixture
+def shop(tmp_path: Path) -> Iterator[Shop]:
+    made = Shop(tmp_path)
+    yield made
+    made.store.close()
+
+
+# ---- places
+
+
+def test_a_place_is_doubtful_by_its_state_its_margin_or_its_belief() -> None:
+    made = ReadingRecord(
+        "fused", "ABCDEF", "review", 0.5,
+        (
+            character("A", 0),
+            character("B", 1, state="confused"),
+            character("C", 2, probability=0.6),
+            CharacterRecord((), (0.0, 0.0, 1.0, 1.0)),
+            character("E", 4, probability=0.9),
+            character("F", 5, state="mismatch"),
+        ),
+    )  # fmt: skip
+    assert [p.doubt for p in places_of(made)] == ["", "confused", "unsure", "not read", "unsure", "mismatch"]
+    assert places_of(made)[3].char == "?"
+    assert places_of(None) == ()
+
+
+def test_of_a_reading_not_accepted_the_least_sure_place_is_marked() -> None:
+    text = tuple(character(c, k, probability=p) for k, (c, p) in enumerate((("A", 0.99), ("C", 0.96))))
+    unsure = ReadingRecord("fused", "AC", "review", 0.9, text)
+    assert [p.doubt for p in places_of(unsure)] == ["", "least sure"]
+    assert [p.doubt for p in places_of(replace(unsure, decision="accept"))] == ["", ""]
+
+
+@given(st.text("ABC ", max_size=12), st.text("ABC", max_size=12))
+def test_cells_spell_the_text_and_name_places_in_order(text: str, read: str) -> None:
+    places = places_of(reading(read))
+    cells = cells_of(text, places)
+    assert "".join(c.char for c in cells) == text
+    named = [c.place for c in cells if c.place is not None]
+    assert named == sorted(set(named))
+    assert all(0 <= n < len(places) for n in named)
+    if len(text.replace(" ", "")) == len(read):
+        assert len(named) == len(read)
+
+
+def test_a_character_too_many_leaves_its_neighbours_their_places() -> None:
+    assert aligned("KX407", "KX1407") == (0, 1, None, 2, 3, 4)
+    assert aligned("KX407", "K407") == (0, 2, 3, 4)
+
+
+def test_characters_that_the_part_does_not_bear_are_marked_in_the_text_expected() -> None:
+    at = datetime.now(UTC)
+    part = PartRecord("X", "", PartState.REVIEW, "KX 401", at, at, reading("KX 401"), expected="KX4 07")
+    assert [c.doubt for c in expected_cells(part)] == ["", "", "", "", "", "mismatch"]
+    assert all(c.doubt == "mismatch" for c in expected_cells(replace(part, text="")) if c.char != " ")
+
+
+# ---- pictures
+
+
+def pair(shop: Shop, *readings: ReadingRecord, evidence: tuple[EvidenceRecord, ...]):  # type: ignore[no-untyped-def]
+    part_id = shop.add(readings=readings, evidence=evidence)
+    part, store = shop.store.part(part_id), shop.store
+    return picture_pair(part, store.readings(part_id), store.evidence(part_id), shop.evidence)
+
+
+def test_boxes_lie_where_the_frame_of_the_picture_puts_them(shop: Shop) -> None:
+    photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
+    edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
+    seen, felt = reading("KX4", source="vision"), reading("KX407")
+    first, second = pair(shop, seen, felt, evidence=(photo, edges))
+    assert (first.source, second.source) == ("vision", "fused")
+    box = second.boxes[1]
+    # x: (7 mm - 1 mm) / 0.05 mm from the middle of pixel 0, whose middle is 0.5 from the rim
+    assert (box.x, box.y, box.width, box.height) == pytest.approx((120.5, 40.5, 60.0, 100.0))
+    assert [b.place for b in first.boxes] == [0, 1, 2]
+    x, y, width, height = second.line
+    assert all(x <= b.x and b.x + b.width <= x + width for b in second.boxes)
+    assert (y, height) == (0.0, HEIGHT)  # cut at the picture's rims
+    assert first.href.startswith("/v1/parts/")
+
+
+@pytest.mark.parametrize(("rotation_deg", "turns"), [(10.0, 0), (92.0, 1), (-178.0, 2), (-90.0, 3)])
+def test_a_line_that_does_not_run_to_the_right_is_turned_by_quarters(
+    shop: Shop, rotation_deg: float, turns: int
+) -> None:
+    edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
+    # along the line as it lies on the picture: the first character comes first after turning
+    steps = {0: (1, 0), 1: (0, 1), 2: (-1, 0), 3: (0, -1)}[turns]
+    middle = (21.0, 7.0)
+    boxes = [(middle[0] + k * steps[0] * 2.0, middle[1] + k * steps[1] * 2.0) for k in (-1, 0, 1)]
+    places = tuple(
+        replace(character(c), box_mm=(x - 0.8, y - 0.8, x + 0.8, y + 0.8))
+        for c, (x, y) in zip("ABC", boxes, strict=True)
+    )
+    _, view = pair(shop, reading("ABC", characters=places, rotation_deg=rotation_deg), evidence=(edges,))
+    xs = [b.x for b in view.boxes]
+    assert xs == sorted(xs)
+    assert len(set(xs)) == 3
+    assert len({b.y for b in view.boxes}) == 1
+    assert bool(view.transform) == bool(turns)
+    assert sorted(view.whole[2:]) == sorted((WIDTH, HEIGHT))
+
+
+def test_pictures_that_are_gone_missing_or_never_were_are_told_in_words(shop: Shop) -> None:
+    photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
+    edges = replace(shop.keep(EvidenceKind.EDGES_PICTURE, b"edges"), sha256="0" * 64)
+    part_id = shop.add(evidence=(photo, edges))
+    shop.store.evidence_gone(part_id, photo.sha256)
+    page = shop.client.get(f"/review/{part_id}").text
+    assert "kept for its time and is gone" in page
+    assert "missing from the service’s folder" in page
+    assert "<image" not in page
+    bare = shop.client.get(f"/review/{shop.add()}").text
+    assert "No photograph was sent" in bare
+    assert "No edge map was kept" in bare
+    unfelt = shop.client.get(f"/review/{shop.add(readings=(reading('KX', source='vision'),))}").text
+    assert "has not been felt yet" in unfelt
+
+
+def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
+    edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
+    odd = ((0.0, 0.0, 0.0, 0.0), (900.0, 4.0, 903.0, 9.0), (3.0, 4.0, 6.0, 9.0))
+    places = tuple(replace(character("A"), box_mm=box) for box in odd)
+    _, view = pair(shop, reading("AAA", characters=places), evidence=(edges,))
+    assert [b.place for b in view.boxes] == [2]
+    flawed = replace(edges, meta={"width": 8.0})
+    _, scaleless = pair(shop, reading("AAA"), evidence=(flawed,))
+    assert scaleless.boxes == ()
+    assert "scale is not known" in scaleless.told
+
+
+def test_before_touch_the_cameras_edges_are_shown_and_what_touch_is_asked_for(shop: Shop) -> None:
+    edges = shop.keep(EvidenceKind.SIGHT_EDGES_PICTURE, b"edges")
+    part_id = new_part_id()
+    plan = ScanPlanRecord(
+        (1.0, 2.0, 41.5, 12.0), (0, 180), 3, 0.05, 0.02, 40.0, 0.3, 12.5, 5.0, "unsure of <K>"
+    )
+    shop.store.add_part(
+        part_id=part_id, name="P", state=PartState.TOUCH_NEEDED, evidence=(edges,), plan=plan,
+        readings=(reading("KX", source="vision"),),
+    )  # fmt: skip
+    page = shop.client.get(f"/parts/{part_id}").text
+    assert f"/v1/parts/{part_id}/pictures/sight-edges" in page
+    assert "not felt yet" in page
+    assert "unsure of &lt;K&gt;" in page
+    assert "0°, 180°" in page
+    assert "12.5 s" in page
+
+
+# ---- review
+
+
+def test_confirm_correct_and_unreadable_are_written_down_with_who_and_before(shop: Shop) -> None:
+    ids = [shop.add("KX407251", name=f"P-{k}") for k in range(3)]
+    assert shop.say(ids[0], "KX407251") == 303
+    assert shop.answer.headers["location"] == f"/review/{ids[1]}?done={ids[0]}"
+    assert shop.say(ids[1], " KX407257 ", note="worn  die", before="KX407251") == 303
+    assert shop.say(ids[2], "whatever", action="unreadable") == 303
+    assert shop.answer.headers["location"] == f"/review?done={ids[2]}"
+    said = [shop.store.reviews(i)[-1] for i in ids]
+    assert [r.action for r in said] == list(ReviewAction)
+    assert [(r.before, r.after) for r in said] == [
+        ("KX407251", "KX407251"), ("KX407251", "KX407257"), ("KX407251", ""),
+    ]  # fmt: skip
+    assert {r.who for r in said} == {"Ada"}
+    assert said[1].note == "worn die"
+    assert shop.store.undelivered() == 3
+    assert "Nothing waits for you" in shop.client.get(shop.answer.headers["location"]).text
+    assert "marked unreadable" in shop.client.get(shop.answer.headers["location"]).text
+
+
+def test_another_person_being_quicker_is_told_and_nothing_is_lost(shop: Shop) -> None:
+    part_id = shop.add("KX407251")
+    shop.store.review(part_id, action=ReviewAction.CORRECT, text="KX407259", who="Grace")
+    assert shop.say(part_id, "KX407257", before="KX407251") == 409
+    page = shop.answer.text
+    assert "Grace was quicker" in page
+    assert "KX407259" in page
+    assert 'value="KX407257"' in page  # what was typed
+    assert 'name="before" value="KX407259"' in page
+    assert len(shop.store.reviews(part_id)) == 1
+    assert shop.say(part_id, "KX407257") == 303
+    assert [r.after for r in shop.store.reviews(part_id)] == ["KX407259", "KX407257"]
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"who": ""}, "Type your name first"),
+        ({"text": ""}, "Type the serial"),
+        ({"text": "K" * 201}, "at most 200"),
+        ({"text": "KX\x0041"}, "cannot be printed"),
+        ({"action": "burn"}, "Say what is to be done"),
+    ],
+)
+def test_what_cannot_be_taken_is_told_on_the_same_page(shop: Shop, given: dict[str, str], told: str) -> None:
+    part_id = shop.add()
+    assert shop.say(part_id, given.pop("text", "KX407252"), **given) == 422
+    assert told in shop.answer.text
+    assert shop.store.reviews(part_id) == ()
+
+
+def test_a_form_of_another_site_changes_nothing(shop: Shop) -> None:
+    part_id = shop.add()
+    shop.client.get(f"/review/{part_id}")  # the cookie is there, the value is not
+    answer = shop.client.post(f"/review/{part_id}", data={"text": "A", "who": "Eve", "before": "KX407251"})
+    assert answer.status_code == 403
+    assert "Nothing was changed" in answer.text
+    shop.client.cookies.clear()
+    answer = shop.client.post(
+        f"/review/{part_id}", data={"text": "A", "who": "Eve", "before": "KX407251", "form_value": ""}
+    )
+    assert answer.status_code == 403
+    assert shop.store.reviews(part_id) == ()
+
+
+def test_the_name_is_remembered(shop: Shop) -> None:
+    first, second = shop.add(), shop.add()
+    shop.say(first, "KX407251", who="Jürgen  Müller")
+    assert 'value="Jürgen Müller"' in shop.client.get(f"/review/{second}").text
+
+
+def test_next_goes_round_and_says_when_there_is_no_other(shop: Shop) -> None:
+    assert shop.client.get("/review/next").headers["location"] == "/review"
+    first = shop.add()
+    alone = shop.client.get(f"/review/next?after={first}").headers["location"]
+    assert "No other part is waiting" in shop.client.get(alone).text
+    second = shop.add()
+    assert shop.client.get(f"/review/next?after={first}").headers["location"] == f"/review/{second}"
+    assert shop.client.get(f"/review/next?after={second}").headers["location"] == f"/review/{first}"
+    assert shop.client.get("/review/next?after=nonsense").status_code == 422
+
+
+NASTY = ["<script>alert(1)</script>", "\"'><img src=x onerror=alert(1)>", "{{ 7*7 }}", "A&amp;B", "A" * 40]
+
+
+@pytest.mark.parametrize("text", NASTY)
+def test_texts_are_shown_as_they_are_everywhere(shop: Shop, text: str) -> None:
+    part_id = shop.add(text, name=text, expected=text)
+    shop.say(part_id, f"{text}!", note=text, who=text[:80], before=text)
+    addresses = ("/review", f"/review/{part_id}", "/parts", f"/parts/{part_id}", f"/review?done={part_id}")
+    for address in (*addresses, f"/parts?text={part_id}&name=%22%3E%3Cb%3E"):
+        page = shop.client.get(address)
+        assert page.status_code == 200
+        assert "<script>alert" not in page.text
+        assert "<img" not in page.text
+        assert "style=" not in page.text  # the policy forbids it
+    shown = re.sub(r"<[^>]*>", "", shop.client.get(f"/parts/{part_id}").text)
+    assert html.unescape(shown).count(text) >= 3  # name, reading, review
+
+
+def test_parts_without_reading_or_characters_have_pages(shop: Shop) -> None:
+    bare = shop.add(readings=())
+    empty = shop.add(readings=(ReadingRecord("fused", "", "reject", 0.0),), expected="KX4")
+    for part_id, told in ((bare, "has not been read"), (empty, "No characters were found")):
+        assert told in shop.client.get(f"/review/{part_id}").text
+        assert shop.client.get(f"/parts/{part_id}").status_code == 200
+        assert shop.say(part_id, "KX4") == 303
+        assert shop.store.part(part_id).text == "KX4"
+
+
+def test_unknown_addresses_are_refused_in_words(shop: Shop) -> None:
+    for address in (f"/review/{new_part_id()}", f"/parts/{new_part_id()}"):
+        answer = shop.client.get(address)
+        assert answer.status_code == 404
+        assert "Not found" in answer.text
+    for address in (
+        "/parts?state=lost",
+        "/dashboard?span=year",
+        "/parts?before=x",
+        f"/parts?text={'A' * 300}",
+    ):
+        assert shop.client.get(address).status_code == 422
+    assert shop.client.get("/").headers["location"] == "/review"
+
+
+def test_a_store_that_does_not_answer_is_told(shop: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(**_: object) -> None:
+        raise StoreError("the disk is full; make room")
+
+    monkeypatch.setattr(shop.store, "queue", fail)
+    answer = shop.client.get("/review")
+    assert answer.status_code == 503
+    assert "the disk is full" in answer.text
+
+
+# ---- parts and dashboard
+
+
+def test_parts_are_searched_and_paged(shop: Shop) -> None:
+    for k in range(53):
+        shop.add(f"KX{k:04d}", name=f"P-{k}", state=PartState.ACCEPTED)
+    shop.add("QQ%_1", name="odd")
+    first = shop.client.get("/parts").text
+    assert first.count('class="row"') == 50
+    older = re.search(r'href="(/parts\?before=[^"]+)"', first)
+    assert older is not None
+    assert shop.client.get(older[1]).text.count('class="row"') == 4
+    assert shop.client.get("/parts?text=kx0007").text.count('class="row"') == 1
+    assert shop.client.get("/parts?text=%25_").text.count('class="row"') == 1
+    assert shop.client.get("/parts?state=review").text.count('class="row"') == 1
+    assert "No part is like that" in shop.client.get("/parts?name=nobody").text
+
+
+def test_the_dashboard_counts_what_was_read_and_said(shop: Shop) -> None:
+    assert "–" in shop.client.get("/dashboard?span=hour").text
+    accepted = reading("KX1", source="vision", decision="accept", seconds=0.25)
+    for _ in range(3):
+        shop.add("KX1", state=PartState.ACCEPTED, readings=(accepted,))
+    shop.say(shop.add("KX401"), "KX401")
+    shop.say(shop.add("KX402"), "KX407", before="KX402")
+    for span in ("hour", "day", "week"):
+        page = " ".join(shop.client.get(f"/dashboard?span={span}").text.split())
+        assert 'data-figure="parts"><h2>Parts read</h2><p class="figure">5</p>' in page
+        assert "1 of 2 reviewed; 95 % interval 9.5 – 90.5 %" in page
+        assert "9 of 10" in page
+        assert '<tr data-source="vision"><td>camera</td><td class="n">0.250</td>' in page
+        assert '<tr data-state="accepted">' in page
+
+
+@settings(deadline=None)  # the first takes in the library
+@given(st.integers(0, 400), st.integers(0, 400))
+def test_wilson_in_closed_form_is_the_librarys(count: int, more: int) -> None:
+    mine, other = wilson(count, count + more), share(count, count + more)
+    # both evaluate the same formula in doubles
+    assert (mine.low, mine.high) == pytest.approx((other.low, other.high), abs=1e-12)
+    assert mine.value == other.value
+
+
+def test_more_than_all_is_no_share() -> None:
+    with pytest.raises(ValueError, match="no share"):
+        wilson(3, 2)
+
+
+@given(st.lists(st.integers(0, 5000), min_size=2, max_size=170))
+def test_bars_stand_on_the_ground_and_within_the_chart(counts: list[int]) -> None:
+    start = datetime(2026, 1, 1, tzinfo=UTC)
+    chart = chart_of([(start + timedelta(hours=k), n) for k, n in enumerate(counts)])
+    assert chart is not None
+    for bar in chart.bars:
+        assert 0.0 <= bar.y <= chart.height
+        assert bar.y + bar.height == pytest.approx(chart.height, abs=0.02)  # rounded to hundredths
+        assert 0.0 <= bar.x < bar.x + bar.width <= chart.width
+    assert chart.ticks[-1][0] >= max(counts)
+    assert len(chart.ticks) <= 6
+    assert sum(b.labelled for b in chart.bars) <= 8
+
+
+# ---- headers, files, tokens
+
+
+def test_pages_allow_nothing_from_elsewhere(shop: Shop) -> None:
+    part_id = shop.add()
+    for address in ("/review", f"/review/{part_id}", "/parts", f"/parts/{part_id}", "/dashboard", "/parts/x"):
+        answer = shop.client.get(address)
+        policy = answer.headers["content-security-policy"]
+        assert "default-src 'self'" in policy
+        assert "unsafe" not in policy
+        assert "frame-ancestors 'none'" in policy
+        assert "http://" not in answer.text.replace("http://www.w3.org", "")
+        assert "https://" not in answer.text
+        assert not re.search(r"\son[a-z]+=", answer.text)
+        assert not re.search(r"<script(?![^>]*\ssrc=)", answer.text)
+    cookie = shop.client.get("/review", headers={"cookie": ""}).headers.get("set-cookie", "").lower()
+    assert "samesite=strict" in cookie
+    assert "httponly" in cookie
+
+
+def test_static_files_are_kept_by_the_browser_and_lead_nowhere(shop: Shop) -> None:
+    page = shop.client.get("/review").text
+    for address in re.findall(r'(?:href|src)="(/static/[^"]+)"', page):
+        found = shop.client.get(address)
+        assert found.status_code == 200
+        assert "immutable" in found.headers["cache-control"]
+        tag = {"if-none-match": found.headers["etag"]}
+        assert shop.client.get(address, headers=tag).status_code == 304
+        assert "immutable" not in shop.client.get(address.partition("?")[0]).headers["cache-control"]
+    for name in ("..%2Fpages.py", "pages.py", "%2Fetc%2Fpasswd", "page.css%00"):
+        assert shop.client.get(f"/static/{name}").status_code == 404
+
+
+def test_with_tokens_a_person_signs_in_and_only_reviewers_review(tmp_path: Path) -> None:
+    shop = Shop(tmp_path, required=True)
+    part_id = shop.add()
+    turned = shop.client.get(f"/review/{part_id}?done=x")
+    assert turned.headers["location"] == f"/login?to=%2Freview%2F{part_id}%3Fdone%3Dx"
+    page = shop.client.get(turned.headers["location"])
+    form = FORM.search(page.text)
+    assert form is not None
+    data = {"form_value": form[1], "to": f"/review/{part_id}", "secret": "tm_wrong"}
+    assert shop.client.post("/login", data=data).status_code == 403
+    looker = shop.store.add_token("looker", [Scope.READ])
+    answer = shop.client.post("/login", data={**data, "secret": looker})
+    assert answer.headers["location"] == f"/review/{part_id}"
+    assert "httponly" in answer.headers["set-cookie"].lower()
+    assert "lets you look, not review" in shop.client.get(f"/review/{part_id}").text
+    denied = shop.client.post(f"/review/{part_id}", data={"text": "A", "who": "E", "form_value": form[1]})
+    assert denied.status_code == 403
+    assert "allows read" in denied.text
+    shop.client.post("/logout", data={"form_value": form[1]})
+    assert shop.client.get("/review").status_code == 303
+    reviewer = shop.store.add_token("reviewer", [Scope.READ, Scope.REVIEW])
+    shop.client.post("/login", data={**data, "secret": reviewer})
+    assert 'value="reviewer"' in shop.client.get(f"/review/{part_id}").text
+    assert shop.say(part_id, "KX407251") == 303
+    assert shop.store.reviews(part_id)[-1].token == "reviewer"
+    shop.store.close()
+
+
+@pytest.mark.parametrize(
+    "to", ["//evil.example", "https://evil.example", "/\\evil", "", "javascript:alert(1)"]
+)
+def test_signing_in_leads_nowhere_else(to: str) -> None:
+    assert own_address(to) == "/review"
+    assert own_address("/parts?text=a") == "/parts?text=a"

@@ -1,0 +1,370 @@
+from __future__ import annotations
+
+import io
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+from glyphs.soiling.dirty import Dirt
+from pipeline.common.part_id import new_part_id
+from pipeline.common.record_json import from_json
+from pipeline.common.records import PartState, ReviewAction, ScanPlanRecord, Scope
+from pipeline.files.synth import SynthSpec, write_part
+from pipeline.service.app import Service
+from pipeline.service.stage import ScanOrder, SimulatedStage
+from pipeline.service.stage_driver import load_driver
+from tests.support.service_fixtures import MASK, inline_service
+
+CLEAN, FILTHY = "clean", "filthy"
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clean part that the camera reads, and a filthy one that it is unsure of."""
+    folder = tmp_path_factory.mktemp("parts")
+    for name, dirt, number in ((CLEAN, 0.0, 0), (FILTHY, 0.8, 3)):
+        text = write_part(
+            SynthSpec(mask=MASK, seed=21, dirt=Dirt.of(dirt)), folder / name, number, photos=True
+        )
+        (folder / f"{name}.txt").write_text(text)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def served(parts: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
+    folder = tmp_path_factory.mktemp("service")
+    with inline_service(folder, stage=parts, camera=parts) as both:
+        yield both
+
+
+@pytest.fixture
+def client(served: tuple[Service, TestClient]) -> TestClient:
+    return served[1]
+
+
+def truth(parts: Path, name: str) -> str:
+    return (parts / f"{name}.txt").read_text()
+
+
+def photo(parts: Path, name: str) -> dict[str, tuple[str, bytes]]:
+    return {"photo": (f"{name}.png", (parts / f"{name}.png").read_bytes())}
+
+
+def height_map(parts: Path, name: str) -> dict[str, tuple[str, bytes]]:
+    return {"scan": (f"{name}.npz", (parts / f"{name}.npz").read_bytes())}
+
+
+@pytest.fixture(scope="module")
+def unsure(served: tuple[Service, TestClient], parts: Path) -> dict[str, object]:
+    """The answer to a photograph that the camera is unsure of."""
+    answer = served[1].post("/v1/parts", files=photo(parts, FILTHY), data={"name": FILTHY})
+    assert answer.status_code == 201, answer.text
+    part = answer.json()
+    assert part["state"] == "touch_needed"
+    return part
+
+
+def test_a_clean_part_is_accepted_on_the_cameras_word(client: TestClient, parts: Path) -> None:
+    answer = client.post("/v1/parts", files=photo(parts, CLEAN), data={"name": "tray-1"})
+    assert answer.status_code == 201
+    part = answer.json()
+    assert (part["state"], part["text"]) == ("accepted", truth(parts, CLEAN))
+    assert part["plan"] is None
+    assert part["reading"]["source"] == "vision"
+    assert client.get(part["links"]["self"]).json() == part
+    for picture in ("photo", "sight-edges", "boxes"):
+        assert client.get(part["links"][picture]).headers["content-type"].startswith("image/")
+    assert client.get(part["links"]["edges"]).status_code == 404  # nothing was felt
+
+
+def test_an_unsure_camera_asks_for_touch_with_a_plan(unsure: dict[str, object]) -> None:
+    plan = unsure["plan"]
+    assert isinstance(plan, dict)
+    x0, y0, x1, y1 = plan["region_mm"]
+    assert x1 - x0 > 20.0  # eight characters of 5 mm
+    assert y1 - y0 > 5.0
+    assert plan["directions_deg"]
+    assert plan["passes"] > 0
+    assert plan["seconds"] > 0.0
+    assert "camera" in plan["reason"]
+
+
+def test_the_stage_settles_what_the_camera_could_not(
+    client: TestClient, unsure: dict[str, object], parts: Path
+) -> None:
+    answer = client.post(f"/v1/parts/{unsure['id']}/touch")
+    assert answer.status_code == 200, answer.text
+    part = answer.json()
+    assert part["reading"]["source"] == "fused"
+    assert (part["state"], part["text"]) in (("accepted", truth(parts, FILTHY)), ("review", part["text"]))
+    history = client.get(f"/v1/parts/{part['id']}/history").json()
+    assert [r["source"] for r in history["readings"]] == ["vision", "fused"]
+    kinds = [event["kind"] for event in history["events"]]
+    assert kinds[:3] == ["received", "read", "touch_needed"]
+    assert {e["kind"] for e in history["evidence"]} >= {"photo", "scan", "edges_picture", "photo_picture"}
+    assert client.get(part["links"]["boxes"]).content.startswith(b"\x89PNG")
+
+
+def test_a_height_map_can_be_added_to_a_part(client: TestClient, parts: Path) -> None:
+    waiting = client.post("/v1/parts", files=photo(parts, FILTHY)).json()
+    answer = client.post(f"/v1/parts/{waiting['id']}/scan", files=height_map(parts, FILTHY))
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["reading"]["source"] == "fused"
+
+
+def test_both_at_once_are_fused_in_one_request(client: TestClient, parts: Path) -> None:
+    answer = client.post("/v1/parts", files={**photo(parts, CLEAN), **height_map(parts, CLEAN)})
+    assert answer.status_code == 201, answer.text
+    part = answer.json()
+    assert (part["reading"]["source"], part["text"], part["state"]) == (
+        "fused",
+        truth(parts, CLEAN),
+        "accepted",
+    )
+
+
+@pytest.mark.parametrize(
+    ("right", "verdict", "state"), [(True, "confirmed", "accepted"), (False, "refuted", "review")]
+)
+def test_an_expected_serial_is_held_against_what_is_felt(
+    client: TestClient, parts: Path, right: bool, verdict: str, state: str
+) -> None:
+    text = truth(parts, CLEAN)
+    expected = text if right else text[:-1] + str((int(text[-1]) + 5) % 10)
+    answer = client.post("/v1/parts", files=height_map(parts, CLEAN), data={"expected": expected})
+    part = answer.json()
+    assert (part["reading"]["verdict"], part["state"]) == (verdict, state)
+
+
+def test_a_key_makes_one_part_however_often_it_is_sent(client: TestClient, parts: Path) -> None:
+    headers = {"Idempotency-Key": "once-and-for-all"}
+    first = client.post("/v1/parts", files=photo(parts, CLEAN), headers=headers)
+    again = client.post("/v1/parts", files=photo(parts, CLEAN), headers=headers)
+    assert (first.status_code, again.status_code) == (201, 200)
+    assert again.headers["Idempotent-Replayed"] == "true"
+    assert again.json()["id"] == first.json()["id"]
+    other = client.post("/v1/parts", files=photo(parts, FILTHY), headers=headers)
+    assert other.status_code == 422
+    assert "Idempotency-Key" in other.json()["detail"]
+
+
+def test_a_review_is_kept_with_what_stood_before_and_never_overwritten(
+    client: TestClient, parts: Path
+) -> None:
+    part = client.post("/v1/parts", files=height_map(parts, CLEAN)).json()
+    address = f"/v1/parts/{part['id']}/review"
+    corrected = {"action": "correct", "text": "ZZ000000", "who": "Anna", "before": part["text"]}
+    assert client.post(address, json=corrected).json()["text"] == "ZZ000000"
+    late = client.post(address, json={**corrected, "text": "AA111111", "who": "Ben"})
+    assert late.status_code == 409
+    again = {"action": "correct", "text": part["text"], "who": "Ben", "before": "ZZ000000"}
+    assert client.post(address, json=again).status_code == 200
+    reviews = client.get(f"/v1/parts/{part['id']}/history").json()["reviews"]
+    assert [(r["who"], r["before"], r["after"]) for r in reviews] == [
+        ("Anna", part["text"], "ZZ000000"),
+        ("Ben", "ZZ000000", part["text"]),
+    ]
+    assert client.post(f"/v1/parts/{part['id']}/scan", files=height_map(parts, CLEAN)).status_code == 409
+
+
+def test_a_full_queue_refuses_at_once(served: tuple[Service, TestClient], parts: Path) -> None:
+    service, client = served
+    service.pool.full = True  # type: ignore[attr-defined]
+    try:
+        answer = client.post("/v1/parts", files=photo(parts, CLEAN))
+    finally:
+        service.pool.full = False  # type: ignore[attr-defined]
+    assert answer.status_code == 503
+    assert answer.headers["Retry-After"] == "3"
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize(
+    ("files", "status", "says"),
+    [
+        ({}, 422, "neither photo nor scan"),
+        ({"photo": ("x.png", b"no picture")}, 415, "no picture"),
+        ({"photo": ("x.png", b"\x89PNG\r\n\x1a\n and then nothing")}, 422, "x.png"),
+        ({"photo": ("x.png", b"")}, 422, "empty"),
+        ({"scan": ("x.exe", b"MZ")}, 415, "height map"),
+        ({"scan": ("../../etc/x.npz", b"PK\x03\x04")}, 422, "x.npz"),
+        ({"scan": ("x.h5", b"\x89HDF\r\n\x1a\n" + bytes(100))}, 422, "x.h5"),
+    ],
+)
+def test_what_cannot_be_read_is_told_by_its_name(
+    client: TestClient, files: dict[str, tuple[str, bytes]], status: int, says: str
+) -> None:
+    answer = client.post("/v1/parts", files=files) if files else client.post("/v1/parts", data={"name": "x"})
+    assert answer.status_code == status, answer.text
+    assert says in answer.json()["detail"]
+    assert "/etc" not in answer.text
+    assert "work-" not in answer.text
+
+
+def test_a_bad_file_leaves_no_part(served: tuple[Service, TestClient]) -> None:
+    service, client = served
+    before = len(service.store.parts(limit=500))
+    client.post("/v1/parts", files={"scan": ("x.h5", b"\x89HDF\r\n\x1a\n" + bytes(100))})
+    assert len(service.store.parts(limit=500)) == before
+    assert not list(service.evidence.incoming.iterdir())
+
+
+@pytest.mark.parametrize("name", ["../secret", "..", "clean/../../x", "no-such-part", ""])
+def test_the_stage_feels_only_parts_of_its_folder(
+    served: tuple[Service, TestClient], unsure: dict[str, object], name: str
+) -> None:
+    service, client = served
+    plan = from_json(ScanPlanRecord, unsure["plan"])
+    part_id = new_part_id()
+    service.store.add_part(part_id=part_id, name=name, state=PartState.TOUCH_NEEDED, plan=plan)
+    answer = client.post(f"/v1/parts/{part_id}/touch")
+    assert answer.status_code == 422
+    assert name in answer.json()["detail"]
+    part = client.get(f"/v1/parts/{part_id}").json()
+    assert part["state"] == "touch_needed"
+    kinds = [e["kind"] for e in client.get(f"/v1/parts/{part_id}/history").json()["events"]]
+    assert kinds[-1] == "touch_failed"
+
+
+def test_an_upload_over_the_limit_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    with inline_service(tmp_path, max_upload_mb=1) as (service, client):
+        told = client.post("/v1/parts", files={"photo": ("x.png", bytes(2_000_000))})
+        assert told.status_code == 413
+
+        def chunks() -> Iterator[bytes]:
+            yield b'--x\r\nContent-Disposition: form-data; name="photo"; filename="x.png"\r\n\r\n'
+            for _ in range(40):
+                yield bytes(100_000)
+
+        untold = client.post(
+            "/v1/parts", content=chunks(), headers={"Content-Type": "multipart/form-data; boundary=x"}
+        )
+        assert untold.status_code == 413
+        assert not list(service.evidence.incoming.iterdir())
+
+
+def test_a_photograph_of_too_many_pixels_is_refused_unseen(tmp_path: Path, parts: Path) -> None:
+    with inline_service(tmp_path, max_photo_pixels=1000) as (_, client):
+        answer = client.post("/v1/parts", files=photo(parts, CLEAN))
+        assert answer.status_code == 422
+        assert "1,000" in answer.json()["detail"]
+
+
+def test_beyond_the_loopback_tokens_are_asked_for_and_scopes_hold(tmp_path: Path, parts: Path) -> None:
+    with inline_service(tmp_path, host="0.0.0.0") as (service, client):
+        assert client.get("/v1/parts").status_code == 401
+        assert client.get("/healthz").status_code == 200
+        reader = service.store.add_token("reader", [Scope.READ])
+        told = {"Authorization": f"Bearer {reader}"}
+        assert client.get("/v1/parts", headers=told).json() == []
+        assert client.post("/v1/parts", files=photo(parts, CLEAN), headers=told).status_code == 403
+        writer = service.store.add_token("writer", [Scope.WRITE])
+        told = {"Authorization": f"Bearer {writer}"}
+        assert client.post("/v1/parts", files=photo(parts, CLEAN), headers=told).status_code == 201
+        service.store.revoke("writer")
+        assert client.post("/v1/parts", files=photo(parts, CLEAN), headers=told).status_code == 401
+        assert client.get("/review", follow_redirects=False).headers["location"].startswith("/login")
+
+
+def test_a_foreign_page_cannot_reach_a_service_without_tokens(client: TestClient, parts: Path) -> None:
+    rebound = client.get("/v1/parts", headers={"Host": "evil.example"})
+    assert rebound.status_code == 421
+    forged = client.post("/v1/parts", files=photo(parts, CLEAN), headers={"Origin": "http://evil.example"})
+    assert forged.status_code == 403
+
+
+def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
+    from glyphs.fonts.outlines import load_font
+    from glyphs.stamping.database import GlyphDatabase, save_database
+
+    (tmp_path / "databases").mkdir()
+    save_database(GlyphDatabase({"gothic": load_font("gothic")}), tmp_path / "databases" / "press-7.glyphs")
+    with inline_service(tmp_path) as (_, client):
+        assert [d["name"] for d in client.get("/v1/databases").json()] == ["press-7"]
+        part = client.post("/v1/parts", files=height_map(parts, CLEAN), data={"database": "press-7"}).json()
+        assert part["text"] == truth(parts, CLEAN)
+        assert part["database"] == part["reading"]["database"] == "press-7"
+        missing = client.post("/v1/parts", files=height_map(parts, CLEAN), data={"database": "../press-7"})
+        assert missing.status_code == 422
+        assert "press-7" in missing.json()["detail"]
+
+
+def test_results_wait_for_their_targets_once_touch_is_done(tmp_path: Path, parts: Path) -> None:
+    with inline_service(tmp_path, webhook="http://127.0.0.1:9/none", stage=parts) as (service, client):
+        waiting = client.post("/v1/parts", files=photo(parts, FILTHY), data={"name": FILTHY}).json()
+        assert service.store.undelivered() == 0
+        client.post(f"/v1/parts/{waiting['id']}/touch")
+        assert service.store.undelivered() == 1
+        service.store.review(waiting["id"], action=ReviewAction.CONFIRM, text="", who="Anna")
+        assert service.store.part(waiting["id"]).state is PartState.REVIEWED
+
+
+class Iron:
+    """A driver of a stage, as an integrator writes one: here it has a recording ready."""
+
+    recording: Path
+
+    def feel(self, order: ScanOrder, into: Path) -> Path:
+        assert order.plan.region_mm[2] > order.plan.region_mm[0]
+        return Path(shutil.copy(self.recording, into / "felt.h5"))
+
+
+def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
+    tmp_path: Path, parts: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Iron.recording = SimulatedStage(parts).feel(ScanOrder(CLEAN, _whole_plate()), tmp_path)
+    monkeypatch.setattr("pipeline.files.synth.iron_stage", Iron, raising=False)
+    with inline_service(tmp_path / "s", stage_driver="pipeline.files.synth:iron_stage") as (service, client):
+        part_id = new_part_id()
+        service.store.add_part(part_id=part_id, name=CLEAN, state=PartState.TOUCH_NEEDED, plan=_whole_plate())
+        part = client.post(f"/v1/parts/{part_id}/touch").json()
+        assert (part["state"], part["text"]) == ("accepted", truth(parts, CLEAN))
+    for wrong, says in (
+        ("nowhere", "module:callable"),
+        ("no.such:thing", "found"),
+        ("json:no_such", "found"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            load_driver(wrong, verb="feel")
+    with pytest.raises(ValueError, match="no method 'feel'"):
+        load_driver("builtins:dict", verb="feel")
+
+
+def _whole_plate() -> ScanPlanRecord:
+    return ScanPlanRecord(
+        region_mm=(0.0, 0.0, 60.0, 15.0), directions_deg=(0, 90, 180, 270), passes=1, line_pitch_mm=0.125,
+        sample_pitch_mm=0.0625, speed_mm_s=50.0, preload_mm=1.0, seconds=1.0, height_mm=5.0, reason="to try it",
+    )  # fmt: skip
+
+
+def test_health_readiness_metrics_and_request_ids(client: TestClient) -> None:
+    assert client.get("/healthz").json() == {"status": "alive"}
+    assert client.get("/readyz").json() == {"status": "ready"}
+    assert client.get("/v1/parts", headers={"X-Request-ID": "abc-1"}).headers["X-Request-ID"] == "abc-1"
+    assert client.get("/v1/parts", headers={"X-Request-ID": "a b\n"}).headers["X-Request-ID"] != "a b"
+    page = client.get("/metrics").text
+    assert 'tactile_marks_readings_total{decision="accept",source="vision"}' in page
+    assert 'route="/v1/parts"' in page
+    assert client.get("/no/such/place").json()["status"] == 404
+
+
+def test_the_description_of_the_interface_stands_and_has_examples(client: TestClient) -> None:
+    told = client.get("/openapi.json").json()
+    post = told["paths"]["/v1/parts"]["post"]
+    examples = post["responses"]["201"]["content"]["application/json"]["examples"]
+    assert set(examples) == {"accepted", "touch_needed"}
+    assert "HTTPValidationError" not in told["components"]["schemas"]
+    assert "/review" not in told["paths"]
+
+
+def test_a_random_scan_body_is_never_the_services_fault(client: TestClient) -> None:
+    rng = np.random.default_rng(4)
+    buffer = io.BytesIO()
+    np.savez(buffer, z_mm=rng.normal(size=(60, 200)), pitch_mm=0.05)
+    answer = client.post("/v1/parts", files={"scan": ("noise.npz", buffer.getvalue())})
+    assert answer.status_code == 201
+    assert answer.json()["state"] == "review"

@@ -1,0 +1,409 @@
+"""The Python client, against a real web server that plays the service."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import pytest
+import uvicorn
+from fastapi import FastAPI, File, Form, Header, Request, UploadFile
+from fastapi.responses import JSONResponse, Response
+
+from pipeline.common.record_json import to_json
+from pipeline.common.records import (
+    EventRecord,
+    EvidenceKind,
+    EvidenceRecord,
+    PartState,
+    ReviewAction,
+    ReviewRecord,
+)
+from pipeline.service.client import Client, ServiceError
+from tests.support.line_fakes import NOW, free_port, part, reading, serving
+
+ID = "01KB0000000000000000000017"
+PART = part()
+LINKS = {"links": {"self": f"/v1/parts/{ID}"}, "something": "that later versions say"}
+
+
+class Service:
+    """The service's interface, without a service; `refuse` answers instead, once each."""
+
+    def __init__(self) -> None:
+        self.requests: list[dict[str, Any]] = []
+        self.refuse: list[Response] = []
+        self.made: dict[str, str] = {}
+        self.app = FastAPI()
+        self._routes()
+
+    def _note(self, request: Request, **more: Any) -> None:
+        self.requests.append(
+            {"method": request.method, "path": request.url.path, "headers": dict(request.headers), **more}
+        )
+
+    def _routes(self) -> None:
+        app = self.app
+
+        @app.middleware("http")
+        async def maybe(request: Request, call_next: Any) -> Any:
+            if self.refuse:
+                self._note(request, refused=True)
+                return self.refuse.pop(0)
+            return await call_next(request)
+
+        @app.post("/v1/parts")
+        async def read(
+            request: Request,
+            photo: Annotated[UploadFile | None, File()] = None,
+            scan: Annotated[UploadFile | None, File()] = None,
+            name: Annotated[str, Form()] = "",
+            expected: Annotated[str, Form()] = "",
+            database: Annotated[str, Form()] = "",
+            touch: Annotated[str, Form()] = "plan",
+            idempotency_key: Annotated[str, Header()] = "",
+        ) -> Any:
+            files = {
+                key: (file.filename, await file.read())
+                for key, file in {"photo": photo, "scan": scan}.items()
+                if file is not None
+            }
+            fields = {"name": name, "expected": expected, "database": database, "touch": touch}
+            self._note(request, files=files, fields=fields, key=idempotency_key)
+            again = idempotency_key in self.made
+            self.made.setdefault(idempotency_key, ID)
+            answer = to_json(part(name, expected=expected)) | LINKS
+            return JSONResponse(answer, status_code=200 if again else 201)
+
+        @app.post("/v1/parts/{part_id}/scan")
+        async def scan(request: Request, part_id: str, scan: UploadFile) -> Any:
+            self._note(request, files={"scan": (scan.filename, await scan.read())})
+            return to_json(PART) | LINKS
+
+        @app.post("/v1/parts/{part_id}/touch")
+        async def touch(request: Request, part_id: str) -> Any:
+            self._note(request)
+            return to_json(PART) | LINKS
+
+        @app.post("/v1/parts/{part_id}/review")
+        async def review(request: Request, part_id: str) -> Any:
+            self._note(request, json=await request.json())
+            return to_json(part(text="KX407252", state=PartState.REVIEWED)) | LINKS
+
+        @app.get("/v1/parts")
+        async def parts(request: Request) -> Any:
+            self._note(request, query=dict(request.query_params))
+            return [to_json(PART) | LINKS]
+
+        @app.get("/v1/parts/{part_id}")
+        async def one(request: Request, part_id: str) -> Any:
+            self._note(request)
+            if part_id != ID:
+                return problem(404, f"there is no part {part_id!r}")
+            return to_json(PART) | LINKS
+
+        @app.get("/v1/parts/{part_id}/history")
+        async def history(request: Request, part_id: str) -> Any:
+            self._note(request)
+            return {
+                "events": [to_json(EventRecord(NOW, "received", {"bytes": 7}))],
+                "readings": [to_json(reading())],
+                "reviews": [to_json(ReviewRecord(ReviewAction.CORRECT, "A", "B", "Anna", at=NOW))],
+                "evidence": [to_json(EvidenceRecord(EvidenceKind.PHOTO, "ab" * 32, 7, at=NOW))],
+            }
+
+        @app.get("/v1/parts/{part_id}/pictures/{which}")
+        async def picture(request: Request, part_id: str, which: str) -> Any:
+            self._note(request)
+            return Response(b"\x89PNG " + which.encode(), media_type="image/png")
+
+
+def problem(status: int, detail: str, **headers: str) -> Response:
+    body = {"type": "about:blank", "title": "Refused", "status": status, "detail": detail}
+    return JSONResponse(body, status, {k.replace("_", "-"): v for k, v in headers.items()})
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[tuple[Service, str]]:
+    made = Service()
+    with serving(made.app) as url:
+        yield made, url
+
+
+@pytest.fixture
+def fresh(service: tuple[Service, str]) -> tuple[Service, str]:
+    service[0].requests.clear()
+    service[0].refuse.clear()
+    return service
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    path = tmp_path / "part-ä.png"
+    path.write_bytes(b"a photograph")
+    return path
+
+
+def test_a_part_is_read_from_files(fresh: tuple[Service, str], photo: Path, tmp_path: Path) -> None:
+    service, url = fresh
+    scan = tmp_path / "part.h5"
+    scan.write_bytes(b"a scan")
+    with Client(url, token="tm_secret") as client:
+        made = client.read(photo=photo, scan=str(scan), name="P17", expected="KX407251", touch="stage")
+    assert made == part("P17", expected="KX407251")
+    (request,) = service.requests
+    assert request["files"] == {"photo": ("part-ä.png", b"a photograph"), "scan": ("part.h5", b"a scan")}
+    assert request["fields"] == {"name": "P17", "expected": "KX407251", "database": "", "touch": "stage"}
+    assert request["headers"]["authorization"] == "Bearer tm_secret"
+    assert len(request["key"]) >= 32
+
+
+def test_a_part_is_read_from_bytes_and_without_a_token(fresh: tuple[Service, str]) -> None:
+    service, url = fresh
+    with Client(url) as client:
+        client.read(b"a photograph", name="x", database="plant", idempotency_key="mine-1")
+    (request,) = service.requests
+    assert request["files"] == {"photo": ("photo", b"a photograph")}
+    assert request["fields"]["database"] == "plant"
+    assert request["key"] == "mine-1"
+    assert "authorization" not in request["headers"]
+
+
+def test_every_call_gives_records(fresh: tuple[Service, str], photo: Path) -> None:
+    service, url = fresh
+    with Client(url) as client:
+        assert client.part(ID) == PART
+        assert client.add_scan(ID, photo) == PART
+        assert client.touch(ID) == PART
+        assert client.verify("KX407251", photo).expected == "KX407251"
+        assert client.parts(state=PartState.ACCEPTED, text="KX", before=ID, limit=7) == (PART,)
+        assert client.picture(ID, "sight-edges") == b"\x89PNG sight-edges"
+        reviewed = client.review(
+            ID, action=ReviewAction.CORRECT, text="KX407252", who="Anna", before="KX407251"
+        )
+        assert (reviewed.text, reviewed.state) == ("KX407252", PartState.REVIEWED)
+        history = client.history(ID)
+    assert history.events[0].data == {"bytes": 7}
+    assert history.readings == (reading(),)
+    assert history.reviews[0].who == "Anna"
+    assert history.evidence[0].kind is EvidenceKind.PHOTO
+    assert service.requests[4]["query"] == {"state": "accepted", "text": "KX", "before": ID, "limit": "7"}
+    assert service.requests[6]["json"] == {
+        "action": "correct",
+        "text": "KX407252",
+        "who": "Anna",
+        "note": "",
+        "before": "KX407251",
+    }
+
+
+def test_a_refusal_says_why(fresh: tuple[Service, str], photo: Path) -> None:
+    service, url = fresh
+    with Client(url) as client:
+        with pytest.raises(ServiceError, match="404: there is no part") as caught:
+            client.part("01KB0000000000000000000099")
+        assert caught.value.status == 404
+        assert caught.value.problem["title"] == "Refused"
+        for answer, words in (
+            (problem(401, "a token is needed"), "401: a token is needed"),
+            (problem(422, "photo.png: is damaged"), "422: photo.png: is damaged"),
+            (Response("<html>", 413), "413: Request Entity Too Large"),
+            (JSONResponse([1], 400), "400: Bad Request"),
+            (
+                Response(status_code=308, headers={"location": "https://x/"}),
+                "308: the service has moved to https://x/",
+            ),
+            (Response("<html>hello", 200), "not understood"),
+            (JSONResponse({"hello": 1}, 200), "not understood"),
+        ):
+            service.refuse.append(answer)
+            with pytest.raises(ServiceError, match=words):
+                client.read(photo)
+    assert len(service.requests) == 8  # nothing of this is tried again
+
+
+def test_what_cannot_be_sent_is_said_before(fresh: tuple[Service, str], tmp_path: Path) -> None:
+    service, url = fresh
+    with Client(url) as client:
+        with pytest.raises(ValueError, match="photograph"):
+            client.read()
+        with pytest.raises(ValueError, match="text"):
+            client.verify(" ", b"photo")
+        with pytest.raises(FileNotFoundError):
+            client.read(tmp_path / "none.png")
+        for wrong in ("", "../tokens", "a/b", "a?b", "ä"):
+            with pytest.raises(ServiceError, match="no part's id"):
+                client.part(wrong)
+    assert not service.requests
+
+
+def test_a_busy_service_is_asked_again_after_the_time_it_tells(
+    fresh: tuple[Service, str], photo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service, url = fresh
+    slept: list[float] = []
+    monkeypatch.setattr(time, "sleep", slept.append)
+    busy = problem(503, "as many parts wait as may", retry_after="3")
+    service.refuse = [busy, busy, Response(status_code=502)]
+    with Client(url) as client:
+        client.read(photo)
+        keys = {request["headers"]["idempotency-key"] for request in service.requests}
+        assert len(keys) == 1
+        assert len(service.requests) == 4
+        assert service.requests[-1]["files"]["photo"][1] == b"a photograph"  # from its beginning again
+        slept_for_read = list(slept)
+        # what is done once only is asked again where it was refused, not where nobody knows
+        service.refuse = [busy]
+        client.touch(ID)
+        service.refuse = [Response(status_code=502)]
+        with pytest.raises(ServiceError, match="502"):
+            client.touch(ID)
+    assert len(slept_for_read) == 3
+    assert all(3.0 <= s <= 3.75 for s in slept_for_read[:2])  # as told, and up to a quarter more
+    assert 1.0 <= slept_for_read[2] <= 1.25
+
+
+def test_patience_has_an_end(fresh: tuple[Service, str], photo: Path) -> None:
+    service, url = fresh
+    service.refuse = [problem(503, "as many parts wait as may", retry_after="100")] * 3
+    begun = time.monotonic()
+    with Client(url, patience_s=5.0) as client, pytest.raises(ServiceError, match="503: as many parts wait"):
+        client.read(photo)
+    assert time.monotonic() - begun < 5.0  # it would not be over in time, so it is not waited for
+    assert len(service.requests) == 1
+    with Client(f"http://127.0.0.1:{free_port()}", patience_s=0.0) as client:
+        with pytest.raises(ServiceError, match="not reached") as caught:
+            client.part(ID)
+        assert caught.value.status == 0
+
+
+@contextlib.contextmanager
+def losing(target: str, losses: Callable[[int], bool]) -> Iterator[str]:
+    """A door before the service that loses answers: the request arrives, its answer does not."""
+    port = int(target.rsplit(":", 1)[1])
+    door = socket.create_server(("127.0.0.1", 0))
+    count = 0
+
+    def pump(source: socket.socket, sink: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while data := source.recv(65536):
+                sink.sendall(data)
+        with contextlib.suppress(OSError):
+            sink.shutdown(socket.SHUT_WR)
+
+    def serve() -> None:
+        nonlocal count
+        while True:
+            try:
+                caller, _ = door.accept()
+            except OSError:
+                return
+            count += 1
+            inside = socket.create_connection(("127.0.0.1", port))
+            threading.Thread(target=pump, args=(caller, inside), daemon=True).start()
+            if losses(count):
+                inside.recv(1)  # the service has answered
+                caller.shutdown(socket.SHUT_RDWR)
+                caller.close()
+            else:
+                threading.Thread(target=pump, args=(inside, caller), daemon=True).start()
+
+    threading.Thread(target=serve, daemon=True).start()
+    try:
+        yield f"http://127.0.0.1:{door.getsockname()[1]}"
+    finally:
+        door.close()
+
+
+def test_a_lost_answer_makes_no_second_part(fresh: tuple[Service, str], photo: Path) -> None:
+    service, url = fresh
+    service.made.clear()
+    with losing(url, lambda count: count <= 2) as door, Client(door) as client:
+        assert client.read(photo, name="P17") == part("P17")
+    assert len(service.requests) == 3
+    assert len(service.made) == 1
+
+
+def test_what_is_done_once_only_is_not_sent_again_when_its_answer_is_lost(fresh: tuple[Service, str]) -> None:
+    service, url = fresh
+    with losing(url, lambda count: count == 1) as door, Client(door) as client:
+        with pytest.raises(ServiceError, match="not reached"):
+            client.review(ID, action=ReviewAction.CONFIRM, text="KX407251", who="Anna")
+        assert len(service.requests) == 1
+        assert client.part(ID) == PART  # and it goes on
+
+
+def test_a_service_that_is_started_anew_is_waited_for(photo: Path) -> None:
+    port = free_port()
+    door = f"http://127.0.0.1:{port}"
+    made: list[Any] = []
+
+    def ask() -> None:
+        with Client(door, patience_s=20.0) as client:
+            made.append(client.read(photo))
+            made.append(client.touch(ID))
+
+    asking = threading.Thread(target=ask)
+    asking.start()
+    time.sleep(0.3)
+    server = uvicorn.Server(uvicorn.Config(Service().app, host="127.0.0.1", port=port, log_level="error"))
+    running = threading.Thread(target=server.run)
+    running.start()
+    asking.join(30.0)
+    server.should_exit = True
+    running.join(10.0)
+    assert len(made) == 2
+
+
+def test_neither_redirects_nor_proxies_get_the_token(
+    fresh: tuple[Service, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service, url = fresh
+    monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{free_port()}")
+    monkeypatch.delenv("NO_PROXY", raising=False)
+    service.refuse.append(Response(status_code=307, headers={"location": f"{url}/v1/parts/{ID}"}))
+    with Client(url, token="tm_secret") as client:
+        with pytest.raises(ServiceError, match="moved"):
+            client.part(ID)
+        assert len(service.requests) == 1
+        assert client.part(ID) == PART
+
+
+def test_threads_may_share_a_client(fresh: tuple[Service, str]) -> None:
+    _, url = fresh
+    made: list[Any] = []
+    with Client(url) as client:
+        threads = [
+            threading.Thread(target=lambda n=n: made.append(client.read(b"x", name=f"P{n}")))  # type: ignore[misc]
+            for n in range(8)
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(30.0)
+    assert sorted(record.name for record in made) == [f"P{n}" for n in range(8)]
+
+
+def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    from pipeline.common.missing_extra import MissingExtraError
+    from pipeline.service.line.mqtt import MqttSender
+    from pipeline.service.line.opcua import OpcUaPort
+    from pipeline.service.line.webhook import WebhookSender
+
+    for module, extra, make in (
+        ("httpx", "service", lambda: Client("http://127.0.0.1")),
+        ("httpx", "service", lambda: WebhookSender("http://127.0.0.1")),
+        ("paho.mqtt.client", "mqtt", lambda: MqttSender("mqtt://127.0.0.1")),
+        ("asyncua", "opcua", lambda: OpcUaPort(None)),  # type: ignore[arg-type]
+    ):
+        with monkeypatch.context() as without:
+            without.setitem(sys.modules, module, None)
+            with pytest.raises(MissingExtraError, match=rf"pip install 'tactile-marks\[{extra}\]'"):
+                make()

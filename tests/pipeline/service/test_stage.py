@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import os
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glyphs.surface.maps import HeightMap
+from pipeline.common.records import ScanPlanRecord
+from pipeline.files.npz import write_npz
+from pipeline.files.touch_file import read_scan
+from pipeline.reading.scan_plan import raster_of
+from pipeline.service.stage import FolderCamera, NoCamera, NoStage, ScanOrder, SimulatedStage, StageError
+from whisker_array.estimation.edges import edge_map
+
+PLAN = ScanPlanRecord(
+    region_mm=(2.0, 1.0, 14.0, 9.0),
+    directions_deg=(0, 90, 180, 270),
+    passes=1,
+    line_pitch_mm=0.125,
+    sample_pitch_mm=0.0625,
+    speed_mm_s=50.0,
+    preload_mm=1.0,
+    seconds=1.0,
+    height_mm=5.0,
+    reason="",
+    middle_mm=None,
+)
+
+
+@pytest.fixture
+def plates(tmp_path: Path) -> Path:
+    """A folder with one plate, 20 x 10 mm, with a pit at (6, 4) mm."""
+    folder = tmp_path / "plates"
+    folder.mkdir()
+    y, x = np.mgrid[0:101, 0:201] * 0.1
+    z = -0.3 * np.exp(-((x - 6.0) ** 2 + (y - 4.0) ** 2) / 0.5)
+    write_npz(folder / "plate.npz", HeightMap(z.astype(np.float32), 0.1))
+    (folder / "plate.png").write_bytes(b"picture")
+    (tmp_path / "outside.npz").write_bytes((folder / "plate.npz").read_bytes())
+    return folder
+
+
+def pit_mm(path: Path) -> tuple[float, float]:
+    """Where the deepest place of a recording lies, in its frame."""
+    edges = edge_map(read_scan(path))
+    size = np.where(edges.valid, np.abs(edges.enhancement.mean(axis=0)), 0.0)
+    weight = np.where(size > 0.5 * size.max(), size, 0.0)
+    rows, cols = np.mgrid[0 : size.shape[0], 0 : size.shape[1]]
+    x, y = (float((weight * k).sum() / weight.sum()) for k in (cols, rows))
+    return (edges.origin_mm[0] + edges.pitch_mm * x, edges.origin_mm[1] + edges.pitch_mm * y)
+
+
+@pytest.mark.parametrize("off", [(0.0, 0.0), (30.0, -12.0)])
+def test_recording_lies_in_the_frame_of_the_order(
+    plates: Path, tmp_path: Path, off: tuple[float, float]
+) -> None:
+    x0, y0, x1, y1 = PLAN.region_mm
+    # the middle of the picture lies over the middle of the plate, (10, 5) mm, wherever its frame has that
+    plan = replace(
+        PLAN,
+        region_mm=(x0 + off[0], y0 + off[1], x1 + off[0], y1 + off[1]),
+        middle_mm=(10.0 + off[0], 5.0 + off[1]),
+    )
+    made = SimulatedStage(plates, noise=False).feel(ScanOrder("plate", plan), tmp_path)
+    # half a line pitch
+    assert pit_mm(made) == pytest.approx((6.0 + off[0], 4.0 + off[1]), abs=0.06)
+    scan = read_scan(made)
+    assert scan.part_id == "plate"
+    assert [int(d) for d in scan.directions] == [0, 90, 180, 270]
+    lines = scan.sweeps[0].plan.line_mm
+    assert lines.min() == pytest.approx(y0 + off[1])
+
+
+def test_region_is_cut_to_the_plate(plates: Path, tmp_path: Path) -> None:
+    plan = replace(PLAN, region_mm=(-50.0, -50.0, 50.0, 50.0))
+    made = SimulatedStage(plates).feel(ScanOrder("plate", plan), tmp_path)
+    assert read_scan(made).sweeps[0].plan.line_mm.min() >= 0.0
+
+
+def test_region_off_the_plate_is_told(plates: Path, tmp_path: Path) -> None:
+    plan = replace(PLAN, region_mm=(100.0, 1.0, 120.0, 9.0))
+    with pytest.raises(StageError, match="is not on the part"):
+        SimulatedStage(plates).feel(ScanOrder("plate", plan), tmp_path)
+
+
+def test_the_same_part_gives_the_same_moments(plates: Path, tmp_path: Path) -> None:
+    moments = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        made = SimulatedStage(plates, seed=3).feel(ScanOrder("plate", PLAN), tmp_path / name)
+        moments.append(read_scan(made).sweeps[0].moment_n_mm)
+    np.testing.assert_array_equal(*moments)
+
+
+NAMES = [
+    "../outside",
+    "..",
+    ".",
+    "",
+    "/etc/passwd",
+    "a/../../outside",
+    "..\\outside",
+    "plate.npz\0",
+    "link",
+    "x" * 5000,
+    "C:plate",
+    "other",
+    "a\nb",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stage_and_camera_never_leave_their_folder(plates: Path, tmp_path: Path, name: str) -> None:
+    os.symlink(tmp_path / "outside.npz", plates / "link.npz")
+    os.symlink(tmp_path / "outside.npz", plates / "link.png")
+    with pytest.raises(StageError):
+        SimulatedStage(plates).feel(ScanOrder(name, PLAN), tmp_path)
+    with pytest.raises(StageError):
+        FolderCamera(plates).take(name)
+
+
+def test_map_that_cannot_be_felt_is_told_without_folders(plates: Path, tmp_path: Path) -> None:
+    (plates / "broken.npz").write_bytes(b"no map")
+    with pytest.raises(StageError) as caught:
+        SimulatedStage(plates).feel(ScanOrder("broken", PLAN), tmp_path)
+    assert str(plates) not in str(caught.value)
+    assert "broken.npz" in str(caught.value)
+
+
+def test_camera_finds_the_photograph_of_the_part(plates: Path) -> None:
+    assert FolderCamera(plates).take("plate").read_bytes() == b"picture"
+
+
+def test_where_there_is_no_stage_the_mend_is_told(tmp_path: Path) -> None:
+    with pytest.raises(StageError, match="send a scan"):
+        NoStage().feel(ScanOrder("plate", PLAN), tmp_path)
+    with pytest.raises(StageError, match="send a photograph"):
+        NoCamera().take("plate")
+
+
+def test_stage_errors_survive_pickling() -> None:
+    error = pickle.loads(pickle.dumps(StageError("jammed", "free it")))
+    assert (error.problem, error.mend, str(error)) == ("jammed", "free it", "jammed; free it")
+
+
+def test_raster_of_a_plan_has_its_pitches() -> None:
+    raster = raster_of(PLAN)
+    assert raster.line_pitch_mm == pytest.approx(PLAN.line_pitch_mm)
+    assert raster.sample_pitch_mm == pytest.approx(PLAN.sample_pitch_mm)
+    assert tuple(int(d) for d in raster.directions) == PLAN.directions_deg
+    assert raster.region_mm == PLAN.region_mm

@@ -1,0 +1,232 @@
+"""Files kept by what they hold."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pipeline.common.errors import FileProblem
+from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.store import Store
+from tests.support.store_samples import PHOTO, SCAN, Clock, received
+
+_TWO_HOURS_S = 7200.0
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> EvidenceFolder:
+    return EvidenceFolder(tmp_path / "evidence")
+
+
+def _upload(folder: EvidenceFolder, content: bytes, name: str = "upload") -> Path:
+    path = folder.new_work_folder() / name
+    path.write_bytes(content)
+    return path
+
+
+def _age(path: Path, seconds: float) -> None:
+    past = time.time() - seconds
+    os.utime(path, (past, past))
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=20, deadline=None)
+@given(st.binary(max_size=3000))
+def test_a_file_is_found_by_what_it_holds(folder: EvidenceFolder, content: bytes) -> None:
+    path = _upload(folder, content)
+    sha256, n_bytes = folder.keep(path)
+    assert (sha256, n_bytes) == (hashlib.sha256(content).hexdigest(), len(content))
+    assert folder.path(sha256).read_bytes() == content
+    assert not path.exists()
+
+
+def test_longer_than_one_read(folder: EvidenceFolder) -> None:
+    content = os.urandom(3_000_001)
+    sha256, n_bytes = folder.keep(_upload(folder, content))
+    assert (n_bytes, folder.path(sha256).read_bytes()) == (3_000_001, content)
+
+
+def test_the_same_twice_is_one_file_and_mends_it(folder: EvidenceFolder) -> None:
+    sha256, _ = folder.keep(_upload(folder, b"photo"))
+    folder.path(sha256).write_bytes(b"damaged")
+    assert folder.keep(_upload(folder, b"photo")) == (sha256, 5)
+    assert [p.read_bytes() for p in folder.path(sha256).parent.iterdir()] == [b"photo"]
+
+
+def test_many_at_once(folder: EvidenceFolder) -> None:
+    uploads = [_upload(folder, b"photo %d" % (k % 7)) for k in range(70)]
+    with ThreadPoolExecutor(8) as pool:
+        kept = set(pool.map(folder.keep, uploads))
+    assert len(kept) == 7
+    for sha256, _ in kept:
+        assert hashlib.sha256(folder.path(sha256).read_bytes()).hexdigest() == sha256
+
+
+def test_a_file_from_another_disk_is_copied(
+    folder: EvidenceFolder, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    outside = tmp_path / "outside"
+    outside.write_bytes(b"photo")
+    replace_within = os.replace
+
+    def across_disks(source: str | Path, target: str | Path) -> None:
+        if Path(source) == outside:
+            raise OSError(18, "Invalid cross-device link")
+        replace_within(source, target)
+
+    monkeypatch.setattr(os, "replace", across_disks)
+    sha256, _ = folder.keep(outside)
+    assert folder.path(sha256).read_bytes() == b"photo"
+    assert not outside.exists()
+    assert list(folder.incoming.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "",
+        "abc",
+        "../" + "a" * 61,
+        "A" * 64,
+        "a" * 63 + "/",
+        "a" * 65,
+        "a" * 64 + "\n",
+        "٣" * 64,
+        "a" * 32 + "\x00" * 32,
+    ],
+)
+def test_paths_are_of_hashes_alone(folder: EvidenceFolder, wrong: str) -> None:
+    with pytest.raises(ValueError, match="64 hexadecimal digits"):
+        folder.path(wrong)
+
+
+def test_links_pipes_and_folders_are_no_files(folder: EvidenceFolder, tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_bytes(b"secret")
+    link, pipe = folder.incoming / "link", folder.incoming / "pipe"
+    link.symlink_to(secret)
+    os.mkfifo(pipe)
+    for path in (link, pipe, folder.new_work_folder(), folder.incoming / "missing"):
+        with pytest.raises(FileProblem):
+            folder.keep(path)
+    assert secret.exists()
+    assert list((folder.root / "files").iterdir()) == []
+
+
+def test_it_is_on_the_disk_before_it_is_named(
+    folder: EvidenceFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file is flushed before it moves, its new name after; a folder made for it as well."""
+    path = _upload(folder, b"photo")
+    done: list[str] = []
+    fsync, move = os.fsync, os.replace
+
+    def noted_fsync(handle: int) -> None:
+        done.append(f"fsync {Path(os.readlink(f'/proc/self/fd/{handle}')).name}")
+        fsync(handle)
+
+    def noted_move(source: Path, target: Path) -> None:
+        done.append("move")
+        move(source, target)
+
+    monkeypatch.setattr(os, "fsync", noted_fsync)
+    monkeypatch.setattr(os, "replace", noted_move)
+    sha256, _ = folder.keep(path)
+    assert done == ["fsync upload", "fsync files", "move", f"fsync {sha256[:2]}"]
+
+
+def test_a_full_disk_is_told(folder: EvidenceFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_handle: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    path = _upload(folder, b"photo")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(FileProblem, match=r"No space left on device.*check that the disk has room"):
+        folder.keep(path)
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(FileProblem, match="evidence folder can be written"):
+        EvidenceFolder(tmp_path / "file" / "evidence")
+
+
+def test_what_a_crash_has_left_is_swept(folder: EvidenceFolder) -> None:
+    known, _ = folder.keep(_upload(folder, b"known"))
+    orphan, _ = folder.keep(_upload(folder, b"orphan"))
+    fresh, _ = folder.keep(_upload(folder, b"fresh orphan"))
+    left, writing = _upload(folder, b"left over"), _upload(folder, b"being written")
+    for path in (folder.path(known), folder.path(orphan), *folder.incoming.iterdir(), left):
+        _age(path, _TWO_HOURS_S)
+    assert folder.sweep(frozenset({known}), older_than_s=3600) == 2
+    assert folder.path(known).exists()
+    assert not folder.path(orphan).exists()
+    assert folder.path(fresh).exists()
+    assert not left.parent.exists()
+    assert writing.exists()
+    assert list(folder.incoming.iterdir()) == [writing.parent]
+    assert folder.sweep(frozenset({known}), older_than_s=0) == 2
+    assert list(folder.incoming.iterdir()) == []
+
+
+def test_what_was_just_kept_is_young_however_old_the_upload(folder: EvidenceFolder) -> None:
+    path = _upload(folder, b"photo")
+    _age(path, _TWO_HOURS_S)
+    sha256, _ = folder.keep(path)
+    folder.sweep(frozenset(), older_than_s=3600)
+    assert folder.path(sha256).exists(), "the store may be about to name it"
+
+
+def test_sweeping_follows_no_link(folder: EvidenceFolder, tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    precious.mkdir()
+    (precious / "file").write_bytes(b"")
+    (folder.incoming / "link").symlink_to(precious)
+    (folder.new_work_folder() / "link").symlink_to(precious)
+    folder.sweep(frozenset(), older_than_s=-60)
+    assert (precious / "file").exists()
+    assert list(folder.incoming.iterdir()) == []
+
+
+def test_old_evidence_goes_unless_a_younger_part_needs_it(
+    folder: EvidenceFolder, store: Store, clock: Clock
+) -> None:
+    photo, _ = folder.keep(_upload(folder, b"photo"))
+    scan, _ = folder.keep(_upload(folder, b"scan"))
+    again, _ = folder.keep(_upload(folder, b"sent again a minute ago"))
+    old = received(
+        store,
+        evidence=(
+            replace(PHOTO, sha256=photo),
+            replace(SCAN, sha256=scan),
+            replace(SCAN, sha256=again),
+            replace(SCAN, sha256="c" * 64, name="lost from the disk"),
+        ),
+    )
+    clock.go_on(days=31)
+    young = received(store, evidence=(replace(PHOTO, sha256=photo),))
+    for sha256 in (photo, scan):
+        _age(folder.path(sha256), _TWO_HOURS_S)
+    assert folder.expire(store, before=clock.at) == 1
+    assert not folder.path(scan).exists()
+    assert folder.path(photo).exists()
+    assert folder.path(again).exists()
+    assert all(e.gone for e in store.evidence(old.id))
+    assert not any(e.gone for e in store.evidence(young.id))
+    assert folder.expire(store, before=clock.at) == 0
+    assert store.known_hashes() == {photo}
+
+
+def test_expiring_goes_through_any_number(folder: EvidenceFolder, store: Store, clock: Clock) -> None:
+    files = tuple(replace(SCAN, sha256=f"{k:064x}") for k in range(230))
+    received(store, evidence=files)
+    clock.go_on(days=1)
+    assert folder.expire(store, before=clock.at) == 0
+    assert store.known_hashes() == frozenset()

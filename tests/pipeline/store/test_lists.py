@@ -1,0 +1,116 @@
+"""Lists of parts: newest first, searched, paged; the queue of review."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import PartRecord, PartState, ReviewAction
+from pipeline.store.store import Store, UnfitError
+from tests.support.store_samples import START, Clock, received
+
+
+def _ids(parts: tuple[PartRecord, ...]) -> list[str]:
+    return [part.id for part in parts]
+
+
+def test_newest_first_and_page_by_page(store: Store) -> None:
+    made = [received(store).id for _ in range(7)]
+    newest = made[::-1]
+    assert _ids(store.parts()) == newest
+    pages = [store.parts(limit=3)]
+    while pages[-1]:
+        pages.append(store.parts(limit=3, before=pages[-1][-1].id))
+    assert [len(page) for page in pages] == [3, 3, 1, 0]
+    assert [i for page in pages for i in _ids(page)] == newest
+
+
+def test_a_page_is_the_parts_themselves(store: Store) -> None:
+    part = received(store, PartState.REVIEW, "KX4")
+    part = store.review(part.id, action=ReviewAction.CORRECT, text="KX5", who="Ada")
+    assert store.parts() == (part,)
+
+
+@pytest.mark.parametrize(
+    ("sought", "found"),
+    [
+        ({"text": "kx4"}, "abd"),
+        ({"text": "X407"}, "a"),
+        ({"text": "%"}, "c"),
+        ({"text": "_"}, "c"),
+        ({"text": "\\"}, "c"),
+        ({"text": "'"}, ""),
+        ({"text": "K.4"}, ""),
+        ({"name": "GRÖSSE"}, "b"),
+        ({"name": "größe"}, "b"),
+        ({"name": "plate"}, "abc"),
+        ({"name": "plate 1", "text": "kx4"}, "a"),
+        ({"name": "Ω" * 200}, ""),
+        ({"state": PartState.REVIEW}, "bd"),
+        ({"state": PartState.REVIEW, "name": "plate"}, "b"),
+        ({"state": PartState.TOUCH_NEEDED}, ""),
+    ],
+)
+def test_search(store: Store, sought: dict[str, str], found: str) -> None:
+    made = {
+        "a": received(store, text="KX407251", name="Plate 1"),
+        "b": received(store, PartState.REVIEW, "KX4O7251", name="PLATE 2, Größe 3"),
+        "c": received(store, text="100%_\\", name="plate 3"),
+        "d": received(store, PartState.REVIEW, "kx4", name=""),
+    }
+    assert _ids(store.parts(**sought)) == [made[k].id for k in reversed(found)]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"limit": 0},
+        {"limit": -1},
+        {"limit": 10**20},
+        {"before": "x\x00"},
+        {"text": "\x00"},
+        {"name": "\ud800"},
+    ],
+)
+def test_lists_that_cannot_be(store: Store, wrong: dict[str, object]) -> None:
+    with pytest.raises(UnfitError):
+        store.parts(**wrong)
+
+
+def test_the_queue_is_worked_off_from_its_head(store: Store) -> None:
+    first, _, second, third = (
+        received(store, state, "KX4")
+        for state in (PartState.REVIEW, PartState.ACCEPTED, PartState.REVIEW, PartState.REVIEW)
+    )
+    assert _ids(store.queue()) == [first.id, second.id, third.id]
+    assert _ids(store.queue(limit=2)) == [first.id, second.id]
+    assert store.next_in_queue() == first
+    assert store.next_in_queue(first.id) == second
+    assert store.next_in_queue(third.id) == first
+    assert store.next_in_queue(new_part_id()) == first
+    store.review(second.id, action=ReviewAction.CONFIRM, text="", who="Ada")
+    assert store.next_in_queue(first.id) == third
+    for part in (first, third):
+        store.review(part.id, action=ReviewAction.UNREADABLE, text="", who="Ada")
+    assert store.queue() == ()
+    assert store.next_in_queue() is None
+    assert store.next_in_queue(first.id) is None
+
+
+def test_reviewed_parts_since_a_time(store: Store, clock: Clock) -> None:
+    parts = [received(store, PartState.REVIEW, "KX4") for _ in range(4)]
+    # in another order than they were received
+    for part in (parts[2], parts[0], parts[1]):
+        clock.go_on(hours=1)
+        store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Ada")
+    by_id = [p.id for p in parts[:3]]
+    assert _ids(store.reviewed()) == by_id
+    assert _ids(store.reviewed(since=START + timedelta(hours=2))) == by_id[:2]
+    assert _ids(store.reviewed(limit=2)) == by_id[:2]
+    assert _ids(store.reviewed(after=by_id[1])) == by_id[2:]
+    # noted later: that is no review
+    clock.go_on(hours=5)
+    store.note_event(parts[2].id, "enrolled", {})
+    assert _ids(store.reviewed(since=START + timedelta(hours=2))) == by_id[:2]

@@ -1,0 +1,267 @@
+"""The tables that migrations make, and what the database itself refuses."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+from alembic.autogenerate import compare_metadata
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy.engine import Engine
+
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import PartState, ReviewAction
+from pipeline.store.database import _ADVISORY_LOCK, MIGRATIONS, VERSION_TABLE, _checked
+from pipeline.store.store import Store, StoreError
+from pipeline.store.tables import METADATA, NEVER_CHANGED
+from tests.support.store_samples import PHOTO, START, received
+
+
+def _engine(url: str) -> Engine:
+    return sa.create_engine(url.replace("postgresql://", "postgresql+psycopg://"), poolclass=sa.NullPool)
+
+
+def test_migrations_make_the_tables_that_the_program_uses(store_url: str) -> None:
+    with _engine(store_url).connect() as connection:
+        context = MigrationContext.configure(
+            connection,
+            opts={"version_table": VERSION_TABLE, "compare_type": True, "compare_server_default": True},
+        )
+        assert compare_metadata(context, METADATA) == []
+        inspector = sa.inspect(connection)
+        for table in METADATA.sorted_tables:
+            keys = {(k["name"], *k["constrained_columns"]) for k in inspector.get_foreign_keys(table.name)}
+            assert keys == {(k.name, *k.column_keys) for k in table.foreign_key_constraints}
+            assert inspector.get_pk_constraint(table.name)["constrained_columns"] == [
+                c.name for c in table.primary_key
+            ]
+
+
+def test_there_is_one_line_of_versions() -> None:
+    script = ScriptDirectory(str(MIGRATIONS))
+    assert len(script.get_heads()) == 1
+    assert len(script.get_bases()) == 1
+
+
+def test_an_empty_database_is_made_ready_and_opened_again(blank_url: str) -> None:
+    with contextlib.closing(Store.open(blank_url)) as store:
+        part = received(store)
+    with contextlib.closing(Store.open(blank_url)) as store:
+        assert store.part(part.id) == part
+
+
+def test_it_can_be_taken_back_to_nothing(blank_url: str) -> None:
+    from alembic import command
+
+    Store.open(blank_url).close()
+    engine = _engine(blank_url)
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    with engine.begin() as connection:
+        config.attributes["connection"] = connection
+        command.downgrade(config, "base")
+    assert set(sa.inspect(engine).get_table_names()) <= {VERSION_TABLE, "sqlite_sequence"}
+    Store.open(blank_url).close()
+    assert set(METADATA.tables) <= set(sa.inspect(engine).get_table_names())
+
+
+def test_many_starts_at_once_make_one_store(blank_url: str) -> None:
+    """Threads and processes."""
+    code = "import sys; from pipeline.store.store import Store; sys.stdin.read(); Store.open(sys.argv[1]).close()"
+    others = [
+        subprocess.Popen([sys.executable, "-c", code, blank_url], stdin=subprocess.PIPE) for _ in range(3)
+    ]
+    for process in others:
+        assert process.stdin is not None
+        process.stdin.close()
+    with ThreadPoolExecutor(3) as pool:
+        stores = list(pool.map(lambda _: Store.open(blank_url), range(3)))
+    part = received(stores[0])
+    for store in stores:
+        assert store.part(part.id) == part
+        store.close()
+    assert [process.wait(60) for process in others] == [0, 0, 0]
+
+
+def test_a_start_waits_for_another_that_is_under_way(
+    postgres: Callable[[str], str],
+) -> None:
+    import psycopg
+
+    url = postgres("postgres")
+    waiting = b"SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
+    with psycopg.connect(url, autocommit=True) as other, ThreadPoolExecutor(1) as pool:
+        other.execute("SELECT pg_advisory_lock(%s)", (_ADVISORY_LOCK,))
+        opening = pool.submit(Store.open, url)
+        while not (other.execute(waiting).fetchone() or (0,))[0]:
+            assert not opening.done()
+            time.sleep(0.01)
+        assert other.execute("SELECT to_regclass('parts')").fetchone() == (None,)
+        other.execute("SELECT pg_advisory_unlock(%s)", (_ADVISORY_LOCK,))
+        opening.result(60).close()
+
+
+def test_a_store_of_a_newer_version_is_left_alone(store_url: str) -> None:
+    with _engine(store_url).begin() as connection:
+        connection.execute(sa.text(f"UPDATE {VERSION_TABLE} SET version_num = '9999'"))
+    with pytest.raises(StoreError, match=r"newer tactile-marks \(its version is 9999\); install that one"):
+        Store.open(store_url)
+
+
+@pytest.mark.parametrize("table", NEVER_CHANGED)
+def test_what_was_written_stays(store: Store, store_url: str, table: str) -> None:
+    part = received(store, PartState.REVIEW, "KX4", evidence=(PHOTO,))
+    part = store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Ada")
+    engine = _engine(store_url)
+    with engine.connect() as connection:
+        row = connection.execute(sa.text(f"SELECT * FROM {table} LIMIT 1")).mappings().one()
+    attempts = [
+        f"UPDATE {table} SET at = at",
+        f"DELETE FROM {table}",
+        f"DELETE FROM {table} WHERE id = {row['id']}",
+    ]
+    if engine.dialect.name == "postgresql":
+        attempts += [f"TRUNCATE {table}", "TRUNCATE parts CASCADE"]
+    else:
+        columns = ", ".join(f'"{c}"' for c in row)
+        attempts.append(f"INSERT OR REPLACE INTO {table} ({columns}) SELECT {columns} FROM {table} LIMIT 1")
+    for attempt in attempts:
+        with pytest.raises(sa.exc.DBAPIError, match="are never changed"), engine.begin() as connection:
+            connection.execute(sa.text(attempt))
+    assert store.part(part.id) == part
+    assert len(store.history(part.id)) == 3
+
+
+def test_parts_cannot_be_removed_from_under_their_readings(store: Store, store_url: str) -> None:
+    part = received(store)
+    engine = _engine(store_url)
+    with engine.begin() as connection:
+        if engine.dialect.name == "sqlite":
+            connection.execute(sa.text("PRAGMA foreign_keys = ON"))
+        with pytest.raises(sa.exc.IntegrityError, match=r"(?i)foreign key"):
+            connection.execute(sa.text("DELETE FROM parts"))
+    assert store.part(part.id) == part
+
+
+def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
+    """SQLite's own word on how it would do every statement."""
+    store = Store.open(f"sqlite:///{tmp_path}/store.db")
+    asked: list[tuple[str, Any]] = []
+    with store._database.reading() as connection:
+        engine = connection.engine
+
+    @sa.event.listens_for(engine, "before_cursor_execute")
+    def _note(_c: object, _u: object, statement: str, parameters: Any, _x: object, _m: object) -> None:
+        if statement.startswith("SELECT"):
+            asked.append((statement, parameters))
+
+    store.figures(START)
+    store.queue()
+    store.next_in_queue(new_part_id())
+    store.parts(state=PartState.REVIEW, before=new_part_id())
+    store.parts()
+    store.reviewed()
+    store.evidence_before(START)
+    store.known_hashes()
+    store.token("x")
+    store.remembered("x")
+    store.due()
+    assert len(asked) >= 13
+    with engine.connect() as connection:
+        for statement, parameters in asked:
+            plan = [
+                row[3] for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", parameters)
+            ]
+            scans = [step for step in plan if step.startswith("SCAN") and "INDEX" not in step]
+            # a sorted table is read from its end; what was counted before is read through
+            assert all(re.search(r"anon_\d|\(subquery", step) for step in scans), (statement, plan)
+            sorts = [step for step in plan if "TEMP B-TREE FOR ORDER BY" in step]
+            assert not sorts, (statement, plan)
+    store.close()
+
+
+def test_sqlite_is_durable_and_checks_its_keys(tmp_path: Path) -> None:
+    store = Store.open(f"sqlite:///{tmp_path}/new/folder/store.db")
+    with store._database.reading() as connection:
+        told = {
+            name: connection.exec_driver_sql(f"PRAGMA {name}").scalar_one()
+            for name in ("journal_mode", "synchronous", "foreign_keys", "recursive_triggers", "busy_timeout")
+        }
+    store.close()
+    # synchronous 2 is FULL
+    assert told == {
+        "journal_mode": "wal",
+        "synchronous": 2,
+        "foreign_keys": 1,
+        "recursive_triggers": 1,
+        "busy_timeout": 30_000,
+    }
+
+
+def test_postgresql_may_not_put_off_writing(
+    request: pytest.FixtureRequest, empty_stores: Callable[[str, pytest.FixtureRequest], str]
+) -> None:
+    lazy = empty_stores("postgresql", request) + "&options=-c%20synchronous_commit%3Doff"
+    store = Store.open(lazy)
+    with store._database.reading() as connection:
+        assert connection.exec_driver_sql("SHOW synchronous_commit").scalar_one() == "on"
+    store.close()
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("", "no URL"),
+        ("store.db", "no URL"),
+        ("mysql://localhost/x", "cannot be mysql; write sqlite"),
+        ("sqlite://", "in memory would forget"),
+        ("sqlite:///:memory:", "in memory would forget"),
+        ("sqlite:///file:x?mode=memory&uri=true", "in memory would forget"),
+        ("sqlite:///{folder}/text.db", "not a database"),
+        ("sqlite:///{folder}/text.db/store.db", "cannot be opened"),
+        ("sqlite:///{folder}", "cannot be opened|does not answer"),
+        ("postgresql://user:hidden@127.0.0.1:1/x", "does not answer .*; check that the database runs"),
+    ],
+)
+def test_stores_that_cannot_be(tmp_path: Path, url: str, message: str) -> None:
+    (tmp_path / "text.db").write_text("this is a text, and no database at all\n" * 100, encoding="utf-8")
+    with pytest.raises(StoreError, match=message) as caught:
+        Store.open(url.format(folder=tmp_path))
+    assert "hidden" not in str(caught.value)
+
+
+@pytest.mark.parametrize("scheme", ["postgresql", "postgres", "postgresql+psycopg", "postgresql+psycopg2"])
+def test_every_way_to_write_postgresql(scheme: str) -> None:
+    assert _checked(f"{scheme}://u:p@h/x").drivername == "postgresql+psycopg"
+
+
+def test_without_its_driver_the_mend_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "psycopg", None)
+    with pytest.raises(StoreError, match=r"pip install 'tactile-marks\[postgres\]', or use sqlite"):
+        Store.open("postgresql://u@h/x")
+
+
+def test_a_foreign_database_is_not_taken_over(blank_url: str) -> None:
+    engine = _engine(blank_url)
+    with engine.begin() as connection:
+        connection.execute(sa.text("CREATE TABLE parts (x INTEGER)"))
+    with pytest.raises(StoreError, match="already exists"):
+        Store.open(blank_url)
+    names: Any = sa.inspect(engine).get_table_names()
+    assert names == ["parts"], "half a migration would be undone"
+
+
+def test_versions_do_not_import_the_tables_of_today() -> None:
+    for path in (MIGRATIONS / "versions").glob("*.py"):
+        assert not re.search(r"^(from|import) pipeline", path.read_text("utf-8"), re.MULTILINE), path.name

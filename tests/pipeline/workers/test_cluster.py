@@ -1,0 +1,146 @@
+"""A real Dask scheduler and real workers: what is lost costs nothing but time."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pipeline.workers.cluster import ClusterCrew, ClusterError
+from tests.support.cluster_process import ClusterProcess, cluster_process
+from tests.support.executor_calls import dies_of_seven, doubled, noted, odd_fails
+
+pytest.importorskip("distributed")
+COUNT = 40
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ClusterProcess]:
+    with cluster_process(tmp_path_factory.mktemp("cluster")) as started:
+        yield started
+
+
+def test_every_task_has_one_outcome_from_both_workers(cluster: ClusterProcess, tmp_path: Path) -> None:
+    with ClusterCrew(cluster.address) as crew:
+        wait_for(crew, 2)
+        outcomes = list(crew.calls(noted, str(tmp_path), range(COUNT)))
+        assert sorted(o.task for o in outcomes) == list(range(COUNT))
+        assert [o.error for o in outcomes if o.result != o.task] == []
+        assert crew.workers == 2
+    assert len({p.read_text().split()[0] for p in tmp_path.iterdir()}) == 2, cluster.told()
+
+
+def test_an_exception_is_its_tasks_own(cluster: ClusterProcess) -> None:
+    with ClusterCrew(cluster.address) as crew:
+        outcomes = {o.task: o for o in crew.calls(odd_fails, "told", range(COUNT))}
+    assert [o.task for o in outcomes.values() if o.error is None] == [k for k in outcomes if k % 2 == 0]
+    assert str(outcomes[3].error) == "told: 3 is odd"
+
+
+def test_tasks_are_taken_as_they_are_needed(cluster: ClusterProcess) -> None:
+    taken = 0
+
+    def endless() -> Iterator[int]:
+        nonlocal taken
+        while True:
+            taken += 1
+            yield taken
+
+    with ClusterCrew(cluster.address) as crew:
+        for done, _ in enumerate(crew.calls(doubled, 0, endless())):
+            # a few for each worker, whatever the number of tasks
+            assert taken <= done + 10
+            if done == COUNT:
+                break
+
+
+def test_a_worker_lost_in_the_middle_costs_nothing(tmp_path: Path) -> None:
+    calls, logs = tmp_path / "calls", tmp_path / "logs"
+    calls.mkdir()
+    logs.mkdir()
+    with cluster_process(logs) as cluster, ClusterCrew(cluster.address) as crew:
+        wait_for(crew, 2)
+        outcomes = []
+        for outcome in crew.calls(noted, str(calls), range(COUNT)):
+            outcomes.append(outcome)
+            if len(outcomes) == COUNT // 4:
+                cluster.lose(cluster.workers[0])
+        assert sorted(o.task for o in outcomes) == list(range(COUNT)), cluster.told()
+        assert [o.error for o in outcomes if o.result != o.task] == [], cluster.told()
+
+
+def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> None:
+    calls, logs = tmp_path / "calls", tmp_path / "logs"
+    calls.mkdir()
+    logs.mkdir()
+    with cluster_process(logs) as cluster, ClusterCrew(cluster.address) as crew:
+        outcomes = {o.task: o for o in crew.calls(dies_of_seven, str(calls), range(12))}
+        assert sorted(outcomes) == list(range(12)), cluster.told()
+        assert [task for task, o in outcomes.items() if o.error is not None] == [7], cluster.told()
+        assert "workers have died of it" in str(outcomes[7].error)
+
+
+def test_a_lost_scheduler_ends_the_run_with_the_mend(tmp_path: Path) -> None:
+    with (
+        cluster_process(tmp_path, workers=1) as cluster,
+        ClusterCrew(cluster.address, patience_s=5.0, connect_s=2.0) as crew,
+        pytest.raises(ClusterError, match="run the same command again"),
+    ):
+        read_and_lose(cluster, crew, tmp_path)
+
+
+def test_no_scheduler_is_told() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+    with (
+        pytest.raises(ClusterError, match="no Dask scheduler answers"),
+        ClusterCrew(f"tcp://127.0.0.1:{port}", connect_s=1.0),
+    ):
+        pass
+    with (
+        pytest.raises(ClusterError, match="no Dask scheduler answers"),
+        ClusterCrew("nonsense", connect_s=1.0),
+    ):
+        pass
+
+
+def test_no_worker_is_told(tmp_path: Path) -> None:
+    with (
+        cluster_process(tmp_path, workers=0) as cluster,
+        pytest.raises(ClusterError, match="has no workers; start some with: tactile-marks worker tcp://"),
+        ClusterCrew(cluster.address, patience_s=1.0),
+    ):
+        pass
+
+
+def test_workers_that_come_late_are_waited_for(tmp_path: Path) -> None:
+    with cluster_process(tmp_path, workers=0) as cluster:
+        threading.Timer(1.0, cluster.add_worker).start()
+        with ClusterCrew(cluster.address, patience_s=60.0) as crew:
+            assert [o.result for o in crew.calls(doubled, 1, [20])] == [41]
+
+
+def test_another_version_of_the_program_is_refused(
+    cluster: ClusterProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pipeline.common.version.program_mark", lambda: "another")
+    with pytest.raises(ClusterError, match="runs another version"), ClusterCrew(cluster.address):
+        pass
+
+
+def read_and_lose(cluster: ClusterProcess, crew: ClusterCrew, folder: Path) -> None:
+    for count, _ in enumerate(crew.calls(noted, str(folder), range(10_000))):
+        if count == 5:
+            cluster.lose(cluster.scheduler)
+
+
+def wait_for(crew: ClusterCrew, workers: int) -> None:
+    until = time.monotonic() + 60.0
+    while crew.count() < workers:
+        assert time.monotonic() < until
+        time.sleep(0.1)

@@ -1,0 +1,213 @@
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pipeline.common.errors import FileProblem
+from pipeline.common.settings import ReadSettings
+from pipeline.reading.jobs import Limits
+from pipeline.workers.pool import BusyError, WorkerLostError, WorkPool
+from tests.support import pool_calls as calls
+
+LONG_S = 120.0
+"""What is waited for at most; nothing here depends on how long it takes."""
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[WorkPool]:
+    made = WorkPool(ReadSettings(), Limits(memory_mb=2048), 1, 2, LONG_S, warm=False)
+    yield made
+    made.close(LONG_S)
+
+
+@contextlib.contextmanager
+def opened(**how: float) -> Iterator[WorkPool]:
+    settled = {"workers": 1, "queue": 1, "timeout_s": LONG_S, **how}
+    made = WorkPool(
+        ReadSettings(),
+        Limits(),
+        int(settled["workers"]),
+        int(settled["queue"]),
+        settled["timeout_s"],
+        warm=False,
+    )
+    try:
+        yield made
+    finally:
+        made.close(0.0)
+
+
+def until(true: Callable[[], bool]) -> None:
+    end = time.monotonic() + LONG_S
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def test_function_is_called_in_another_process(pool: WorkPool) -> None:
+    assert pool.submit(os.getpid).result(LONG_S) != os.getpid()
+    assert pool.wait_ready(LONG_S)
+    assert pool.ready()
+
+
+def test_exceptions_come_back_as_they_are(pool: WorkPool) -> None:
+    with pytest.raises(FileProblem) as caught:
+        pool.submit(calls.fail_with_problem).result(LONG_S)
+    assert (caught.value.problem, caught.value.mend) == ("is empty", "copy it again")
+    with pytest.raises(RuntimeError, match="OddError: 1 and 2"):
+        pool.submit(calls.fail_oddly).result(LONG_S)
+
+
+def test_what_cannot_be_pickled_is_told(pool: WorkPool) -> None:
+    with pytest.raises(Exception, match=r"pickle|local object"):
+        pool.submit(calls.return_oddly).result(LONG_S)
+    with pytest.raises(Exception, match=r"pickle|local object"):
+        pool.submit(lambda: None).result(LONG_S)
+    assert pool.submit(os.getpid).result(LONG_S)
+
+
+def test_memory_is_bounded(pool: WorkPool) -> None:
+    before = pool.restarts
+    with pytest.raises(MemoryError):
+        pool.submit(calls.take_memory, 4096).result(LONG_S)
+    assert pool.submit(calls.take_memory, 100).result(LONG_S) == 100 << 20
+    assert pool.restarts == before
+
+
+def test_workers_use_one_thread_and_leave_interrupts_to_the_service(pool: WorkPool) -> None:
+    facts = pool.submit(calls.facts).result(LONG_S)
+    assert facts["interrupt"]
+    assert (facts["blas"], facts["numba"]) == ("1", "1")
+
+
+def test_more_than_may_wait_are_refused_at_once(tmp_path: Path) -> None:
+    with opened(queue=2) as pool:
+        go, mark = tmp_path / "go", tmp_path / "mark"
+        first = pool.submit(calls.mark_and_wait, str(mark), str(go))
+        until(mark.exists)
+        second, third = pool.submit(os.getpid), pool.submit(os.getpid)
+        assert pool.waiting == 2
+        assert pool.running == 1
+        with pytest.raises(BusyError) as caught:
+            pool.submit(os.getpid)
+        assert caught.value.retry_after_s >= 1.0
+        assert not first.done()
+        go.touch()
+        assert first.result(LONG_S) == second.result(LONG_S) == third.result(LONG_S)
+        until(lambda: pool.running == 0)
+        assert pool.submit(os.getpid).result(LONG_S)
+
+
+def test_killed_worker_costs_its_own_job_only(tmp_path: Path) -> None:
+    with opened() as pool:
+        go, mark = tmp_path / "go", tmp_path / "mark"
+        doomed = pool.submit(calls.mark_and_wait, str(mark), str(go))
+        waiting = pool.submit(os.getpid)
+        until(mark.exists)
+        os.kill(int(mark.read_text()), signal.SIGKILL)
+        with pytest.raises(WorkerLostError, match="exit code -9") as caught:
+            doomed.result(LONG_S)
+        assert not caught.value.timed_out
+        assert waiting.result(LONG_S) != int(mark.read_text())
+        assert pool.restarts == 1
+
+
+def test_idle_worker_that_is_killed_is_replaced(tmp_path: Path) -> None:
+    with opened() as pool:
+        first = pool.submit(os.getpid).result(LONG_S)
+        os.kill(first, signal.SIGKILL)
+        until(lambda: pool.restarts == 1 and pool.ready())
+        assert pool.submit(os.getpid).result(LONG_S) != first
+
+
+def test_workers_that_die_again_and_again_do_not_stop_the_pool() -> None:
+    with opened(workers=2, queue=10) as pool:
+        lost = [pool.submit(calls.leave) for _ in range(4)]
+        for future in lost:
+            with pytest.raises(WorkerLostError, match="exit code 3"):
+                future.result(LONG_S)
+        assert pool.submit(os.getpid).result(LONG_S)
+        assert pool.restarts == 4
+
+
+def test_job_that_takes_too_long_is_stopped() -> None:
+    with opened(timeout_s=0.5) as pool:
+        with pytest.raises(WorkerLostError, match=r"longer than 0\.5 s") as caught:
+            pool.submit(time.sleep, LONG_S).result(LONG_S)
+        assert caught.value.timed_out
+        assert pool.submit(os.getpid).result(LONG_S)
+
+
+def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
+    pool = WorkPool(ReadSettings(), Limits(), 1, 5, LONG_S, warm=False)
+    jobs = [pool.submit(time.sleep, 0.05) for _ in range(4)]
+    pool.wait_ready(LONG_S)
+    pids = pool.pids
+    pool.close(LONG_S)
+    assert [job.result(0.0) for job in jobs] == [None] * 4
+    assert not any(alive(pid) for pid in pids)
+    assert not pool.ready()
+    with pytest.raises(RuntimeError, match="closed"):
+        pool.submit(os.getpid)
+    pool.close(0.0)
+
+
+def test_closing_without_patience_loses_what_is_left(tmp_path: Path) -> None:
+    pool = WorkPool(ReadSettings(), Limits(), 1, 5, LONG_S, warm=False)
+    mark = tmp_path / "mark"
+    jobs = [pool.submit(calls.mark_and_wait, str(mark), "never"), pool.submit(os.getpid)]
+    until(mark.exists)
+    pool.close(0.0)
+    for job in jobs:
+        with pytest.raises(WorkerLostError):
+            job.result(0.0)
+    assert not alive(int(mark.read_text()))
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_workers_die_with_a_service_that_is_killed(tmp_path: Path) -> None:
+    marks = tmp_path / "pids"
+    service = multiprocessing.get_context("spawn").Process(target=calls.parent, args=(str(marks),))
+    service.start()
+    until(marks.exists)
+    pids = [int(pid) for pid in marks.read_text().split()]
+    assert len(pids) == 2
+    assert all(alive(pid) for pid in pids)
+    service.kill()
+    service.join()
+    until(lambda: not any(alive(pid) for pid in pids))
+
+
+def test_warm_worker_has_read_a_part() -> None:
+    limits = replace(Limits(), memory_mb=3072)
+    pool = WorkPool(ReadSettings(font=("gothic",), height_mm=5.0), limits, 1, 1, LONG_S)
+    try:
+        assert pool.wait_ready(LONG_S)
+        facts = pool.submit(calls.facts).result(LONG_S)
+        assert facts["cv2"] == 1
+        assert not facts["matplotlib"], "a worker draws without it"
+        assert pool.restarts == 0
+    finally:
+        pool.close(0.0)
+
+
+@pytest.mark.parametrize(("workers", "queue", "timeout_s"), [(0, 1, 1.0), (1, -1, 1.0), (1, 1, 0.0)])
+def test_numbers_that_cannot_be_are_refused(workers: int, queue: int, timeout_s: float) -> None:
+    with pytest.raises(ValueError, match="give at least"):
+        WorkPool(ReadSettings(), Limits(), workers, queue, timeout_s)

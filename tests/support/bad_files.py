@@ -1,0 +1,484 @@
+"""Files that nobody should send: damaged, mislabelled, far larger than they look, or pointing elsewhere.
+
+Each is (name, bytes); the suffix says where it is sent. None of them may crash a reader, keep it busy, fill the memory,
+run code or read another file: `FileProblem`, or a reading like any other.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import io
+import pickle
+import shutil
+import struct
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+
+class _Bomb:
+    """What a pickle does when it is opened."""
+
+    def __reduce__(self) -> tuple[Any, tuple[str]]:
+        return (exec, ("raise SystemExit('a pickle was opened')",))
+
+
+def small_map() -> NDArray[np.float32]:
+    """A plate with two grooves, 60 x 80 samples."""
+    z = np.zeros((60, 80), dtype=np.float32)
+    z[20:40, 20:24] = z[20:40, 50:54] = -0.2
+    return z
+
+
+def npz(**arrays: Any) -> bytes:
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **arrays)
+    return stream.getvalue()
+
+
+def png(shape: tuple[int, int] = (48, 96)) -> bytes:
+    return bytes(cv2.imencode(".png", _shade(shape))[1])
+
+
+def jpeg() -> bytes:
+    return bytes(cv2.imencode(".jpg", _shade((48, 96)))[1])
+
+
+def _shade(shape: tuple[int, int]) -> NDArray[np.uint8]:
+    """Bright on one side; plain, so that what can be read at all is soon read."""
+    columns = np.linspace(60.0, 200.0, shape[1])
+    return np.broadcast_to(columns[None, :, None], (*shape, 3)).astype(np.uint8)
+
+
+@cache
+def scan() -> bytes:
+    """A recording of the small map."""
+    from glyphs.surface.maps import HeightMap
+    from pipeline.reading.simulated_scan import feel
+    from whisker_array.scan.recording import save_scan
+    from whisker_array.whisker.array import default_plan
+
+    height_map = HeightMap(small_map(), 0.1)
+    plan = default_plan((0.0, 0.0, *height_map.size_mm), character_height_mm=5.0)
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "a.h5"
+        save_scan(feel(height_map, plan=plan, height_mm=5.0), path)
+        return path.read_bytes()
+
+
+@contextlib.contextmanager
+def changed_scan(out: list[bytes]) -> Iterator[h5py.File]:
+    """The recording, open for changes; its bytes are put into the list."""
+    stream = io.BytesIO(scan())
+    with h5py.File(stream, "r+") as file:
+        yield file
+    out.append(stream.getvalue())
+
+
+def _chunk(name: bytes, body: bytes) -> bytes:
+    return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+
+
+def declared_png(cols: int, rows: int, pixels: bytes = b"\0" * 100) -> bytes:
+    head = struct.pack(">IIBBBBB", cols, rows, 8, 0, 0, 0, 0)
+    parts = (_chunk(b"IHDR", head), _chunk(b"IDAT", zlib.compress(pixels)), _chunk(b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+def _tiff(entries: list[tuple[int, int, int, int]]) -> bytes:
+    body = struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", *e) for e in entries)
+    return b"II*\0" + struct.pack("<I", 8) + body + struct.pack("<I", 0)
+
+
+def _flipped(data: bytes, seed: int, flips: int = 12) -> bytes:
+    rng = np.random.default_rng(seed)
+    changed = bytearray(data)
+    for at in rng.integers(0, len(changed), flips):
+        changed[at] ^= 1 << int(rng.integers(8))
+    return bytes(changed)
+
+
+def _raw_npz(members: dict[str, bytes], *, compressed: bool = True) -> bytes:
+    stream = io.BytesIO()
+    kind = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    with zipfile.ZipFile(stream, "w", kind) as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
+    return stream.getvalue()
+
+
+def _npy_head(shape: tuple[int, ...], dtype: str = "<f4") -> bytes:
+    stream = io.BytesIO()
+    np.lib.format.write_array_header_1_0(stream, {"descr": dtype, "fortran_order": False, "shape": shape})
+    return stream.getvalue()
+
+
+def _pitch(value: Any = 0.05) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, np.asarray(value))
+    return stream.getvalue()
+
+
+def bad_photos() -> Iterator[tuple[str, bytes]]:
+    """Sent as photographs."""
+    good = png()
+    yield "empty.png", b""
+    yield "one-byte.png", b"\x89"
+    yield "head-only.png", good[:20]
+    yield "truncated.png", good[: len(good) // 2]
+    yield "no-end.png", good[:-12]
+    for seed in range(3):
+        yield f"flipped-{seed}.png", _flipped(good, seed)
+    yield "text.png", b"this is no picture"
+    yield "recording.png", scan()
+    yield "jpeg-inside.png", jpeg()
+    yield "one-pixel.png", declared_png(1, 1, b"\0\0")
+    yield "no-columns.png", declared_png(0, 100)
+    yield "black-8x8.png", declared_png(8, 8, b"\0" * 72)
+    yield "declared-60000x60000.png", declared_png(60_000, 60_000)
+    yield "declared-2e9.png", declared_png(2_000_000_000, 2_000_000_000)
+    yield "bomb-12000x12000.png", declared_png(12_000, 12_000, b"\0" * (12_001 * 12_000))
+    yield "short-data.png", declared_png(2_000, 2_000)
+    yield "text-bomb.png", _with_text_bomb(good)
+    cut = jpeg()
+    yield "truncated.jpg", cut[: len(cut) // 2]
+    yield "markers-only.jpg", b"\xff\xd8\xff\xd9"
+    for seed in range(3):
+        yield f"flipped-{seed}.jpg", _flipped(cut, 10 + seed)
+    at = cut.index(b"\xff\xc0")
+    yield "declared-65000x65000.jpg", cut[: at + 5] + struct.pack(">HH", 65_000, 65_000) + cut[at + 9 :]
+    bmp = bytes(cv2.imencode(".bmp", np.full((16, 16, 3), 99, dtype=np.uint8))[1])
+    yield "declared-huge.bmp", bmp[:18] + struct.pack("<ii", 2**30, -(2**30)) + bmp[26:]
+    yield "data-beyond.bmp", bmp[:10] + struct.pack("<I", 2**31) + bmp[14:]
+    yield "declared-huge.tif", _tiff([(256, 4, 1, 2**31), (257, 4, 1, 2**31), (258, 3, 1, 8), (273, 4, 1, 8)])
+    yield "own-offset.tif", _tiff([(256, 4, 1, 64), (257, 4, 1, 64), (273, 4, 1, 8), (279, 4, 1, 2**31)])
+    yield "no-directory.tif", b"II*\0" + struct.pack("<I", 2**31)
+    done, floats = cv2.imencode(".tif", np.full((32, 32), np.nan, dtype=np.float32))
+    assert done
+    yield "nan.tif", bytes(floats)
+    yield "animation.png", b"GIF89a" + b"\0" * 64
+    yield "drawing.png", b"<svg xmlns='http://www.w3.org/2000/svg'><image href='file:///etc/passwd'/></svg>"
+
+
+def _with_text_bomb(data: bytes) -> bytes:
+    body = b"Comment\0\0" + zlib.compress(b"A" * 50_000_000)
+    return data[:33] + _chunk(b"zTXt", body) + data[33:]
+
+
+def bad_maps() -> Iterator[tuple[str, bytes]]:
+    """Sent as height maps."""
+    z = small_map()
+    good = npz(z_mm=z, pitch_mm=0.1)
+    yield "empty.npz", b""
+    yield "truncated.npz", good[: len(good) // 2]
+    for seed in range(4):
+        yield f"flipped-{seed}.npz", _flipped(good, 20 + seed)
+    yield "picture.npz", png()
+    yield "no-heights.npz", npz(pitch_mm=0.1)
+    yield "no-pitch.npz", npz(z_mm=z)
+    yield "strings.npz", npz(z_mm=np.full((9, 9), "deep"), pitch_mm=0.1)
+    yield "pitch-string.npz", npz(z_mm=z, pitch_mm="0.1")
+    yield "complex.npz", npz(z_mm=z + 1j, pitch_mm=0.1)
+    yield "nan-only.npz", npz(z_mm=np.full((50, 50), np.nan), pitch_mm=0.1)
+    yield "infinite.npz", npz(z_mm=np.where(z < 0, np.inf, z), pitch_mm=0.1)
+    yield "beyond-floats.npz", npz(z_mm=np.full((50, 50), 1e308), pitch_mm=0.1)
+    yield "one-sample.npz", npz(z_mm=np.zeros((1, 1)), pitch_mm=0.1)
+    yield "two-by-two.npz", npz(z_mm=np.array([[0.0, 1.0], [0.0, 1.0]]), pitch_mm=0.1)
+    yield "one-row.npz", npz(z_mm=np.zeros((1, 500)), pitch_mm=0.1)
+    yield "strip.npz", npz(z_mm=np.zeros((2, 5000)), pitch_mm=0.1)
+    yield "cube.npz", npz(z_mm=np.zeros((9, 9, 9)), pitch_mm=0.1)
+    yield "no-samples.npz", npz(z_mm=np.zeros((0, 0)), pitch_mm=0.1)
+    for name, pitch in (
+        ("nan", np.nan),
+        ("nought", 0.0),
+        ("negative", -1.0),
+        ("tiny", 1e-300),
+        ("list", [1, 2]),
+    ):
+        yield f"pitch-{name}.npz", npz(z_mm=z, pitch_mm=pitch)
+    yield "coarse.npz", npz(z_mm=np.tile(z, (20, 20)), pitch_mm=10.0)
+    yield "soil-strings.npz", npz(z_mm=z, pitch_mm=0.1, friction=np.full(z.shape, "slippery"))
+    yield "soil-nan.npz", npz(z_mm=z, pitch_mm=0.1, soft_mm=np.full(z.shape, np.nan))
+    yield "soil-other-grid.npz", npz(z_mm=z, pitch_mm=0.1, friction=np.zeros((3, 3)))
+    members = {"z_mm.npy": _npy_head((10**6, 10**6)) + b"\0" * 400, "pitch_mm.npy": _pitch()}
+    yield "declared-1e12.npz", _raw_npz(members)
+    yield "declared-overflow.npz", _raw_npz({**members, "z_mm.npy": _npy_head((2**40, 2**40))})
+    yield "declared-short.npz", _raw_npz({**members, "z_mm.npy": _npy_head((500, 500)) + b"\0" * 400})
+    yield "bomb.npz", _raw_npz({**members, "z_mm.npy": _npy_head((7000, 7000)) + b"\0" * 196_000_000})
+    yield "bomb-beside.npz", _raw_npz({"more.npy": b"\0" * 300_000_000, "z_mm.npy": b"", "pitch_mm.npy": b""})
+    yield "long-head.npz", _raw_npz({**members, "z_mm.npy": b"\x93NUMPY\x01\x00\xff\xff" + b" " * 65_535})
+    yield "version-9.npz", _raw_npz({**members, "z_mm.npy": b"\x93NUMPY\x09\x00" + b" " * 100})
+    yield "code-in-head.npz", _raw_npz({**members, "z_mm.npy": _python_head("__import__('os').getpid()")})
+    yield "pickle.npz", _pickled()
+    yield "many-members.npz", _raw_npz({f"m{k}.npy": b"" for k in range(12_000)}, compressed=False)
+    yield "climbing.npz", _raw_npz({"../../z_mm.npy": b"", "/etc/z_mm.npy": b""})
+    yield "zip-in-zip.npz", _raw_npz({"z_mm.npy": good, "pitch_mm.npy": _pitch()})
+    yield "encrypted.npz", _encrypted(good)
+    yield "no-suffix", good
+    yield "script.py", b"print('hello')"
+    yield "empty.x3p", _raw_npz({})
+    yield "truncated.x3p", _x3p(60, 80)[:200]
+    yield "laughs.x3p", _raw_npz({"main.xml": _laughs()})
+    yield "other-entity.x3p", _raw_npz({"main.xml": _entity()})
+    yield "declared-1e10.x3p", _x3p(100_000, 100_000)
+    yield "xml-bomb.x3p", _raw_npz({"main.xml": b"<a>" + b" " * 80_000_000 + b"</a>"})
+    yield "npz.x3p", good
+    yield "text.sdf", b"aISO-1.0\nNumPoints = many\nNumProfiles = 3\n*\n1 2 3\n*"
+    yield "declared.sdf", b"aISO-1.0\nNumPoints = 999999\nNumProfiles = 999999\n*\n1 2 3\n*"
+    yield "binary.sdf", b"bISO-1.0" + bytes(range(256)) * 4
+    noise = np.random.default_rng(3).integers(0, 256, 4096, dtype=np.uint8).tobytes()
+    for suffix in ("sur", "al3d", "opd", "plu", "vk4", "gwy", "mnt", "zon", "lext"):
+        yield f"noise.{suffix}", noise
+    yield "declared.sur", b"DIGITAL SURF\0" + b"\xff" * 500
+    yield "recording.sur", scan()
+    yield "linked.datx", _linked("external", group="Data/Surface")
+
+
+def _python_head(code: str) -> bytes:
+    head = f"{{'descr': '<f4', 'fortran_order': False, 'shape': ({code}, 2)}}".encode().ljust(117) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head
+
+
+def _pickled() -> bytes:
+    body = pickle.dumps(np.array([[_Bomb()] * 2] * 2, dtype=object))
+    return _raw_npz({"z_mm.npy": _npy_head((2, 2), "|O") + body, "pitch_mm.npy": _pitch()})
+
+
+def _encrypted(data: bytes) -> bytes:
+    """The archive with every member said to be encrypted."""
+    changed = bytearray(data)
+    for magic, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        at = changed.find(magic)
+        while at >= 0:
+            changed[at + offset] |= 1
+            at = changed.find(magic, at + 4)
+    return bytes(changed)
+
+
+def _x3p(rows: int, cols: int) -> bytes:
+    import x3pio
+
+    with tempfile.TemporaryDirectory() as name:
+        path = Path(name) / "a.x3p"
+        z = small_map().astype(np.float64) * 1e-3
+        x3pio.write(path, z, x_scale=1e-4, y_scale=1e-4)
+        with zipfile.ZipFile(path) as archive:
+            members = {n: archive.read(n) for n in archive.namelist()}
+    xml = members["main.xml"].decode()
+    for old, new, tag in ((80, cols, "SizeX"), (60, rows, "SizeY")):
+        xml = xml.replace(f"{tag}>{old}<", f"{tag}>{new}<")
+    return _raw_npz({**members, "main.xml": xml.encode()})
+
+
+def _laughs() -> bytes:
+    lines = ['<!ENTITY a0 "ha">'] + [f'<!ENTITY a{k} "{f"&a{k - 1};" * 10}">' for k in range(1, 12)]
+    return f"<?xml version='1.0'?><!DOCTYPE a [{''.join(lines)}]><a>&a11;</a>".encode()
+
+
+def _entity() -> bytes:
+    return b"<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b SYSTEM 'file:///etc/passwd'>]><a>&b;</a>"
+
+
+@cache
+def other_file() -> str:
+    """A recording of another part on the same disk, which links point to."""
+    path = Path(tempfile.mkdtemp()) / "other.h5"
+    atexit.register(shutil.rmtree, path.parent, ignore_errors=True)
+    with h5py.File(path, "w") as file:
+        file["signal"] = np.arange(5000, dtype=np.float32).reshape(-1, 8)
+    return str(path)
+
+
+def _linked(how: str, *, group: str = "scan") -> bytes:
+    """A recording whose signal is kept in another file."""
+    out: list[bytes] = []
+    with changed_scan(out) as file:
+        shape = file["scan/signal"].shape
+        del file["scan/signal"]
+        parent = file.require_group(group)
+        if how == "external":
+            parent["signal"] = h5py.ExternalLink(other_file(), "/signal")
+        elif how == "virtual":
+            layout = h5py.VirtualLayout(shape=shape, dtype=np.float32)
+            layout[:625, :] = h5py.VirtualSource(other_file(), "signal", shape=(625, 8))
+            parent.create_virtual_dataset("signal", layout)
+        elif how == "storage":
+            parent.create_dataset(
+                "signal", shape=shape, dtype=np.float32, external=[(other_file(), 0, 10**6)]
+            )
+        elif how == "soft":
+            parent["elsewhere"] = h5py.ExternalLink(other_file(), "/")
+            parent["signal"] = h5py.SoftLink(f"/{group}/elsewhere/signal")
+    return out[0]
+
+
+def bad_scans() -> Iterator[tuple[str, bytes]]:
+    """Sent as recordings."""
+    good = scan()
+    yield "empty.h5", b""
+    yield "magic-only.h5", b"\x89HDF\r\n\x1a\n"
+    yield "truncated.h5", good[: len(good) // 2]
+    yield "half-head.h5", good[:60]
+    for seed in range(12):
+        # in the first blocks stand the superblock and the groups, where damage is worst
+        yield f"flipped-{seed}.h5", _flipped(good[:4096], 40 + seed, 6) + good[4096:]
+    yield "picture.h5", png()
+    yield "npz.h5", npz(z_mm=small_map(), pitch_mm=0.1)
+    for how in ("external", "virtual", "storage", "soft"):
+        yield f"linked-{how}.h5", _linked(how)
+    for name, change in _CHANGES.items():
+        out: list[bytes] = []
+        with changed_scan(out) as file:
+            change(file)
+        yield f"{name}.h5", out[0]
+
+
+def _nested(file: h5py.File) -> None:
+    group = file
+    for _ in range(300):
+        group = group.create_group("g")
+
+
+def _replaced(name: str, value: Any) -> Any:
+    def change(file: h5py.File) -> None:
+        del file[name]
+        file[name] = value
+
+    return change
+
+
+def _attribute(name: str, value: Any, group: str = "/") -> Any:
+    def change(file: h5py.File) -> None:
+        file[group].attrs[name] = value
+
+    return change
+
+
+def _filled(name: str, value: float) -> Any:
+    def change(file: h5py.File) -> None:
+        file[name][...] = value
+
+    return change
+
+
+def _calibrated(gain: float) -> Any:
+    def change(file: h5py.File) -> None:
+        file["calibration/gain"] = np.full(8, gain)
+        file["calibration/offset_n_mm"] = np.zeros(8)
+
+    return change
+
+
+def _crowded(file: h5py.File) -> None:
+    for k in range(11_000):
+        file.create_group(f"crowd/{k}")
+
+
+def _unwritten(file: h5py.File) -> None:
+    del file["scan/signal"]
+    file.create_dataset("scan/signal", shape=(10**7, 8), dtype=np.float32, chunks=(4096, 8))
+
+
+def _packed(file: h5py.File) -> None:
+    n = 5_000_000
+    for name in ("scan/signal", "scan/flags", "stage/pass", "stage/phase", "stage/position_mm"):
+        del file[name]
+    file.create_dataset("scan/signal", data=np.zeros((n, 8), np.float32), chunks=(500_000, 8), compression=9)
+    file.create_dataset("stage/pass", data=np.zeros(n, np.int8), compression=9)
+
+
+def _wide_chunk(file: h5py.File) -> None:
+    del file["scan/signal"]
+    file.create_dataset(
+        "scan/signal",
+        shape=(100, 8),
+        maxshape=(None, 8),
+        dtype=np.float32,
+        chunks=(20_000_000, 8),
+        compression=9,
+    )
+
+
+def _declared(file: h5py.File) -> None:
+    del file["scan/signal"]
+    file.create_dataset("scan/signal", shape=(10**15, 8), dtype=np.float32, chunks=(4096, 8))
+
+
+def _cycle(file: h5py.File) -> None:
+    file["scan/again"] = file["/"]
+    file["scan/round"] = h5py.SoftLink("/scan/round")
+
+
+def _compound(file: h5py.File) -> None:
+    del file["scan/signal"]
+    file["scan/signal"] = np.zeros((10, 8), dtype=[("a", "f4"), ("b", "S9")])
+
+
+def _shape_of_one(file: h5py.File) -> None:
+    _replaced("scan/signal", np.ones((1, 1), np.float32))(file)
+
+
+_CHANGES: dict[str, Any] = {
+    "nested": _nested,
+    "crowded": _crowded,
+    "unwritten": _unwritten,
+    "packed": _packed,
+    "wide-chunk": _wide_chunk,
+    "declared": _declared,
+    "cycle": _cycle,
+    "compound": _compound,
+    "signal-1x1": _shape_of_one,
+    "signal-strings": _replaced("scan/signal", np.array([[b"deep"] * 8] * 9)),
+    "signal-nan": _filled("scan/signal", np.nan),
+    "signal-infinite": _filled("scan/signal", np.inf),
+    "signal-beyond": _filled("scan/signal", 3e38),
+    "signal-nought": _filled("scan/signal", 0.0),
+    "signal-group": lambda file: (file.__delitem__("scan/signal"), file.create_group("scan/signal")),
+    "lines-nan": _filled("passes/line_mm", np.nan),
+    "lines-same": _filled("passes/line_mm", 1.0),
+    "lines-far": lambda file: file["passes/line_mm"].__setitem__((0, 0), 1e12),
+    "steps-tiny": _filled("passes/step_mm", 1e-12),
+    "steps-huge": _filled("passes/step_mm", 1e12),
+    "steps-negative": _filled("passes/step_mm", -1.0),
+    "starts-far": _filled("passes/start_mm", 1e300),
+    "lead-huge": _filled("passes/n_lead", 2**30),
+    "passes-negative": _filled("stage/pass", -1),
+    "passes-beyond": _filled("stage/pass", 2**30),
+    "directions-odd": _filled("passes/direction_deg", 45),
+    "arm-nought": _filled("whisker/moment_arm_mm", 0.0),
+    "arm-huge": _filled("whisker/moment_arm_mm", 1e300),
+    "compliance-nought": _filled("whisker/compliance_mm_per_n", 0.0),
+    "compliance-huge": _filled("whisker/compliance_mm_per_n", 1e300),
+    "kinds-odd": _filled("whisker/kind", 7),
+    "gain-nought": _calibrated(0.0),
+    "gain-nan": _calibrated(np.nan),
+    "preload-string": _attribute("preload_mm", "deep", "whisker"),
+    "preload-huge": _attribute("preload_mm", 1e300, "whisker"),
+    "rate-nan": _attribute("sampling_rate_hz", np.nan),
+    "rate-list": _attribute("sampling_rate_hz", [1.0, 2.0]),
+    "pitch-tiny": _attribute("line_pitch_mm", 1e-12),
+    "pitch-huge": _attribute("line_pitch_mm", 1e12),
+    "scale-huge": _attribute("scale_factor", 1e300),
+    "units-odd": _attribute("units", "bananas"),
+    "format-odd": _attribute("format", "other"),
+    "version-string": _attribute("format_version", "one"),
+    "notes-long": _attribute("notes", ["x" * 1000] * 30),
+    "part-binary": _attribute("part_id", np.void(b"\0\xff\xfe")),
+}
+
+
+def bad_files() -> Iterator[tuple[str, bytes]]:
+    """All of them; suffixes of pictures are photographs, .h5 recordings, others height maps."""
+    yield from bad_photos()
+    yield from bad_maps()
+    yield from bad_scans()

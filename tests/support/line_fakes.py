@@ -1,0 +1,147 @@
+"""Parts, an outbox in memory, and waiting: for the tests of what stands at the line."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from pipeline.common.record_json import to_json
+from pipeline.common.records import (
+    CandidateRecord,
+    CharacterRecord,
+    Delivery,
+    PartRecord,
+    PartState,
+    ReadingRecord,
+)
+
+NOW = datetime(2026, 11, 21, 19, 0, tzinfo=UTC)
+LONG_S = 15.0
+"""Within which anything happens that happens at all; nothing is waited for that long where all is well."""
+
+
+def reading(text: str = "KX407251", **changes: Any) -> ReadingRecord:
+    characters = tuple(
+        CharacterRecord((CandidateRecord(c, 0.99, 0.98),), (6.0 * i, 1.0, 6.0 * i + 4.0, 6.0))
+        for i, c in enumerate(text)
+    )
+    made: dict[str, Any] = {
+        "source": "fused",
+        "text": text,
+        "decision": "accept" if text else "reject",
+        "confidence": 0.9984 if text else 0.0,
+        "characters": characters,
+        "font": "gothic",
+        "height_mm": 5.0,
+        "rotation_deg": -1.6,
+        "seconds": 0.4,
+        "at": NOW,
+    }
+    return ReadingRecord(**{**made, **changes})
+
+
+def part(name: str = "P17", text: str = "KX407251", **changes: Any) -> PartRecord:
+    state = PartState.ACCEPTED if text else PartState.REVIEW
+    made: dict[str, Any] = {
+        "id": "01KB0000000000000000000017",
+        "name": name,
+        "state": state,
+        "text": text,
+        "created_at": NOW,
+        "changed_at": NOW,
+        "reading": reading(text),
+    }
+    return PartRecord(**{**made, **changes})
+
+
+class MemoryOutbox:
+    """An outbox as the store's, in memory: of a part and a target only the eldest is due."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._waiting: dict[int, tuple[Delivery, datetime]] = {}
+        self._next = 1
+        self.failures: list[tuple[int, str]] = []
+
+    def put(self, record: PartRecord, targets: Sequence[str]) -> None:
+        with self._lock:
+            for target in targets:
+                delivery = Delivery(self._next, target, record.id, to_json(record))
+                self._waiting[self._next] = (delivery, datetime.min.replace(tzinfo=UTC))
+                self._next += 1
+
+    def due(self, *, limit: int = 20) -> tuple[Delivery, ...]:
+        now = datetime.now(UTC)
+        with self._lock:
+            fronts: dict[tuple[str, str], int] = {}
+            for number in sorted(self._waiting):
+                delivery, _ = self._waiting[number]
+                fronts.setdefault((delivery.target, delivery.part_id), number)
+            ready = [self._waiting[n] for n in fronts.values() if self._waiting[n][1] <= now]
+        ready.sort(key=lambda item: (item[1], item[0].id))
+        return tuple(delivery for delivery, _ in ready[:limit])
+
+    def delivered(self, delivery_id: int) -> None:
+        with self._lock:
+            self._waiting.pop(delivery_id, None)
+
+    def postpone(self, delivery_id: int, *, error: str, until: datetime) -> None:
+        with self._lock:
+            delivery, _ = self._waiting[delivery_id]
+            again = Delivery(
+                delivery.id, delivery.target, delivery.part_id, delivery.payload, delivery.attempts + 1
+            )
+            self._waiting[delivery_id] = (again, until)
+            self.failures.append((delivery_id, error))
+
+    def undelivered(self) -> int:
+        with self._lock:
+            return len(self._waiting)
+
+
+async def until(holds: Callable[[], bool], *, why: str = "") -> None:
+    """Wait until something holds; fail if it never does."""
+    end = time.monotonic() + LONG_S
+    while not holds():
+        assert time.monotonic() < end, f"waited in vain {why}"
+        await asyncio.sleep(0.01)
+
+
+def until_now(holds: Callable[[], bool], *, why: str = "") -> None:
+    """As `until`, without a loop."""
+    end = time.monotonic() + LONG_S
+    while not holds():
+        assert time.monotonic() < end, f"waited in vain {why}"
+        time.sleep(0.01)
+
+
+def free_port() -> int:
+    """A port that was free a moment ago."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port: int = one.getsockname()[1]
+        return port
+
+
+@contextlib.contextmanager
+def serving(app: Any) -> Iterator[str]:
+    """A web application on a real uvicorn, on a port of the loopback address; gives its URL."""
+    import uvicorn
+
+    config = uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", lifespan="off")
+    config.timeout_graceful_shutdown = 1
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    until_now(lambda: server.started, why="for the web server")
+    try:
+        yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
+    finally:
+        server.should_exit = True
+        thread.join(LONG_S)

@@ -1,0 +1,82 @@
+"""Functions that the tests have workers call; in a module of its own, so that workers can import them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+
+def parent(marks: str) -> None:
+    """A service with two workers, one of them at work, until it is killed: tells their processes in a file."""
+    from pipeline.common.settings import ReadSettings
+    from pipeline.reading.jobs import Limits
+    from pipeline.workers.pool import WorkPool
+
+    pool = WorkPool(ReadSettings(), Limits(), 2, 2, 600.0, warm=False)
+    pool.wait_ready(120.0)
+    pool.submit(time.sleep, 600.0)
+    path = Path(marks)
+    path.with_suffix(".tmp").write_text(" ".join(map(str, pool.pids)))
+    path.with_suffix(".tmp").rename(path)
+    time.sleep(600.0)
+
+
+def wait_for(path: str) -> str:
+    """Return once there is such a file."""
+    while not Path(path).exists():
+        time.sleep(0.01)
+    return path
+
+
+def mark_and_wait(mark: str, path: str) -> int:
+    """Tell that it runs, then wait for a file."""
+    # whole or not at all: the worker may be killed as soon as the mark is there
+    Path(f"{mark}.tmp").write_text(str(os.getpid()))
+    Path(f"{mark}.tmp").rename(mark)
+    wait_for(path)
+    return os.getpid()
+
+
+def fail_with_problem() -> None:
+    from pipeline.common.errors import FileProblem
+
+    raise FileProblem("a.png", "is empty", "copy it again")
+
+
+class OddError(Exception):
+    """Cannot be pickled there and back."""
+
+    def __init__(self, one: int, two: int) -> None:
+        super().__init__(f"{one} and {two}")
+
+
+def fail_oddly() -> None:
+    raise OddError(1, 2)
+
+
+def return_oddly() -> Any:
+    return lambda: None
+
+
+def take_memory(megabytes: int) -> int:
+    return len(bytearray(megabytes << 20))
+
+
+def leave() -> None:
+    os._exit(3)
+
+
+def facts() -> dict[str, Any]:
+    import cv2
+
+    return {
+        "interrupt": signal.getsignal(signal.SIGINT) is signal.SIG_IGN,
+        "blas": os.environ.get("OPENBLAS_NUM_THREADS"),
+        "numba": os.environ.get("NUMBA_NUM_THREADS"),
+        "cv2": cv2.getNumThreads(),
+        "matplotlib": "matplotlib" in sys.modules,
+    }

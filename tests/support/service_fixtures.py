@@ -1,0 +1,65 @@
+"""A whole service in this process, its jobs done in threads: as the real one, but nothing to start or wait for."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from starlette.testclient import TestClient
+
+from pipeline.common.settings import ReadSettings, load_settings
+from pipeline.service import app as service_module
+from pipeline.service.app import Service, create_app
+from pipeline.service.settings import ServiceSettings, load_service_settings
+from pipeline.workers.pool import BusyError
+
+MASK = "AA999999"
+
+
+class InlinePool:
+    """A pool of threads with the face of `pipeline.workers.pool.WorkPool`."""
+
+    full = False
+    restarts = 0
+    waiting = 0
+
+    def __init__(self, *_: object, **__: object) -> None:
+        self._threads = ThreadPoolExecutor(2)
+        self.jobs: list[tuple[Any, ...]] = []
+        self.instead: Callable[..., Any] | None = None
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        if self.full:
+            raise BusyError(3.0)
+        self.jobs.append((function, *arguments))
+        return self._threads.submit(self.instead or function, *arguments)
+
+    def retry_after_s(self) -> float | None:
+        return 3.0 if self.full else None
+
+    def ready(self) -> bool:
+        return True
+
+    def close(self, grace_s: float = 0.0) -> None:
+        self._threads.shutdown()
+
+
+@contextlib.contextmanager
+def inline_service(
+    folder: Path, *, reading: ReadSettings | None = None, **settings: Any
+) -> Iterator[tuple[Service, TestClient]]:
+    """A service in a folder and a client of it."""
+    kept = service_module.WorkPool
+    service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        told: ServiceSettings = load_service_settings(folder=folder, **settings)
+        read = reading or load_settings(format=(MASK,), font=("gothic",), height_mm=5.0)
+        service = Service(told, read)
+        with TestClient(create_app(service), base_url="http://127.0.0.1:8417") as client:
+            yield service, client
+    finally:
+        service_module.WorkPool = kept  # type: ignore[misc]

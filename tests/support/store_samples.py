@@ -1,0 +1,87 @@
+"""Records to fill stores with, and a clock that goes on when it is told to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import (
+    CandidateRecord,
+    CharacterRecord,
+    EvidenceKind,
+    EvidenceRecord,
+    PartRecord,
+    PartState,
+    ReadingRecord,
+    ScanPlanRecord,
+)
+from pipeline.store.store import Store
+
+START = datetime(2026, 11, 21, 9, 30, tzinfo=UTC)
+PHOTO = EvidenceRecord(EvidenceKind.PHOTO, "a" * 64, 1000, "part 1.png", "image/png", {"mm_per_pixel": 0.05})
+SCAN = EvidenceRecord(EvidenceKind.SCAN, "b" * 64, 2000, "part 1.h5")
+PLAN = ScanPlanRecord(
+    region_mm=(-5.0, -4.0, 25.0, 4.0),
+    directions_deg=(0, 90),
+    passes=4,
+    line_pitch_mm=0.2,
+    sample_pitch_mm=0.05,
+    speed_mm_s=20.0,
+    preload_mm=0.3,
+    seconds=7.5,
+    height_mm=5.0,
+    reason="the camera is unsure",
+)
+
+
+@dataclass
+class Clock:
+    """A clock for `Store.open(now=)`."""
+
+    at: datetime = START
+
+    def __call__(self) -> datetime:
+        """The time."""
+        return self.at
+
+    def go_on(self, **by: float) -> datetime:
+        """Let time pass, as timedelta takes it, and say what time it is."""
+        self.at += timedelta(**by)
+        return self.at
+
+
+def reading(text: str = "KX407251", source: str = "vision", decision: str = "accept") -> ReadingRecord:
+    """A reading whose every place has two candidates."""
+    places = tuple(
+        CharacterRecord(
+            (CandidateRecord(c, 0.9, 0.8), CandidateRecord("8", 0.1, 0.5)),
+            (k, 0.0, k + 0.6, 1.0),
+            "read",
+            "B",
+        )
+        for k, c in enumerate(text)
+    )
+    return ReadingRecord(
+        source, text, decision, 0.93, places, ("a word", "Größe"), "gothic", 5.0, 0.2, seconds=0.4
+    )
+
+
+def received(
+    store: Store,
+    state: PartState = PartState.ACCEPTED,
+    text: str = "KX407251",
+    *,
+    name: str = "part 1",
+    **more: object,
+) -> PartRecord:
+    """A new part in the store, read once in a way that brings it to that state."""
+    source = "vision" if state in (PartState.ACCEPTED, PartState.TOUCH_NEEDED) else "fused"
+    decision = "accept" if state is PartState.ACCEPTED else "review"
+    given = {"readings": (reading(text, source, decision),), **more}
+    return store.add_part(part_id=new_part_id(), name=name, state=state, **given)
+
+
+def at_any_time(record: ReadingRecord | None) -> ReadingRecord | None:
+    """A reading without the time that the store has given it."""
+    return None if record is None else replace(record, at=None)

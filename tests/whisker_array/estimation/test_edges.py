@@ -1,0 +1,277 @@
+"""Scan -> EdgeMap: the paper's enhancement where a mark is, nothing where none is, whatever the sensor adds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import default_die
+from glyphs.stamping.stamp import StampingVariation, stamp
+from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
+from whisker_array.estimation.edges import calibrated_moments, edge_map
+from whisker_array.estimation.gridding import averaging
+from whisker_array.scan.scan import Scan, trace_scan, with_calibration
+from whisker_array.scan.sensor import Calibration, SensorChain, draw_sensor_chain
+from whisker_array.simulation.traces import Fidelity, SampleFlag
+from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, default_plan
+from whisker_array.whisker.enhancement import moment_ratio
+from whisker_array.whisker.touch import default_touch
+
+TOUCH = default_touch(5.0)
+D0 = TOUCH.preload_mm
+PITCH = 0.05
+FONT = load_font("gothic")
+
+
+def plan_of(plate: HeightMap, directions: tuple[TraceDirection, ...] = ALL_DIRECTIONS) -> RasterPlan:
+    return default_plan((0.0, 0.0, *plate.size_mm), character_height_mm=5.0, directions=directions)
+
+
+@pytest.fixture(scope="module")
+def stamped() -> HeightMap:
+    """A serial stamped without fault on a flat plate."""
+    die = default_die(5.0, font=FONT)
+    return stamp(
+        "K7R4", FONT, die, height_mm=5.0, pitch_mm=PITCH, rng=np.random.default_rng(1),
+        variation=StampingVariation.none(),
+    ).height_map  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=list(Fidelity))
+def scan(request: pytest.FixtureRequest, stamped: HeightMap) -> Scan:
+    return trace_scan(stamped, touch=TOUCH, plan=plan_of(stamped), fidelity=request.param)
+
+
+def rms(a: EdgeMap, b: EdgeMap) -> float:
+    both = a.valid & b.valid
+    return float(np.sqrt(((a.enhancement - b.enhancement)[:, both] ** 2).mean()))
+
+
+def strength(edges: EdgeMap) -> float:
+    return float(np.sqrt((edges.enhancement**2).mean()))
+
+
+# --- what is felt
+
+
+def test_floor_walls_and_land_of_a_groove_are_the_formula() -> None:
+    """A wide groove across x: 0.3 mm deep, walls of 45 degrees, felt both ways by the pointwise whisker."""
+    x = np.arange(241) * PITCH
+    profile = -0.3 * np.clip((1.5 - np.abs(x - 6.0)) / 0.3, 0.0, 1.0)
+    plate = HeightMap(np.tile(profile, (121, 1)).astype(np.float32), PITCH)
+    touch = replace(TOUCH, tip_radius_mm=0.0)
+    felt = edge_map(
+        trace_scan(plate, touch=touch, plan=plan_of(plate), fidelity=Fidelity.POINTWISE), ideal=True
+    )
+    at = felt.origin_mm[0] + felt.pitch_mm * np.arange(felt.shape[1])
+    middle = {
+        d: layer[felt.shape[0] // 2] for d, layer in zip(felt.directions, felt.enhancement, strict=True)
+    }
+    forward, back = middle[TraceDirection.FORWARD_X], middle[TraceDirection.BACK_X]
+    for layer in (forward, back):
+        np.testing.assert_allclose(layer[np.abs(at - 6.0) > 2.0], 0.0, atol=1e-5)
+        np.testing.assert_allclose(layer[np.abs(at - 6.0) < 1.0], -0.3 / D0, atol=1e-5)
+    # half-way down the wall: 0.15 deep. A pixel averages 0.125 mm of wall to either side: still all of it wall.
+    falls, rises = (float(moment_ratio(p, touch.friction, touch.tip)) for p in (-1.0, 1.0))
+    pixel = int(np.argmin(np.abs(at - 4.65)))
+    h = float(np.interp(at[pixel], x, profile))
+    assert forward[pixel] == pytest.approx((1.0 + h / D0) * falls - 1.0, abs=0.005)
+    assert back[pixel] == pytest.approx((1.0 + h / D0) * rises - 1.0, abs=0.005)
+    assert falls > 1.1 > 0.9 > rises
+    # along the groove there is no slope: nothing but the profile
+    for direction in (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y):
+        assert middle[direction][pixel] == pytest.approx(h / D0, abs=0.005)
+
+
+def test_estimated_land_is_the_nominal_one_on_a_flat_plate(scan: Scan) -> None:
+    assert rms(edge_map(scan), edge_map(scan, ideal=True)) < 0.01 * strength(edge_map(scan))
+
+
+def test_land_is_zero_beside_the_marks(scan: Scan, stamped: HeightMap) -> None:
+    felt = edge_map(scan)
+    rows = slice(0, round(2.0 / felt.pitch_mm))  # the margin is 4 mm wide
+    assert (stamped.z_mm[: round(3.0 / PITCH)] == 0.0).all()
+    beside = felt.enhancement[:, rows]
+    assert float(np.sqrt((beside**2).mean())) < 1e-3
+    # a line that runs in a stroke nearly from end to end takes a little of it for drift
+    assert np.abs(beside).max() < 0.01
+    assert np.abs(felt.enhancement).max() > 0.1
+
+
+def test_the_grid_lies_on_the_plate(scan: Scan, stamped: HeightMap) -> None:
+    felt = edge_map(scan)
+    assert felt.directions == ALL_DIRECTIONS
+    assert felt.pitch_mm == pytest.approx(5.0 / 40)
+    assert felt.origin_mm == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert felt.valid.all()
+    for have, whole in zip(felt.shape[::-1], stamped.size_mm, strict=True):
+        assert whole - felt.pitch_mm - 1e-6 < (have - 1) * felt.pitch_mm < whole + 1e-6
+
+
+# --- what the sensor and the mounting add
+
+
+def bent(plate: HeightMap) -> HeightMap:
+    """The plate mounted 0.3 degrees askew and domed by 0.05 mm."""
+    y, x = np.mgrid[: plate.shape[0], : plate.shape[1]] * plate.pitch_mm
+    x, y = x - x.mean(), y - y.mean()
+    return HeightMap((plate.z_mm + 0.004 * x - 0.003 * y + 3e-4 * x * x).astype(np.float32), plate.pitch_mm)
+
+
+@pytest.mark.parametrize("fidelity", list(Fidelity))
+def test_tilt_dome_gains_offsets_and_drift_are_taken_off(fidelity: Fidelity, stamped: HeightMap) -> None:
+    plan, plate = plan_of(stamped), bent(stamped)
+    ideal = edge_map(trace_scan(stamped, touch=TOUCH, plan=plan, fidelity=fidelity))
+    mounted = edge_map(trace_scan(plate, touch=TOUCH, plan=plan, fidelity=fidelity))
+    rng = np.random.default_rng(3)
+    chain = draw_sensor_chain(8, rng=rng, gain_sd=0.03)
+    noisy = edge_map(trace_scan(plate, touch=TOUCH, plan=plan, fidelity=fidelity, sensor=chain, rng=rng))
+    assert np.ptp(chain.gain) > 0.05
+    # marks are 0.055 rms. The mounting moves d0 itself by up to 7 % at the corners, and h / d0 with it.
+    assert rms(mounted, ideal) < 0.0025
+    # vibration of 0.2 % and noise of 1e-4 of full scale (0.03 % of the land), averaged over four samples
+    assert rms(noisy, mounted) < 0.002
+    assert np.abs(noisy.enhancement - mounted.enhancement).max() < 0.01
+
+
+def test_calibration_removes_what_it_knows(stamped: HeightMap) -> None:
+    plan = plan_of(stamped)
+    chain = SensorChain(gain=np.linspace(0.8, 1.2, 8), offset_n_mm=np.linspace(-1.0, 1.0, 8))
+    ideal = trace_scan(stamped, touch=TOUCH, plan=plan)
+    raw = trace_scan(stamped, touch=TOUCH, plan=plan, sensor=chain, rng=np.random.default_rng(0))
+    known = with_calibration(raw, Calibration(chain.gain, chain.offset_n_mm))
+    for got, sweep in zip(known.sweeps, ideal.sweeps, strict=True):
+        np.testing.assert_allclose(calibrated_moments(known, got), sweep.moment_n_mm, atol=2e-5)
+    assert rms(edge_map(known), edge_map(ideal)) < 1e-4
+    # without calibration, air gives the offsets and the borders of the whiskers their gains
+    assert rms(edge_map(raw), edge_map(ideal)) < 5e-4
+    # an offset that the calibration has wrong is corrected by the air
+    wrong = with_calibration(raw, Calibration(chain.gain, np.zeros(8)))
+    assert rms(edge_map(wrong), edge_map(ideal)) < 1e-4
+
+
+# --- registration
+
+
+def displaced(scan: Scan, direction: TraceDirection, pixels: float) -> Scan:
+    """The scan as it would be recorded if the stage stood that much further along than one sweep believes."""
+    sweeps = []
+    for sweep in scan.sweeps:
+        if sweep.plan.direction == direction:
+            start = sweep.plan.start_mm + pixels * scan.line_pitch_mm
+            sweep = replace(sweep, plan=replace(sweep.plan, start_mm=start))
+        sweeps.append(sweep)
+    return replace(scan, sweeps=tuple(sweeps))
+
+
+def difference(edges: EdgeMap, clean: EdgeMap, shift_x: float) -> NDArray[np.float64]:
+    """rms of each layer against the clean map moved by shift_x, both on their common pixels."""
+    p = clean.pitch_mm
+    c0 = round((edges.origin_mm[0] - shift_x) / p)
+    r0 = round(edges.origin_mm[1] / p)
+    rows = min(edges.shape[0], clean.shape[0] - r0)
+    skip = max(0, -c0)
+    cols = min(edges.shape[1], clean.shape[1] - c0)
+    mine = edges.enhancement[:, :rows, skip:cols]
+    other = clean.enhancement[:, r0 : r0 + rows, c0 + skip : c0 + cols]
+    valid = edges.valid[:rows, skip:cols]
+    out: NDArray[np.float64] = np.sqrt(((mine - other)[:, valid] ** 2).mean(axis=1))
+    return out
+
+
+@pytest.mark.parametrize("pixels", [2.0, 4.0, -4.0])
+@pytest.mark.parametrize("direction", [TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y])
+def test_play_is_found_and_removed(scan: Scan, direction: TraceDirection, pixels: float) -> None:
+    clean = edge_map(scan, register=False)
+    played = displaced(scan, direction, pixels)
+    # play along x is shared by both ways, and the passes along y follow; play along y is laid on x
+    shift_x = 0.5 * pixels * scan.line_pitch_mm if direction.along_x else 0.0
+    before = difference(edge_map(played, register=False), clean, shift_x)
+    after = difference(edge_map(played), clean, shift_x)
+    assert before.max() > 0.3 * strength(clean)
+    # positions are found to a few hundredths of a pixel
+    assert after.max() < 0.1 * strength(clean)
+
+
+def test_no_play_is_invented(scan: Scan) -> None:
+    np.testing.assert_array_equal(edge_map(scan).enhancement, edge_map(scan, register=False).enhancement)
+
+
+# --- flags
+
+
+def test_flagged_samples_never_enter(scan: Scan) -> None:
+    rng = np.random.default_rng(6)
+    maps = []
+    for wrong in (1e6, -3.0, 0.0):
+        sweeps = []
+        for i, sweep in enumerate(scan.sweeps):
+            bad = np.random.default_rng(i).random(sweep.flags.shape) < 0.02
+            flag = rng.choice([int(f) for f in SampleFlag], size=bad.shape).astype(np.uint8)
+            moment = np.where(bad, np.float32(wrong), sweep.moment_n_mm)
+            sweeps.append(
+                replace(sweep, moment_n_mm=moment, flags=np.where(bad, sweep.flags | flag, sweep.flags))
+            )
+        maps.append(edge_map(replace(scan, sweeps=tuple(sweeps))))
+    for other in maps[1:]:
+        np.testing.assert_array_equal(other.enhancement, maps[0].enhancement)
+    # a pixel averages about 4 by 2 samples: with 2 % of them gone it is still known, and much the same
+    clean = edge_map(scan)
+    assert maps[0].valid.mean() > 0.99
+    assert rms(maps[0], clean) < 0.15 * strength(clean)
+
+
+def test_a_region_without_samples_is_not_valid(scan: Scan) -> None:
+    first = scan.sweeps[0]
+    flags = first.flags.copy()
+    at = first.plan.position_mm()
+    flags[:, :, (at > 5.0) & (at < 7.0)] |= np.uint8(SampleFlag.DROPOUT)
+    felt = edge_map(replace(scan, sweeps=(replace(first, flags=flags), *scan.sweeps[1:])))
+    x = felt.origin_mm[0] + felt.pitch_mm * np.arange(felt.shape[1])
+    assert not felt.valid[:, (x > 5.1) & (x < 6.9)].any()
+    assert felt.valid[:, (x < 4.8) | (x > 7.2)].all()
+    assert (felt.enhancement[:, ~felt.valid] == 0.0).all()
+
+
+# --- averaging
+
+
+def test_averaging_keeps_constants_and_straight_lines() -> None:
+    position = np.random.default_rng(7).permutation(0.05 * np.arange(200))
+    pixel = 0.5 + 0.125 * np.arange(70)
+    weights = averaging(position, pixel, 0.125)
+    total = weights.sum(axis=1)
+    np.testing.assert_allclose(weights @ np.full(200, 3.0) / total, 3.0)
+    # the samples lie unevenly under the triangle; off by at most a twentieth of a pixel
+    np.testing.assert_allclose(weights @ position / total, pixel, atol=0.05 * 0.125)
+
+
+def test_averaging_interpolates_where_samples_are_coarse() -> None:
+    position = 0.5 * np.arange(11)
+    pixel = 0.125 * np.arange(41)
+    weights = averaging(position, pixel, 0.125)
+    np.testing.assert_allclose(
+        weights @ position**2, np.interp(pixel, position, position**2), rtol=1e-5, atol=1e-6
+    )
+
+
+# --- refusals
+
+
+def test_refusals_say_what_is_wrong(scan: Scan) -> None:
+    first, rest = scan.sweeps[0], scan.sweeps[1:]
+    lost = replace(first, flags=np.full_like(first.flags, np.uint8(SampleFlag.CONTACT_LOST)))
+    with pytest.raises(MapError, match=r"no usable samples in the 0° sweep: the tip left the surface"):
+        edge_map(replace(scan, sweeps=(lost, *rest)))
+    silent = replace(first, moment_n_mm=np.zeros_like(first.moment_n_mm))
+    with pytest.raises(MapError, match="no land"):
+        edge_map(replace(scan, sweeps=(silent, *rest)))
+    away = replace(first, plan=replace(first.plan, start_mm=first.plan.start_mm + 100.0))
+    with pytest.raises(MapError, match="do not overlap"):
+        edge_map(replace(scan, sweeps=(away, *rest)))
+    assert math.isclose(edge_map(replace(scan, sweeps=rest)).pitch_mm, scan.line_pitch_mm)

@@ -1,0 +1,147 @@
+"""Friction of the land, from mixed shapes or from dragging and pushing back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.estimation.friction import USABLE_SD, FrictionRoute, land_friction
+from whisker_array.scan.scan import Scan, only, trace_scan, with_calibration
+from whisker_array.scan.sensor import Calibration, SensorChain, draw_sensor_chain
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
+
+N = 8
+PITCH = 0.02
+TOUCH, PROFILER = default_touch(5.0), profiling_touch(5.0)
+FRICTIONS = (0.1, 0.2, 0.3, 0.5)
+
+
+def piece() -> HeightMap:
+    r"""Land with one groove 0.3 mm deep, 45 degrees, along y: ``___/-\___`` upside down."""
+    x = np.arange(0.0, 10.0, PITCH)
+    z = np.interp(x, [4.0, 4.3, 5.7, 6.0], [0.0, -0.3, -0.3, 0.0])
+    return HeightMap(np.tile(z, (round(4.2 / PITCH), 1)).astype(np.float32), PITCH)
+
+
+def scan_of(
+    mu: float,
+    *,
+    fidelity: Fidelity = Fidelity.POINTWISE,
+    touch: Touch = TOUCH,
+    others: tuple[Touch, ...] = (PROFILER,),
+    two_way: bool = True,
+    gain_sd: float | None = 0.03,
+    chain: SensorChain | None = None,
+) -> Scan:
+    rows = 1 + len(others)
+    plan = RasterPlan(
+        array=WhiskerArray(N, 0.5, rows=rows),
+        region_mm=(0.8, 0.1, 9.2, 3.9),
+        line_pitch_mm=0.125,
+        sample_pitch_mm=0.04,
+        directions=(TraceDirection.FORWARD_X,),
+        lead_mm=0.6,
+        two_way=two_way,
+    )
+    rng = np.random.default_rng(3)
+    if chain is None and gain_sd is not None:
+        chain = draw_sensor_chain(rows * N, rng=rng, gain_sd=gain_sd)
+    return trace_scan(
+        piece(), touch=touch, others=others, plan=plan, fidelity=fidelity, friction=mu, sensor=chain, rng=rng
+    )
+
+
+@pytest.mark.parametrize("mu", FRICTIONS)
+@pytest.mark.parametrize("fidelity", list(Fidelity))
+def test_two_ways_give_the_friction_whatever_the_gains(fidelity: Fidelity, mu: float) -> None:
+    found = land_friction(scan_of(mu, fidelity=fidelity))
+    assert found[0].route is FrictionRoute.TWO_WAYS
+    # noise leaves 0.0002 here; on stamped parts it came out up to 0.0012 too high
+    assert found[0].mu == pytest.approx(mu, abs=0.003)
+    assert 0.0 < found[0].sd < 0.001
+    # gains 3 % apart are 3 % / 1.5 k = 0.17 of mu a pair of whiskers, 0.06 and more in the mean of eight
+    assert found[1].route is FrictionRoute.SHAPES
+    assert found[1].sd > USABLE_SD
+
+
+@pytest.mark.parametrize("two_way", [False, True])
+def test_two_ways_need_no_profiler_and_shapes_no_return(two_way: bool) -> None:
+    alone = land_friction(scan_of(0.3, others=(), two_way=two_way))
+    assert [f.route for f in alone] == [FrictionRoute.TWO_WAYS] * two_way
+    both = land_friction(scan_of(0.3, two_way=two_way))
+    assert FrictionRoute.SHAPES in {f.route for f in both}
+    assert len(both) == 1 + two_way
+
+
+@pytest.mark.parametrize("mu", FRICTIONS)
+@pytest.mark.parametrize("fidelity", list(Fidelity))
+def test_shapes_give_the_friction_with_gains_from_a_bench(fidelity: Fidelity, mu: float) -> None:
+    (found,) = land_friction(scan_of(mu, fidelity=fidelity, two_way=False, gain_sd=0.001))
+    assert found.route is FrictionRoute.SHAPES
+    assert found.sd < USABLE_SD
+    # its own standard error, of eight pairs, and 0.005 for what all pairs have in common
+    assert abs(found.mu - mu) < 3.0 * found.sd + 0.005
+
+
+def test_a_bench_calibration_makes_up_for_unequal_gains() -> None:
+    chain = draw_sensor_chain(2 * N, rng=np.random.default_rng(1), gain_sd=0.03)
+    raw = scan_of(0.4, two_way=False, chain=chain)
+    bench = with_calibration(raw, Calibration(chain.gain, chain.offset_n_mm))
+    (found,) = land_friction(bench)
+    assert abs(found.mu - 0.4) < 3.0 * found.sd + 0.005
+    assert found.sd < 0.01 < land_friction(raw)[0].sd
+
+
+def test_gains_read_off_land_say_nothing_of_its_friction() -> None:
+    chain = SensorChain.ideal(2 * N)
+    calibration = Calibration(chain.gain, chain.offset_n_mm, from_land=True)
+    assert land_friction(with_calibration(scan_of(0.4, two_way=False), calibration)) == ()
+    # the way back needs no gains
+    (found,) = land_friction(with_calibration(scan_of(0.4), calibration))
+    assert found.route is FrictionRoute.TWO_WAYS
+    assert found.mu == pytest.approx(0.4, abs=0.003)
+
+
+def test_a_scan_that_tells_nothing_gives_nothing() -> None:
+    assert land_friction(scan_of(0.3, others=(), two_way=False)) == ()
+    # a profiler feels the same both ways, and a second one adds nothing
+    assert land_friction(scan_of(0.3, touch=PROFILER, others=())) == ()
+    assert land_friction(scan_of(0.3, touch=PROFILER, others=(PROFILER,))) == ()
+    assert land_friction(only(scan_of(0.3), kind=0)) == ()
+
+
+def test_ideal_sensors_give_the_friction_to_rounding() -> None:
+    for found in land_friction(scan_of(0.3, gain_sd=None)):
+        # moments are float32: 1e-7 / (1.5 k) of mu; the profiler's axial term is 1e-6 of its bending
+        assert found.mu == pytest.approx(0.3, abs=2e-5)
+
+
+def test_one_whisker_has_no_standard_error() -> None:
+    scan = scan_of(0.3)
+    columns = [0, N]
+    sweeps = tuple(
+        replace(
+            s,
+            plan=replace(s.plan, line_mm=s.plan.line_mm[:, columns]),
+            moment_n_mm=s.moment_n_mm[:, columns],
+            flags=s.flags[:, columns],
+            air_n_mm=s.air_n_mm[:, columns],
+        )
+        for s in scan.sweeps
+    )
+    for found in land_friction(replace(scan, sweeps=sweeps, kind=(0, 1))):
+        assert found.sd == float("inf")
+
+
+def test_rows_on_other_lines_are_refused() -> None:
+    scan = scan_of(0.3, two_way=False)
+    (sweep,) = scan.sweeps
+    lines = sweep.plan.line_mm + np.repeat([0.0, 0.01], N)
+    moved = replace(scan, sweeps=(replace(sweep, plan=replace(sweep.plan, line_mm=lines)),))
+    with pytest.raises(MapError, match="do not run on the same lines"):
+        land_friction(moved)

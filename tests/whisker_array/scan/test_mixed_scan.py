@@ -1,0 +1,347 @@
+"""Arrays of several kinds of whisker, and passes felt again on the way back: plan, scan, recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.recording import RecordingError, load_scan, save_calibration, save_scan
+from whisker_array.scan.scan import Scan, only, trace_scan, with_calibration
+from whisker_array.scan.sensor import Calibration, draw_sensor_chain
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import RasterPlan, WhiskerArray, default_plan
+from whisker_array.whisker.enhancement import land_moment_n_mm
+from whisker_array.whisker.touch import default_touch, profiling_touch
+
+N = 4
+PITCH = 0.05
+TOUCH, PROFILER = default_touch(5.0), profiling_touch(5.0)
+PLAN = RasterPlan(
+    array=WhiskerArray(N, 0.5),
+    region_mm=(0.5, 0.25, 7.5, 3.25),
+    line_pitch_mm=0.125,
+    sample_pitch_mm=0.05,
+    directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_Y),
+    lead_mm=0.5,
+    air_samples=4,
+)
+TWO_WAYS = replace(PLAN, two_way=True)
+MIXED = replace(TWO_WAYS, array=WhiskerArray(N, 0.5, rows=2))
+
+
+def surface() -> HeightMap:
+    """Land with one hollow off the middle, so that no direction may be taken for another."""
+    y, x = np.mgrid[:81, :161] * PITCH
+    hollow = -0.2 * np.exp(-((x - 3.0) ** 2) / 0.3 - (y - 1.5) ** 2 / 0.2)
+    return HeightMap(hollow.astype(np.float32), PITCH)
+
+
+def flat() -> HeightMap:
+    return HeightMap(np.zeros((81, 161), dtype=np.float32), PITCH)
+
+
+def mixed(fidelity: Fidelity = Fidelity.POINTWISE) -> Scan:
+    return trace_scan(surface(), touch=TOUCH, others=(PROFILER,), plan=MIXED, fidelity=fidelity)
+
+
+def test_rows_run_on_the_same_lines() -> None:
+    for one, two in zip(TWO_WAYS.sweeps(), MIXED.sweeps(), strict=True):
+        np.testing.assert_array_equal(two.line_mm, np.tile(one.line_mm, (1, 2)))
+        assert (one.direction, one.pushed, one.start_mm) == (two.direction, two.pushed, two.start_mm)
+    assert MIXED.n_samples == 2 * TWO_WAYS.n_samples
+    assert MIXED.n_passes == TWO_WAYS.n_passes
+    assert MIXED.scan_time_s == TWO_WAYS.scan_time_s
+    assert "2 rows of 4 whiskers" in MIXED.describe()
+
+
+def test_every_pass_comes_back_pushed_over_the_same_places() -> None:
+    dragged, pushed = MIXED.sweeps()[:2], MIXED.sweeps()[2:]
+    assert [s.pushed for s in MIXED.sweeps()] == [False, False, True, True]
+    for there, back in zip(dragged, pushed, strict=True):
+        assert int(back.direction) == (int(there.direction) + 180) % 360
+        np.testing.assert_array_equal(there.line_mm, back.line_mm)
+        np.testing.assert_allclose(there.position_mm(), back.position_mm()[::-1], atol=1e-9)
+    assert TWO_WAYS.n_passes == 2 * PLAN.n_passes
+    assert TWO_WAYS.n_samples == 2 * PLAN.n_samples
+    assert TWO_WAYS.scan_time_s == pytest.approx(2.0 * PLAN.scan_time_s)
+    assert "and back" in TWO_WAYS.describe()
+    assert "and back" not in PLAN.describe()
+
+
+def test_the_default_plan_hands_both_on() -> None:
+    plan = default_plan((0.0, 0.0, 9.0, 6.0), character_height_mm=5.0, rows=2, two_way=True)
+    assert plan.array.rows == 2
+    assert plan.two_way
+    plain = default_plan((0.0, 0.0, 9.0, 6.0), character_height_mm=5.0)
+    assert (plain.array.rows, plain.two_way) == (1, False)
+    with pytest.raises(ValueError, match="rows is 0"):
+        WhiskerArray(3, 1.0, rows=0)
+
+
+def test_shapes_kinds_and_touches() -> None:
+    scan = mixed()
+    assert scan.kind == (0,) * N + (1,) * N
+    assert scan.touches == (TOUCH, PROFILER)
+    assert scan.n_whiskers == 2 * N
+    for sweep, plan in zip(scan.sweeps, MIXED.sweeps(), strict=True):
+        assert sweep.moment_n_mm.shape == (*plan.line_mm.shape, plan.n_samples)
+        assert sweep.air_n_mm.shape == (*plan.line_mm.shape, MIXED.air_samples)
+    plain = trace_scan(surface(), touch=TOUCH, plan=PLAN, fidelity=Fidelity.POINTWISE)
+    assert plain.kind == (0,) * N
+    assert plain.touches == (TOUCH,)
+
+
+@pytest.mark.parametrize("fidelity", list(Fidelity))
+def test_each_kind_feels_as_if_it_were_alone(fidelity: Fidelity) -> None:
+    scan = mixed(fidelity)
+    for kind, touch in enumerate(scan.touches):
+        alone = trace_scan(surface(), touch=touch, plan=TWO_WAYS, fidelity=fidelity)
+        ours = only(scan, kind=kind, pushed=None)
+        assert ours.touch is touch
+        assert (ours.others, ours.kind, ours.n_whiskers) == ((), (0,) * N, N)
+        for a, b in zip(ours.sweeps, alone.sweeps, strict=True):
+            np.testing.assert_array_equal(a.moment_n_mm, b.moment_n_mm)
+            np.testing.assert_array_equal(a.flags, b.flags)
+            np.testing.assert_array_equal(a.plan.line_mm, b.plan.line_mm)
+
+
+@pytest.mark.parametrize("fidelity", list(Fidelity))
+def test_the_edge_map_of_a_mixed_two_way_scan_is_that_of_its_first_kind_dragged(fidelity: Fidelity) -> None:
+    ours = edge_map(mixed(fidelity))
+    plain = edge_map(trace_scan(surface(), touch=TOUCH, plan=PLAN, fidelity=fidelity))
+    assert ours.directions == plain.directions
+    assert (ours.pitch_mm, ours.origin_mm) == (plain.pitch_mm, plain.origin_mm)
+    np.testing.assert_array_equal(ours.valid, plain.valid)
+    np.testing.assert_array_equal(ours.enhancement, plain.enhancement)
+
+
+@pytest.mark.parametrize("fidelity", list(Fidelity))
+@pytest.mark.parametrize("mu", [0.1, 0.4])
+def test_pushed_on_land_is_friction_with_the_other_sign(fidelity: Fidelity, mu: float) -> None:
+    scan = trace_scan(flat(), touch=TOUCH, others=(PROFILER,), plan=MIXED, fidelity=fidelity, friction=mu)
+    for kind, touch in enumerate(scan.touches):
+        for sweep in only(scan, kind=kind, pushed=None).sweeps:
+            tip = touch.tip.pushed() if sweep.plan.pushed else touch.tip
+            land = land_moment_n_mm(tip, preload_mm=touch.preload_mm, mu=mu)
+            good = sweep.flags == 0
+            assert good.mean() > 0.5
+            # the contact walk ends at 1e-3 of the land, the pointwise formula in float32
+            np.testing.assert_allclose(sweep.moment_n_mm[good], land, rtol=1e-3)
+    # with l3 = l2, beta = 0: the moment is 1 / (1 + 1.5 k mu) of mu = 0's dragged, 1 / (1 - 1.5 k mu) pushed
+    there, back = (float(np.median(s.moment_n_mm[s.flags == 0])) for s in only(scan, pushed=None).sweeps[::2])
+    k = 0.117
+    assert there / back == pytest.approx((1.0 - 1.5 * k * mu) / (1.0 + 1.5 * k * mu), rel=1e-3)
+
+
+def test_pushed_walls_are_dragged_walls_from_the_other_side_without_friction() -> None:
+    scan = only(
+        trace_scan(surface(), touch=TOUCH, plan=TWO_WAYS, fidelity=Fidelity.POINTWISE, friction=0.0),
+        pushed=None,
+    )
+    for there, back in zip(scan.sweeps[:2], scan.sweeps[2:], strict=True):
+        # nothing but friction tells the ways apart; differences along the line are central, so they agree
+        good = (there.flags == 0) & (back.flags[..., ::-1] == 0)
+        np.testing.assert_allclose(
+            back.moment_n_mm[..., ::-1][good], there.moment_n_mm[good], rtol=1e-4, atol=1e-4
+        )
+
+
+def test_only_chooses_kind_way_and_calibration() -> None:
+    rng = np.random.default_rng(0)
+    calibration = Calibration(rng.uniform(0.9, 1.1, 2 * N), rng.normal(0.0, 0.1, 2 * N), from_land=True)
+    scan = with_calibration(mixed(), calibration)
+    assert [s.plan.pushed for s in only(scan).sweeps] == [False, False]
+    assert [s.plan.pushed for s in only(scan, pushed=True).sweeps] == [True, True]
+    assert len(only(scan, pushed=None).sweeps) == 4
+    second = only(scan, kind=1)
+    assert second.calibration is not None
+    np.testing.assert_array_equal(second.calibration.gain, calibration.gain[N:])
+    np.testing.assert_array_equal(second.calibration.offset_n_mm, calibration.offset_n_mm[N:])
+    assert second.calibration.from_land
+    assert only(second).sweeps == second.sweeps
+
+
+def test_only_refuses_what_is_not_there() -> None:
+    scan = mixed()
+    for kind in (-1, 2):
+        with pytest.raises(MapError, match=f"kind {kind}"):
+            only(scan, kind=kind)
+    with pytest.raises(MapError, match="no pushed sweep"):
+        only(trace_scan(surface(), touch=TOUCH, plan=PLAN, fidelity=Fidelity.POINTWISE), pushed=True)
+    with pytest.raises(MapError, match="no dragged sweep"):
+        only(only(scan, pushed=True))
+
+
+def test_touches_and_sensors_must_fit_the_rows() -> None:
+    with pytest.raises(ValueError, match=r"2 rows of whiskers, but 1 touches"):
+        trace_scan(surface(), touch=TOUCH, plan=MIXED)
+    with pytest.raises(ValueError, match=r"1 rows of whiskers, but 2 touches"):
+        trace_scan(surface(), touch=TOUCH, others=(PROFILER,), plan=PLAN)
+
+
+def test_every_row_has_its_own_sensors() -> None:
+    rng = np.random.default_rng(5)
+    chain = draw_sensor_chain(
+        2 * N, rng=rng, noise_n_mm=0.0, drift_n_mm_per_sqrt_s=0.0, vibration=0.0, adc_bits=None
+    )
+    ideal = mixed()
+    raw = trace_scan(
+        surface(),
+        touch=TOUCH,
+        others=(PROFILER,),
+        plan=MIXED,
+        fidelity=Fidelity.POINTWISE,
+        sensor=chain,
+        rng=rng,
+    )
+    for a, b in zip(ideal.sweeps, raw.sweeps, strict=True):
+        expected = a.moment_n_mm * chain.gain[:, None] + chain.offset_n_mm[:, None]
+        np.testing.assert_allclose(b.moment_n_mm, expected, atol=1e-4)  # float32 of 10 N mm
+
+
+def test_a_scan_refuses_kinds_that_do_not_fit() -> None:
+    scan = mixed()
+    for change in (
+        {"kind": (0, 1)},
+        {"kind": (0,) * N + (2,) * N},
+        {"kind": (0,) * N + (-1,) * N},
+        {"others": ()},
+    ):
+        with pytest.raises(MapError, match="do not fit 8 whiskers"):
+            replace(scan, **change)
+    dragged = scan.sweeps[0]
+    with pytest.raises(MapError, match="once pushed"):
+        replace(scan, sweeps=(dragged, dragged))
+    again = replace(dragged, plan=replace(dragged.plan, pushed=True))
+    assert (
+        len(replace(scan, sweeps=(dragged, again)).sweeps) == 2
+    )  # the same direction, the other way of holding
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("mixed") / "scan.h5"
+    save_scan(mixed(), path)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def recording(content: bytes, tmp_path: Path) -> Path:
+    path = tmp_path / "scan.h5"
+    path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize("from_land", [None, False, True])
+def test_round_trip_is_exact(tmp_path: Path, from_land: bool | None) -> None:
+    scan = mixed()
+    if from_land is not None:
+        rng = np.random.default_rng(1)
+        scan = with_calibration(
+            scan, Calibration(rng.uniform(0.9, 1.1, 2 * N), rng.normal(0.0, 0.1, 2 * N), from_land=from_land)
+        )
+    save_scan(scan, tmp_path / "scan.h5")
+    back = load_scan(tmp_path / "scan.h5")
+    assert back.kind == scan.kind
+    for a, b in zip(back.touches, scan.touches, strict=True):
+        assert a.key() == b.key()
+        assert a.whisker == b.whisker
+        np.testing.assert_array_equal(a.tip.compliance_mm_per_n, b.tip.compliance_mm_per_n)
+        np.testing.assert_array_equal(a.tip.moment_arm_mm, b.tip.moment_arm_mm)
+    for one, other in zip(back.sweeps, scan.sweeps, strict=True):
+        assert (one.plan.direction, one.plan.pushed) == (other.plan.direction, other.plan.pushed)
+        assert (one.plan.start_mm, one.plan.n_lead) == (other.plan.start_mm, other.plan.n_lead)
+        for name in ("moment_n_mm", "flags", "air_n_mm"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+        np.testing.assert_array_equal(one.plan.line_mm, other.plan.line_mm)
+    if scan.calibration is None:
+        assert back.calibration is None
+    else:
+        assert back.calibration is not None
+        assert back.calibration.from_land is from_land
+        np.testing.assert_array_equal(back.calibration.gain, scan.calibration.gain)
+        np.testing.assert_array_equal(back.calibration.offset_n_mm, scan.calibration.offset_n_mm)
+
+
+def test_a_calibration_saved_later_keeps_where_it_is_from(recording: Path) -> None:
+    for from_land in (True, False):
+        save_calibration(recording, Calibration(np.ones(2 * N), np.zeros(2 * N), from_land=from_land))
+        found = load_scan(recording)
+        assert found.calibration is not None
+        assert found.calibration.from_land is from_land
+        assert found.kind == (0,) * N + (1,) * N
+
+
+def test_without_the_new_names_a_file_is_read_as_before(recording: Path) -> None:
+    with h5py.File(recording, "r+") as file:
+        del file["whisker/kind"], file["whisker_1"], file["passes/pushed"]
+        # the pushed sweeps would now be dragged ones
+        assert file["passes/direction_deg"].shape[0] == MIXED.n_passes
+    scan = load_scan(recording)
+    assert scan.kind == (0,) * (2 * N)
+    assert scan.others == ()
+    assert not any(s.plan.pushed for s in scan.sweeps)
+    assert len(scan.sweeps) == 4
+
+
+def renumber(values: list[int]) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        del file["whisker/kind"]
+        file["whisker/kind"] = np.array(values, dtype=np.int32)
+
+    return change
+
+
+def drop(name: str) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        del file[name]
+
+    return change
+
+
+def put(name: str, values: np.ndarray) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        del file[name]
+        file[name] = values
+
+    return change
+
+
+def attribute(group: str, name: str, value: float) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        file[group].attrs[name] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (renumber([0] * N + [2] * N), "does not number the kinds"),
+        (renumber([1] * N + [2] * N), "does not number the kinds"),
+        (renumber([-1] * N + [0] * N), "does not number the kinds"),
+        (renumber([0] * N), "/whisker/kind has shape"),
+        (renumber([0] * N + [1] * (N - 1) + [2]), "has no dataset /whisker_2"),
+        (put("whisker/kind", np.full(2 * N, 0.5)), "not whole numbers"),
+        (drop("whisker_1"), "has no dataset /whisker_1"),
+        (drop("whisker_1/moment_arm_mm"), "has no dataset /whisker_1/moment_arm_mm"),
+        (put("whisker_1/compliance_mm_per_n", -np.eye(3)), "whisker cannot be one"),
+        (attribute("whisker_1", "preload_mm", -1.0), "preload_mm"),
+        (put("passes/pushed", np.zeros(3, dtype=np.uint8)), "/passes/pushed has shape"),
+        (put("passes/pushed", np.zeros(MIXED.n_passes)), "not whole numbers"),
+    ],
+)
+def test_damaged_files_say_what_is_wrong(
+    recording: Path, change: Callable[[h5py.File], None], message: str
+) -> None:
+    with h5py.File(recording, "r+") as file:
+        change(file)
+    with pytest.raises(RecordingError, match=message):
+        load_scan(recording)

@@ -1,0 +1,211 @@
+"""The sensor chain: its statistics, its converter, and the calibration that undoes it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from whisker_array.scan.sensor import (
+    Calibration,
+    SensorChain,
+    SensorError,
+    apply_calibration,
+    calibrate_lead_in,
+    convert,
+    draw_sensor_chain,
+    measure,
+)
+
+LAND = -6.5  # N mm, about default_whisker(5.0)
+RATE = 1000.0
+SIX_SIGMA = 6.0
+
+
+def rng(seed: int = 0) -> np.random.Generator:
+    return np.random.default_rng(seed)
+
+
+def run(moment: np.ndarray, chain: SensorChain, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    return measure(moment.astype(np.float32), chain=chain, sample_rate_hz=RATE, rng=rng(seed))
+
+
+def test_ideal_chain_changes_nothing() -> None:
+    moment = rng().standard_normal((2, 3, 50)).astype(np.float32)
+    moment[0, 1, 7] = np.nan
+    raw, saturated = run(moment, SensorChain.ideal(3))
+    np.testing.assert_array_equal(raw, moment)
+    assert raw.dtype == np.float32
+    assert not saturated.any()
+
+
+def test_gain_and_offset_go_by_whisker() -> None:
+    chain = SensorChain(np.array([1.0, 2.0]), np.array([0.5, -0.5]))
+    raw, _ = run(np.full((3, 2, 4), LAND), chain)
+    np.testing.assert_allclose(raw[:, 0], LAND + 0.5)
+    np.testing.assert_allclose(raw[:, 1], 2 * LAND - 0.5)
+
+
+def test_noise_has_its_rms_and_is_white() -> None:
+    n = 20_000
+    chain = SensorChain(np.ones(2), np.zeros(2), noise_n_mm=0.01)
+    raw, _ = run(np.zeros((2, n)), chain)
+    rms_error = 0.01 / math.sqrt(2 * n)
+    assert abs(raw[0].std() - 0.01) < SIX_SIGMA * rms_error
+    assert abs(raw[0].mean()) < SIX_SIGMA * 0.01 / math.sqrt(n)
+    for other in (raw[1], np.roll(raw[0], 1)):
+        assert abs(np.corrcoef(raw[0], other)[0, 1]) < SIX_SIGMA / math.sqrt(n)
+
+
+def test_drift_walks_with_the_root_of_time() -> None:
+    n_whiskers, samples = 400, 1001
+    chain = SensorChain(np.ones(n_whiskers), np.zeros(n_whiskers), drift_n_mm_per_sqrt_s=0.02)
+    raw, _ = run(np.zeros((n_whiskers, samples)), chain)
+    relative_error = 1 / math.sqrt(2 * n_whiskers)
+    for sample in (250, 1000):
+        expected = 0.02 * math.sqrt(sample / RATE)
+        assert raw[:, sample].std() == pytest.approx(expected, rel=SIX_SIGMA * relative_error)
+
+
+def test_vibration_is_shared_by_the_whiskers_and_goes_with_the_moment() -> None:
+    chain = SensorChain(np.ones(2), np.zeros(2), vibration=0.01)
+    raw, _ = run(np.stack([np.full(5000, LAND), np.zeros(5000)]), chain)
+    assert not raw[1].any()
+    assert raw[0].std() == pytest.approx(0.01 * abs(LAND), rel=SIX_SIGMA / math.sqrt(2 * 5000))
+    both, _ = run(np.full((2, 100), LAND), chain)
+    np.testing.assert_array_equal(both[0], both[1])
+
+
+def test_converter_rounds_to_the_nearest_count_and_clips() -> None:
+    chain = SensorChain(np.ones(1), np.zeros(1), adc_range_n_mm=8.0, adc_bits=4)
+    assert chain.adc_step_n_mm == 1.0
+    raw, saturated = run(np.array([[0.4, 0.6, -3.49, 7.2, 7.6, -8.4, -8.6, 99.0, np.nan]]), chain)
+    np.testing.assert_array_equal(raw[0], [0, 1, -3, 7, 7, -8, -8, 7, np.nan])
+    assert saturated[0].tolist() == [False, False, False, False, True, False, True, True, False]
+
+
+def test_rounding_error_is_at_most_half_a_count() -> None:
+    chain = SensorChain(np.ones(1), np.zeros(1), adc_range_n_mm=20.0, adc_bits=12)
+    signal = rng().uniform(-19, 19, (1, 5000)).astype(np.float32)
+    raw, saturated = convert(signal, chain)
+    float32_error = 20.0 * np.finfo(np.float32).eps
+    assert np.abs(raw - signal).max() <= chain.adc_step_n_mm / 2 + float32_error
+    assert np.sqrt(np.mean((raw - signal) ** 2)) == pytest.approx(
+        chain.adc_step_n_mm / math.sqrt(12), rel=0.05
+    )
+    assert not saturated.any()
+
+
+def test_same_seed_same_signal() -> None:
+    one, two = (draw_sensor_chain(5, rng=rng(3)) for _ in range(2))
+    np.testing.assert_array_equal(one.gain, two.gain)
+    moment = np.full((2, 5, 100), LAND)
+    first, again, other = (run(moment, one, seed)[0] for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+def test_drawn_chains_have_the_spread_asked_for() -> None:
+    n = 4000
+    chain = draw_sensor_chain(n, rng=rng(), gain_sd=0.03, offset_sd_n_mm=0.2)
+    assert chain.n_whiskers == n
+    tolerance = SIX_SIGMA / math.sqrt(2 * n)
+    assert chain.gain.std() == pytest.approx(
+        0.03, rel=tolerance + 0.02
+    )  # 2 %: draws beyond 3 sd are held back
+    assert chain.offset_n_mm.std() == pytest.approx(0.2, rel=tolerance)
+    assert abs(chain.gain.mean() - 1.0) < SIX_SIGMA * 0.03 / math.sqrt(n)
+    assert chain.adc_bits == 16
+    assert draw_sensor_chain(2, rng=rng(), adc_bits=None).adc_step_n_mm == 0.0
+
+
+def test_calibration_recovers_gain_and_offset_within_the_noise() -> None:
+    n, samples = 32, 200
+    # without drift, which is no part of the bound
+    chain = replace(draw_sensor_chain(n, rng=rng(5)), drift_n_mm_per_sqrt_s=0.0)
+    air, _ = run(np.zeros((n, samples)), chain, 1)
+    land, _ = run(np.full((n, samples), LAND), chain, 2)
+    calibration = calibrate_lead_in(air, land, expected_land_moment_n_mm=LAND)
+    white = math.hypot(chain.noise_n_mm, chain.adc_step_n_mm / math.sqrt(12))
+    on_land = math.hypot(white, chain.vibration * LAND * 1.1)
+    offset_bound = SIX_SIGMA * white / math.sqrt(samples)
+    gain_bound = SIX_SIGMA * math.hypot(white, on_land) / math.sqrt(samples) / abs(LAND)
+    assert np.abs(calibration.offset_n_mm - chain.offset_n_mm).max() < offset_bound
+    assert np.abs(calibration.gain - chain.gain).max() < gain_bound
+    # and the round trip gives the moment back
+    moment = np.linspace(1.4, 0.6, samples) * LAND * np.ones((n, 1))
+    back = apply_calibration(run(moment, replace(chain, vibration=0.0, noise_n_mm=0.0), 3)[0], calibration)
+    assert np.abs(back - moment).max() < 1.6 * (gain_bound * abs(LAND) + offset_bound + chain.adc_step_n_mm)
+    assert back.dtype == np.float32
+
+
+def test_exact_calibration_is_exact() -> None:
+    chain = SensorChain(np.array([0.9, 1.2]), np.array([0.1, -0.3]))
+    moment = rng().uniform(-9, 0, (3, 2, 40))
+    back = apply_calibration(run(moment, chain)[0], Calibration(chain.gain, chain.offset_n_mm))
+    np.testing.assert_allclose(back, moment, atol=9 * 4 * np.finfo(np.float32).eps)
+
+
+def lead_in(n: int = 3, samples: int = 100, noise: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
+    g = rng(9)
+    return noise * g.standard_normal((n, samples)), LAND + noise * g.standard_normal((n, samples))
+
+
+def test_lead_in_refusals() -> None:
+    air, land = lead_in()
+    with pytest.raises(SensorError, match="5 samples of land"):
+        calibrate_lead_in(air, land[:, :5], expected_land_moment_n_mm=LAND)
+    with pytest.raises(SensorError, match=r"whiskers 1 .*does not stand out"):
+        calibrate_lead_in(
+            air, np.where(np.arange(3)[:, None] == 1, air, land), expected_land_moment_n_mm=LAND
+        )
+    with pytest.raises(SensorError, match="wrong sign"):
+        calibrate_lead_in(air, land, expected_land_moment_n_mm=-LAND)
+    with pytest.raises(SensorError, match=r"whiskers 0, 1, 2 .*too noisy"):
+        calibrate_lead_in(*lead_in(noise=2.0), expected_land_moment_n_mm=LAND)
+    with pytest.raises(SensorError, match="does not stand out"):
+        calibrate_lead_in(*lead_in(n=12, noise=50.0), expected_land_moment_n_mm=LAND)
+    with pytest.raises(SensorError, match="must not be 0"):
+        calibrate_lead_in(air, land, expected_land_moment_n_mm=0.0)
+    with pytest.raises(SensorError, match=r"\(whiskers, samples\)"):
+        calibrate_lead_in(air[:2], land, expected_land_moment_n_mm=LAND)
+    land[0, 0] = np.nan
+    with pytest.raises(SensorError, match="land is not finite"):
+        calibrate_lead_in(air, land, expected_land_moment_n_mm=LAND)
+
+
+def test_silent_lead_in_without_noise_is_refused_too() -> None:
+    with pytest.raises(SensorError, match="does not stand out"):
+        calibrate_lead_in(np.zeros((2, 20)), np.zeros((2, 20)), expected_land_moment_n_mm=LAND)
+
+
+def test_refusals_say_what_is_wrong() -> None:
+    one = np.ones(1)
+    with pytest.raises(SensorError, match="2 gains but 1 offsets"):
+        SensorChain(np.ones(2), np.zeros(1))
+    with pytest.raises(SensorError, match="whisker 0 has a gain of 0"):
+        Calibration(np.zeros(1), np.zeros(1))
+    with pytest.raises(SensorError, match="finite number for each"):
+        SensorChain(np.array([np.nan]), one)
+    with pytest.raises(SensorError, match="noise_n_mm"):
+        SensorChain(one, one, noise_n_mm=-1.0)
+    with pytest.raises(SensorError, match="adc_bits is 1"):
+        SensorChain(one, one, adc_range_n_mm=1.0, adc_bits=1)
+    with pytest.raises(SensorError, match="finite adc_range"):
+        SensorChain(one, one, adc_bits=16)
+    with pytest.raises(SensorError, match="full scale must be positive"):
+        SensorChain(one, one, adc_range_n_mm=0.0)
+    with pytest.raises(SensorError, match="n_whiskers is 0"):
+        SensorChain.ideal(0)
+    with pytest.raises(SensorError, match="gain_sd"):
+        draw_sensor_chain(1, rng=rng(), gain_sd=0.5)
+    with pytest.raises(SensorError, match="full_scale_n_mm"):
+        draw_sensor_chain(1, rng=rng(), full_scale_n_mm=math.nan)
+    with pytest.raises(SensorError, match="1 whiskers, samples"):
+        run(np.zeros((2, 5)), SensorChain.ideal(1))
+    with pytest.raises(SensorError, match="sample_rate_hz"):
+        measure(np.zeros((1, 5)), chain=SensorChain.ideal(1), sample_rate_hz=0.0, rng=rng())
+    with pytest.raises(SensorError, match="raw has shape"):
+        apply_calibration(np.zeros(5), Calibration(one, one))

@@ -1,0 +1,427 @@
+"""The contact fidelity: against the pointwise formula, closed forms, a slow solver of its own, and symmetry."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import optimize
+
+from glyphs.fonts.outlines import load_font
+from glyphs.soiling.soil import Soil
+from glyphs.stamping.die import Face, default_die
+from glyphs.stamping.stamp import stamp
+from glyphs.surface.maps import HeightMap
+from whisker_array.scan.scan import trace_scan
+from whisker_array.simulation.contact import land_lag_mm, trace_contact
+from whisker_array.simulation.contact_kernel import ABREAST
+from whisker_array.simulation.pointwise import trace_pointwise
+from whisker_array.simulation.surface import TouchSurface, prepare_surface, sample_lines
+from whisker_array.simulation.traces import SampleFlag, Traces
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.defaults import default_whisker
+from whisker_array.whisker.enhancement import land_moment_n_mm
+from whisker_array.whisker.sections import Rectangle, Round
+from whisker_array.whisker.shapes import LShaped, Straight, TipModel
+from whisker_array.whisker.touch import default_touch
+
+D0 = 1.0
+MU = 0.2
+RIBBON = default_whisker(5.0).tip_model()
+WIRE = LShaped(30.0, 3.5, None, 0.0, Round(0.4)).tip_model()
+SETTLED = 4e-4
+"""Relative to the moment. Newton stops when the tip moves less than 5e-4 of a step, here 1e-5 mm; against the
+whisker's stiffness along x, 23 times that in height, this is 1e-4 of the force at d0 = 1, and a few of them."""
+Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+
+def surface_of(
+    heights: Heights,
+    *,
+    pitch: float,
+    size: tuple[float, float],
+    friction: float | NDArray[np.float32] = MU,
+) -> TouchSurface:
+    """heights(x, z) over size = (along x, along z), mm."""
+    x = np.arange(round(size[0] / pitch) + 1) * pitch
+    z = np.arange(round(size[1] / pitch) + 1) * pitch
+    field = np.broadcast_to(heights(x[None, :], z[:, None]), (z.size, x.size))
+    return prepare_surface(HeightMap(field.astype(np.float32), pitch), friction=friction)
+
+
+def trace(
+    surface: TouchSurface,
+    tip: TipModel,
+    *,
+    lines: NDArray[np.float64],
+    start: float,
+    step: float,
+    n: int,
+    d0: float = D0,
+    mu: float = MU,
+) -> Traces:
+    return trace_contact(
+        surface, tip, lines_mm=lines, start_mm=start, step_mm=step, n_samples=n,
+        preload_mm=d0, nominal_friction=mu,
+    )  # fmt: skip
+
+
+def profile(
+    heights: Callable[[NDArray[np.float64]], NDArray[np.float64]], tip: TipModel, mu: float
+) -> Traces:
+    """One trace of 7 mm in steps of 0.02 mm over a surface that is alike across the trace."""
+    surface = surface_of(lambda x, z: heights(x), pitch=0.02, size=(8.0, 0.2), friction=mu)
+    return trace(surface, tip, lines=np.array([0.1]), start=0.3, step=0.02, n=350, mu=mu)
+
+
+def softened(tip: TipModel, factor: float) -> TipModel:
+    """The same whisker with its lateral compliance multiplied."""
+    d = tip.compliance_mm_per_n.copy()
+    d[2, 2] *= factor
+    return TipModel(d, tip.moment_arm_mm)
+
+
+def ratio(traces: Traces, tip: TipModel, *, d0: float = D0, mu: float = MU) -> NDArray[np.float64]:
+    return traces.moment_n_mm / land_moment_n_mm(tip, preload_mm=d0, mu=mu)
+
+
+# --- limits
+
+
+@pytest.mark.parametrize("mu", [0.0, MU, 0.5])
+def test_land_is_the_closed_form_and_starts_steady(mu: float) -> None:
+    felt = profile(np.zeros_like, WIRE, mu)
+    assert not felt.flags.any()
+    np.testing.assert_allclose(ratio(felt, WIRE, mu=mu), 1.0, rtol=1e-4)
+
+
+def test_the_limit_of_small_steps_and_stiff_sides_is_pointwise() -> None:
+    """Height and preload halved, lateral compliance quartered, grid refined: the tip stays where it is led.
+
+    The tip's displacement is proportional to d0 and h, so the difference must fall with them; the signal itself
+    (h / d0 and, in part, F) stays. Slopes run along and across the trace.
+    """
+    soft = softened(RIBBON, 20.0)
+    errors = []
+    for level in range(4):
+        s = 0.5**level
+        pitch = 0.04 * 0.6**level
+        surface = surface_of(
+            lambda x, z, s=s: 0.12 * s * np.sin(2.1 * x + 0.4) * np.cos(1.7 * z + 0.3),
+            pitch=pitch,
+            size=(6.0, 4.0),
+        )
+        lines, n = np.array([1.1, 1.6, 2.3]), round(4.8 / pitch)
+        tip, d0 = softened(soft, 0.25**level), 0.4 * s
+        felt = trace(surface, tip, lines=lines, start=0.6, step=pitch, n=n, d0=d0)
+        h, mu, _ = sample_lines(surface, lines_mm=lines, start_mm=0.6, step_mm=pitch, n_samples=n)
+        ideal = trace_pointwise(h, tip, step_mm=pitch, preload_mm=d0, friction=mu)
+        assert not felt.flags.any()
+        assert np.ptp(ratio(ideal, tip, d0=d0)) > 0.3  # there is something to be felt
+        skip = n // 8  # the tip comes from rest
+        errors.append(np.abs(ratio(felt, tip, d0=d0) - ratio(ideal, tip, d0=d0))[:, skip:].max())
+    assert errors[0] > 0.02
+    for coarse, fine in itertools.pairwise(errors):
+        assert fine < 0.65 * coarse  # first order in the displacement: halved, and a little for the rest
+
+
+@pytest.mark.parametrize("mu", [0.0, MU, 0.5])
+@pytest.mark.parametrize("angle", [-45.0, -30.0, 30.0, 45.0])
+@pytest.mark.parametrize("tip", [RIBBON, WIRE], ids=["ribbon", "wire"])
+def test_steady_on_a_ramp_is_the_closed_form(tip: TipModel, angle: float, mu: float) -> None:
+    """On an endless plane the sliding force is known: f = f_n (n - mu t), and where the tip then stands.
+
+    The tip lies at x - lag + f_n dx with D11 a = (dx, dy), its height there is p (that) and must be f_n dy - d0.
+    """
+    p = math.tan(math.radians(angle))
+    surface = surface_of(lambda x, z: p * (x - 1.0), pitch=0.02, size=(2.0, 0.4), friction=mu)
+    n = 60
+    felt = trace(surface, tip, lines=np.array([0.2]), start=0.4, step=0.02, n=n, d0=D0, mu=mu)
+    a = np.array([-(p + mu), 1.0 - mu * p, 0.0])
+    dx, dy, _ = tip.compliance_mm_per_n @ a
+    command = 0.4 + 0.02 * np.arange(n)
+    lag = land_lag_mm(tip, preload_mm=D0, friction=mu)
+    f_n = (D0 + p * (command - lag - 1.0)) / (dy - p * dx)
+    steady = slice(20, None)  # 0.4 mm behind the start, the tip has slid from its rest
+    assert not felt.flags.any()
+    np.testing.assert_allclose(
+        felt.moment_n_mm[0, steady], (f_n * float(tip.moment_arm_mm @ a))[steady], rtol=SETTLED
+    )
+
+
+# --- an independent solver
+
+
+def slow_trace(
+    heights: Callable[[float, float], tuple[float, float, float]],
+    tip: TipModel,
+    *,
+    line: float,
+    start: float,
+    step: float,
+    n: int,
+    d0: float,
+    mu: float,
+) -> NDArray[np.float64]:
+    """Minimise 1/2 d^T K d + mu f_n |q - q_prev|_G step by step; f_n and G are iterated to agree with the answer.
+
+    `heights` gives the height and its two slopes, exactly.
+    """
+    k = np.linalg.inv(tip.compliance_mm_per_n)
+    a = np.array([-mu, 1.0, 0.0])
+    shift = tip.compliance_mm_per_n @ a
+    lag = d0 * shift[0] / shift[1]
+    last = np.array([start - step, line])
+    moments = []
+    for j in range(n):
+        free = np.array([start + j * step - lag, line])
+
+        def displacement(q: NDArray[np.float64], free: NDArray[np.float64] = free) -> NDArray[np.float64]:
+            return np.array([q[0] - free[0], heights(q[0], q[1])[0] + d0, q[1] - free[1]])
+
+        q = last + np.array([step, 0.0])
+        for _ in range(30):
+            _, p, r = heights(q[0], q[1])
+            f = k @ displacement(q)
+            f_n = (f @ np.array([-p, 1.0, -r])) / math.sqrt(1.0 + p * p + r * r)
+            metric = np.array([[1.0 + p * p, p * r], [p * r, 1.0 + r * r]])
+
+            def energy(
+                u: NDArray[np.float64],
+                f_n: float = f_n,
+                metric: NDArray[np.float64] = metric,
+                last: NDArray[np.float64] = last,
+                displacement: Callable[[NDArray[np.float64]], NDArray[np.float64]] = displacement,
+            ) -> float:
+                d, move = displacement(last + step * u), step * u
+                # in units of the force times a step, so that the minimiser's tolerances mean something
+                return float(0.5 * d @ k @ d + mu * f_n * math.sqrt(move @ metric @ move)) / (f_n * step)
+
+            best = optimize.minimize(
+                energy, (q - last) / step, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-13}
+            )
+            moved = float(np.abs(last + step * best.x - q).max())
+            q = last + step * best.x
+            if moved < 1e-5 * step:
+                break
+        moments.append(float(tip.moment_arm_mm @ (k @ displacement(q))))
+        last = q
+    return np.array(moments)
+
+
+@pytest.mark.parametrize("tip", [RIBBON, WIRE], ids=["ribbon", "wire"])
+def test_the_kernel_minimises_the_energy_that_it_states(tip: TipModel) -> None:
+    def heights(x: float, z: float) -> tuple[float, float, float]:
+        # a bank that rises and falls along the trace and leans across it
+        return (
+            0.15 * math.sin(2.0 * x) + 0.12 * math.sin(1.5 * z),
+            0.3 * math.cos(2.0 * x),
+            0.18 * math.cos(1.5 * z),
+        )
+
+    surface = surface_of(
+        lambda x, z: 0.15 * np.sin(2.0 * x) + 0.12 * np.sin(1.5 * z),
+        pitch=0.02,
+        size=(6.0, 4.0),
+        friction=0.3,
+    )
+    step, n = 0.02, 75
+    felt = trace(surface, tip, lines=np.array([1.7]), start=1.0, step=step, n=n, d0=0.6, mu=0.3)
+    slow = slow_trace(heights, tip, line=1.7, start=1.0, step=step, n=n, d0=0.6, mu=0.3)
+    assert not felt.flags.any()
+    assert np.ptp(slow) > 0.3 * abs(slow.mean())
+    np.testing.assert_allclose(felt.moment_n_mm[0], slow, rtol=SETTLED)
+
+
+# --- symmetry, friction, sideways
+
+
+def test_a_mirrored_surface_gives_the_same_moments() -> None:
+    z = np.random.default_rng(3).normal(0.0, 1.0, (81, 161))
+    from scipy.ndimage import gaussian_filter
+
+    z = (0.15 * gaussian_filter(z, 5.0) / gaussian_filter(z, 5.0).std() / 3).astype(np.float32)
+    lines = np.linspace(0.4, 2.0, 9)
+    felt, mirrored = (
+        trace(prepare_surface(HeightMap(h, 0.03), friction=MU), WIRE, lines=at, start=0.2, step=0.03, n=140)
+        for h, at in ((z, lines), (z[::-1].copy(), 80 * 0.03 - lines))
+    )
+    assert not felt.flags.any()
+    assert np.ptp(felt.moment_n_mm) > 0.05 * np.abs(felt.moment_n_mm).mean()
+    # two solutions within the tolerance of Newton, carried along the trace
+    np.testing.assert_allclose(mirrored.moment_n_mm, felt.moment_n_mm, rtol=2e-3)
+    assert np.median(np.abs(mirrored.moment_n_mm / felt.moment_n_mm - 1.0)) < 1e-5
+
+
+def test_round_wire_slides_into_a_groove_that_runs_along_the_trace_and_a_ribbon_less() -> None:
+    # a groove 0.3 mm deep with 45 degree walls that comes in beside the trace: the line runs half-way up the wall
+    def groove(x: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
+        depth = 0.3 * np.clip(x - 1.0, 0.0, 1.0)
+        return -np.clip(depth + 0.45 - np.abs(z - 1.5), 0.0, depth)
+
+    surface = surface_of(groove, pitch=0.02, size=(8.0, 3.0))
+    stiff = softened(WIRE, 1.0 / 30.0)
+    lines, n = np.array([1.5 - 0.6]), 300
+    off = {}
+    for name, tip in (("wire", WIRE), ("ribbon", stiff)):
+        felt = trace(surface, tip, lines=lines, start=0.4, step=0.02, n=n)
+        h, mu, _ = sample_lines(surface, lines_mm=lines, start_mm=0.4, step_mm=0.02, n_samples=n)
+        ideal = trace_pointwise(h, tip, step_mm=0.02, preload_mm=D0, friction=mu)
+        assert h[0, -1] == pytest.approx(-0.15, abs=1e-6)
+        assert not felt.flags.any()
+        off[name] = float(ratio(felt, tip)[0, -50:].mean() - ratio(ideal, tip)[0, -50:].mean())
+    # the wire lies on the floor, 0.3 deep instead of 0.15
+    assert off["wire"] == pytest.approx(-0.15, abs=0.01)
+    # the ribbon gives by Dzz / Dyy (d0 + h) = 0.030 mm; and the wall, steeper than the trace knows, presses
+    # with sqrt(2) times the friction, which the formula along the trace leaves out: 0.012
+    assert off["ribbon"] == pytest.approx(-0.042, abs=0.006)
+
+
+def test_oil_is_felt_by_an_l_shaped_whisker_and_not_by_a_straight_one() -> None:
+    mu = np.full((21, 401), 0.4, dtype=np.float32)
+    mu[:, 150:300] = 0.1
+    surface = surface_of(lambda x, z: 0.0 * x, pitch=0.02, size=(8.0, 0.4), friction=mu)
+    bent, straight = WIRE, Straight(30.0, 0.0, Round(0.4)).tip_model()
+    felt = {
+        name: trace(surface, tip, lines=np.array([0.2]), start=0.4, step=0.02, n=360, mu=0.4)
+        for name, tip in (("L", bent), ("straight", straight))
+    }
+    assert not felt["L"].flags.any()
+    in_oil, clean = slice(160, 250), slice(0, 120)  # well within the patch at 3 to 6 mm
+    step = land_moment_n_mm(bent, preload_mm=D0, mu=0.1) / land_moment_n_mm(bent, preload_mm=D0, mu=0.4)
+    assert abs(step - 1.0) > 0.04
+    np.testing.assert_allclose(ratio(felt["L"], bent, mu=0.4)[0, clean], 1.0, rtol=1e-4)
+    np.testing.assert_allclose(ratio(felt["L"], bent, mu=0.4)[0, in_oil], step, rtol=1e-3)
+    np.testing.assert_allclose(ratio(felt["straight"], straight, mu=0.4), 1.0, rtol=1e-4)
+
+
+# --- flags
+
+
+def test_contact_is_lost_over_a_groove_deeper_than_the_preload_and_found_again() -> None:
+    def groove(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return -np.clip(1.4 - np.abs(x - 4.0), 0.0, 1.4)
+
+    felt = profile(groove, WIRE, MU)
+    at = 0.3 + 0.02 * np.arange(350)
+    lost = (felt.flags[0] & SampleFlag.CONTACT_LOST) > 0
+    assert lost[np.abs(at - 4.0) < 0.2].all()
+    assert not lost[np.abs(at - 4.0) > 0.7].any()  # the land side of the walls is well within the preload
+    assert (felt.moment_n_mm[0, lost] == 0.0).all()
+    np.testing.assert_allclose(ratio(felt, WIRE)[0, at > 6.0], 1.0, rtol=1e-3)
+    shallow = profile(lambda x: 0.5 * groove(x), WIRE, MU)
+    assert not shallow.flags.any()
+
+
+@pytest.mark.parametrize(
+    ("k", "mu", "angle"), [(0.05, 1.0, 60.0), (0.117, 1.0, 60.0), (0.05, 1.2, 60.0), (0.05, 0.5, 80.0)]
+)
+def test_a_wall_that_cannot_be_climbed_jams_and_gives_no_number(k: float, mu: float, angle: float) -> None:
+    # 1 - mu p + 1.5 k (p + mu) <= 0: no force in the friction cone lifts the tip
+    p = math.tan(math.radians(angle))
+    assert 1.0 - mu * p + 1.5 * k * (p + mu) < 0.0
+    tip = LShaped(30.0, 30.0 * k, None, 0.0, Round(0.4)).tip_model()
+    felt = profile(lambda x: p * np.clip(x - 3.0, 0.0, 0.8 / p), tip, mu)
+    at = 0.3 + 0.02 * np.arange(350)
+    jammed = (felt.flags[0] & SampleFlag.JAMMED) > 0
+    assert not jammed[at < 2.9].any()
+    assert jammed[at > 3.3].all()  # held at the foot for good, while the base walks on
+    assert (felt.moment_n_mm[0, jammed] == 0.0).all()
+    # until it is called jammed, what the whisker feels is within a few times what it can feel
+    assert np.abs(ratio(felt, tip, mu=mu)).max() < 3.0
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("angle", [-60.0, 60.0])
+def test_the_steepest_bevels_of_dies_do_not_jam_the_default_whisker(angle: float, mu: float) -> None:
+    p = math.tan(math.radians(angle))
+    felt = profile(lambda x: p * np.clip(x - 3.0, 0.0, 0.3 / abs(p)), RIBBON, mu)
+    assert not (felt.flags & SampleFlag.JAMMED).any()
+    after = ratio(felt, RIBBON, mu=mu)[0, -100:]
+    np.testing.assert_allclose(after, 1.0 + math.copysign(0.3, p), rtol=1e-3)
+
+
+def test_leaving_the_surface_is_flagged() -> None:
+    surface = surface_of(lambda x, z: 0.0 * x, pitch=0.05, size=(4.0, 1.0))
+    felt = trace(surface, RIBBON, lines=np.array([0.5]), start=-0.5, step=0.05, n=100)
+    at = -0.5 + 0.05 * np.arange(100)
+    outside = (at < -1e-9) | (at > 4.0 + 1e-9)
+    rim = np.isclose(at, 0.0) | np.isclose(at, 4.0)
+    np.testing.assert_array_equal((felt.flags[0] == SampleFlag.OUTSIDE)[~rim], outside[~rim])
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.2, 0.4])
+@pytest.mark.parametrize("face", [Face.FLAT, Face.SHARP, Face.ROUND])
+def test_the_solver_settles_on_stamped_plates(face: Face, mu: float) -> None:
+    font = load_font("gothic")
+    die = replace(default_die(5.0, font=font, face=face), bevel_deg=60.0 if mu == 0.2 else 45.0)
+    part = stamp("A8", font, die, height_mm=5.0, rng=np.random.default_rng(4))
+    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=5.0)
+    scan = trace_scan(part.height_map, touch=default_touch(5.0), plan=plan, friction=mu)
+    for sweep in scan.sweeps:
+        assert not (sweep.flags & ~np.uint8(SampleFlag.OUTSIDE)).any()
+
+
+# --- the rest
+
+
+def test_the_same_whatever_the_number_of_threads() -> None:
+    surface = surface_of(lambda x, z: 0.1 * np.sin(3 * x) * np.cos(2 * z), pitch=0.03, size=(4.0, 3.0))
+    threads = numba.get_num_threads()
+    runs = []
+    try:
+        for count in sorted({1, threads}):
+            numba.set_num_threads(count)
+            for _ in range(2):
+                felt = trace(surface, RIBBON, lines=np.linspace(0.3, 2.7, 23), start=0.3, step=0.03, n=110)
+                runs.append(felt.moment_n_mm)
+    finally:
+        numba.set_num_threads(threads)
+    for other in runs[1:]:
+        np.testing.assert_array_equal(other, runs[0])
+
+
+@pytest.mark.parametrize("dirty", [False, True])
+def test_lines_do_not_know_of_each_other(dirty: bool) -> None:
+    """Traced abreast in more than one block, or each alone: some settle at once, some jam, some lose contact."""
+    lines = np.linspace(0.3, 2.7, 2 * ABREAST + 3)
+    y, x = np.mgrid[:101, :134] * 0.03
+    rough = (0.1 * np.sin(3 * x) * np.cos(2 * y) * (y > 1.0)).astype(np.float32)
+    rough[60:70, 40:] += 2.5  # a wall that jams
+    rough[80:90, 60:90] -= 1.5  # a hole deeper than the preload
+    soil = None
+    if dirty:
+        thickness = np.where(x > 1.5, 0.1, 0.0).astype(np.float32)
+        soil = Soil(thickness, np.full(x.shape, 5.0, np.float32), np.full(x.shape, MU, np.float32))
+    surface = prepare_surface(HeightMap(rough, 0.03), tip_radius_mm=0.06, friction=MU, soil=soil)
+    together = trace(surface, RIBBON, lines=lines, start=0.3, step=0.03, n=110)
+    seen = SampleFlag(int(np.bitwise_or.reduce(together.flags, axis=None)))
+    assert SampleFlag.JAMMED in seen
+    assert SampleFlag.CONTACT_LOST in seen
+    for i in range(lines.size):
+        alone = trace(surface, RIBBON, lines=lines[i : i + 1], start=0.3, step=0.03, n=110)
+        np.testing.assert_array_equal(alone.moment_n_mm[0], together.moment_n_mm[i])
+        np.testing.assert_array_equal(alone.flags[0], together.flags[i])
+
+
+def test_the_lag_is_that_of_the_sliding_force() -> None:
+    # beta = 0, inextensible: Dxx = 3 k^2 + k^3, Dxy = -1.5 k, Dyy = 1 in units of l1^3 / 3 E I
+    k = 0.117
+    tip = LShaped(30.0, 30.0 * k, None, 0.0, Rectangle(0.3, 4.5)).tip_model(axial=False)
+    expected = (-MU * (3 * k**2 + k**3) - 1.5 * k) / (1.0 + 1.5 * k * MU)
+    assert land_lag_mm(tip, preload_mm=0.7, friction=MU) == pytest.approx(0.7 * expected, rel=1e-9)
+
+
+def test_refusals_speak() -> None:
+    surface = surface_of(lambda x, z: 0.0 * x, pitch=0.05, size=(1.0, 1.0))
+    for wrong in (0.0, -1.0, math.inf):
+        with pytest.raises(ValueError, match="pressed on"):
+            trace(surface, RIBBON, lines=np.array([0.5]), start=0.1, step=0.05, n=3, d0=wrong)
+        with pytest.raises(ValueError, match="step_mm"):
+            trace(surface, RIBBON, lines=np.array([0.5]), start=0.1, step=wrong, n=3)

@@ -1,0 +1,286 @@
+"""The felt surface: dilation by the tip, dropouts, orientation, and the grid that a scan wants."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+
+import whisker_array.simulation.regrid
+from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.simulation.regrid import fit_pitch
+from whisker_array.simulation.surface import (
+    TouchSurface,
+    dilate_by_ball,
+    fill_dropouts,
+    orient,
+    prepare_surface,
+    sample_lines,
+)
+
+PITCH = 0.05
+FLOAT32 = 2e-7
+"""Rounding of heights below 1 mm in float32."""
+
+
+def rough(seed: int, shape: tuple[int, int] = (24, 31), scale: float = 0.05) -> NDArray[np.float32]:
+    return np.random.default_rng(seed).normal(0.0, scale, shape).astype(np.float32)
+
+
+def dilate(z: NDArray[np.float32], radius_mm: float) -> NDArray[np.float32]:
+    return dilate_by_ball(z, pitch_mm=PITCH, radius_mm=radius_mm)
+
+
+# --- dilation
+
+
+@pytest.mark.parametrize("radius", [0.05, 0.12, 0.21])
+def test_dilation_is_that_of_scipy(radius: float) -> None:
+    z = rough(1)
+    reach = int(radius / PITCH + 1e-9)
+    v, u = np.mgrid[-reach : reach + 1, -reach : reach + 1] * PITCH
+    square = radius**2 - u**2 - v**2
+    ball = square >= -1e-12
+    structure = np.where(ball, np.sqrt(np.maximum(square, 0.0)) - radius, 0.0)
+    expected = ndimage.grey_dilation(z.astype(float), footprint=ball, structure=structure, mode="nearest")
+    np.testing.assert_allclose(dilate(z, radius), expected, atol=FLOAT32)
+
+
+def test_a_point_leaves_the_surface_as_it_is() -> None:
+    z = rough(2)
+    np.testing.assert_array_equal(dilate(z, 0.0), z)
+    np.testing.assert_array_equal(dilate(z, 0.99 * PITCH), z)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000), radius=st.floats(0.05, 0.16), lift=st.floats(-1.0, 1.0))
+def test_dilation_lies_above_keeps_order_and_follows_the_surface(
+    seed: int, radius: float, lift: float
+) -> None:
+    z = rough(seed)
+    higher = z + np.abs(rough(seed + 1))
+    once = dilate(z, radius)
+    assert (once >= z).all()
+    assert (dilate(higher, radius) >= once).all()
+    np.testing.assert_allclose(dilate(z + np.float32(lift), radius), once + np.float32(lift), atol=1e-6)
+    # moved sideways; the rim is replicated there, so compare inside
+    np.testing.assert_array_equal(dilate(np.roll(z, 5, axis=1), radius)[:, 9:-4], once[:, 4:-9])
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000), radius=st.floats(0.05, 0.16))
+def test_what_the_ball_cannot_reach_is_closed_once_for_all(seed: int, radius: float) -> None:
+    def close(z: NDArray[np.float32]) -> NDArray[np.float32]:
+        return -dilate(-dilate(z, radius), radius)
+
+    z = rough(seed, (40, 40))
+    closed = close(z)
+    inside = (slice(13, -13),) * 2  # four reaches of at most three samples, and one
+    assert (closed[inside] >= z[inside] - FLOAT32).all()
+    np.testing.assert_allclose(close(closed)[inside], closed[inside], atol=2 * FLOAT32)
+
+
+@pytest.mark.parametrize("half_width", [0, 1, 2])
+def test_a_groove_narrower_than_the_ball_is_shallower_by_geometry(half_width: int) -> None:
+    radius = 0.3
+    z = np.zeros((9, 61), dtype=np.float32)
+    z[:, 30 - half_width : 31 + half_width] = -0.5
+    rim = (half_width + 1) * PITCH
+    felt = dilate(z, radius)[4]
+    assert felt[30] == pytest.approx(np.sqrt(radius**2 - rim**2) - radius, abs=FLOAT32)
+    assert felt.min() == felt[30]
+    assert (np.delete(felt, np.arange(30 - half_width, 31 + half_width)) == 0.0).all()
+
+
+def test_a_ridge_is_as_high_and_wider() -> None:
+    z = np.zeros((9, 61), dtype=np.float32)
+    z[:, 30] = 0.1
+    felt = dilate(z, 0.3)[4]
+    assert felt.max() == pytest.approx(0.1)
+    # the ball's flank falls by 0.1 mm over sqrt(2 r h - h^2)
+    assert np.count_nonzero(felt > 0.0) == 2 * int(np.sqrt(2 * 0.3 * 0.1 - 0.1**2) / PITCH) + 1
+
+
+def test_refused_tips() -> None:
+    z = rough(3)
+    for radius in (-0.1, np.nan, np.inf):
+        with pytest.raises(ValueError, match="zero or positive"):
+            dilate(z, radius)
+    with pytest.raises(ValueError, match="finer tip"):
+        dilate(z, 61.5 * PITCH)
+
+
+# --- dropouts
+
+
+def test_dropouts_are_filled_and_the_measured_stay() -> None:
+    z = rough(4, (40, 50))
+    holes = ndimage.binary_dilation(np.random.default_rng(5).random(z.shape) < 0.01, iterations=2)
+    filled, dropout = fill_dropouts(np.where(holes, np.nan, z).astype(np.float32))
+    np.testing.assert_array_equal(dropout, holes)
+    np.testing.assert_array_equal(filled[~holes], z[~holes])
+    assert np.isfinite(filled).all()
+    # nothing is invented beyond what was measured
+    assert z[~holes].min() <= filled.min()
+    assert filled.max() <= z[~holes].max()
+
+
+def test_a_whole_map_is_handed_on() -> None:
+    z = rough(6)
+    filled, dropout = fill_dropouts(z)
+    assert filled is z
+    assert not dropout.any()
+
+
+# --- slopes, orientation, sampling
+
+
+@pytest.mark.parametrize("direction", list(TraceDirection))
+def test_slopes_belong_to_the_trace_frame(direction: TraceDirection) -> None:
+    y, x = np.mgrid[:30, :40] * PITCH
+    z = (0.1 * np.sin(2.0 * x) + 0.07 * np.cos(3.0 * y) + 0.05 * x * y).astype(np.float32)
+    friction = (0.1 + 0.01 * x + 0.02 * y).astype(np.float32)
+    surface = prepare_surface(HeightMap(z, PITCH), friction=friction)
+    turned = orient(surface, direction)
+    expected = z if direction.along_x else z.T
+    own = friction if direction.along_x else friction.T
+    if direction.backward:
+        expected, own = expected[:, ::-1], own[:, ::-1]
+    np.testing.assert_array_equal(turned.fields[..., 0], expected)
+    np.testing.assert_array_equal(turned.fields[..., 3], own)
+    across, along = np.gradient(expected.astype(float), PITCH)
+    # float32 heights of 0.5 mm over two pitches
+    np.testing.assert_allclose(turned.fields[..., 1], along, atol=2e-6)
+    np.testing.assert_allclose(turned.fields[..., 2], across, atol=2e-6)
+
+
+@pytest.mark.parametrize("direction", list(TraceDirection))
+@pytest.mark.parametrize("shape", [(30, 40), (16, 33), (3, 70)])
+def test_all_layers_turn_as_slices_and_signs_say(shape: tuple[int, int], direction: TraceDirection) -> None:
+    rng = np.random.default_rng(8)
+    fields, yielding = (rng.normal(size=(*shape, n)).astype(np.float32) for n in (4, 7))
+    surface = TouchSurface(fields, np.zeros(shape, dtype=np.bool_), PITCH, yielding)
+    turned = orient(surface, direction)
+    for before, got in ((fields, turned.fields), (yielding, turned.yielding)):
+        expected = before
+        if not direction.along_x:
+            expected = expected.transpose(1, 0, 2)[:, :, [0, 2, 1, 3, 5, 4, 6][: before.shape[2]]]
+        if direction.backward:
+            expected = expected[:, ::-1] * np.array([1, -1, 1, 1, -1, 1, 1], np.float32)[: before.shape[2]]
+        np.testing.assert_array_equal(got, expected)
+
+
+def test_dropouts_turn_with_the_surface() -> None:
+    z = rough(7)
+    z[3, 5] = np.nan
+    surface = prepare_surface(HeightMap(z, PITCH))
+    at = {
+        TraceDirection.FORWARD_X: (3, 5),
+        TraceDirection.BACK_X: (3, 31 - 1 - 5),
+        TraceDirection.FORWARD_Y: (5, 3),
+        TraceDirection.BACK_Y: (5, 24 - 1 - 3),
+    }
+    for direction, place in at.items():
+        dropout = orient(surface, direction).dropout
+        assert dropout[place]
+        assert dropout.sum() == 1
+
+
+def test_lines_are_sampled_bilinearly() -> None:
+    y, x = np.mgrid[:30, :40] * PITCH
+    z = (0.3 * x - 0.2 * y + 0.5 * x * y).astype(np.float32)  # bilinear functions are met exactly
+    z[10, 20] = np.nan
+    surface = prepare_surface(HeightMap(z, PITCH), friction=0.3)
+    lines = np.array([0.213, 0.0, 0.49])
+    height, mu, missing = sample_lines(surface, lines_mm=lines, start_mm=0.11, step_mm=0.037, n_samples=40)
+    at = 0.11 + 0.037 * np.arange(40)
+    exact = 0.3 * at - 0.2 * lines[:, None] + 0.5 * at * lines[:, None]
+    assert missing[2].any()
+    np.testing.assert_allclose(height[~missing], exact[~missing], atol=1e-6)
+    np.testing.assert_allclose(mu, 0.3, rtol=1e-6)
+    # the dropout at (1.0, 0.5) is met by the third line alone, within one pitch
+    assert not missing[:2].any()
+    np.testing.assert_array_equal(missing[2], np.abs(at - 1.0) < PITCH)
+
+
+def test_friction_is_checked() -> None:
+    plate = HeightMap(rough(8), PITCH)
+    with pytest.raises(MapError, match="does not fit"):
+        prepare_surface(plate, friction=np.full((3, 3), 0.2, dtype=np.float32))
+    for wrong in (-0.1, np.nan, np.full(plate.shape, -0.1, dtype=np.float32)):
+        with pytest.raises(MapError, match="not negative"):
+            prepare_surface(plate, friction=wrong)
+
+
+# --- fit_pitch
+
+
+@pytest.mark.parametrize("pitch", [0.2, 0.1, 0.06, 0.05, 0.03, 0.02, 0.01, 0.007])
+def test_a_plane_stays_where_it_is(pitch: float) -> None:
+    y, x = np.mgrid[:70, :90] * pitch
+    plane = (0.1 + 0.2 * x - 0.3 * y).astype(np.float32)
+    fitted, mu = fit_pitch(HeightMap(plane, pitch), 0.2, target_mm=PITCH)
+    assert mu == 0.2
+    # never coarser than asked for, and no finer than a third of it unless the map came so
+    assert fitted.pitch_mm <= PITCH * (1 + 1e-6)
+    assert fitted.pitch_mm >= min(pitch, PITCH / 3) * (1 - 1e-6)
+    rows, cols = (np.arange(n) * fitted.pitch_mm for n in fitted.shape)
+    exact = 0.1 + 0.2 * cols - 0.3 * rows[:, None]
+    # the rim is replicated: a spline rings for a dozen samples there, a block is half filled
+    inside = (rows >= 12 * pitch)[:, None] & (cols >= 12 * pitch)
+    inside &= (rows <= (69 - 12) * pitch)[:, None] & (cols <= (89 - 12) * pitch)
+    assert inside.sum() > 50
+    np.testing.assert_allclose(fitted.z_mm[inside], exact[inside], atol=2e-6)
+    # the first sample's centre stays at the origin, the last is not passed by more than half a block
+    assert -1e-9 <= 69 * pitch - rows[-1] < fitted.pitch_mm + 1e-9
+
+
+def test_interpolation_passes_through_the_samples() -> None:
+    z = rough(9)
+    fitted, _ = fit_pitch(HeightMap(z, 0.15), 0.2, target_mm=PITCH)
+    assert fitted.shape == (23 * 3 + 1, 30 * 3 + 1)
+    np.testing.assert_allclose(fitted.z_mm[::3, ::3], z, atol=1e-6)
+
+
+def test_averaging_is_the_mean_of_centred_blocks() -> None:
+    z = rough(10, (61, 61))
+    z[30, 30] = np.nan
+    fitted, _ = fit_pitch(HeightMap(z, 0.01), 0.2, target_mm=0.1)
+    assert fitted.pitch_mm == pytest.approx(0.05)
+    assert fitted.z_mm[3, 4] == pytest.approx(z[13:18, 18:23].mean(), abs=1e-6)
+    assert fitted.z_mm[6, 6] == pytest.approx(np.nanmean(z[28:33, 28:33]), abs=1e-6)
+
+
+def test_dropouts_survive_either_way() -> None:
+    z = rough(11, (61, 61))
+    z[20:30, 20:30] = np.nan
+    coarse, _ = fit_pitch(HeightMap(z, 0.15), 0.2, target_mm=PITCH)
+    assert np.isnan(coarse.z_mm[60:88, 60:88]).all()
+    assert np.isnan(coarse.z_mm).sum() == 30 * 30
+    fine, _ = fit_pitch(HeightMap(z, 0.01), 0.2, target_mm=0.1)
+    assert np.isnan(fine.z_mm[5, 5])  # samples 23 to 27, all of them missing
+    assert np.isnan(fine.z_mm).sum() == 1
+
+
+def test_friction_comes_along_and_stays_a_friction() -> None:
+    z = rough(12, (40, 40))
+    oily = np.full(z.shape, 0.4, dtype=np.float32)
+    oily[10:20, 10:20] = 0.0
+    for pitch, target in ((0.2, 0.05), (0.01, 0.1)):
+        fitted, mu = fit_pitch(HeightMap(z, pitch), oily, target_mm=target)
+        assert isinstance(mu, np.ndarray)
+        assert mu.shape == fitted.shape
+        assert mu.min() >= 0.0  # a cubic would swing below zero beside the patch
+        assert mu.max() <= 0.4 + 1e-6
+        prepare_surface(fitted, friction=mu)
+
+
+def test_a_coarse_and_wide_map_does_not_eat_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(whisker_array.simulation.regrid, "MAX_PIXELS", 10_000)
+    plate = HeightMap(rough(13, (40, 40)), 1.0)
+    assert fit_pitch(plate, 0.2, target_mm=0.5)[0].shape == (79, 79)
+    with pytest.raises(MapError, match=r"crop the map.*coarser steps"):
+        fit_pitch(plate, 0.2, target_mm=0.1)

@@ -1,0 +1,155 @@
+"""The raster plan: every line once, at its place, in the time that it states."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glyphs.surface.maps import TraceDirection
+from whisker_array.whisker.array import (
+    ALL_DIRECTIONS,
+    LINES_PER_HEIGHT,
+    RasterPlan,
+    WhiskerArray,
+    default_plan,
+)
+
+plans = st.builds(
+    lambda whiskers, lines, pitch, x0, y0, width, height, step, lead: RasterPlan(
+        array=WhiskerArray(whiskers, lines * pitch),
+        region_mm=(x0, y0, x0 + width, y0 + height),
+        line_pitch_mm=pitch,
+        sample_pitch_mm=step,
+        lead_mm=lead,
+    ),
+    whiskers=st.integers(1, 9),
+    lines=st.integers(1, 12),
+    pitch=st.floats(0.05, 0.7),
+    x0=st.floats(-5.0, 5.0),
+    y0=st.floats(-5.0, 5.0),
+    width=st.floats(0.5, 12.0),
+    height=st.floats(0.5, 12.0),
+    step=st.floats(0.03, 0.4),
+    lead=st.floats(0.0, 2.0),
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(plan=plans)
+def test_every_line_is_traced_once_at_its_place(plan: RasterPlan) -> None:
+    x0, y0, x1, y1 = plan.region_mm
+    for sweep in plan.sweeps():
+        low, high = (y0, y1) if sweep.direction.along_x else (x0, x1)
+        place = np.sort(sweep.line_mm.ravel())
+        np.testing.assert_allclose(place, low + plan.line_pitch_mm * np.arange(place.size), atol=1e-9)
+        # up to the far side of the region, and no block more than needed
+        assert place[-1] > high - plan.line_pitch_mm - 1e-9
+        block = plan.array.n_whiskers * plan.interlace
+        assert place.size % block == 0
+        assert place[-block] <= high + 1e-5
+
+
+@settings(max_examples=100, deadline=None)
+@given(plan=plans)
+def test_whiskers_of_a_pass_are_one_comb_apart(plan: RasterPlan) -> None:
+    for sweep in plan.sweeps():
+        assert sweep.line_mm.shape[1] == plan.array.n_whiskers
+        np.testing.assert_allclose(np.diff(sweep.line_mm, axis=1), plan.array.pitch_mm, atol=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(plan=plans)
+def test_samples_cover_the_region_both_ways(plan: RasterPlan) -> None:
+    x0, y0, x1, y1 = plan.region_mm
+    step = plan.sample_pitch_mm
+    sweeps = {sweep.direction: sweep for sweep in plan.sweeps()}
+    for direction, sweep in sweeps.items():
+        low, high = (x0, x1) if direction.along_x else (y0, y1)
+        at = sweep.position_mm()
+        assert at.size == sweep.n_samples
+        np.testing.assert_allclose(np.diff(at), -step if direction.backward else step, rtol=1e-6)
+        core = np.sort(at[sweep.n_lead : at.size - sweep.n_lead])
+        assert core[0] == pytest.approx(low, abs=1e-9)
+        assert high - step - 1e-9 < core[-1] < high + 1e-5
+        assert abs(sweep.n_lead * step - plan.lead_mm) <= 0.5 * step + 1e-9
+    # there and back, the whisker passes the same places
+    for there, back in (
+        (TraceDirection.FORWARD_X, TraceDirection.BACK_X),
+        (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y),
+    ):
+        np.testing.assert_allclose(sweeps[there].position_mm(), sweeps[back].position_mm()[::-1], atol=1e-9)
+
+
+@settings(max_examples=50, deadline=None)
+@given(plan=plans)
+def test_time_and_samples_are_those_of_the_passes(plan: RasterPlan) -> None:
+    passes = samples = 0
+    seconds = 0.0
+    for sweep in plan.sweeps():
+        for _ in range(sweep.line_mm.shape[0]):
+            passes += 1
+            samples += plan.array.n_whiskers * (sweep.n_samples + plan.air_samples)
+            way = (sweep.n_samples + plan.air_samples) * plan.sample_pitch_mm
+            seconds += way / plan.speed_mm_s + plan.turnaround_s
+    assert plan.n_passes == passes
+    assert plan.n_samples == samples
+    assert plan.scan_time_s == pytest.approx(seconds, rel=1e-9)
+
+
+@pytest.mark.parametrize("height", [1.0, 2.5, 5.0, 12.7])
+def test_the_default_plan_follows_the_character_height(height: float) -> None:
+    plan = default_plan((0.0, 0.0, 8.0 * height, 2.0 * height), character_height_mm=height)
+    assert plan.line_pitch_mm == pytest.approx(height / LINES_PER_HEIGHT)
+    assert plan.directions == ALL_DIRECTIONS
+    assert plan.interlace == LINES_PER_HEIGHT / 2
+    small = default_plan((0.0, 0.0, 8.0, 2.0), character_height_mm=1.0)
+    assert plan.n_samples == pytest.approx(small.n_samples, rel=0.02)  # the same picture at every scale
+    assert default_plan((0, 0, 1, 1), character_height_mm=1.0, speed_mm_s=7.0).sample_rate_hz == 7.0 * 80
+
+
+def test_the_plan_says_what_it_does() -> None:
+    plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4)
+    for word in (
+        "40.0 x 10.0 mm",
+        "4 whiskers 2.50 mm apart",
+        "0°/90°/180°/270°",
+        f"{plan.n_samples:,} samples",
+    ):
+        assert word in plan.describe()
+
+
+def test_refusals_say_what_is_wrong() -> None:
+    good = {
+        "array": WhiskerArray(3, 1.0),
+        "region_mm": (0.0, 0.0, 5.0, 5.0),
+        "line_pitch_mm": 0.25,
+        "sample_pitch_mm": 0.1,
+    }
+    cases = [
+        ({"line_pitch_mm": 0.0}, "line_pitch_mm"),
+        ({"sample_pitch_mm": math.nan}, "sample_pitch_mm"),
+        ({"speed_mm_s": -1.0}, "speed_mm_s"),
+        ({"lead_mm": -0.1}, "negative"),
+        ({"region_mm": (0.0, 0.0, 0.0, 5.0)}, "empty"),
+        ({"region_mm": (0.0, 0.0, math.inf, 5.0)}, "not finite"),
+        ({"directions": ()}, "at least one"),
+        ({"directions": (TraceDirection.BACK_X,) * 2}, "at most once"),
+        ({"line_pitch_mm": 0.3}, "divide the whisker pitch, as 0.25 does"),
+        ({"line_pitch_mm": 1.5}, "divide the whisker pitch, as 1 does"),
+    ]
+    assert RasterPlan(**good).interlace == 4
+    for change, message in cases:
+        with pytest.raises(ValueError, match=message):
+            RasterPlan(**{**good, **change})
+    # one whisker has no neighbour to be apart from
+    assert RasterPlan(**{**good, "array": WhiskerArray(1, 1.0), "line_pitch_mm": 0.3}).n_passes > 0
+    with pytest.raises(ValueError, match="at least one whisker"):
+        WhiskerArray(0, 1.0)
+    with pytest.raises(ValueError, match="pitch_mm"):
+        WhiskerArray(2, 0.0)
+    with pytest.raises(ValueError, match="character_height_mm"):
+        default_plan((0, 0, 1, 1), character_height_mm=-5.0)

@@ -1,0 +1,240 @@
+"""Sections and the compliance of chains, against closed forms and an independent finite-element frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from whisker_array.whisker.beam import BeamError, Segment, chain_compliance, cross_matrix, split
+from whisker_array.whisker.sections import (
+    MUSIC_WIRE,
+    Material,
+    Rectangle,
+    Round,
+    Section,
+    SectionError,
+    Taper,
+    Tube,
+)
+
+E, G = MUSIC_WIRE.e_mpa, MUSIC_WIRE.g_mpa
+SECTIONS: tuple[Section, ...] = (Round(0.4), Tube(0.6, 0.4), Rectangle(0.3, 1.8), Rectangle(1.8, 0.3))
+
+
+def chain_of(points: NDArray[np.float64], section: Section) -> list[Segment]:
+    return [Segment(a, b, section, MUSIC_WIRE) for a, b in pairwise(points)]
+
+
+# An independent route: 12 x 12 stiffness matrices of 3D frame elements, assembled and solved.
+
+
+def frame_element(segment: Segment, section: Section) -> NDArray[np.float64]:
+    """Stiffness of a 3D Euler-Bernoulli element in world axes, textbook form (Przemieniecki), 12 x 12."""
+    length = float(np.linalg.norm(segment.end_mm - segment.start_mm))
+    x = (segment.end_mm - segment.start_mm) / length
+    up = np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 1.0 - 1e-12 else np.array([1.0, 0.0, 0.0])
+    y = np.cross(up, x)  # across the beam in the plane of bending; local z is the lateral axis
+    y /= np.linalg.norm(y)
+    lam = np.stack([x, y, np.cross(x, y)])
+    # local z = lateral: bending in the local x-y plane is about z, with i_vertical
+    iz, iy = section.i_vertical_mm4, section.i_lateral_mm4
+    k = np.zeros((12, 12))
+    for i, j, value in ((0, 6, E * section.area_mm2 / length), (3, 9, G * section.j_mm4 / length)):
+        k[i, i] = k[j, j] = value
+        k[i, j] = k[j, i] = -value
+    for v1, r1, inertia, sign in ((1, 5, iz, 1.0), (2, 4, iy, -1.0)):
+        index = [v1, r1, v1 + 6, r1 + 6]
+        a, b = 6.0 * length * sign, length * length
+        block = np.array([[12, a, -12, a], [a, 4 * b, -a, 2 * b], [-12, -a, 12, -a], [a, 2 * b, -a, 4 * b]])
+        k[np.ix_(index, index)] += E * inertia / length**3 * block
+    t = np.kron(np.eye(4), lam)
+    return t.T @ k @ t
+
+
+def fea_tip_compliance(segments: list[Segment], section: Section) -> NDArray[np.float64]:
+    n = len(segments)
+    k = np.zeros((6 * (n + 1), 6 * (n + 1)))
+    for e, segment in enumerate(segments):
+        k[6 * e : 6 * e + 12, 6 * e : 6 * e + 12] += frame_element(segment, section)
+    return np.linalg.inv(k[6:, 6:])[-6:, -6:]
+
+
+# in whole micrometres: which way across a member is "lateral" is a matter of taste when it leans by less than 1e-6
+steps = (
+    hnp.arrays(np.float64, (4, 3), elements=st.integers(-8000, 8000))
+    .map(lambda a: a * 1e-3)
+    .filter(lambda a: bool((np.linalg.norm(a, axis=1) > 2.0).all()))
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(steps=steps, which=st.integers(0, len(SECTIONS) - 1))
+def test_random_polylines_agree_with_frame_fea(steps: NDArray[np.float64], which: int) -> None:
+    points = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+    section = SECTIONS[which]
+    segments = chain_of(points, section)
+    ours, fea = chain_compliance(segments), fea_tip_compliance(segments, section)
+    for block in (np.s_[:3, :3], np.s_[:3, 3:], np.s_[3:, :3], np.s_[3:, 3:]):
+        # the frame matrix has a condition number near 1e8, which leaves FEA about eight digits
+        np.testing.assert_allclose(ours[block], fea[block], atol=3e-7 * np.abs(fea[block]).max(), rtol=0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(steps=steps, which=st.integers(0, len(SECTIONS) - 1))
+def test_compliance_is_symmetric_positive_definite(steps: NDArray[np.float64], which: int) -> None:
+    points = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+    d = chain_compliance(chain_of(points, SECTIONS[which]))
+    np.testing.assert_array_equal(d[:3, 3:], d[3:, :3].T)
+    scale = np.sqrt(np.diag(d))
+    assert np.linalg.eigvalsh(d / np.outer(scale, scale))[0] > 0.0
+    assert np.linalg.eigvalsh(d[:3, :3])[0] > 0.0
+
+
+def test_work_is_reciprocal_before_symmetrising() -> None:
+    # Maxwell: deflection i by unit moment j is rotation j by unit force i; the FEA inverse shows it too
+    points = np.array([[0.0, 0, 0], [-20, 2, 1], [-25, -3, 4]])
+    fea = fea_tip_compliance(chain_of(points, SECTIONS[2]), SECTIONS[2])
+    np.testing.assert_allclose(fea[:3, 3:], fea[3:, :3].T, atol=1e-9 * np.abs(fea[:3, 3:]).max())
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_closed_cantilever(section: Section) -> None:
+    length = 25.0
+    d = chain_compliance([Segment(np.zeros(3), np.array([-length, 0, 0]), section, MUSIC_WIRE)])
+    ei, ei_lateral, gj = E * section.i_vertical_mm4, E * section.i_lateral_mm4, G * section.j_mm4
+    expected = np.zeros((6, 6))
+    expected[0, 0] = length / (E * section.area_mm2)
+    expected[1, 1] = length**3 / (3 * ei)
+    expected[2, 2] = length**3 / (3 * ei_lateral)
+    expected[3, 3] = length / gj
+    expected[4, 4] = length / ei_lateral
+    expected[5, 5] = length / ei
+    expected[1, 5] = expected[5, 1] = -(length**2) / (2 * ei)
+    expected[2, 4] = expected[4, 2] = length**2 / (2 * ei_lateral)
+    np.testing.assert_allclose(d, expected, rtol=1e-12, atol=1e-15)
+
+
+def test_splitting_a_constant_beam_changes_nothing() -> None:
+    segment = Segment(np.zeros(3), np.array([-20.0, -5.0, 2.0]), Rectangle(0.3, 1.2), MUSIC_WIRE)
+    np.testing.assert_allclose(
+        chain_compliance(split(segment, 7)), chain_compliance([segment]), rtol=1e-11, atol=1e-14
+    )
+
+
+def test_axial_term_is_the_only_difference() -> None:
+    segment = Segment(np.zeros(3), np.array([-20.0, -5.0, 2.0]), Round(0.4), MUSIC_WIRE)
+    along = segment.axes[0]
+    gap = chain_compliance([segment]) - chain_compliance([segment], axial=False)
+    expected = segment.length_mm / (E * Round(0.4).area_mm2) * np.outer(along, along)
+    np.testing.assert_allclose(gap[:3, :3], expected, rtol=1e-6, atol=1e-12)
+    assert not gap[3:].any()
+
+
+@pytest.mark.parametrize(
+    "taper",
+    [
+        Taper(Round(0.6), Round(0.2)),
+        Taper(Tube(0.8, 0.5), Tube(0.4, 0.2)),
+        Taper(Rectangle(0.4, 2.0), Rectangle(0.2, 1.0)),
+    ],
+)
+def test_taper_is_the_limit_of_many_constant_segments(taper: Taper) -> None:
+    segment = Segment(np.zeros(3), np.array([-20.0, -8.0, 0.0]), taper, MUSIC_WIRE)
+    exact = chain_compliance([segment])
+
+    def steps_error(n: int) -> float:
+        stepped = [replace(p, section=p.section_at(0.5)) for p in split(segment, n)]
+        return float(np.abs(chain_compliance(stepped) - exact)[:3, :3].max() / exact[:3, :3].max())
+
+    coarse, fine = steps_error(16), steps_error(32)
+    assert fine < 2e-3
+    assert math.log2(coarse / fine) == pytest.approx(2.0, abs=0.05)  # the midpoint rule's order
+    np.testing.assert_allclose(chain_compliance(split(segment, 5)), exact, rtol=1e-10, atol=1e-14)
+
+
+def test_linear_cone_closed_form() -> None:
+    # d(u) = d1 (base) to d2 (tip): delta = 64 F L^3 / (3 pi E d1^3 d2), the tapered-leaf formula
+    d1, d2, length = 0.6, 0.15, 30.0
+    segment = Segment(np.zeros(3), np.array([-length, 0, 0]), Taper(Round(d1), Round(d2)), MUSIC_WIRE)
+    expected = 64.0 * length**3 / (3.0 * math.pi * E * d1**3 * d2)
+    assert chain_compliance([segment])[1, 1] == pytest.approx(expected, rel=1e-10)
+
+
+def test_segment_along_the_lateral_axis_has_axes() -> None:
+    axes = Segment(np.zeros(3), np.array([0.0, 0.0, 3.0]), Round(0.3), MUSIC_WIRE).axes
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
+def test_cross_matrix() -> None:
+    r, f = np.array([1.0, -2.0, 3.0]), np.array([0.5, 4.0, -1.0])
+    np.testing.assert_array_equal(cross_matrix(r) @ f, np.cross(r, f))
+    np.testing.assert_array_equal(cross_matrix(np.stack([r, f]))[1] @ r, np.cross(f, r))
+
+
+# --- sections
+
+
+def test_section_constants() -> None:
+    assert Round(2.0).area_mm2 == pytest.approx(math.pi)
+    assert Round(2.0).i_vertical_mm4 == pytest.approx(math.pi / 4)
+    assert Round(2.0).j_mm4 == pytest.approx(math.pi / 2)
+    assert Tube(2.0, 0.0).i_lateral_mm4 == pytest.approx(Round(2.0).i_lateral_mm4)
+    ribbon = Rectangle(0.5, 3.0)
+    assert (ribbon.i_vertical_mm4, ribbon.i_lateral_mm4) == pytest.approx((0.03125, 1.125))
+    assert (ribbon.c_vertical_mm, ribbon.c_lateral_mm) == (0.25, 1.5)
+
+
+@pytest.mark.parametrize(("ratio", "beta"), [(1.0, 0.14058), (2.0, 0.22868), (4.0, 0.28081), (10.0, 0.31232)])
+def test_rectangle_torsion_is_the_handbook_table(ratio: float, beta: float) -> None:
+    # Timoshenko and Goodier, art. 109: J = beta a b^3
+    assert Rectangle(1.0, ratio).j_mm4 == pytest.approx(beta * ratio, rel=5e-5)
+    assert Rectangle(ratio, 1.0).j_mm4 == Rectangle(1.0, ratio).j_mm4
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_scaling_a_section(section: Section) -> None:
+    twice = section.scaled(2.0)
+    assert twice.area_mm2 == pytest.approx(4 * section.area_mm2)
+    assert twice.c_vertical_mm == pytest.approx(2 * section.c_vertical_mm)
+    assert twice.c_lateral_mm == pytest.approx(2 * section.c_lateral_mm)
+    for name in ("i_vertical_mm4", "i_lateral_mm4", "j_mm4"):
+        assert getattr(twice, name) == pytest.approx(16 * getattr(section, name))
+    assert section.blend(twice, 0.0) == section
+    assert section.blend(twice, 0.5).area_mm2 == pytest.approx(2.25 * section.area_mm2)
+
+
+def test_refusals_say_what_is_wrong() -> None:
+    with pytest.raises(SectionError, match="diameter_mm is -1"):
+        Round(-1.0)
+    with pytest.raises(SectionError, match="below outer_mm"):
+        Tube(0.3, 0.3)
+    with pytest.raises(SectionError, match="same kind"):
+        Taper(Round(0.3), Rectangle(0.3, 0.3))
+    for other in (Tube(1.0, 0.5), Rectangle(1.0, 1.0)):
+        with pytest.raises(SectionError, match="same kind"):
+            other.blend(Round(1.0), 0.5)
+    with pytest.raises(SectionError, match="poisson"):
+        Material("jelly", 1.0, 0.5, 1.0, 1.0)
+    with pytest.raises(BeamError, match="at least one segment"):
+        chain_compliance([])
+    with pytest.raises(BeamError, match="no length"):
+        Segment(np.ones(3), np.ones(3), Round(0.3), MUSIC_WIRE)
+    with pytest.raises(BeamError, match="three finite"):
+        Segment(np.array([0.0, np.nan, 0.0]), np.ones(3), Round(0.3), MUSIC_WIRE)
+    a = Segment(np.zeros(3), -np.ones(3), Round(0.3), MUSIC_WIRE)
+    with pytest.raises(BeamError, match="list them base to tip"):
+        chain_compliance([a, a])
+    with pytest.raises(BeamError, match="at least 1"):
+        split(a, 0)
+    needle = Segment(np.zeros(3), -np.ones(3), Taper(Round(1.0), Round(1e-9)), MUSIC_WIRE)
+    with pytest.raises(BeamError, match="too steep"):
+        chain_compliance([needle])

@@ -1,0 +1,321 @@
+"""Whiskers: the paper's closed forms against the chain, the default whisker, and its limits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import integrate, optimize
+
+from whisker_array.whisker.closed_forms import (
+    l_shaped_compliance,
+    l_shaped_moment_arm,
+    straight_compliance,
+    straight_moment_arm,
+)
+from whisker_array.whisker.defaults import default_preload_mm, default_whisker
+from whisker_array.whisker.enhancement import land_moment_n_mm
+from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, Round, Section, Taper, Tube
+from whisker_array.whisker.shapes import Chain, LShaped, Straight, TipModel, Whisker, WhiskerError
+from whisker_array.whisker.validity import (
+    Validity,
+    check_validity,
+    deflection_ratio,
+    first_bending_frequency_hz,
+    land_force_n,
+    preload_stress_mpa,
+    validity_messages,
+)
+
+SECTIONS: tuple[Section, ...] = (Round(0.4), Tube(0.6, 0.4), Rectangle(0.3, 1.8), Rectangle(0.9, 0.3))
+BETAS = (-0.4, 0.0, 0.3, 0.9)
+KS = (0.033, 0.117, 0.5)
+
+
+def printed_a(k: float, beta: float) -> np.ndarray:
+    """A as eq. (20) prints it, in its 2 x 2 vertical part."""
+    c, s = math.cos(beta), math.sin(beta)
+    a12 = -s * c - 1.5 * k * c
+    return np.array([[s * s + 1.5 * k * s + k**3, a12], [a12, c * c]])
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+@pytest.mark.parametrize("k", KS)
+@pytest.mark.parametrize("beta", BETAS)
+def test_corrected_eq_20_is_the_chain(beta: float, k: float, section: Section) -> None:
+    whisker = LShaped(30.0, 30.0 * k, None, beta, section)
+    chain = whisker.tip_model(axial=False).compliance_mm_per_n
+    closed = l_shaped_compliance(30.0, 30.0 * k, beta, section, MUSIC_WIRE)
+    np.testing.assert_allclose(chain, closed, rtol=1e-9, atol=1e-12 * closed.max())
+
+
+@pytest.mark.parametrize("beta", BETAS)
+@pytest.mark.parametrize("k", KS)
+def test_corrected_terms_by_castigliano(k: float, beta: float) -> None:
+    # strain energy of unit tip forces, integrated numerically: U = 1/2 delta
+    section = Rectangle(0.3, 1.8)
+    l1, l2 = 30.0, 30.0 * k
+    c, s = math.cos(beta), math.sin(beta)
+    ei, eil = MUSIC_WIRE.e_mpa * section.i_vertical_mm4, MUSIC_WIRE.e_mpa * section.i_lateral_mm4
+    gj = MUSIC_WIRE.g_mpa * section.j_mm4
+    # horizontal force: its arm is the height above the tip
+    d_xx = (
+        integrate.quad(lambda u: (l2 + u * s) ** 2 / ei, 0, l1)[0]
+        + integrate.quad(lambda u: u * u / ei, 0, l2)[0]
+    )
+    # lateral force: sideways bending with arm u + l2 s in l1, twist l2 c, bending of the tip arm
+    d_zz = (
+        integrate.quad(lambda u: (u + l2 * s) ** 2 / eil + (l2 * c) ** 2 / gj, 0, l1)[0]
+        + integrate.quad(lambda u: u * u / eil, 0, l2)[0]
+    )
+    closed = l_shaped_compliance(l1, l2, beta, section, MUSIC_WIRE)
+    assert closed[0, 0] == pytest.approx(d_xx, rel=1e-9)
+    assert closed[2, 2] == pytest.approx(d_zz, rel=1e-9)
+
+
+@pytest.mark.parametrize("k", KS)
+def test_printed_a11_belongs_to_no_beam(k: float) -> None:
+    assert np.linalg.eigvalsh(printed_a(k, 0.0))[0] < 0.0
+    d = np.diag([0.0, 0.0, 1.0])
+    d[:2, :2] = printed_a(k, 0.0)
+    with pytest.raises(WhiskerError, match="not positive definite"):
+        TipModel(d, np.array([0.0, -30.0, 0.0]))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    k=st.floats(0.0, 2.0), beta=st.floats(-1.3, 1.3), length=st.floats(5.0, 100.0), which=st.integers(0, 3)
+)
+def test_every_l_is_positive_definite(k: float, beta: float, length: float, which: int) -> None:
+    model = LShaped(length, k * length, None, beta, SECTIONS[which]).tip_model()
+    assert np.linalg.eigvalsh(model.compliance_mm_per_n)[0] > 0.0
+    np.testing.assert_allclose(
+        model.stiffness_n_per_mm @ model.compliance_mm_per_n, np.eye(3), atol=1e-6 * (length / 0.3) ** 2 / 1e3
+    )
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+@pytest.mark.parametrize("beta", BETAS)
+def test_eq_17_and_18_are_the_chain(beta: float, section: Section) -> None:
+    whisker = Straight(30.0, beta, section)
+    closed = straight_compliance(30.0, beta, section, MUSIC_WIRE)
+    along = np.array([math.cos(beta), math.sin(beta), 0.0])
+    stretch = 30.0 / (MUSIC_WIRE.e_mpa * section.area_mm2) * np.outer(along, along)
+    model = whisker.tip_model()
+    np.testing.assert_allclose(
+        model.compliance_mm_per_n, closed + stretch, rtol=1e-9, atol=1e-12 * closed.max()
+    )
+    np.testing.assert_allclose(model.moment_arm_mm, straight_moment_arm(30.0, beta), atol=1e-12)
+    np.testing.assert_allclose(l_shaped_compliance(30.0, 0.0, beta, section, MUSIC_WIRE), closed, atol=1e-14)
+    with pytest.raises(WhiskerError, match="axial=True"):
+        whisker.tip_model(axial=False)
+
+
+@pytest.mark.parametrize("l3", [None, 0.0, 2.0])
+@pytest.mark.parametrize("beta", BETAS)
+def test_eq_21_is_the_geometry(beta: float, l3: float | None) -> None:
+    whisker = LShaped(30.0, 4.0, l3, beta, Round(0.4))
+    expected = l_shaped_moment_arm(30.0, 4.0, 4.0 if l3 is None else l3, beta)
+    np.testing.assert_allclose(whisker.tip_model().moment_arm_mm, expected, atol=1e-12)
+    # and it is the moment about the lowered sensor, by hand
+    sensor = np.array([0.0, -whisker.lowered_mm, 0.0])
+    force = np.array([-0.3, 1.1, 0.7])
+    by_hand = np.cross(whisker.segments()[-1].end_mm - sensor, force)[2]
+    assert expected @ force == pytest.approx(by_hand)
+
+
+def test_chain_repeats_the_l_and_feels_its_k() -> None:
+    ell = LShaped(30.0, 3.5, None, 0.2, Rectangle(0.3, 1.8))
+    points = np.array([s.start_mm for s in ell.segments()] + [ell.segments()[-1].end_mm])
+    chain = Chain(points, Rectangle(0.3, 1.8), l3_mm=3.5)
+    np.testing.assert_allclose(
+        chain.tip_model().compliance_mm_per_n, ell.tip_model().compliance_mm_per_n, rtol=1e-12, atol=1e-16
+    )
+    np.testing.assert_allclose(chain.tip_model().moment_arm_mm, ell.tip_model().moment_arm_mm, atol=1e-12)
+    assert chain.k == pytest.approx(ell.k, rel=1e-3)  # the axial term is in the chain's felt k
+    straight = Chain(points[:2], Rectangle(0.3, 1.8))
+    assert straight.k == pytest.approx(0.0, abs=1e-4)
+
+
+def test_tapered_l_shaped_has_a_thin_tip_arm() -> None:
+    segments = LShaped(30.0, 3.0, None, 0.0, Taper(Round(0.6), Round(0.3))).segments()
+    assert segments[1].section == Round(0.3)
+    assert len(LShaped(30.0, 0.0, None, 0.0, Round(0.3)).segments()) == 1
+
+
+# --- the default whisker
+
+
+@pytest.mark.parametrize("height", [2.5, 5.0, 10.0])
+def test_default_whisker_keeps_its_promises(height: float) -> None:
+    whisker, preload = default_whisker(height), default_preload_mm(height)
+    d = whisker.tip_model().compliance_mm_per_n
+    assert whisker.l1_mm == pytest.approx(6 * height)
+    assert whisker.k == pytest.approx(0.117)
+    assert d[1, 1] / d[2, 2] >= 30.0
+    assert preload_stress_mpa(whisker, preload_mm=preload, mu=0.5) < 0.1 * MUSIC_WIRE.yield_mpa
+    assert deflection_ratio(whisker, preload_mm=preload, mu=0.5) < 0.05
+    fine = check_validity(
+        whisker,
+        preload_mm=preload,
+        mu=0.3,
+        mark_depth_mm=0.05 * height,
+        speed_mm_s=2.0,
+        finest_wavelength_mm=0.2 * height,
+    )
+    assert fine == Validity.NONE
+    assert validity_messages(fine) == ()
+
+
+def test_default_whisker_scales() -> None:
+    small, large = default_whisker(4.0), default_whisker(8.0)
+    assert first_bending_frequency_hz(small) == pytest.approx(2 * first_bending_frequency_hz(large), rel=1e-6)
+    moments = [
+        land_moment_n_mm(w.tip_model(), preload_mm=default_preload_mm(h), mu=0.2)
+        for w, h in ((small, 4.0), (large, 8.0))
+    ]
+    assert moments[1] == pytest.approx(8 * moments[0], rel=1e-9)
+    assert moments[0] < 0.0
+
+
+def test_ribbon_ratio_is_limited_by_twist() -> None:
+    d = LShaped(30.0, 30 * 0.117, None, 0.0, Rectangle(0.3, 300.0)).tip_model().compliance_mm_per_n
+    assert d[1, 1] / d[2, 2] < 38.0
+
+
+# --- stress, deflection, frequency, validity
+
+
+def test_stress_of_a_level_cantilever() -> None:
+    # sigma = 3 E c d0 / l^2, the friction does not count when the force along the whisker has no arm
+    whisker = Straight(30.0, 0.0, Rectangle(0.3, 1.8))
+    expected = 3 * MUSIC_WIRE.e_mpa * 0.15 * 1.0 / 30.0**2
+    assert preload_stress_mpa(whisker, preload_mm=1.0, mu=0.4) == pytest.approx(expected, rel=1e-4)
+    assert deflection_ratio(whisker, preload_mm=1.0, mu=0.0) == pytest.approx(1 / 30, rel=1e-6)
+
+
+def test_stress_looks_inside_a_taper() -> None:
+    # a cone under a tip force is stressed most where its diameter is 1.5 times that at the (virtual) thin end
+    whisker = Straight(30.0, 0.0, Taper(Round(0.8), Round(0.2)))
+    force = float(land_force_n(whisker, preload_mm=1.0, mu=0.0)[1])
+
+    def stress(u: float) -> float:  # u from the tip
+        d = 0.2 + 0.6 * u / 30.0
+        return 32 * force * u / (math.pi * d**3)
+
+    peak = -optimize.minimize_scalar(lambda u: -stress(u), bounds=(0.0, 30.0), method="bounded").fun
+    assert preload_stress_mpa(whisker, preload_mm=1.0, mu=0.0) == pytest.approx(peak, rel=2e-3)
+
+
+def test_land_force_lifts_the_tip_by_the_preload() -> None:
+    whisker = default_whisker(5.0)
+    force = land_force_n(whisker, preload_mm=1.0, mu=0.2)
+    assert (whisker.tip_model().compliance_mm_per_n @ force)[1] == pytest.approx(1.0)
+    assert force[0] == pytest.approx(-0.2 * force[1])
+
+
+@pytest.mark.parametrize(("held", "eigenvalue"), [(False, 3.5160), (True, 15.4182)])
+def test_frequency_of_a_cantilever(held: bool, eigenvalue: float) -> None:
+    section = Rectangle(0.3, 4.5)
+    ei, line_mass = MUSIC_WIRE.e_mpa * section.i_vertical_mm4, 7.8e-9 * section.area_mm2
+    expected = eigenvalue / (2 * math.pi * 30.0**2) * math.sqrt(ei / line_mass)
+    found = first_bending_frequency_hz(Straight(30.0, 0.0, section), tip_held=held)
+    assert found == pytest.approx(expected, rel=4e-3 if held else 2e-3)
+
+
+def test_frequency_with_a_heavy_tip() -> None:
+    # f = sqrt(3 EI / ((M + 33/140 m) l^3)) / 2 pi, good to 0.1 % for M >> m
+    section, length, tip_g = Round(0.4), 30.0, 1.0
+    beam = 7.8e-9 * section.area_mm2 * length
+    k = 3 * MUSIC_WIRE.e_mpa * section.i_vertical_mm4 / length**3
+    expected = math.sqrt(k / (tip_g * 1e-6 + 33 / 140 * beam)) / (2 * math.pi)
+    found = first_bending_frequency_hz(Straight(length, 0.3, section), tip_mass_g=tip_g)
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
+def test_each_flag_has_its_case_and_message() -> None:
+    good = {
+        "preload_mm": 1.0,
+        "mu": 0.3,
+        "mark_depth_mm": 0.2,
+        "speed_mm_s": 5.0,
+        "finest_wavelength_mm": 0.5,
+    }
+    whisker = default_whisker(5.0)
+    assert check_validity(whisker, **good) == Validity.NONE
+
+    def flags(w: Whisker = whisker, **change: float) -> Validity:
+        return check_validity(w, **{**good, **change})
+
+    assert flags(preload_mm=4.0) == Validity.DEFLECTION_OVER_10_PERCENT
+    assert flags(Straight(30.0, 0.0, Rectangle(7.0, 7.0)), preload_mm=1.0) == Validity.STRESS_OVER_YIELD
+    assert flags(mark_depth_mm=0.9) == Validity.PRELOAD_BELOW_MARK_DEPTH
+    assert flags(speed_mm_s=100.0) == Validity.NOT_QUASI_STATIC
+    long_arm = LShaped(30.0, 15.0, None, 0.0, Rectangle(0.5, 4.5))
+    assert flags(long_arm, mu=0.0) & Validity.JAMMING
+    assert flags(mu=1.0) & Validity.JAMMING  # a rising 60 degree wall beyond the friction cone
+    steep = LShaped(30.0, 3.0, None, -1.2, Rectangle(0.3, 4.5))
+    assert Validity.JAMMING in flags(steep, mu=0.5)  # already on the land: no stress to speak of
+    for flag in Validity:
+        assert len(validity_messages(flag)) == 1
+    assert len(validity_messages(flags(mark_depth_mm=0.9, speed_mm_s=100.0))) == 2
+
+
+def test_descriptions_name_the_numbers() -> None:
+    assert "l1 30 mm" in default_whisker(5.0).describe()
+    assert "k = 0.117" in default_whisker(5.0).describe()
+    assert "l 30 mm" in Straight(30.0, 0.0, Round(0.4)).describe()
+    assert "chain of 1 segments" in Chain(np.array([[0.0, 0, 0], [-9, -1, 0]]), (Round(0.3),)).describe()
+
+
+def test_refusals_say_what_is_wrong() -> None:
+    wire = Round(0.4)
+    with pytest.raises(WhiskerError, match="radians"):
+        Straight(30.0, 45.0, wire)
+    with pytest.raises(WhiskerError, match="length_mm"):
+        Straight(0.0, 0.0, wire)
+    with pytest.raises(WhiskerError, match="l2_mm"):
+        LShaped(30.0, -1.0, None, 0.0, wire)
+    with pytest.raises(WhiskerError, match="l3_mm"):
+        LShaped(30.0, 1.0, math.nan, 0.0, wire)
+    with pytest.raises(WhiskerError, match="at least two"):
+        Chain(np.zeros((1, 3)), wire)
+    points = np.array([[0.0, 0, 0], [-9, -1, 0]])
+    with pytest.raises(WhiskerError, match="2 sections for 1"):
+        Chain(points, (wire, wire))
+    with pytest.raises(WhiskerError, match="behind the base"):
+        Chain(-points, wire)
+    with pytest.raises(WhiskerError, match="no length"):
+        Chain(points[[0, 0, 1]], wire)
+    with pytest.raises(WhiskerError, match="finite"):
+        Chain(points, wire, l3_mm=math.inf)
+    eye = np.eye(3)
+    with pytest.raises(WhiskerError, match=r"\(3, 3\) and \(3,\)"):
+        TipModel(eye, np.zeros(2))
+    with pytest.raises(WhiskerError, match="finite"):
+        TipModel(eye * np.nan, np.zeros(3))
+    with pytest.raises(WhiskerError, match="symmetric"):
+        TipModel(eye + np.triu(eye[::-1]), np.zeros(3))
+    with pytest.raises(WhiskerError, match="character_height_mm"):
+        default_whisker(-5.0)
+    with pytest.raises(WhiskerError, match="tip_mass_g"):
+        first_bending_frequency_hz(default_whisker(5.0), tip_mass_g=-1.0)
+    with pytest.raises(WhiskerError, match="mark_depth_mm"):
+        check_validity(
+            default_whisker(5.0),
+            preload_mm=1.0,
+            mu=0.2,
+            mark_depth_mm=-0.1,
+            speed_mm_s=5.0,
+            finest_wavelength_mm=0.5,
+        )
+
+
+def test_arrays_of_a_tip_model_are_read_only() -> None:
+    model = default_whisker(5.0).tip_model()
+    with pytest.raises(ValueError, match="read-only"):
+        model.compliance_mm_per_n[0, 0] = 1.0
+    assert model.compliance_mm_per_n.dtype == np.float64

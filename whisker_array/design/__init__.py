@@ -1,0 +1,1 @@
+"""Which whisker to build: the search, the limits, and what they cost."""

@@ -1,0 +1,294 @@
+"""Which whisker to build: the L-shaped whisker with the largest worst-case edge contrast that can be made and used.
+
+    m / m_land  F  ___                    contrast: the step of the signal at an edge, in land moments,
+                  |   \\                   top lip     |F - 1|
+    1 ________top |    \\ _____            bottom lip  |F - 1| (1 - depth/d0)
+              lip      | bottom lip       the least of both, for falling (+alpha) and rising (-alpha) walls
+                       |__________        and every friction of the range, is made as large as possible
+
+By (22) F depends on A = tan(beta) + 1.5 k / c and the height of the sensor's axis alone: setting angle and tip arm do
+the same to F, but the tip arm lets l1 twist, so that the tip slides sideways into grooves. F - 1 grows with A
+until a steep wall jams; d0 sharpens the bottom lip until force, linear beam or slide stop it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Literal
+
+import numpy as np
+
+from whisker_array.design.checks import (
+    FINEST_WAVELENGTH_LINES,
+    check,
+    edge_steps,
+    first_frequency_hz,
+    normal_forces_n,
+)
+from whisker_array.design.failure import why_not
+from whisker_array.design.limits import Bound, Constraint, DesignError, Limits, Request
+from whisker_array.design.search import (
+    HELD,
+    Candidate,
+    Problem,
+    SectionKind,
+    best,
+    polish,
+    rounded,
+    starts,
+)
+from whisker_array.whisker.elastica import ElasticaError, enhancement_exact, linear_error
+from whisker_array.whisker.sections import Rectangle
+from whisker_array.whisker.shapes import LShaped
+from whisker_array.whisker.validity import PRELOAD_MARGIN, QUASI_STATIC_SHARE, first_bending_frequency_hz
+
+SEED = 20
+_STARTS = 5
+_ELASTICA_ROUNDS = 4
+_ELASTICA_NEAR = 0.02
+_FINE = 33
+
+
+class Lip(Enum):
+    """Which edge of a wall."""
+
+    TOP = "top lip"
+    BOTTOM = "bottom lip"
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The edge with the least step.
+
+    Attributes:
+        contrast: its step over the land moment.
+        alpha_rad: the wall; negative rises.
+        mu: friction.
+        lip: top or bottom.
+    """
+
+    contrast: float
+    alpha_rad: float
+    mu: float
+    lip: Lip
+
+
+@dataclass(frozen=True)
+class Design:
+    """A whisker, its use, and how it stands to every limit.
+
+    Attributes:
+        request: what was asked.
+        limits: what was allowed.
+        whisker: the whisker.
+        preload_mm: d0.
+        tip_radius_mm: ball, see `Request.tip_radius_mm`.
+        line_pitch_mm: see `Request.line_pitch_mm`.
+        sample_pitch_mm: see `Request.sample_pitch_mm`.
+        speed_mm_s: the fastest quasi-static scan; at least the one asked for.
+        worst: the edge with the least contrast by (16).
+        contrast_exact: the contrast of that edge with F by the elastica; NaN where that has no answer.
+        factor_range: least and greatest F over all walls and frictions of the request.
+        constraints: the table.
+        linear_error: the elastica's worst error of force or moment on the land, as a share.
+        frequency_hz: first bending frequency with the tip held.
+        land_force_n: greatest normal force on the land.
+    """
+
+    request: Request
+    limits: Limits
+    whisker: LShaped
+    preload_mm: float
+    tip_radius_mm: float
+    line_pitch_mm: float
+    sample_pitch_mm: float
+    speed_mm_s: float
+    worst: Worst
+    contrast_exact: float
+    factor_range: tuple[float, float]
+    constraints: tuple[Constraint, ...]
+    linear_error: float
+    frequency_hz: float
+    land_force_n: float
+
+    @property
+    def contrast(self) -> float:
+        """The worst-case edge contrast, in land moments."""
+        return self.worst.contrast
+
+    @property
+    def axis_over_land_mm(self) -> float:
+        """How high the sensor's axis stands over the land while tracing."""
+        w = self.whisker
+        return w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm - self.preload_mm
+
+    @property
+    def binding(self) -> tuple[Bound, ...]:
+        """The constraints at their limit."""
+        return tuple(c.bound for c in self.constraints if c.binding)
+
+
+def worst_edge(whisker: LShaped, request: Request, *, preload_mm: float) -> tuple[Worst, tuple[float, float]]:
+    """The edge with the least contrast on a fine grid of slopes and frictions, and the range of F.
+
+    Raises:
+        DesignError: the whisker jams on one of these walls.
+    """
+    slopes = np.linspace(*request.alpha_rad, _FINE)
+    alpha, mu = np.concatenate([slopes, -slopes]), np.linspace(*request.mu, _FINE)
+    steps, factor = edge_steps(
+        whisker, preload_mm=preload_mm, depth_mm=request.depth_mm, alpha_rad=alpha, mu=mu
+    )
+    if not np.isfinite(factor).all():
+        raise DesignError("the whisker jams on a wall of the range; take a smaller k or setting angle")
+    lip, i, j = np.unravel_index(int(np.argmin(steps)), steps.shape)
+    worst = Worst(float(steps.min()), float(alpha[i]), float(mu[j]), (Lip.TOP, Lip.BOTTOM)[int(lip)])
+    return worst, (float(factor.min()), float(factor.max()))
+
+
+def land_linear_error(whisker: LShaped, request: Request, *, preload_mm: float) -> float:
+    """The elastica's word: greatest error of the linear beam's force or moment on the land, as a share."""
+    try:
+        return max(linear_error(whisker, lift_mm=preload_mm, mu=mu).worst for mu in request.mu)
+    except ElasticaError:
+        return math.inf
+
+
+def design_whisker(
+    request: Request,
+    *,
+    limits: Limits | None = None,
+    section: Literal["auto", "ribbon", "round"] = "auto",
+    seed: int = SEED,
+) -> Design:
+    """The whisker with the largest worst-case edge contrast; see the head of the module.
+
+    Args:
+        request: what it is for.
+        limits: what can be made and is allowed.
+        section: kind of section; auto takes the better of the two.
+        seed: of the starts of the search.
+
+    Raises:
+        DesignError: no whisker keeps all limits; names those that cannot be met together.
+    """
+    limits = limits or Limits()
+    kinds: tuple[SectionKind, ...] = ("ribbon", "round") if section == "auto" else (section,)
+    least, allowed = _least_round_slide_mm(request), limits.slide_lines * request.line_pitch_mm
+    if least > allowed and section == "round":
+        raise DesignError(
+            "round wire is as soft sideways as it is up and down: pressed on by no more than the groove's depth asks "
+            f"for, its tip slides {least:.2g} mm into grooves along the trace, where at most {allowed:.2g} mm is "
+            f"allowed. Mend: {Bound.SLIDE.mend}"
+        )
+    if least > allowed:
+        kinds = ("ribbon",)
+    found = [c for kind in kinds if (c := _search(Problem(request, limits, kind), seed)) is not None]
+    if not found:
+        raise DesignError(why_not(Problem(request, limits, kinds[0]), seed=seed))
+    problem, candidate = max(found, key=lambda pair: pair[1].worth)
+    return describe_design(
+        candidate.whisker, problem.request, limits=problem.limits, preload_mm=candidate.preload_mm
+    )
+
+
+def _least_round_slide_mm(request: Request) -> float:
+    """Round wire is at least as soft sideways as upwards: Dzz >= Dyy."""
+    return PRELOAD_MARGIN * request.depth_mm * math.tan(request.alpha_rad[1])
+
+
+def _search(problem: Problem, seed: int) -> tuple[Problem, Candidate] | None:
+    """The best candidate, with the elastica's first order corrected until its exact error keeps the limit."""
+    rng = np.random.default_rng(seed)
+    candidate = best(problem, starts(problem, n=_STARTS, rng=rng))
+    return None if candidate is None else settled(problem, candidate)
+
+
+def settled(problem: Problem, candidate: Candidate) -> tuple[Problem, Candidate] | None:
+    """Search on with the linear beam's error scaled to the elastica's, until it is kept and not overdone."""
+    limit = problem.limits.linear_error
+    kept: tuple[Problem, Candidate] | None = None
+    for _ in range(_ELASTICA_ROUNDS):
+        trial = rounded(candidate, problem)
+        exact = land_linear_error(trial.whisker, problem.request, preload_mm=trial.preload_mm)
+        checked = check(trial.whisker, problem.request, problem.limits, preload_mm=trial.preload_mm)
+        first_order = float(checked.values[Bound.LINEAR_BEAM].max())
+        if exact <= limit and trial.reserve > 0.0 and (kept is None or trial.worth > kept[1].worth):
+            kept = (problem, trial)
+        scale = min(2.0 * problem.error_scale, exact / first_order)
+        bound_by_it = first_order * problem.error_scale > (1.0 - _ELASTICA_NEAR) * limit
+        overdone = bound_by_it and exact < (1.0 - _ELASTICA_NEAR) * limit
+        if exact <= limit and not overdone:
+            break
+        problem = replace(problem, error_scale=scale * (1.0 + HELD))
+        again = polish(problem, candidate)
+        if again is None:
+            break
+        candidate = again
+    return kept
+
+
+def describe_design(whisker: LShaped, request: Request, *, limits: Limits, preload_mm: float) -> Design:
+    """Everything about a whisker in one use, good or not.
+
+    Raises:
+        DesignError: it jams on a wall of the request.
+    """
+    worst, factor_range = worst_edge(whisker, request, preload_mm=preload_mm)
+    error = land_linear_error(whisker, request, preload_mm=preload_mm)
+    checked = check(whisker, request, limits, preload_mm=preload_mm, linear_error=error)
+    frequency = first_bending_frequency_hz(whisker, tip_held=True)
+    wavelength = FINEST_WAVELENGTH_LINES * request.line_pitch_mm
+    # the search's own frequency is the lower one
+    speed = QUASI_STATIC_SHARE * min(frequency, first_frequency_hz(whisker)) * wavelength
+    land_n, _ = normal_forces_n(
+        whisker, preload_mm=preload_mm, alpha_rad=np.zeros(1), mu=np.array(request.mu)
+    )
+    try:
+        f = enhancement_exact(whisker, preload_mm=preload_mm, alpha_rad=worst.alpha_rad, mu=worst.mu)
+        lip = 1.0 if worst.lip is Lip.TOP else 1.0 - request.depth_mm / preload_mm
+        exact = abs(f - 1.0) * lip
+    except ElasticaError:
+        exact = math.nan
+    return Design(
+        request=request,
+        limits=limits,
+        whisker=whisker,
+        preload_mm=preload_mm,
+        tip_radius_mm=request.tip_radius_mm,
+        line_pitch_mm=request.line_pitch_mm,
+        sample_pitch_mm=request.sample_pitch_mm,
+        speed_mm_s=speed,
+        worst=worst,
+        contrast_exact=exact,
+        factor_range=factor_range,
+        constraints=(*checked.rows(), *_sizes(whisker, limits)),
+        linear_error=error,
+        frequency_hz=frequency,
+        land_force_n=float(land_n.max()),
+    )
+
+
+def _sizes(whisker: LShaped, limits: Limits) -> tuple[Constraint, ...]:
+    """What the whisker can be made like, as lines of the table: the nearer end of each range."""
+    section = whisker.section
+    beta = (math.degrees(limits.beta_rad[0]), math.degrees(limits.beta_rad[1]))
+    ranges = [
+        (Bound.LENGTH, whisker.l1_mm, limits.l1_mm),
+        (Bound.K, whisker.k, limits.k),
+        (Bound.BETA, math.degrees(whisker.beta_rad), beta),
+    ]
+    if isinstance(section, Rectangle):
+        ranges.append((Bound.THICKNESS, section.thickness_mm, limits.thickness_mm))
+        ranges.append((Bound.ASPECT, section.width_mm / section.thickness_mm, limits.aspect))
+    else:
+        ranges.append(
+            (Bound.THICKNESS, 2.0 * whisker.segments()[0].section_at(0.0).c_vertical_mm, limits.thickness_mm)
+        )
+    both = [
+        (Constraint(bound, value, low, False), Constraint(bound, value, high, True))
+        for bound, value, (low, high) in ranges
+    ]
+    return tuple(min(pair, key=lambda c: c.slack) for pair in both)

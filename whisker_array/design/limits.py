@@ -1,0 +1,218 @@
+"""What a whisker must hold to be built and used: the request, the limits, and how far a whisker is from each.
+
+constraint            what is compared                                      with
+jamming               e_y.D11 (n - mu t) on the steepest wall / on land     a fifth: force grows fivefold
+stress, force         bending stress, normal force on the steepest wall     half of yield, 0.5 N
+groove floor          preload                                               1.2 depths (Assumption 3)
+deflection, linear    |D11 f| / l1, elastica against linear beam            10 %, 2 % (Assumption 1)
+sideways slide        d0 Dzz/Dyy tan(alpha), on a wall along the trace      half a line pitch
+quasi-static          speed / four line pitches / first frequency           a tenth (Assumption 5)
+signal                strain at the base on the land                        200 microstrain
+elbow, clamp, axis    heights over the land                                 clear of the plate
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, replace
+
+from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
+from whisker_array.whisker.sections import MUSIC_WIRE, Material
+from whisker_array.whisker.validity import LINEAR_ERROR_LIMIT
+
+NARROWEST_STROKE_HEIGHTS = 1.0 / 14.0
+"""ISO 3098, lettering A."""
+_TOUCHING = 5e-3
+
+
+class DesignError(ValueError):
+    """No whisker does what is asked: says which constraints cannot be met together, and the mend."""
+
+
+class Bound(enum.Enum):
+    """The constraints: what is measured, and the mend where it cannot be kept."""
+
+    JAMMING = (
+        "lift on the steepest wall / on the land",
+        "take walls less steep or a narrower range of friction",
+    )
+    STRESS = ("bending stress, steepest wall, MPa", "allow more stress, a slower scan or a longer whisker")
+    FORCE = ("normal force, steepest wall, N", "allow more force, a slower scan or a weaker signal")
+    GROOVE_FLOOR = ("preload, mm", "take shallower marks")
+    DEFLECTION = ("tip deflection / l1", "allow a longer whisker or a slower scan")
+    LINEAR_BEAM = ("linear-beam error on the land", "allow a longer whisker, a slower scan or a larger error")
+    SLIDE = ("sideways slide into a groove, mm", "take a ribbon, larger characters or shallower marks")
+    SPEED = ("finest detail / first frequency", "scan slower")
+    SIGNAL = ("strain at the base, land, 1e-6", "allow a weaker signal or more force")
+    ELBOW = ("elbow's underside over the tip, mm", "allow a larger k or shallower marks")
+    CLAMP = ("clamp's underside over the land, mm", "allow a larger setting angle or a larger k")
+    AXIS = ("sensor axis over the free tip, mm", "allow a larger setting angle or a larger k")
+    LOWERED = ("sensor axis over the free tip, mm", "let the sensor's axis stand above the clamp")
+    WIDTH = ("width, mm", "allow a wider ribbon (whiskers further apart)")
+    LENGTH = ("l1, mm", "allow other lengths of l1")
+    K = ("k = l2 / l1", "allow another k")
+    BETA = ("beta, deg", "allow other setting angles")
+    THICKNESS = ("thickness or diameter, mm", "allow other thicknesses")
+    ASPECT = ("width / thickness", "allow other ribbons")
+
+    @property
+    def label(self) -> str:
+        """For tables."""
+        return self.value[0]
+
+    @property
+    def mend(self) -> str:
+        """What to change."""
+        return self.value[1]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the whisker is for.
+
+    Attributes:
+        alpha_rad: gentlest and steepest wall, rad; walls fall and rise.
+        mu: least and greatest friction.
+        depth_mm: deepest mark.
+        character_height_mm: sets lines, samples and the room that a whisker has.
+        speed_mm_s: scan speed to be reached; the house speed for the height if None.
+        material: what whiskers are made of.
+
+    Raises:
+        DesignError: a number out of range.
+    """
+
+    alpha_rad: tuple[float, float]
+    mu: tuple[float, float]
+    depth_mm: float
+    character_height_mm: float
+    speed_mm_s: float | None = None
+    material: Material = MUSIC_WIRE
+
+    def __post_init__(self) -> None:
+        low, high = self.alpha_rad
+        if not 0.0 < low <= high < math.pi / 2.0:
+            raise DesignError(
+                f"walls of {math.degrees(low):g} to {math.degrees(high):g} degrees cannot be: give the "
+                "gentlest and the steepest, above 0 and below 90 degrees"
+            )
+        if not 0.0 <= self.mu[0] <= self.mu[1] < 2.0:
+            raise DesignError(
+                f"friction of {self.mu[0]:g} to {self.mu[1]:g} cannot be: give 0 <= low <= high < 2"
+            )
+        for name in ("depth_mm", "character_height_mm", "speed_mm_s"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise DesignError(f"{name} is {value}; it must be a positive number")
+        if self.depth_mm > 0.5 * self.character_height_mm:
+            raise DesignError(
+                f"marks {self.depth_mm:g} mm deep with characters {self.character_height_mm:g} mm high cannot be: "
+                "depth is at most half the height"
+            )
+
+    @property
+    def least_speed_mm_s(self) -> float:
+        """The speed to be reached: 10 heights a second, at most SAFE_SPEED_MM_S, unless given."""
+        return self.speed_mm_s or min(10.0 * self.character_height_mm, SAFE_SPEED_MM_S)
+
+    @property
+    def line_pitch_mm(self) -> float:
+        """Forty lines a character height, as `array.default_plan`."""
+        return self.character_height_mm / LINES_PER_HEIGHT
+
+    @property
+    def narrowest_wall_mm(self) -> float:
+        """Horizontal extent of the steepest wall."""
+        return self.depth_mm / math.tan(self.alpha_rad[1])
+
+    @property
+    def sample_pitch_mm(self) -> float:
+        """Half a line pitch, as `array.default_plan`, but at least two samples on the steepest wall."""
+        return min(self.line_pitch_mm / SAMPLES_PER_LINE_PITCH, self.narrowest_wall_mm / 2.0)
+
+    @property
+    def tip_radius_mm(self) -> float:
+        """The largest ball (wear) that still shows the steepest slope on half of its wall and fits a stroke.
+
+        At the wall's foot the ball rounds r sin(alpha) off the slope: at most half the wall's extent. Its
+        diameter is at most half of the narrowest stroke, h/14.
+        """
+        by_wall = 0.5 * self.narrowest_wall_mm / math.sin(self.alpha_rad[1])
+        return min(by_wall, 0.25 * NARROWEST_STROKE_HEIGHTS * self.character_height_mm)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What can be made and what is allowed; see the head of the module.
+
+    Attributes:
+        l1_mm: shortest and longest beam.
+        thickness_mm: thinnest and thickest ribbon or wire.
+        aspect: least and greatest width over thickness of a ribbon.
+        width_heights: widest ribbon in character heights: whiskers stand half a height apart, in staggered rows.
+        k: least and greatest l2 / l1.
+        beta_rad: least and greatest setting angle.
+        lift_share: least e_y.D11 (n - mu t) on a wall over its land value; the contact solver calls a jam at a
+            tenth (`contact_kernel.JAM_FORCE`).
+        safety: yield stress over the greatest stress allowed.
+        force_n: greatest normal force, against wear and scratches.
+        linear_error: greatest error of the linear beam in force or moment on the land.
+        slide_lines: greatest sideways slide in line pitches.
+        strain: least strain at the base on the land, for a gauge.
+        clearance_depths: least room over the land under clamp and elbow, in depths of the marks.
+        axis_raise: how far the sensor's axis may stand above the clamp, in l1. 0 is the paper's range, where it
+            is only ever lowered.
+    """
+
+    l1_mm: tuple[float, float] = (5.0, 80.0)
+    thickness_mm: tuple[float, float] = (0.05, 1.0)
+    aspect: tuple[float, float] = (1.0, 40.0)
+    width_heights: float = 0.9
+    k: tuple[float, float] = (0.001, 0.5)
+    beta_rad: tuple[float, float] = (0.0, math.pi / 4.0)
+    lift_share: float = 0.2
+    safety: float = 2.0
+    force_n: float = 0.5
+    linear_error: float = LINEAR_ERROR_LIMIT
+    slide_lines: float = 0.5
+    strain: float = 200e-6
+    clearance_depths: float = 1.0
+    axis_raise: float = 0.0
+
+    def scaled(self, factor: float) -> Limits:
+        """The same limits for everything so many times larger: lengths times the factor, force its square."""
+        return replace(
+            self,
+            l1_mm=(self.l1_mm[0] * factor, self.l1_mm[1] * factor),
+            thickness_mm=(self.thickness_mm[0] * factor, self.thickness_mm[1] * factor),
+            force_n=self.force_n * factor**2,
+        )
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One line of the table.
+
+    Attributes:
+        bound: which.
+        value: what the whisker has.
+        limit: what it must not exceed, or fall below.
+        at_most: which of the two.
+    """
+
+    bound: Bound
+    value: float
+    limit: float
+    at_most: bool
+
+    @property
+    def slack(self) -> float:
+        """Room left, relative to the limit (beta >= 0: in rad); negative where violated."""
+        room = self.limit - self.value if self.at_most else self.value - self.limit
+        return room / abs(self.limit) if self.limit else room
+
+    @property
+    def binding(self) -> bool:
+        """Whether the limit is reached, within half a percent."""
+        return self.slack < _TOUCHING

@@ -1,0 +1,295 @@
+"""The search behind a design: SLSQP from many starts over the shape of the whisker and its preload.
+
+Variables: ln l1, ln k, beta, height of the sensor's axis over the free tip in l1, ln thickness, ln aspect, ln d0
+and the contrast tau. tau is maximised under step >= tau for every lip, wall and friction, so that the worst
+case is smooth, and under every constraint of `design_checks.check`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from whisker_array.design.checks import FINEST_WAVELENGTH_LINES, Checked, Values, check, first_frequency_hz
+from whisker_array.design.limits import Bound, Limits, Request
+from whisker_array.whisker.sections import Rectangle, Round
+from whisker_array.whisker.shapes import LShaped
+from whisker_array.whisker.validity import QUASI_STATIC_SHARE
+
+SectionKind = Literal["ribbon", "round"]
+
+HELD = 1e-3
+"""The search keeps this much (in logarithm) off every limit, so that five digits of a design still hold it."""
+_NEARLY = 5e-4
+_STEP = 1e-5
+_MAX_ITERATIONS = 50
+_POLISHES = 4
+_GAIN = 2e-5
+_WAIT = 6
+
+Objective = Callable[[LShaped, float], Values]
+"""What is to be large, given whisker and preload: its smallest entry counts."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A whisker in use, found or tried.
+
+    Attributes:
+        whisker: the whisker.
+        preload_mm: d0.
+        worth: smallest entry of the objective; minus infinity where it jams.
+        reserve: least reserve of all constraints; negative where one is violated.
+    """
+
+    whisker: LShaped
+    preload_mm: float
+    worth: float
+    reserve: float
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is searched for.
+
+    Attributes:
+        request: what the whisker is for.
+        limits: what is allowed.
+        section: kind of section.
+        error_scale: elastica's error over its first order, see `design_checks.check`.
+        objective: what is to be large; the worst-case contrast if None.
+        axis_lean_rad: the moment vanishes under a force that leans so much (see `design_tuned`): the axis height
+            is then no variable.
+    """
+
+    request: Request
+    limits: Limits
+    section: SectionKind = "ribbon"
+    error_scale: float = 1.0
+    objective: Objective | None = None
+    axis_lean_rad: float | None = None
+
+    def box(self) -> Values:
+        """(7, 2) bounds of the variables."""
+        lim = self.limits
+        aspect = lim.aspect if self.section == "ribbon" else (1.0, 1.0)
+        depth = self.request.depth_mm
+        top = math.sin(lim.beta_rad[1]) + lim.k[1] + lim.axis_raise
+        logs = [lim.l1_mm, lim.k, lim.thickness_mm, aspect, (depth, max(lim.l1_mm[1], 2.0 * depth))]
+        l1, k, t, a, d0 = ([math.log(v) for v in pair] for pair in logs)
+        return np.asarray([l1, k, list(lim.beta_rad), [0.0, top], t, a, d0], dtype=np.float64)
+
+    def decode(self, x: Values) -> tuple[LShaped, float]:
+        """Whisker and preload of a point."""
+        l1, k, t, aspect, d0 = (math.exp(x[i]) for i in (0, 1, 4, 5, 6))
+        beta = float(x[2])
+        axis = float(x[3]) * l1
+        if self.axis_lean_rad is not None:
+            axis = l1 * math.cos(beta) / math.tan(self.axis_lean_rad)
+        l3 = l1 * (math.sin(beta) + k) - axis
+        section = Rectangle(t, t * aspect) if self.section == "ribbon" else Round(t)
+        return LShaped(l1, l1 * k, l3, beta, section, self.request.material), d0
+
+    def encode(self, candidate: Candidate) -> Values:
+        """The point of a candidate, inside the box."""
+        w = candidate.whisker
+        t, width = _sides(w)
+        axis = (w.l1_mm * math.sin(w.beta_rad) + w.l2_mm - w.lowered_mm) / w.l1_mm
+        logs = [math.log(v) for v in (w.l1_mm, w.k, t, width / t, candidate.preload_mm)]
+        x = np.array([logs[0], logs[1], w.beta_rad, axis, *logs[2:]])
+        box = self.box()
+        return np.asarray(np.clip(x, box[:, 0], box[:, 1]))
+
+    def look(self, whisker: LShaped, preload_mm: float) -> tuple[Values, Checked]:
+        """Objective and constraints of a whisker in use."""
+        checked = check(
+            whisker, self.request, self.limits, preload_mm=preload_mm, error_scale=self.error_scale
+        )
+        worth = checked.contrast if self.objective is None else self.objective(whisker, preload_mm)
+        return np.nan_to_num(np.ravel(worth), nan=-1.0), checked
+
+    def rate(self, whisker: LShaped, preload_mm: float) -> Candidate:
+        """A whisker in use as a candidate."""
+        worth, checked = self.look(whisker, preload_mm)
+        least = min(float(r.min()) for r in checked.reserve().values())
+        return Candidate(whisker, preload_mm, float(worth.min()), least)
+
+
+def _sides(whisker: LShaped) -> tuple[float, float]:
+    section = whisker.section
+    if isinstance(section, Rectangle):
+        return section.thickness_mm, section.width_mm
+    assert isinstance(section, Round)
+    return section.diameter_mm, section.diameter_mm
+
+
+def rounded(candidate: Candidate, problem: Problem) -> Candidate:
+    """The candidate in five digits, checked again."""
+
+    def five(value: float) -> float:
+        return float(f"{value:.5g}")
+
+    w = candidate.whisker
+    t, width = (five(v) for v in _sides(w))
+    section = Rectangle(t, width) if isinstance(w.section, Rectangle) else Round(t)
+    whisker = LShaped(five(w.l1_mm), five(w.l2_mm), five(w.lowered_mm), five(w.beta_rad), section, w.material)
+    return problem.rate(whisker, five(candidate.preload_mm))
+
+
+class _Memory:
+    """One evaluation for objective, constraints and both of their derivatives."""
+
+    def __init__(self, problem: Problem, *, only_reserve: bool) -> None:
+        self.problem, self.only_reserve = problem, only_reserve
+        self.seen: dict[bytes, Values] = {}
+        self.slopes: dict[bytes, Values] = {}
+
+    def values(self, x: Values) -> Values:
+        """All that must be at least tau, then all that must be at least 0 (only_reserve: at least tau)."""
+        key = x.tobytes()
+        if key not in self.seen:
+            worth, checked = self.problem.look(*self.problem.decode(x))
+            reserve = np.concatenate(list(checked.reserve().values())) - HELD
+            self.seen[key] = reserve if self.only_reserve else np.concatenate([worth, reserve])
+            self.n_worth = reserve.size if self.only_reserve else worth.size
+        return self.seen[key]
+
+    def slope(self, x: Values, box: Values) -> Values:
+        key = x.tobytes()
+        if key not in self.slopes:
+            base = self.values(x)
+            out = np.empty((base.size, x.size))
+            for i in range(x.size):
+                moved = x.copy()
+                moved[i] += _STEP if x[i] + _STEP <= box[i, 1] else -_STEP
+                out[:, i] = (self.values(moved) - base) / (moved[i] - x[i]) if box[i, 1] > box[i, 0] else 0.0
+            self.slopes[key] = out
+        return self.slopes[key]
+
+
+class _Patience:
+    """Ends a climb that no longer gains: on the kink where two natural frequencies cross SLSQP goes to and fro."""
+
+    def __init__(self, slack: Callable[[Values], Values]) -> None:
+        self.slack, self.top, self.waited = slack, -math.inf, 0
+        self.best: Values | None = None
+
+    def __call__(self, y: Values) -> None:
+        if float(self.slack(y).min()) < _NEARLY - HELD:
+            return
+        self.waited += 1
+        if y[-1] > self.top + _GAIN * abs(y[-1]):
+            self.top, self.waited, self.best = float(y[-1]), 0, y.copy()
+        if self.waited > _WAIT:
+            raise StopIteration
+
+
+def climb(problem: Problem, start: Values, *, only_reserve: bool = False) -> Candidate:
+    """SLSQP from one start; only_reserve: away from the limits instead of towards contrast."""
+    from scipy.optimize import minimize
+
+    box = problem.box()
+    memory = _Memory(problem, only_reserve=only_reserve)
+    start = np.clip(start, box[:, 0], box[:, 1])
+    first = memory.values(start)
+    share = np.zeros(first.size)
+    share[: memory.n_worth] = 1.0
+    tau = float(first[: memory.n_worth].min())
+
+    def inside(y: Values) -> Values:
+        return np.clip(y[:-1], box[:, 0], box[:, 1])
+
+    patience = _Patience(lambda y: memory.values(inside(y)) - share * y[-1])
+    found = minimize(
+        lambda y: -y[-1],
+        np.append(start, tau),
+        jac=lambda y: np.append(np.zeros(y.size - 1), -1.0),
+        bounds=[*map(tuple, box), (None, None)],
+        constraints={
+            "type": "ineq",
+            "fun": lambda y: memory.values(inside(y)) - share * y[-1],
+            "jac": lambda y: np.column_stack([memory.slope(inside(y), box), -share]),
+        },
+        method="SLSQP",
+        callback=patience,
+        options={"maxiter": _MAX_ITERATIONS, "ftol": 1e-6},
+    )  # fmt: skip
+    last = problem.rate(*problem.decode(inside(found.x)))
+    if _keeps(last) or patience.best is None:
+        return last
+    return problem.rate(*problem.decode(inside(patience.best)))
+
+
+def starts(problem: Problem, *, n: int, rng: np.random.Generator) -> Iterable[Values]:
+    """Points to begin at: shape and preload at random, the rest sized to be about fast and stiff enough."""
+    box, request, limits = problem.box(), problem.request, problem.limits
+    ribbon = problem.section == "ribbon"
+    for i in range(n):
+        depths, reach, spare = np.exp(rng.uniform(np.log([1.3, 15.0, 1.0]), np.log([10.0, 60.0, 2.0])))
+        x = box.mean(axis=1)
+        x[1] = rng.uniform(math.log(0.02), math.log(0.2))
+        x[2] = rng.uniform(box[2, 0], 0.5 * (box[2, 0] + box[2, 1]))
+        preload = depths * request.depth_mm
+        x[6] = math.log(preload)
+        x[0] = np.clip(math.log(reach * preload), *box[0])
+        l1 = math.exp(x[0])
+        x[3] = preload / l1
+        if limits.axis_raise > 0.0 and i % 2:
+            # an axis above the line of A has its own best: the moment falls where it else would rise
+            x[3] = rng.uniform(*box[3])
+        allowed = limits.slide_lines * request.line_pitch_mm
+        aspect = max(5.0, math.sqrt(preload * math.tan(request.alpha_rad[1]) / allowed)) if ribbon else 1.0
+        x[5] = math.log(aspect)
+        whisker, _ = problem.decode(np.where(np.arange(7) == 4, 0.0, x))
+        detail_hz = request.least_speed_mm_s / (FINEST_WAVELENGTH_LINES * request.line_pitch_mm)
+        x[4] = math.log(spare * detail_hz / QUASI_STATIC_SHARE / first_frequency_hz(whisker))
+        yield np.clip(x, box[:, 0], box[:, 1])
+
+
+def polish(problem: Problem, candidate: Candidate, *, rounds: int = _POLISHES) -> Candidate | None:
+    """Climb on from a candidate, with fresh curvatures each time, until that gains no more; None if not kept.
+
+    The best of a design is often a flat ridge (setting angle against tip arm) on which one climb stops short.
+    """
+    candidate = problem.rate(candidate.whisker, candidate.preload_mm)
+    for _ in range(rounds):
+        again = climb(problem, problem.encode(candidate))
+        done = _keeps(candidate) and again.worth < candidate.worth * (1.0 + _GAIN)
+        if (_keeps(again) and (not _keeps(candidate) or again.worth > candidate.worth)) or not _keeps(
+            candidate
+        ):
+            candidate = again
+        if done:
+            break
+    return candidate if _keeps(candidate) else None
+
+
+def _keeps(candidate: Candidate) -> bool:
+    return candidate.reserve >= _NEARLY and math.isfinite(candidate.worth)
+
+
+def best(problem: Problem, beginnings: Iterable[Values]) -> Candidate | None:
+    """The best that keeps all constraints, from several starts; None if none does."""
+    first = list(beginnings)
+    kept = [c for start in first if _keeps(c := climb(problem, start))]
+    if not kept:
+        # a start far out can end outside all limits: come inside first
+        inside = max(
+            (climb(problem, start, only_reserve=True) for start in first[:2]), key=lambda c: c.reserve
+        )
+        kept = [inside] if _keeps(inside) else []
+    top = max(kept, key=lambda c: c.worth, default=None)
+    return None if top is None else polish(problem, top)
+
+
+def conflict(problem: Problem, beginnings: Sequence[Values]) -> tuple[Candidate, tuple[Bound, ...]]:
+    """The least violated point and the constraints that meet there: those that cannot be met together."""
+    nearest = max((climb(problem, x, only_reserve=True) for x in beginnings), key=lambda c: c.reserve)
+    _, checked = problem.look(nearest.whisker, nearest.preload_mm)
+    reserve = {bound: float(r.min()) for bound, r in checked.reserve().items()}
+    worst = min(reserve.values())
+    return nearest, tuple(bound for bound, r in reserve.items() if r < worst + 0.02 * max(1.0, abs(worst)))

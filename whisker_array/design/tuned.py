@@ -1,0 +1,203 @@
+"""A whisker sensitive to one inclination: the paper's last remark, and how far it carries.
+
+For *any* whisker (16) makes F a ratio of two linear forms in sin and cos of alpha, so F is a linear fraction
+of tan(alpha - atan(mu)): between its poles it only rises or only falls. No whisker responds most to one
+inclination and less to steeper ones, and none but a profilometer has F = 1 on any slope but the land. What can
+be had::
+
+    F                  |                 F  ___
+            threshold  |                       `--.     null
+      ________________/ jam              0 ........`o-------- alpha
+                     alpha0                         alpha0 \\___ the sign tells steeper from gentler
+
+*Threshold*: the pole just beyond alpha0, so the response grows fastest there; steeper walls would jam. *Null*:
+the sensor's axis stands on the line of the contact force on alpha0, 1 = B g(alpha0), B = axis height / (l1 c):
+there the moment vanishes. Friction turns that line, so either place moves by atan(mu), whatever the whisker.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from whisker_array.design.checks import Values, edge_steps
+from whisker_array.design.design import SEED, Design, describe_design, settled
+from whisker_array.design.limits import DesignError, Limits, Request
+from whisker_array.design.search import Problem, SectionKind, best, starts
+from whisker_array.whisker.shapes import LShaped
+
+NEIGHBOUR_RAD = math.radians(10.0)
+"""An inclination that must be told from alpha0."""
+AXIS_RAISE = 2.5
+"""How far the sensor's axis of a null may stand above the clamp, in l1."""
+STEEPEST_RAD = math.radians(80.0)
+_TABLE_DEG = tuple(range(0, 71, 5))
+_STARTS = 4
+
+
+class Kind(enum.Enum):
+    """How a whisker is sensitive to one inclination."""
+
+    NULL = "null"
+    THRESHOLD = "threshold"
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A whisker for one inclination.
+
+    Attributes:
+        kind: how it is sensitive.
+        alpha_rad: the inclination.
+        design: the whisker and its use.
+        selectivity: least change of F when the wall is ten degrees gentler or steeper (a threshold and a null
+            at the end of the range: gentler only), over all frictions, in land moments.
+        table_deg: inclinations of the table.
+        table_mu: least, middle and greatest friction.
+        table: F, (inclinations, frictions); NaN where the whisker jams.
+        place_rad: where the moment vanishes, or F is singular, for these frictions.
+    """
+
+    kind: Kind
+    alpha_rad: float
+    design: Design
+    selectivity: float
+    table_deg: tuple[int, ...]
+    table_mu: tuple[float, float, float]
+    table: Values
+    place_rad: tuple[float, float, float]
+
+
+def factors(whisker: LShaped, *, alpha_rad: Values, mu: Values) -> Values:
+    """F by (16), (slopes, frictions); NaN where the whisker jams."""
+    _, factor = edge_steps(whisker, preload_mm=1.0, depth_mm=1.0, alpha_rad=alpha_rad, mu=mu)
+    return factor
+
+
+def middle_friction(mu: tuple[float, float]) -> float:
+    """The friction whose angle lies midway."""
+    return math.tan(0.5 * (math.atan(mu[0]) + math.atan(mu[1])))
+
+
+def _neighbours(kind: Kind, alpha_rad: float, steepest_rad: float) -> Values:
+    sides = [-NEIGHBOUR_RAD]
+    if kind is Kind.NULL and alpha_rad + NEIGHBOUR_RAD <= steepest_rad + 1e-9:
+        sides.append(NEIGHBOUR_RAD)
+    return np.asarray(alpha_rad + np.array(sides))
+
+
+def _problem(kind: Kind, alpha_rad: float, request: Request, limits: Limits, section: SectionKind) -> Problem:
+    low = min(request.alpha_rad[0], alpha_rad)
+    if kind is Kind.THRESHOLD:
+        # walls no steeper than alpha0 are to be met
+        request, lean = replace(request, alpha_rad=(low, alpha_rad)), None
+    else:
+        request = replace(request, alpha_rad=(low, max(request.alpha_rad[1], alpha_rad)))
+        limits = replace(limits, axis_raise=max(limits.axis_raise, AXIS_RAISE))
+        lean = alpha_rad - math.atan(middle_friction(request.mu))
+        if not lean > 0.0:
+            raise DesignError(
+                f"a wall of {math.degrees(alpha_rad):g} degrees lies within the friction angle of these surfaces; "
+                "give a steeper one, or less friction"
+            )
+    mu = np.linspace(*request.mu, 3)
+    slopes = np.concatenate([[alpha_rad], _neighbours(kind, alpha_rad, request.alpha_rad[1])])
+
+    def step(whisker: LShaped, _preload_mm: float) -> Values:
+        f = factors(whisker, alpha_rad=slopes, mu=mu)
+        return np.asarray(np.abs(f[1:] - f[0]))
+
+    return Problem(request, limits, section, objective=step, axis_lean_rad=lean)
+
+
+def tune(
+    alpha_rad: float,
+    request: Request,
+    *,
+    limits: Limits | None = None,
+    kind: Kind | None = None,
+    section: Literal["auto", "ribbon", "round"] = "auto",
+    seed: int = SEED,
+) -> Tuned:
+    """The most selective whisker for one inclination, within the limits of a design.
+
+    Args:
+        alpha_rad: the inclination of falling walls.
+        request: as for a design; walls of the request must not jam a null, steeper ones than alpha_rad may jam
+            a threshold.
+        limits: what can be made; a null may have its axis up to AXIS_RAISE above the clamp.
+        kind: null or threshold. None: a null where steeper walls are to be met, else the more selective.
+        section: kind of section; auto is a ribbon.
+        seed: of the starts of the search.
+
+    Raises:
+        DesignError: an inclination out of range, or no whisker within the limits.
+    """
+    if not NEIGHBOUR_RAD < alpha_rad <= STEEPEST_RAD:
+        raise DesignError(
+            f"{math.degrees(alpha_rad):g} degrees cannot be singled out; give an inclination above "
+            f"{math.degrees(NEIGHBOUR_RAD):g} and up to {math.degrees(STEEPEST_RAD):g} degrees"
+        )
+    kinds = (kind,) if kind is not None else tuple(Kind)
+    if kind is None and alpha_rad < request.alpha_rad[1] - 1e-9:
+        kinds = (Kind.NULL,)
+    found: list[Tuned] = []
+    reasons: list[str] = []
+    for each in kinds:
+        try:
+            found.append(
+                _tuned(
+                    each,
+                    alpha_rad,
+                    request,
+                    limits or Limits(),
+                    "round" if section == "round" else "ribbon",
+                    seed,
+                )
+            )
+        except DesignError as error:
+            reasons.append(str(error))
+    if not found:
+        raise DesignError("; ".join(dict.fromkeys(reasons)))
+    return max(found, key=lambda t: t.selectivity)
+
+
+def _tuned(
+    kind: Kind, alpha_rad: float, request: Request, limits: Limits, section: SectionKind, seed: int
+) -> Tuned:
+    problem = _problem(kind, alpha_rad, request, limits, section)
+    candidate = best(problem, starts(problem, n=_STARTS, rng=np.random.default_rng(seed)))
+    done = None if candidate is None else settled(problem, candidate)
+    if done is None:
+        raise DesignError(
+            f"no {kind.value} at {math.degrees(alpha_rad):g} degrees within the limits; give a steeper inclination "
+            "or a narrower range of friction; where no walls are steeper than it, a threshold may serve"
+        )
+    problem, candidate = done
+    whisker = candidate.whisker
+    low, high = request.mu
+    mus = (low, middle_friction(request.mu), high)
+    table = factors(whisker, alpha_rad=np.radians(_TABLE_DEG), mu=np.array(mus))
+    model = whisker.tip_model()
+    row, arm = model.compliance_mm_per_n[1], model.moment_arm_mm
+    # the force leans by alpha - atan(mu): no moment along arm_x tan + arm_y = 0, no lift along Dyx tan + Dyy = 0
+    x, y = (arm[0], arm[1]) if kind is Kind.NULL else (row[0], row[1])
+    lean = math.atan2(-y * math.copysign(1.0, x), abs(x))
+    slopes = np.concatenate([[alpha_rad], _neighbours(kind, alpha_rad, problem.request.alpha_rad[1])])
+    fine = factors(whisker, alpha_rad=slopes, mu=np.linspace(low, high, 33))
+    return Tuned(
+        kind=kind,
+        alpha_rad=alpha_rad,
+        design=describe_design(
+            whisker, problem.request, limits=problem.limits, preload_mm=candidate.preload_mm
+        ),
+        selectivity=float(np.abs(fine[1:] - fine[0]).min()),
+        table_deg=_TABLE_DEG,
+        table_mu=mus,
+        table=table,
+        place_rad=(lean + math.atan(low), lean + math.atan(mus[1]), lean + math.atan(high)),
+    )

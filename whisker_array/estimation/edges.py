@@ -1,0 +1,141 @@
+"""Scan -> EdgeMap, directly from the moment signal: m / m_land - 1 and no filter of any kind.
+
+All that is removed is what the land itself shows: offset (array lifted), gain of each whisker, drift of each
+line, tilt of the part. What remains is (1 + h/d0) F(slope, mu) - 1, the paper's enhancement.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
+from whisker_array.estimation.gridding import FeltLines, common_grid, on_grid
+from whisker_array.estimation.land import land_coefficients, over_land, whisker_gain, without_drift
+from whisker_array.estimation.land_fit import in_order
+from whisker_array.estimation.registration import registration_mm
+from whisker_array.scan.scan import Scan, Sweep, only
+from whisker_array.scan.sensor import apply_calibration
+from whisker_array.simulation.traces import SampleFlag
+
+UNUSABLE = np.uint8(
+    SampleFlag.CONTACT_LOST
+    | SampleFlag.JAMMED
+    | SampleFlag.OUT_OF_RANGE
+    | SampleFlag.OUTSIDE
+    | SampleFlag.DROPOUT
+    | SampleFlag.NOT_CONVERGED
+)
+
+
+def calibrated_moments(scan: Scan, sweep: Sweep) -> NDArray[np.float64]:
+    """Moments (passes, whiskers, samples) with offset and, if known, gain removed, N mm.
+
+    The offset is that of the pass's own air samples where there are any, so slow drift between passes goes
+    too.
+    """
+    raw, offset = _signal(scan, sweep)
+    return raw.astype(np.float64) - offset[..., None]
+
+
+def _signal(scan: Scan, sweep: Sweep) -> tuple[NDArray[np.floating[Any]], NDArray[np.float64]]:
+    """Moments (passes, whiskers, samples) of the gain known, and the offsets (passes, whiskers) still in them."""
+    raw: NDArray[np.floating[Any]] = np.asarray(sweep.moment_n_mm)
+    air = sweep.air_n_mm
+    if scan.calibration is not None:
+        raw = apply_calibration(raw, scan.calibration)
+        if air.shape[2]:
+            air = apply_calibration(air, scan.calibration)
+    return raw, _median(air).astype(np.float64) if air.shape[2] else np.zeros(air.shape[:2])
+
+
+def _median(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
+    """np.median of the last axis; of a few samples at a time its checks take longer than sorting."""
+    ordered, n = np.sort(values, axis=-1), values.shape[-1]
+    middle = 0.5 * (ordered[..., (n - 1) // 2] + ordered[..., n // 2])
+    return np.where(np.isnan(ordered[..., -1]), np.nan, middle)
+
+
+def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> FeltLines:
+    """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, lead-in and lead-out left off.
+
+    Args:
+        scan: of one kind of whisker.
+        sweep: one of its sweeps.
+        ideal: the land's moment is the nominal one of the touch; nothing is estimated.
+
+    Raises:
+        MapError: no usable samples, or no land.
+    """
+    raw, offset = _signal(scan, sweep)
+    shape, lead = raw.shape, sweep.plan.n_lead
+    order = np.argsort(sweep.plan.line_mm, axis=None, kind="stable")
+    place = sweep.plan.line_mm.ravel()[order]
+    whisker = np.tile(np.arange(shape[1]), shape[0])[order]
+    lines = np.empty((order.size, max(shape[2] - 2 * lead, 0)))
+    signal, flags = (np.ascontiguousarray(values).reshape(-1, shape[2]) for values in (raw, sweep.flags))
+    keep = in_order(signal, flags, offset.ravel(), order, lead, UNUSABLE, lines)
+    if keep.sum() < 2:
+        raise MapError(
+            f"no usable samples in the {int(sweep.plan.direction)}° sweep: "
+            + SampleFlag(int(np.bitwise_or.reduce(sweep.flags, axis=None))).describe()
+        )
+    if not keep.all():
+        lines, place, whisker = lines[keep], place[keep], whisker[keep]
+    position = sweep.plan.position_mm()[lead : shape[2] - lead]
+    if ideal:
+        return FeltLines(lines / scan.touch.land_moment_n_mm() - 1.0, place, position, sweep.plan.direction)
+    if scan.calibration is None:
+        lines /= whisker_gain(lines, whisker)[:, None]
+    land = land_coefficients(lines)
+    if not np.isfinite(land).all() or not land.any():
+        raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
+    return FeltLines(without_drift(over_land(lines, land)), place, position, sweep.plan.direction)
+
+
+def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeMap:
+    """The signed enhancement of a scan on a grid of its line pitch, one layer per trace direction.
+
+    Of a mixed array the first kind of whisker is taken; sweeps pushed back are left aside.
+
+    Args:
+        scan: raw or calibrated.
+        register: take off play between back-and-forth and crossed passes where the maps show it.
+        ideal: the land's moment is the nominal one of the touch, as in a prediction; nothing is estimated.
+
+    Raises:
+        MapError: a sweep without usable samples or without land.
+    """
+    scan = only(scan)
+    felt = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]
+    grid = common_grid(felt, scan.line_pitch_mm)
+    layers, valid = on_grid(felt, grid)
+    if register and not ideal and len(felt) > 1:
+        shift = registration_mm(layers, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm)
+        if shift:
+            layers, valid = on_grid(felt, grid, shift=shift)
+    stack = np.zeros((len(layers), *valid.shape), dtype=np.float32)
+    for into, layer in zip(stack, layers, strict=True):
+        np.copyto(into, layer, casting="same_kind", where=valid)
+    return EdgeMap(
+        enhancement=stack,
+        directions=scan.directions,
+        valid=valid,
+        pitch_mm=grid.pitch_mm,
+        origin_mm=grid.origin_mm,
+    )
+
+
+def play_between(scan: Scan) -> dict[TraceDirection, tuple[float, float]]:
+    """Plate shift (dx, dy) of each dragged direction that takes off the stage's play; empty without play.
+
+    Raises:
+        MapError: as edge_map.
+    """
+    scan = only(scan)
+    felt = [land_ratio(scan, sweep) for sweep in scan.sweeps]
+    grid = common_grid(felt, scan.line_pitch_mm)
+    layers, _ = on_grid(felt, grid)
+    return registration_mm(layers, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm)

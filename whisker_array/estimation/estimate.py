@@ -1,0 +1,170 @@
+"""From moments back to the surface: lift, slope and friction, sample by sample, for any whisker.
+
+With tau the angle at which the surface rises in +x and phi = atan(mu), the contact force leans by an angle theta::
+
+                          f     f_x / f_y = -tan(theta)
+        theta = tau + phi  ^
+                            \\          dragged, base ahead in +x:      theta =  tau + phi
+      ____                   \\   ___    dragged the other way (turned): theta = -tau + phi
+          \\___ tau < 0 ___ ___\\_/       pushed back, base still in +x:  theta =  tau - phi   (mu changes sign)
+
+and eqs. (7), (11), (14) say m = lift G(theta), lift = d0 + h, with G a ratio of two linear forms of tan(theta). A
+profiler's G is one number (Case study 1), so it gives the lift; a differentiator's G, read backwards, gives theta.
+What is known and what is wanted decides which of the functions here is needed. Angles in rad, lengths in mm.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from whisker_array.whisker.shapes import TipModel
+
+Array = NDArray[np.float64]
+
+PROFILER_TOLERANCE = 1e-3
+"""A whisker is a profiler when its G changes by less than this share between theta = 0 and 45 degrees."""
+
+
+class EstimateError(ValueError):
+    """Moments from which nothing can be concluded; the message says why and how to mend it."""
+
+
+def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
+    """G of m = lift G(theta), eqs. (11) and (14), N mm per mm; NaN where the force cannot lift the tip."""
+    t = np.tan(np.asarray(theta_rad, dtype=np.float64))
+    row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
+    give = row[1] - row[0] * t
+    return np.where(give > 0.0, (arm[1] - arm[0] * t) / np.where(give > 0.0, give, 1.0), np.nan)
+
+
+def is_profiler(tip: TipModel) -> bool:
+    """Whether F = 1 for every slope and friction: G is one number, so the moment is the profile.
+
+    Straight whiskers are, (17), (18), unless so steep that stretch counts or that 45 degrees jam; and so is an
+    L-shaped one whose sensor sits l2 / 2 above its clamp: with l3 = -l2 / 2 both factors of (22) are the same.
+    """
+    level, leaning = moment_per_lift(np.array([0.0, np.pi / 4.0]), tip)
+    return bool(np.isfinite(leaning) and abs(leaning - level) <= PROFILER_TOLERANCE * abs(level))
+
+
+def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Array:
+    """Lift d0 + h of the tip, mm, from a profiler's moment; any shape.
+
+    Raises:
+        EstimateError: the whisker is no profiler.
+    """
+    if not is_profiler(tip):
+        raise EstimateError("the whisker is no profiler: its moment depends on slope and friction too")
+    return np.asarray(moment_n_mm, dtype=np.float64) / float(moment_per_lift(0.0, tip))
+
+
+def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
+    """theta of the contact force from a differentiator's moment where the lift is known; broadcast shapes.
+
+    m (row_y - row_x t) = lift (arm_y - arm_x t), solved for t = tan(theta).
+
+    Returns:
+        theta, rad; NaN where no theta within +-90 degrees gives that moment.
+
+    Raises:
+        EstimateError: the whisker is a profiler, which does not feel the lean.
+    """
+    if is_profiler(tip):
+        raise EstimateError("a profiler does not feel the slope; take an L-shaped whisker with l3 = l2")
+    m, lift = np.asarray(moment_n_mm, dtype=np.float64), np.asarray(lift_mm, dtype=np.float64)
+    row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (m * row[1] - lift * arm[1]) / (m * row[0] - lift * arm[0])
+        right_side = (row[1] - row[0] * t) > 0.0
+    return np.where(np.isfinite(t) & right_side, np.arctan(t), np.nan)
+
+
+def friction_from_shapes(
+    differentiator_n_mm: ArrayLike, profiler_n_mm: ArrayLike, *, differentiator: TipModel, profiler: TipModel
+) -> Array:
+    """mu on level land from the moments of both shapes at one place: g(0, mu) = -mu in (22).
+
+    The ratio changes by 1.5 k per unit of mu only (k = 0.117: 1 % of gain is 0.06 of mu), so the gains must
+    be known from a bench, not from land.
+
+    Returns:
+        mu, the broadcast shape; NaN where the moments fit none.
+    """
+    lift = lift_from_profiler(profiler_n_mm, profiler)
+    return np.tan(lean_from_moment(differentiator_n_mm, lift, differentiator))
+
+
+def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip: TipModel) -> Array:
+    """mu on level land from one differentiator dragged and pushed back: mu changes sign, the gain cancels.
+
+    q = G(phi) / G(-phi) is a quadratic in mu; with l3 = l2, q = (1 - 1.5 k mu) / (1 + 1.5 k mu).
+
+    Returns:
+        mu, the broadcast shape; NaN where the moments fit none.
+
+    Raises:
+        EstimateError: the whisker is a profiler: both ways are alike.
+    """
+    if is_profiler(tip):
+        raise EstimateError("a profiler feels the same both ways; take an L-shaped whisker with l3 = l2")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        q = np.asarray(dragged_n_mm, dtype=np.float64) / np.asarray(pushed_n_mm, dtype=np.float64)
+    row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
+    # (arm_y - arm_x mu)(row_y + row_x mu) = q (arm_y + arm_x mu)(row_y - row_x mu)
+    cross = arm[1] * row[0] - arm[0] * row[1]
+    return _small_root(-arm[0] * row[0] * (1.0 - q), cross * (1.0 + q), arm[1] * row[1] * (1.0 - q))
+
+
+def slope_from_turned(one_n_mm: ArrayLike, turned_n_mm: ArrayLike, tip: TipModel, *, mu: float) -> Array:
+    """Slope dh/dx where one differentiator passed dragged both ways, turned about between; no lift needed.
+
+    q = G(tau + phi) / G(-tau + phi) is a quadratic in tan(tau). (Dragged and *pushed* will not do: that quotient
+    rises and falls again with tau, so two slopes answer to it.)
+
+    Args:
+        one_n_mm: moment with the base ahead in +x.
+        turned_n_mm: moment with the base ahead in -x.
+        tip: the differentiator.
+        mu: friction.
+
+    Returns:
+        dh/dx = tan(tau), the broadcast shape; NaN where the moments fit no slope.
+
+    Raises:
+        EstimateError: a profiler.
+    """
+    if is_profiler(tip):
+        raise EstimateError("a profiler does not feel the slope; take an L-shaped whisker with l3 = l2")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        q = np.asarray(one_n_mm, dtype=np.float64) / np.asarray(turned_n_mm, dtype=np.float64)
+    row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
+    # m = lift (a - b p) / (c - e p) one way, p = -p the other: R'a ~ (-mu - p, 1 - mu p)
+    a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
+    c, e = row[1] - row[0] * mu, row[1] * mu + row[0]
+    return _small_root(b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q))
+
+
+def lift_from_slope(moment_n_mm: ArrayLike, slope: ArrayLike, tip: TipModel, *, mu: float) -> Array:
+    """Lift d0 + h, mm, of a differentiator dragged over a surface of known slope dh/dx; NaN where it would jam."""
+    theta = np.arctan(np.asarray(slope, dtype=np.float64)) + np.arctan(mu)
+    theta = np.where(np.abs(theta) < np.pi / 2.0, theta, np.nan)
+    return np.asarray(moment_n_mm, dtype=np.float64) / moment_per_lift(theta, tip)
+
+
+def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
+    """How far the tip is bent along x from its force-free place, e_x.D11 f with e_y.D11 f = lift, mm."""
+    t = np.tan(np.asarray(theta_rad, dtype=np.float64))
+    d = tip.compliance_mm_per_n
+    give = d[1, 1] - d[1, 0] * t
+    ratio = np.where(give > 0.0, (d[0, 1] - d[0, 0] * t) / np.where(give > 0.0, give, 1.0), np.nan)
+    return ratio * np.asarray(lift_mm, dtype=np.float64)
+
+
+def _small_root(square: ArrayLike, linear: ArrayLike, constant: ArrayLike) -> Array:
+    """The root of square x^2 + linear x + constant nearer to zero, without cancellation; NaN where none is real."""
+    a, b, c = (np.asarray(v, dtype=np.float64) for v in np.broadcast_arrays(square, linear, constant))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        disc = b * b - 4.0 * a * c
+        root = -2.0 * c / (b + np.copysign(np.sqrt(disc), b))
+    return np.where(disc >= 0.0, root, np.nan)

@@ -1,0 +1,116 @@
+"""From lines of samples to maps: what each sweep felt, averaged onto one grid of the plate frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.maps import MapError, TraceDirection
+from whisker_array.estimation.spreading import spread, triangles
+
+Lines = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FeltLines:
+    """One value for every sample of the lines of a sweep.
+
+    Attributes:
+        values: (lines, samples) float64, NaN where not known.
+        place_mm: (lines,) plate coordinate across the trace, ascending.
+        along_mm: (samples,) plate coordinate along the trace.
+        direction: of the trace.
+    """
+
+    values: Lines
+    place_mm: Lines
+    along_mm: Lines
+    direction: TraceDirection
+
+    def __post_init__(self) -> None:
+        if self.values.shape != (self.place_mm.size, self.along_mm.size):
+            raise MapError(
+                f"values {self.values.shape} do not fit {self.place_mm.size} lines of {self.along_mm.size}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class PlateGrid:
+    """Pixels of a map.
+
+    Attributes:
+        x_mm: (cols,) plate x.
+        y_mm: (rows,) plate y.
+        pitch_mm: distance of pixels.
+    """
+
+    x_mm: Lines
+    y_mm: Lines
+    pitch_mm: float
+
+    @property
+    def origin_mm(self) -> tuple[float, float]:
+        """(x, y) of the first pixel."""
+        return float(self.x_mm[0]), float(self.y_mm[0])
+
+
+def common_grid(felt: Sequence[FeltLines], pitch_mm: float) -> PlateGrid:
+    """The grid over what all sweeps felt.
+
+    Raises:
+        MapError: they do not overlap.
+    """
+    spans_x, spans_y = [], []
+    for each in felt:
+        spans = (each.along_mm, each.place_mm) if each.direction.along_x else (each.place_mm, each.along_mm)
+        spans_x.append((spans[0].min(), spans[0].max()))
+        spans_y.append((spans[1].min(), spans[1].max()))
+    x0, x1 = max(s[0] for s in spans_x), min(s[1] for s in spans_x)
+    y0, y1 = max(s[0] for s in spans_y), min(s[1] for s in spans_y)
+    if x1 - x0 < pitch_mm or y1 - y0 < pitch_mm:
+        raise MapError("the sweeps of the scan do not overlap on the plate")
+    return PlateGrid(
+        x_mm=x0 + pitch_mm * np.arange(int((x1 - x0) / pitch_mm + 1e-6) + 1),
+        y_mm=y0 + pitch_mm * np.arange(int((y1 - y0) / pitch_mm + 1e-6) + 1),
+        pitch_mm=pitch_mm,
+    )
+
+
+def on_grid(
+    felt: Sequence[FeltLines],
+    grid: PlateGrid,
+    *,
+    shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
+) -> tuple[list[Lines], NDArray[np.bool_]]:
+    """A (rows, cols) map of each sweep, and where all of them are valid.
+
+    Args:
+        felt: the sweeps.
+        grid: where to.
+        shift: plate shift (dx, dy) of directions, mm, as registration finds it.
+    """
+    layers, valid = [], np.ones((grid.y_mm.size, grid.x_mm.size), dtype=np.bool_)
+    for each in felt:
+        dx, dy = (shift or {}).get(each.direction, (0.0, 0.0))
+        along_x = each.direction.along_x
+        pixel_along, pixel_across = (grid.x_mm, grid.y_mm) if along_x else (grid.y_mm, grid.x_mm)
+        layer, good = spread(
+            each.values,
+            triangles(each.along_mm + (dx if along_x else dy), pixel_along, grid.pitch_mm),
+            triangles(each.place_mm + (dy if along_x else dx), pixel_across, grid.pitch_mm),
+        )
+        layers.append(layer if along_x else layer.T)
+        valid &= good if along_x else good.T
+    return layers, valid
+
+
+def averaging(position: NDArray[Any], pixel: NDArray[Any], pitch: float) -> Any:
+    """Sparse (pixels, samples) weights of a triangle one pixel (or one step, if larger) wide to each side."""
+    from scipy import sparse
+
+    band = triangles(np.asarray(position, np.float64), np.asarray(pixel, np.float64), pitch)
+    return sparse.csr_array((band.weight, band.sample, band.first), shape=(pixel.size, position.size))

@@ -1,0 +1,248 @@
+"""Profile and differentiator in one array: height, slope and friction of every sample.
+
+A profiler and a differentiator on one line, and the same line dragged, turned about or pushed back::
+
+    profiler          m / m_land = lift / d0                      the height, whatever slope and friction
+    differentiator    m = lift G(theta)                           theta = s tau + e phi of `estimate`
+                      s = +1, -1 as the base is ahead in +x, -x;  e = +1, -1 dragged, pushed
+
+Two ways that differ in s or e give tau and phi both, by least squares; one way gives tau, with the land's friction for
+phi. In contact the tips are bent along the trace, each by its own force; every sample is put back to where its tip
+was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
+from whisker_array.estimation.edges import edge_map, land_ratio, play_between
+from whisker_array.estimation.estimate import is_profiler, lean_from_moment, moment_per_lift, tip_shift_mm
+from whisker_array.estimation.friction import USABLE_SD, LandFriction, land_friction
+from whisker_array.estimation.gridding import FeltLines, PlateGrid, common_grid, on_grid
+from whisker_array.estimation.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges, settled
+from whisker_array.scan.scan import Scan, Sweep, only
+from whisker_array.simulation.contact import land_lag_mm
+from whisker_array.simulation.traces import Fidelity, SampleFlag
+from whisker_array.whisker.touch import Touch
+
+Lines = NDArray[np.float64]
+
+ROUNDS = 4
+"""Times that tip places and leans are settled against each other; each takes off a tenth or less of the last."""
+
+LEAST_GIVE = 0.5
+"""A pushed tip is trusted where lifting it takes less than about twice the force that level land asks."""
+MOST_JAMMED = 0.05
+
+
+def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
+    """Height and slopes of the surface by the best route that the scan allows.
+
+    Args:
+        scan: of one kind of whisker or of several.
+        edges: its edge map, if there is one already.
+
+    Raises:
+        MapError: a sweep without usable samples or without land.
+    """
+    known = next((f for f in land_friction(scan) if f.sd < USABLE_SD), None)
+    profiler = next((i for i, touch in enumerate(scan.touches) if is_profiler(touch.tip)), None)
+    differentiator = next((i for i, touch in enumerate(scan.touches) if not is_profiler(touch.tip)), None)
+    if profiler is None or differentiator is None:
+        edges = edges if edges is not None else edge_map(scan)
+        mu = known.mu if known else None
+        relief = relief_from_edges(edges, scan.touch, friction=mu)
+        if scan.fidelity != Fidelity.POINTWISE.value and relief.route is Route.TURNED:
+            for _ in range(ROUNDS):
+                relief = relief_from_edges(settled(edges, scan.touch, relief), scan.touch, friction=mu)
+        return replace(relief, friction_sd=known.sd if known else None)
+    return _profiled(scan, differentiator, profiler, known)
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """One sweep by both shapes: lift and lean on the places of their tips."""
+
+    lift: FeltLines
+    lean: FeltLines
+    base_ahead: float
+    friction_sign: float
+
+
+def _profiled(scan: Scan, differentiator: int, profiler: int, known: LandFriction | None) -> Relief:
+    touch = scan.touches[differentiator]
+    mu = known.mu if known else touch.friction
+    slopes_of, profiles_of = (only(scan, kind=k, pushed=None) for k in (differentiator, profiler))
+    views = [
+        _view(slopes_of, profiles_of, number, mu=mu, bent=scan.fidelity != Fidelity.POINTWISE.value)
+        for number, sweep in enumerate(scan.sweeps)
+        if not (sweep.plan.pushed and _snagged(sweep))
+    ]
+    grid = common_grid([v.lift for v in views], scan.line_pitch_mm)
+    shift = play_between(slopes_of)
+    # the height is taken dragged: pushed up a steep wall a tip jams sooner
+    dragged = [_map(v.lift, grid, shift) for v in views if v.friction_sign > 0.0]
+    height = mean_of_known(dragged) - profiles_of.touch.preload_mm
+    slopes: list[Lines | None] = [None, None]
+    frictions = []
+    for axis, along_x in enumerate((True, False)):
+        chosen = [v for v in views if v.lift.direction.along_x is along_x]
+        if not chosen:
+            continue
+        leans = [_map(v.lean, grid, shift) for v in chosen]
+        phi_land = float(np.arctan(mu))
+        rough, _ = _solve(
+            chosen,
+            [m if v.friction_sign > 0.0 else m * np.nan for v, m in zip(chosen, leans, strict=True)],
+            phi_land,
+        )
+        leans = [
+            _without_snags(v, lean, rough, phi_land, (slopes_of.touch, profiles_of.touch))
+            for v, lean in zip(chosen, leans, strict=True)
+        ]
+        tau, phi = _solve(chosen, leans, phi_land)
+        slopes[axis] = np.clip(np.tan(tau), -STEEPEST, STEEPEST)
+        if known is not None and np.isfinite(phi).any():
+            frictions.append(np.tan(phi))
+    return _as_relief(height, slopes, frictions, grid, mu=mu, sd=known.sd if known else None)
+
+
+def _as_relief(
+    height: Lines,
+    slopes: Sequence[Lines | None],
+    frictions: Sequence[Lines],
+    grid: PlateGrid,
+    *,
+    mu: float,
+    sd: float | None,
+) -> Relief:
+    x, y = (None if s is None else s.astype(np.float32) for s in slopes)
+    return Relief(
+        height_mm=height.astype(np.float32),
+        slope_x=x,
+        slope_y=y,
+        pitch_mm=grid.pitch_mm,
+        origin_mm=grid.origin_mm,
+        friction=mu,
+        friction_sd=sd,
+        route=Route.PROFILED,
+        friction_map=mean_of_known(frictions).astype(np.float32) if frictions else None,
+    )
+
+
+def _map(felt: FeltLines, grid: PlateGrid, shift: Mapping[TraceDirection, tuple[float, float]]) -> Lines:
+    """One sweep's values on the grid, NaN where it has none."""
+    (layer,), good = on_grid([felt], grid, shift=shift)
+    return np.where(good, layer, np.nan)
+
+
+def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> tuple[Lines, Lines]:
+    """tau and phi of theta = s tau + e phi by least squares over the views that a place has.
+
+    Where they do not differ enough to give both, tau is that at the land's phi, and phi is NaN.
+    """
+    shape = leans[0].shape
+    ss, se, st, et = (np.zeros(shape) for _ in range(4))
+    for view, lean in zip(views, leans, strict=True):
+        s, e, known = view.base_ahead, view.friction_sign, np.isfinite(lean)
+        theta = np.where(known, lean, 0.0)
+        ss += known
+        se += known * s * e
+        st += s * theta
+        et += e * theta
+    det = ss * ss - se * se  # s^2 = e^2 = 1
+    both = det > 0.5
+    safe = np.where(both, det, 1.0)
+    phi = np.where(both, (ss * et - se * st) / safe, np.nan)
+    tau = np.where(both, (ss * st - se * et) / safe, (st - se * phi_land) / np.maximum(ss, 1.0))
+    return np.where(ss > 0, tau, np.nan), phi
+
+
+def _snagged(sweep: Sweep) -> bool:
+    """Whether so much of a sweep jammed that its land is not to be trusted either."""
+    felt = (sweep.flags & np.uint8(SampleFlag.OUTSIDE)) == 0
+    jammed = (sweep.flags & np.uint8(SampleFlag.JAMMED | SampleFlag.CONTACT_LOST)) != 0
+    return bool((jammed & felt).sum() > MOST_JAMMED * felt.sum())
+
+
+def _without_snags(
+    view: _View, lean: Lines, tau: Lines, phi_land: float, touches: tuple[Touch, Touch]
+) -> Lines:
+    """A pushed view without the walls on which it is near jamming: there it sticks and slips."""
+    if view.friction_sign > 0.0:
+        return lean
+    t = np.tan(np.clip(view.base_ahead * tau - phi_land, -1.55, 1.55))
+    give = [
+        1.0 - touch.tip.compliance_mm_per_n[1, 0] / touch.tip.compliance_mm_per_n[1, 1] * t
+        for touch in touches
+    ]
+    return np.where(np.minimum(*give) > LEAST_GIVE, lean, np.nan)
+
+
+def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: bool) -> _View:
+    """Lift and lean of one sweep, in the whisker's own frame: x ahead of the tip towards the base."""
+    one, other = (land_ratio(s, s.sweeps[number]) for s in (slopes_of, profiles_of))
+    rows = np.isin(np.round(one.place_mm, 6), np.round(other.place_mm, 6))
+    rows_too = np.isin(np.round(other.place_mm, 6), np.round(one.place_mm, 6))
+    if not rows.any():
+        raise MapError("the rows of the array do not run on the same lines")
+    plan = slopes_of.sweeps[number].plan
+    e = -1.0 if plan.pushed else 1.0
+    s = e * (-1.0 if plan.direction.backward else 1.0)
+    phi = e * float(np.arctan(mu))
+    along = s * one.along_mm  # grows towards the base, whichever way the tip went
+    order = np.argsort(along)
+    moment = (1.0 + one.values[rows][:, order]) * float(moment_per_lift(phi, slopes_of.touch.tip))
+    moment *= slopes_of.touch.preload_mm
+    lift = (1.0 + other.values[rows_too][:, order]) * profiles_of.touch.preload_mm
+    along = along[order]
+    where_m = where_l = np.broadcast_to(along, moment.shape)
+    lean_l = np.full(lift.shape, phi)
+    lean = np.full(moment.shape, phi)
+    for _ in range(ROUNDS):
+        if bent:
+            where_l = along + _bent(lean_l, lift, profiles_of.touch, e)
+            where_m = along + _bent(lean, _moved(lift, where_l, where_m), slopes_of.touch, e)
+        lean = lean_from_moment(moment, _moved(lift, where_l, where_m), slopes_of.touch.tip)
+        lean_l = _moved(lean, where_m, where_l)
+    even = np.broadcast_to(along, lift.shape)
+    lifts, leans = _moved(lift, where_l, even), _moved(lean, where_m, even)
+    # nothing is made up where a sample was missing
+    lifts, leans = np.where(np.isfinite(lift), lifts, np.nan), np.where(np.isfinite(moment), leans, np.nan)
+    back = np.argsort(order)
+    return _View(
+        lift=FeltLines(lifts[:, back], other.place_mm[rows_too], one.along_mm, one.direction),
+        lean=FeltLines(leans[:, back], one.place_mm[rows], one.along_mm, one.direction),
+        base_ahead=s,
+        friction_sign=e,
+    )
+
+
+def _bent(lean: Lines, lift: Lines, touch: Touch, friction_sign: float) -> Lines:
+    """How far each tip is from the commanded place, which is set up on the land at the nominal friction."""
+    if friction_sign > 0.0:
+        lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)
+    else:
+        lag = -land_lag_mm(touch.tip.pushed(), preload_mm=touch.preload_mm, friction=touch.friction)
+    shift = tip_shift_mm(lean, lift, touch.tip) - lag
+    return np.where(np.isfinite(shift), shift, 0.0)
+
+
+def _moved(values: Lines, at: Lines, wanted: Lines) -> Lines:
+    """Each line's values, known at its own places, at the places wanted; linear between neighbours."""
+    if at is wanted:
+        return values
+    out = np.empty(values.shape)
+    for i in range(values.shape[0]):
+        known = np.isfinite(values[i])
+        order = np.argsort(at[i][known], kind="stable")
+        if order.size < 2:
+            out[i] = np.nan
+            continue
+        out[i] = np.interp(wanted[i], at[i][known][order], values[i][known][order])
+    return out

@@ -1,0 +1,144 @@
+"""Play between the directions of a scan, found by the physics of the touch.
+
+Back-and-forth maps cannot simply be laid on each other: to first order the edge signal *is* a shift. With
+e = h/d0 - a h' the forward map is the profile moved one way, the backward map the profile moved the other::
+
+    forward   h/d0 - a h'  ~  h(x - a d0)/d0         half sum         the profile, whatever the edges
+    backward  h/d0 + a h'  ~  h(x + a d0)/d0         half difference  the edges, which the profile predicts
+
+So for every play tried, the profile is taken from the half sum, the edges that eq. (16) predicts on it are
+compared with the half difference, and the play that agrees best is taken off.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.maps import TraceDirection
+from whisker_array.estimation.backlash import correlation, disagreements
+from whisker_array.whisker.enhancement import moment_ratio
+from whisker_array.whisker.touch import Touch
+
+LIMIT_PIXELS = 6
+"""Play searched for, to either side; more is a fault of the stage, not play."""
+DEAD_BAND_PIXELS = 0.75
+"""Play below this is left: it is within what contact adds to the pointwise prediction."""
+MOST_LINES = 12
+"""Lines used, those with most to feel."""
+STEEPEST = 1.7
+"""Slopes beyond 60 degrees, the steepest a die has, are sampling noise."""
+
+Layer = NDArray[np.float64]
+
+
+def registration_mm(
+    layers: list[Layer], directions: tuple[TraceDirection, ...], *, touch: Touch, pitch_mm: float
+) -> dict[TraceDirection, tuple[float, float]]:
+    """Plate shift (dx, dy) of each direction that lays its map on the common one; empty when there is no play.
+
+    Args:
+        layers: enhancement of each direction on one grid, (rows, cols).
+        directions: of the layers.
+        touch: how they were felt.
+        pitch_mm: of the grid.
+
+    Back-and-forth partners share their play equally; the crossed pair is laid on the first by its profile.
+    Directions without a partner are left where they are: their edges and their play cannot be told apart.
+    """
+    felt = dict(zip(directions, layers, strict=True))
+    shift: dict[TraceDirection, tuple[float, float]] = {}
+    profiles: list[Layer] = []
+    for forward, back, along_x in (
+        (TraceDirection.FORWARD_X, TraceDirection.BACK_X, True),
+        (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y, False),
+    ):
+        if forward not in felt or back not in felt:
+            continue
+        ahead, behind = (felt[d] if along_x else felt[d].T for d in (forward, back))
+        play = play_pixels(ahead, behind, touch=touch, pitch_mm=pitch_mm)
+        if abs(play) > DEAD_BAND_PIXELS:
+            half = 0.5 * play * pitch_mm
+            shift[forward] = (half, 0.0) if along_x else (0.0, half)
+            shift[back] = (-half, 0.0) if along_x else (0.0, -half)
+            ahead, behind = _moved(ahead, 0.5 * play), _moved(behind, -0.5 * play)
+        profiles.append(0.5 * (ahead + behind) if along_x else 0.5 * (ahead + behind).T)
+    if len(profiles) == 2:
+        rows, cols = _offset_pixels(*profiles)
+        if max(abs(rows), abs(cols)) > DEAD_BAND_PIXELS:
+            for d in (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y):
+                own = shift.get(d, (0.0, 0.0))
+                shift[d] = (own[0] + cols * pitch_mm, own[1] + rows * pitch_mm)
+    return shift
+
+
+def play_pixels(ahead: Layer, behind: Layer, *, touch: Touch, pitch_mm: float) -> float:
+    """How far the forward map must go, and half of it the backward map come, to agree with eq. (16), pixels.
+
+    Args:
+        ahead, behind: (lines, samples) enhancement of the forward and the backward trace.
+        touch: how they were felt.
+        pitch_mm: of the samples.
+
+    Returns:
+        Play, positive when the forward map must move to larger coordinates; 0 where nothing decides.
+    """
+    strength = (ahead**2).sum(axis=1) + (behind**2).sum(axis=1)
+    lines = np.argsort(-strength)[:MOST_LINES]
+    ahead, behind = ahead[lines], behind[lines]
+    plays = np.arange(-LIMIT_PIXELS, LIMIT_PIXELS + 1)
+    cost = _costs(ahead, behind, 0.5 * plays, touch, pitch_mm)
+    best = int(np.argmin(cost))
+    if not 0 < best < plays.size - 1 or cost[best] > 0.98 * np.median(cost):
+        return 0.0
+    before, at, after = cost[best - 1 : best + 2]
+    curve = before - 2.0 * at + after
+    return float(plays[best] + (0.5 * (before - after) / curve if curve > 0.0 else 0.0))
+
+
+def _costs(
+    ahead: Layer, behind: Layer, halves: NDArray[np.floating[Any]], touch: Touch, pitch_mm: float
+) -> Layer:
+    """Mean square of felt less predicted edges, were the play twice each of `halves`."""
+    mu, row, arm = touch.friction, touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
+    moment_ratio(0.0, mu, touch.tip)  # refuses a whisker that jams on the land
+    per_land = (row[1] - row[0] * mu) / (arm[1] - arm[0] * mu)
+    return np.asarray(
+        disagreements(
+            ahead, behind, halves, touch.preload_mm / pitch_mm, STEEPEST, mu,
+            np.ascontiguousarray(row), np.ascontiguousarray(arm), float(per_land), LIMIT_PIXELS,
+        )
+    )  # fmt: skip
+
+
+def _moved(layer: Layer, pixels: float) -> Layer:
+    """The layer moved along its rows by a fraction of pixels, linearly interpolated, its ends repeated."""
+    whole = int(np.floor(pixels))
+    part = pixels - whole
+    columns = np.arange(layer.shape[1])
+    near = layer[:, np.clip(columns - whole, 0, layer.shape[1] - 1)]
+    if part == 0.0:
+        return near
+    far = layer[:, np.clip(columns - whole - 1, 0, layer.shape[1] - 1)]
+    return (1.0 - part) * near + part * far
+
+
+def _offset_pixels(reference: Layer, moved: Layer) -> tuple[float, float]:
+    """(rows, cols) by which `moved` must be shifted to lie on `reference`, by correlation."""
+    reach = LIMIT_PIXELS + 1
+    a, b = (np.ascontiguousarray(layer - layer.mean(), dtype=np.float32) for layer in (reference, moved))
+    window = correlation(a, b, reach)
+    r, c = np.unravel_index(int(np.argmax(window)), window.shape)
+    if not (0 < r < 2 * reach and 0 < c < 2 * reach):
+        return (0.0, 0.0)
+
+    def vertex(before: float, at: float, after: float) -> float:
+        curve = before - 2.0 * at + after
+        return 0.0 if curve >= 0.0 else 0.5 * (before - after) / curve
+
+    return (
+        float(r - reach + vertex(window[r - 1, c], window[r, c], window[r + 1, c])),
+        float(c - reach + vertex(window[r, c - 1], window[r, c], window[r, c + 1])),
+    )

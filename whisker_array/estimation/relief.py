@@ -1,0 +1,199 @@
+"""The surface as felt: height and slope maps from a scan, and by which route they were found.
+
+Each place of a line is felt in up to four ways, and every way answers to the same lift and slope (`estimate`)::
+
+    route       felt by                                   gives
+    PROFILED    a profiler and differentiators            height from the one, slope from the other
+    TURNED      a differentiator dragged both ways        height and slope, at the friction known or assumed
+    FLOORS      a differentiator dragged one way          height on floors and land only (F = 1 there)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
+from whisker_array.estimation.both_ways import both_ways
+from whisker_array.estimation.estimate import is_profiler, moment_per_lift, tip_shift_mm
+from whisker_array.simulation.contact import land_lag_mm
+from whisker_array.whisker.touch import Touch
+
+Layer = NDArray[np.float64]
+
+STEEPEST = 3.0
+"""Slopes beyond 72 degrees are noise at an edge: no die has them."""
+_PAIRS = (
+    (TraceDirection.FORWARD_X, TraceDirection.BACK_X),
+    (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y),
+)
+
+
+class Route(StrEnum):
+    """How height and slope were told apart."""
+
+    PROFILED = "profiled"
+    TURNED = "turned"
+    FLOORS = "floors"
+
+    def describe(self) -> str:
+        """One line for people."""
+        return _ROUTES[self]
+
+
+_ROUTES = {
+    Route.PROFILED: "height from profiling whiskers, slope from the differentiators beside them",
+    Route.TURNED: "height and slope from differentiators dragged both ways",
+    Route.FLOORS: "differentiators dragged one way only: the height holds on land and floors, not on walls",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Height and slopes of the surface as felt, on a grid of the plate frame.
+
+    Attributes:
+        height_mm: (rows, cols) float32 over the land, negative in a sunk mark; NaN where not known.
+        slope_x: (rows, cols) float32 dh/dx, or None where no trace ran along x both ways (or with a profiler).
+        slope_y: (rows, cols) float32 dh/dy, likewise.
+        pitch_mm: of the grid.
+        origin_mm: (x, y) of its first sample.
+        friction: mu of the land used for walls.
+        friction_sd: its standard error; None where mu was only assumed.
+        route: how height and slope were told apart.
+        friction_map: (rows, cols) float32 mu at every place, or None: it needs a profiler and two ways.
+    """
+
+    height_mm: NDArray[np.float32]
+    slope_x: NDArray[np.float32] | None
+    slope_y: NDArray[np.float32] | None
+    pitch_mm: float
+    origin_mm: tuple[float, float]
+    friction: float
+    friction_sd: float | None
+    route: Route
+    friction_map: NDArray[np.float32] | None = None
+
+    def __post_init__(self) -> None:
+        for slope in (self.slope_x, self.slope_y, self.friction_map):
+            if slope is not None and slope.shape != self.height_mm.shape:
+                raise MapError(f"maps of {slope.shape} do not fit the heights {self.height_mm.shape}")
+        if not (self.pitch_mm > 0.0 and np.isfinite(self.pitch_mm)):
+            raise MapError(f"pitch_mm is {self.pitch_mm}; it must be positive")
+
+    @property
+    def steepness(self) -> NDArray[np.float32]:
+        """(rows, cols) |grad h| as far as its parts are known; zero where neither is."""
+        parts = [s for s in (self.slope_x, self.slope_y) if s is not None]
+        if not parts:
+            return np.zeros(self.height_mm.shape, dtype=np.float32)
+        return np.sqrt(np.sum([s * s for s in parts], axis=0, dtype=np.float32))
+
+
+def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = None) -> Relief:
+    """Height and slopes from an edge map alone, by what the traces of opposite directions have in common.
+
+    Floors and land come out right whatever the friction, walls at the friction given.
+
+    Args:
+        edges: of one kind of whisker, dragged.
+        touch: how they were felt.
+        friction: of the surface; the nominal one of the touch unless given.
+
+    Raises:
+        MapError: friction at which the whisker jams on the land.
+    """
+    mu = touch.friction if friction is None else friction
+    felt = dict(zip(edges.directions, edges.enhancement, strict=True))
+    if is_profiler(touch.tip):
+        return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.PROFILED)
+    land = float(moment_per_lift(np.arctan(mu), touch.tip))
+    if not np.isfinite(land):
+        raise MapError(f"at a friction of {mu} the whisker jams on the land; check the friction")
+    total, count = np.zeros(edges.shape), np.zeros(edges.shape, dtype=np.uint8)
+    slopes = {}
+    for axis, (ahead, back) in enumerate(_PAIRS):
+        if ahead not in felt or back not in felt:
+            continue
+        slopes[axis] = np.empty(edges.shape, dtype=np.float32)
+        row, arm = (
+            np.ascontiguousarray(a) for a in (touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm)
+        )
+        both_ways(felt[ahead], felt[back], row, arm, mu, land, STEEPEST, slopes[axis], total, count)
+    if not slopes:
+        return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.FLOORS)
+    lift = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return _relief(edges, touch, lift, slopes, mu=mu, route=Route.TURNED)
+
+
+def _mean_lift(edges: EdgeMap) -> Layer:
+    """Lift in preloads were the surface level everywhere."""
+    return np.asarray(1.0 + edges.enhancement.mean(axis=0, dtype=np.float64))
+
+
+def settled(edges: EdgeMap, touch: Touch, relief: Relief) -> EdgeMap:
+    """The edge map with every value where its tip was, not where the stage had it.
+
+    In contact the tip is bent along the trace, more or less than on the land: opposite traces come apart by that
+    on walls. What bends it is known from the relief. One round takes slopes of 45 degrees from 10 degrees too
+    low to 2; see `estimate_relief`.
+    """
+    from scipy.ndimage import map_coordinates
+
+    lag = land_lag_mm(touch.tip, preload_mm=touch.preload_mm, friction=touch.friction)
+    rows, cols = np.indices(relief.height_mm.shape, dtype=np.float64)
+    lift = touch.preload_mm + np.nan_to_num(relief.height_mm.astype(np.float64))
+    phi = np.arctan(relief.friction)
+    layers = []
+    for layer, direction in zip(edges.enhancement, edges.directions, strict=True):
+        slope = relief.slope_x if direction.along_x else relief.slope_y
+        ahead = -1.0 if direction.backward else 1.0
+        tau = ahead * np.arctan(np.nan_to_num(slope.astype(np.float64))) if slope is not None else 0.0
+        bent = tip_shift_mm(np.minimum(tau + phi, 1.5), lift, touch.tip) - lag
+        pixels = ahead * np.nan_to_num(bent) / edges.pitch_mm
+        at = (rows, cols - pixels) if direction.along_x else (rows - pixels, cols)
+        layers.append(map_coordinates(layer.astype(np.float64), at, order=1, mode="nearest"))
+    return replace(edges, enhancement=np.stack(layers).astype(np.float32))
+
+
+def mean_of_known(lifts: Sequence[Layer]) -> Layer:
+    """Mean of those that are known at each place; NaN where none is."""
+    stack = np.stack(lifts)
+    known = np.isfinite(stack)
+    count = known.sum(axis=0)
+    total = np.where(known, stack, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _relief(
+    edges: EdgeMap,
+    touch: Touch,
+    lift: Layer,
+    slopes: dict[int, NDArray[np.float32]],
+    *,
+    mu: float,
+    route: Route,
+) -> Relief:
+    unknown = None if edges.valid.all() else ~edges.valid
+
+    def masked(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+        out = values.astype(np.float32, copy=False)
+        if unknown is not None:
+            out[unknown] = np.nan
+        return out
+
+    return Relief(
+        height_mm=masked((lift - 1.0) * touch.preload_mm),
+        slope_x=masked(slopes[0]) if 0 in slopes else None,
+        slope_y=masked(slopes[1]) if 1 in slopes else None,
+        pitch_mm=edges.pitch_mm,
+        origin_mm=edges.origin_mm,
+        friction=mu,
+        friction_sd=None,
+        route=route,
+    )

@@ -1,0 +1,1 @@
+"""The sensor chain, whole scans, and their file format."""

@@ -1,0 +1,224 @@
+"""Scans on disk: HDF5 that a laboratory with a whisker and a converter can write by hand (docs/recording.md).
+
+One row of `/scan/signal` is one sampling instant, one column one whisker; pass follows pass in time order,
+and each pass begins with its air samples. A star marks what a file must have; the rest has the default
+given::
+
+    /                      attributes: format* = "tactile-marks-scan", format_version* = 1, sampling_rate_hz*,
+                           units ("N*mm"; also "mN*m", "N*m", and "V" with a calibration), scale_factor (1),
+                           add_offset (0), line_pitch_mm (from line_mm), start_time, part_id, fidelity, notes
+    /scan/signal*          (sample, channel) number; moment = signal * scale_factor + add_offset, in units
+    /scan/flags            (sample, channel) uint8, SampleFlag bits (0)
+    /stage/pass*           (sample,) integer, number of the pass; negative: between passes, not used
+    /stage/phase           (sample,) 0 lifted (air), 1 touching, other: not used (1)
+    /stage/position_mm     (sample, 2) plate-frame x, y of whisker 0
+    /passes/direction_deg* (pass,) 0, 90, 180 or 270
+    /passes/line_mm*       (pass, whisker) plate coordinate across the trace: y for 0/180, x for 90/270
+    /passes/start_mm       (pass,) plate coordinate along the trace of the first touching sample (position_mm)
+    /passes/step_mm        (pass,) distance of touching samples, positive (position_mm)
+    /passes/n_lead         (pass,) samples that run in on land, and out behind the marks (0)
+    /passes/pushed         (pass,) 1 where the array was pushed back, its base behind the tip (0)
+    /channels/whisker      (channel,) whisker of each column; negative: not a whisker (0, 1, 2, ...)
+    /channels/{name,axis,units,range}   for people; not used
+    /whisker/compliance_mm_per_n*       (3, 3);  /whisker/moment_arm_mm*  (3,)
+    /whisker               attributes: preload_mm*, tip_radius_mm (0), friction (0.2), description
+    /whisker/kind          (whisker,) kind of each whisker; those of kind 1 are described in /whisker_1 (0)
+    /calibration           attribute: from_land, gains read off land rather than on a bench (0)
+    /calibration/gain      (whisker,) true moment = (moment - offset) / gain; in V per N mm where units is "V"
+    /calibration/offset_n_mm            (whisker,); named offset_v, in V, where units is "V"
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from whisker_array.scan.checked import RecordingError, text_attribute
+from whisker_array.scan.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.sensor import Calibration
+from whisker_array.whisker.array import SweepPlan
+
+__all__ = ["RecordingError", "load_scan", "save_calibration", "save_scan"]
+
+_CHUNK = 4096
+
+
+def save_scan(scan: Scan, path: str | Path) -> None:
+    """Write a scan; the file appears whole or not at all.
+
+    Raises:
+        RecordingError: the file cannot be written.
+    """
+    with _replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
+        _write(scan, file)
+
+
+def save_calibration(path: str | Path, calibration: Calibration, *, out: str | Path | None = None) -> None:
+    """Put a calibration into a recording, leaving all else of it as it is; into a copy where `out` is given.
+
+    Raises:
+        RecordingError: the recording cannot be read or the file cannot be written.
+    """
+    path = Path(path)
+    scan = load_scan(path, raw=True)
+    if calibration.gain.size != scan.n_whiskers:
+        raise RecordingError(
+            path,
+            f"has {scan.n_whiskers} whiskers, the calibration {calibration.gain.size}",
+            "calibrate this scan",
+        )
+    with _replacing(Path(out) if out is not None else path) as temporary:
+        shutil.copyfile(path, temporary)
+        with h5py.File(temporary, "r+") as file:
+            _write_calibration(file, calibration, volt=text_attribute(file.attrs, "units", "N*mm") == VOLT)
+
+
+@contextlib.contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """A temporary file beside `path`, which takes its place when all went well."""
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=".part", dir=path.parent)
+        os.close(handle)
+    except OSError as error:
+        raise RecordingError(
+            path, f"cannot be written ({error.strerror})", "name a folder that can be"
+        ) from error
+    temporary = Path(name)
+    try:
+        try:
+            yield temporary
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            temporary.chmod(0o666 & ~_umask())
+            os.replace(temporary, path)
+        except OSError as error:
+            raise RecordingError(
+                path, f"cannot be written ({error})", "free some space or name another"
+            ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _write(scan: Scan, file: h5py.File) -> None:
+    file.attrs.update(
+        {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "units": "N*mm",
+            "sampling_rate_hz": scan.sample_rate_hz,
+            "scale_factor": 1.0,
+            "add_offset": 0.0,
+            "line_pitch_mm": scan.line_pitch_mm,
+            "start_time": scan.start_time,
+            "part_id": scan.part_id,
+            "fidelity": scan.fidelity,
+        }
+    )
+    if scan.notes:
+        file.attrs["notes"] = list(scan.notes)
+    signal, flags, position, phase, length = [], [], [], [], []
+    for sweep in scan.sweeps:
+        both = np.concatenate([sweep.air_n_mm, sweep.moment_n_mm], axis=2)
+        n_pass, n_whiskers, n_all = both.shape
+        n_air = n_all - sweep.plan.n_samples
+        signal.append(both.transpose(0, 2, 1).reshape(-1, n_whiskers))
+        no_flags = np.zeros((n_pass, n_whiskers, n_air), np.uint8)
+        flags.append(
+            np.concatenate([no_flags, sweep.flags], axis=2).transpose(0, 2, 1).reshape(-1, n_whiskers)
+        )
+        position.append(_positions(sweep.plan, n_air))
+        phase.append(np.tile(np.repeat(np.array([0, 1], np.uint8), [n_air, n_all - n_air]), n_pass))
+        length += [n_all] * n_pass
+    rows = np.concatenate(signal)
+    chunks = (max(1, min(_CHUNK, rows.shape[0])), rows.shape[1])
+    file.create_dataset("scan/signal", data=rows, dtype=np.float32, chunks=chunks)
+    file.create_dataset(
+        "scan/flags", data=np.concatenate(flags), dtype=np.uint8, chunks=chunks, compression=1
+    )
+    file["stage/position_mm"] = np.concatenate(position)
+    file["stage/pass"] = np.repeat(np.arange(len(length), dtype=np.int32), length)
+    file["stage/phase"] = np.concatenate(phase)
+    counts = [s.plan.line_mm.shape[0] for s in scan.sweeps]
+    file["passes/direction_deg"] = np.repeat([int(d) for d in scan.directions], counts).astype(np.int32)
+    file["passes/line_mm"] = np.concatenate([s.plan.line_mm for s in scan.sweeps]).astype(np.float64)
+    file["passes/start_mm"] = np.repeat([float(s.plan.start_mm) for s in scan.sweeps], counts)
+    file["passes/step_mm"] = np.repeat([float(s.plan.step_mm) for s in scan.sweeps], counts)
+    file["passes/n_lead"] = np.repeat([s.plan.n_lead for s in scan.sweeps], counts).astype(np.int32)
+    file["passes/pushed"] = np.repeat([s.plan.pushed for s in scan.sweeps], counts).astype(np.uint8)
+    file["channels/name"] = [f"whisker {i}" for i in range(scan.n_whiskers)]
+    file["channels/whisker"] = np.arange(scan.n_whiskers, dtype=np.int32)
+    file["channels/axis"] = ["z"] * scan.n_whiskers
+    file["channels/units"] = ["N*mm"] * scan.n_whiskers
+    file["channels/range"] = np.full((scan.n_whiskers, 2), np.nan)
+    for i, touch in enumerate(scan.touches):
+        group = file.create_group("whisker" if i == 0 else f"whisker_{i}")
+        group["compliance_mm_per_n"] = touch.tip.compliance_mm_per_n
+        group["moment_arm_mm"] = touch.tip.moment_arm_mm
+        group.attrs.update(
+            {
+                "preload_mm": touch.preload_mm,
+                "tip_radius_mm": touch.tip_radius_mm,
+                "friction": touch.friction,
+                "description": touch.whisker,
+            }
+        )
+    file["whisker/kind"] = np.asarray(scan.kind, dtype=np.int32)
+    if scan.calibration is not None:
+        _write_calibration(file, scan.calibration, volt=False)
+
+
+def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool) -> None:
+    if "calibration" in file:
+        del file["calibration"]
+    file["calibration/gain"] = calibration.gain
+    file["calibration/offset_v" if volt else "calibration/offset_n_mm"] = calibration.offset_n_mm
+    file["calibration"].attrs["from_land"] = calibration.from_land
+
+
+def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:
+    """(pass x sample, 2) plate x, y of whisker 0; lifted, the array waits over its first touching sample."""
+    along = np.concatenate([np.full(n_air, plan.start_mm), plan.position_mm()])
+    n_pass = plan.line_mm.shape[0]
+    pair = (np.tile(along, n_pass), np.repeat(plan.line_mm[:, 0], along.size))
+    return np.column_stack(pair if plan.direction.along_x else pair[::-1])
+
+
+def load_scan(path: str | Path, *, raw: bool = False) -> Scan:
+    """Read a recording; sizes are checked before any data is read.
+
+    Args:
+        path: the file.
+        raw: leave the calibration out, and take signals in volts as they are: for calibrating.
+
+    Raises:
+        RecordingError: missing, damaged, foreign, newer, too large, or not according to the layout.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RecordingError(path, "is not there" if not path.exists() else "is no file", "check the name")
+    try:
+        with h5py.File(path, "r") as file:
+            return Recorded(path, file, raw).scan()
+    except RecordingError:
+        raise
+    # The HDF5 library answers a damaged file with nearly any exception, OSError and KeyError among them.
+    except Exception as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise RecordingError(
+            path, f"is damaged or no recording ({reason})", "record or copy it again"
+        ) from error

@@ -1,0 +1,1 @@
+"""Tip and surface: one trace by either fidelity, pointwise or contact."""

@@ -1,0 +1,89 @@
+r"""The contact fidelity: rate-independent frictional contact of tip and surface, in three dimensions.
+
+At every sample the base advances by dx. The tip q = (x, z) on the dilated surface h minimises
+
+    1/2 d^T K d + mu f_n |q - q_prev|_G,     d = (x - x_free, h(x, z) + d0, z - z_free),   K = D11^-1,
+
+G = (1 + p^2, pq; pq, 1 + q^2) the surface metric and f_n the normal force of the last iterate::
+
+       base ->  ________________ l1
+                                |l2        d: from the force-free tip (o) to the tip on the surface (x)
+      land _____                x _______  The elastic force K d, projected on the surface, balances friction;
+                \______________/o d0       sideways the wire may give, which the pointwise map cannot know.
+
+Where the wall's friction leaves the tip no way to rise, e_y.D11 (n - mu t) <= 0, it *jams*. Mostly it does not
+come so far but is caught at the wall's foot, where the slope is just short of that: then it is held there, the base
+walks on and the force grows without end, so a force many times the land's is a jam as well. Where the normal
+force vanishes, contact is *lost*. All are flags of the sample.
+
+Dirt that yields (`soft`) puts h in between its top and what lies below, by the load it carries: kappa s = f_n. The
+sinkage s is a third unknown of the same iteration: on slopes f_n at a place held fixed changes with s many times
+faster than e says, or the wrong way, so no step for s alone settles. The track's slopes take load and e of the last
+sample.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whisker_array.simulation.contact_kernel import trace_lines
+from whisker_array.simulation.surface import TouchSurface
+from whisker_array.simulation.traces import Traces
+from whisker_array.whisker.shapes import TipModel
+
+
+def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
+    """How far the tip is displaced along x on flat land, e_x.D11 f with e_y.D11 f = d0; negative: behind.
+
+    A stage is set up with the tip, not the base, over the commanded place, so traces are labelled by the
+    commanded position and this displacement is taken off, at the nominal friction.
+    """
+    force = np.array([-friction, 1.0, 0.0])
+    shift = tip.compliance_mm_per_n @ force
+    return float(preload_mm * shift[0] / shift[1])
+
+
+def trace_contact(
+    surface: TouchSurface,
+    tip: TipModel,
+    *,
+    lines_mm: NDArray[np.float64],
+    start_mm: float,
+    step_mm: float,
+    n_samples: int,
+    preload_mm: float,
+    nominal_friction: float,
+) -> Traces:
+    """Trace parallel lines over an oriented surface (see `surface.orient`), each whisker from rest.
+
+    Args:
+        surface: in the trace frame: columns run along the trace.
+        tip: compliance and moment arm of the whisker.
+        lines_mm: (lines,) lateral coordinate of each trace, mm.
+        start_mm: commanded position of the first sample along the trace, mm.
+        step_mm: distance of samples, mm.
+        n_samples: samples a line.
+        preload_mm: d0, mm.
+        nominal_friction: friction at which the stage was set up (for the lag on the land).
+
+    Raises:
+        ValueError: preload or step not positive.
+    """
+    if not (preload_mm > 0.0 and math.isfinite(preload_mm)):
+        raise ValueError(f"preload_mm is {preload_mm}; the whisker must be pressed on: give a positive depth")
+    if not (step_mm > 0.0 and math.isfinite(step_mm)):
+        raise ValueError(f"step_mm is {step_mm}; it must be positive")
+    lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
+    moment = np.empty((lines.size, n_samples), dtype=np.float32)
+    flags = np.empty((lines.size, n_samples), dtype=np.uint8)
+    lag = land_lag_mm(tip, preload_mm=preload_mm, friction=nominal_friction)
+    trace_lines(
+        surface.fields, surface.yielding, surface.pitch_mm, lines, float(start_mm), float(step_mm), lag,
+        float(preload_mm),
+        np.ascontiguousarray(tip.stiffness_n_per_mm), np.ascontiguousarray(tip.compliance_mm_per_n),
+        np.ascontiguousarray(tip.moment_arm_mm), moment, flags,
+    )  # fmt: skip
+    return Traces(moment_n_mm=moment, flags=flags)

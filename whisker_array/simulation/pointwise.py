@@ -1,0 +1,83 @@
+r"""The pointwise fidelity: the paper's formula at every sample, with the slope along the trace.
+
+With p = dh/dx = -tan(alpha) the sliding contact force is f = f_n (n - mu t), and in components::
+
+       n - mu t  ~  ( -(p + mu),  1 - mu p )          alpha > 0: the surface falls in +x
+                                                       ____
+    height constraint (7),(11)  e_y.D11 f = d0 + h         \  alpha
+    moment (13),(14)            m = s3.T1 f                 \____
+
+so that  m = (d0 + h) * (T1x (p + mu) - T1y (1 - mu p)) / (Dyx (p + mu) - Dyy (1 - mu p)),
+which is m_land (1 + h/d0) F(slope, mu) of eq. (16).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from whisker_array.simulation.traces import SampleFlag, Traces
+from whisker_array.whisker.shapes import TipModel
+
+_LOST = np.uint8(SampleFlag.CONTACT_LOST)
+_JAMMED = np.uint8(SampleFlag.JAMMED)
+
+
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _kernel(h, mu, d0, inv_two_step, dyx, dyy, tx, ty, moment, flags):  # type: ignore[no-untyped-def]
+    lines, samples = h.shape
+    one, zero = np.float32(1.0), np.float32(0.0)
+    for i in prange(lines):
+        for j in range(samples):
+            left, right = max(j - 1, 0), min(j + 1, samples - 1)
+            p = (h[i, right] - h[i, left]) * inv_two_step
+            if right - left == 1:  # one-sided at the ends of the trace
+                p = p + p
+            m = mu[i % mu.shape[0], j % mu.shape[1]]
+            ax = -(p + m)
+            ay = one - m * p
+            reach = d0 + h[i, j]
+            give = dyx * ax + dyy * ay
+            lost, jam = reach <= zero, give <= zero
+            moment[i, j] = zero if (lost or jam) else reach * (tx * ax + ty * ay) / give
+            flags[i, j] = (_LOST if lost else np.uint8(0)) | (_JAMMED if jam else np.uint8(0))
+
+
+def trace_pointwise(
+    height_mm: NDArray[np.float32],
+    tip: TipModel,
+    *,
+    step_mm: float,
+    preload_mm: float,
+    friction: float | NDArray[np.float32],
+) -> Traces:
+    """Moments of traces along the columns of a (lines, samples) field of heights, eqs. (11), (14), (16).
+
+    Args:
+        height_mm: dilated heights over the land under each sample, float32.
+        tip: compliance and moment arm of the whisker.
+        step_mm: distance of neighbouring samples.
+        preload_mm: d0, how far below the land the force-free tip would run.
+        friction: one coefficient or one for each sample.
+
+    Raises:
+        ValueError: preload or step not positive.
+    """
+    if not (preload_mm > 0.0 and math.isfinite(preload_mm)):
+        raise ValueError(f"preload_mm is {preload_mm}; the whisker must be pressed on: give a positive depth")
+    if not (step_mm > 0.0 and math.isfinite(step_mm)):
+        raise ValueError(f"step_mm is {step_mm}; it must be positive")
+    h = np.ascontiguousarray(height_mm, dtype=np.float32)
+    mu = np.atleast_2d(np.asarray(friction, dtype=np.float32))
+    moment = np.empty_like(h)
+    flags = np.empty(h.shape, dtype=np.uint8)
+    compliance, arm = tip.compliance_mm_per_n, tip.moment_arm_mm
+    _kernel(
+        h, mu, np.float32(preload_mm), np.float32(0.5 / step_mm),
+        np.float32(compliance[1, 0]), np.float32(compliance[1, 1]),
+        np.float32(arm[0]), np.float32(arm[1]), moment, flags,
+    )  # fmt: skip
+    return Traces(moment_n_mm=moment, flags=flags)

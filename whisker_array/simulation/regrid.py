@@ -1,0 +1,140 @@
+"""Bringing a height map to the grid of a scan: interpolated if it is coarser, averaged if much finer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
+from whisker_array.simulation.surface import Friction, fill_dropouts
+
+_NOTHING_MM = 1e-6
+"""Rounding leaves less than this between two interpolated maps that are alike."""
+
+
+def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) -> tuple[HeightMap, Friction]:
+    """Bring a map to a grid that suits steps of `target_mm`: interpolated if coarser, averaged if much finer.
+
+    Coarser maps are interpolated (bicubic) to the step itself or a little finer: slopes of a coarse grid
+    would be steps of their own. Maps finer than half the step are averaged in blocks. The top left sample's
+    centre stays where it was.
+
+    Args:
+        height_map: the surface, (rows, cols).
+        friction: one coefficient, or a map of the same shape, which is brought along.
+        target_mm: step of the samples that will be taken, mm.
+
+    Raises:
+        MapError: a map so coarse and wide that the fine grid would exceed the limit of samples.
+    """
+    pitch = height_map.pitch_mm
+    ratio = pitch / target_mm
+    if ratio > 1.0 + 1e-6:
+        factor = _factor(ratio)
+        rows, cols = height_map.shape
+        if rows * cols * factor**2 > MAX_PIXELS:
+            raise MapError(
+                f"{rows} x {cols} samples {pitch:g} mm apart, felt in steps of {target_mm:g} mm, would be "
+                f"more than {MAX_PIXELS:,}; crop the map, or scan it in coarser steps"
+            )
+        filled, dropout = fill_dropouts(height_map.z_mm)
+        z = _interpolate(filled, factor, order=3)
+        z[_repeat(dropout, factor)[: z.shape[0], : z.shape[1]]] = np.nan
+        return HeightMap(z, pitch / factor), _fit_beside(friction, factor, 1)
+    block = _block(ratio)
+    if block < 2:
+        return height_map, friction
+    return HeightMap(_average(height_map.z_mm, block), pitch * block), _fit_beside(friction, 1, block)
+
+
+def pad_soil(soil: Soil, samples: int) -> Soil:
+    """The dirt with its rim replicated outwards on all sides."""
+    thickness, hardness, friction = (
+        np.pad(a, samples, mode="edge") for a in (soil.thickness_mm, soil.hardness_mpa, soil.friction)
+    )
+    return Soil(thickness_mm=thickness, hardness_mpa=hardness, friction=friction)
+
+
+def fit_soil(soil: Soil, top: HeightMap, fitted: HeightMap, *, target_mm: float) -> Soil:
+    """Bring the dirt on a map to the grid that `fit_pitch` has brought the map to.
+
+    What lies below the dirt is brought along as the map is, and the thickness is what is left between: a cubic would
+    otherwise draw the edge of the dirt into the metal under it.
+
+    Args:
+        soil: on the grid of `top`.
+        top: the map as given.
+        fitted: the map as brought to its new grid.
+        target_mm: as given to `fit_pitch`.
+    """
+    if fitted is top:
+        return soil
+    ratio = top.pitch_mm / target_mm
+    factor, block = (_factor(ratio), 1) if fitted.pitch_mm < top.pitch_mm else (1, _block(ratio))
+    friction, hardness = (
+        np.asarray(_fit_beside(beside, factor, block)) for beside in (soil.friction, soil.hardness_mpa)
+    )
+    thickness = np.zeros(fitted.shape, dtype=np.float32)
+    if soil.thickness_mm.any():
+        below, _ = fit_pitch(HeightMap(top.z_mm - soil.thickness_mm, top.pitch_mm), 0.0, target_mm=target_mm)
+        between = np.nan_to_num(fitted.z_mm - below.z_mm)
+        thickness = np.where(between > _NOTHING_MM, between, 0.0).astype(np.float32)
+    return Soil(thickness_mm=thickness, hardness_mpa=hardness, friction=friction)
+
+
+def _factor(ratio: float) -> int:
+    """Samples to be made of one, where the grid is coarser than the step by this ratio."""
+    return int(np.ceil(ratio - 1e-6))
+
+
+def _block(ratio: float) -> int:
+    """Samples to be averaged to one: odd, since such a block has its centre on a sample."""
+    block = int(np.floor(0.5 / ratio + 1e-6))
+    return block - (1 - block % 2)
+
+
+def _fit_beside(beside: Friction, factor: int, block: int) -> Friction:
+    """A map on the same grid brought along; a number stays one."""
+    if not isinstance(beside, np.ndarray):
+        return beside
+    if factor > 1:
+        # linear: a cubic would swing below zero beside the rim of an oil patch
+        return _interpolate(beside, factor, order=1)
+    return _average(beside, block) if block > 1 else beside
+
+
+def _interpolate(values: NDArray[np.float32], factor: int, *, order: int) -> NDArray[np.float32]:
+    from scipy import ndimage
+
+    rows, cols = values.shape
+    shape = ((rows - 1) * factor + 1, (cols - 1) * factor + 1)
+    # grid_mode=False maps first and last samples onto each other, so the pitch divides exactly
+    out: NDArray[np.float32] = ndimage.zoom(
+        values, (shape[0] / rows, shape[1] / cols), order=order, mode="nearest", grid_mode=False
+    ).astype(np.float32)
+    return out
+
+
+def _repeat(mask: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
+    """Each sample's mask on the interpolated grid, centred on it."""
+    half = factor // 2
+    return np.repeat(np.repeat(mask, factor, axis=0), factor, axis=1)[half:, half:]
+
+
+def _average(values: NDArray[np.float32], block: int) -> NDArray[np.float32]:
+    """Mean over odd blocks centred on samples 0, block, 2 block ...; NaN only where a whole block is NaN."""
+    half = block // 2
+    rows, cols = values.shape
+    n_rows, n_cols = (rows - 1) // block + 1, (cols - 1) // block + 1
+    padded = np.pad(
+        values,
+        ((half, max(0, n_rows * block - rows - half)), (half, max(0, n_cols * block - cols - half))),
+        mode="edge",
+    )[: n_rows * block, : n_cols * block]
+    blocks = padded.reshape(n_rows, block, n_cols, block)
+    known = np.isfinite(blocks)
+    count = known.sum(axis=(1, 3))
+    total = np.where(known, blocks, 0.0).sum(axis=(1, 3), dtype=np.float64)
+    with np.errstate(invalid="ignore"):
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)

@@ -1,0 +1,286 @@
+"""The surface as a ball tip feels it: dropouts filled, dilated by the tip, with slopes and friction beside.
+
+A ball of radius r resting on z(x) has its lowest point at the *dilated* height (ISO 16610-41, the tip's
+morphological closing of valleys)::
+
+            ___                h_d(x) = max over |u| <= r of  z(x + u) + sqrt(r^2 - u^2) - r
+           /   \\
+    ------(  r  )------        a groove narrower than the ball is felt shallower than it is,
+          .\\_._/.              a ridge wider by the ball.
+    _____/  h_d  \\____
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
+
+Friction: TypeAlias = float | NDArray[np.float32]
+"""Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
+
+
+@dataclass(frozen=True, eq=False)
+class TouchSurface:
+    """What a trace needs of a surface, sample by sample, in the plate frame.
+
+    Attributes:
+        fields: (rows, cols, 4) float32: height mm, slope along columns, slope along rows, friction; of what the
+            tip stands on, below all dirt that yields.
+        dropout: (rows, cols) bool: the height there was measured by nobody and filled from around.
+        pitch_mm: grid pitch, mm.
+        yielding: (rows, cols, 7) float32, None where nothing yields: height and both slopes of the dirt's top, the
+            stiffness N/mm with which it carries the tip (`soft`), both slopes of that, and 1 where any of it is felt.
+    """
+
+    fields: NDArray[np.float32]
+    dropout: NDArray[np.bool_]
+    pitch_mm: float
+    yielding: NDArray[np.float32] | None = None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols)."""
+        return (self.fields.shape[0], self.fields.shape[1])
+
+
+def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Fill NaN from the nearest measured neighbours; returns the filled heights and where they were filled.
+
+    The nearest value, then a few local averages inside the holes only, so that a hole has no step at its rim.
+    """
+    dropout = np.isnan(z_mm)
+    if not dropout.any():
+        return z_mm, dropout
+    from scipy import ndimage
+
+    rows, cols = ndimage.distance_transform_edt(dropout, return_distances=False, return_indices=True)
+    filled = z_mm[rows, cols]
+    for _ in range(4):
+        smooth = ndimage.uniform_filter(filled, size=5, mode="nearest")
+        filled = np.where(dropout, smooth, filled)
+    return np.ascontiguousarray(filled, dtype=np.float32), dropout
+
+
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _dilate(z, drow, dcol, lift):  # type: ignore[no-untyped-def]
+    rows = z.shape[0]
+    out = np.empty_like(z)
+    for r in prange(rows):
+        for c in range(z.shape[1]):
+            out[r, c] = z[r, c]
+        for k in range(drow.size):
+            _raise(z[min(max(r + drow[k], 0), rows - 1)], dcol[k], lift[k], out[r])
+    return out
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
+def _raise(line, shift, lift, best):  # type: ignore[no-untyped-def]
+    """The larger of `best` and the line, moved left by `shift` and lifted, its ends repeated."""
+    cols = best.size
+    first, last = min(max(-shift, 0), cols), max(min(cols - shift, cols), 0)
+    for c in range(first, last):
+        value = line[c + shift] + lift
+        best[c] = value if value > best[c] else best[c]
+    for c in range(first):
+        best[c] = max(best[c], line[0] + lift)
+    for c in range(last, cols):
+        best[c] = max(best[c], line[cols - 1] + lift)
+
+
+def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
+    """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
+
+    The ball is evaluated at the grid's own offsets, so its bottom is exact and its flank is sampled; a radius
+    below one pitch therefore leaves the surface as it is.
+
+    Raises:
+        ValueError: a radius negative, or of more than 60 samples.
+    """
+    if radius_mm < 0.0 or not np.isfinite(radius_mm):
+        raise ValueError(f"tip radius_mm is {radius_mm}; it must be zero or positive")
+    reach = int(np.floor(radius_mm / pitch_mm))
+    if reach < 1:
+        return z_mm
+    if reach > 60:
+        raise ValueError(
+            f"a tip of {radius_mm} mm spans {reach} samples of {pitch_mm} mm; thin the map or use a finer tip"
+        )
+    offsets = np.arange(-reach, reach + 1)
+    drow, dcol = (a.ravel() for a in np.meshgrid(offsets, offsets, indexing="ij"))
+    square = radius_mm**2 - (drow**2 + dcol**2) * pitch_mm**2
+    inside = (square >= 0.0) & ((drow != 0) | (dcol != 0))
+    lift = (np.sqrt(square[inside]) - radius_mm).astype(np.float32)
+    result: NDArray[np.float32] = _dilate(z_mm, drow[inside], dcol[inside], lift)
+    return result
+
+
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _interleave(z, friction, inv_two_pitch, fields):  # type: ignore[no-untyped-def]
+    rows, cols = z.shape
+    for r in prange(rows):
+        up, down = max(r - 1, 0), min(r + 1, rows - 1)
+        # one-sided at the rim of the map
+        inv_rows = inv_two_pitch if down - up == 2 else inv_two_pitch + inv_two_pitch
+        beside, last = friction[r % friction.shape[0]], cols - 1
+        each = 1 if beside.size == cols else 0  # of a map; otherwise one number for all
+        for c in range(1, last):
+            fields[r, c, 0] = z[r, c]
+            fields[r, c, 1] = (z[r, c + 1] - z[r, c - 1]) * inv_two_pitch
+            fields[r, c, 2] = (z[down, c] - z[up, c]) * inv_rows
+            fields[r, c, 3] = beside[c * each]
+        for c, left, right in ((0, 0, 1), (last, last - 1, last)):
+            fields[r, c, 0] = z[r, c]
+            fields[r, c, 1] = (z[r, right] - z[r, left]) * (inv_two_pitch + inv_two_pitch)
+            fields[r, c, 2] = (z[down, c] - z[up, c]) * inv_rows
+            fields[r, c, 3] = beside[c * each]
+
+
+def check_friction(friction: Friction, shape: tuple[int, int]) -> Friction:
+    """One coefficient as a float, or a map as float32 of that shape.
+
+    Raises:
+        MapError: a map of another shape; negative or not finite anywhere.
+    """
+    mu = np.asarray(friction, dtype=np.float32)
+    if mu.ndim > 0 and mu.shape != shape:
+        raise MapError(f"friction map {mu.shape} does not fit the height map {shape}")
+    if not np.isfinite(mu).all() or (mu < 0.0).any():
+        raise MapError("friction must be finite and not negative everywhere")
+    return mu if mu.ndim > 0 else float(friction)
+
+
+def check_soil(soil: Soil, shape: tuple[int, int]) -> None:
+    """Refuse dirt that lies on another grid.
+
+    Raises:
+        MapError: it does.
+    """
+    if soil.shape != shape:
+        raise MapError(f"soil {soil.shape} does not fit the height map {shape}; give both on one grid")
+
+
+def prepare_surface(
+    height_map: HeightMap, *, tip_radius_mm: float = 0.0, friction: Friction = 0.2, soil: Soil | None = None
+) -> TouchSurface:
+    """Make a height map ready to be traced: fill, dilate by the tip, take slopes, lay the friction beside.
+
+    Where dirt yields, both its top and what lies below are dilated: the tip will stand somewhere in between.
+
+    Args:
+        height_map: the surface, (rows, cols).
+        tip_radius_mm: ball radius at the whisker's tip, mm.
+        friction: Coulomb coefficient, one number or a (rows, cols) map (oil lowers it in patches).
+        soil: dirt on the same grid, the height map being its top; its friction is not looked at here.
+
+    Raises:
+        MapError: a friction map of another shape, negative or not finite; soil of another shape.
+    """
+    mu = np.atleast_2d(np.asarray(check_friction(friction, height_map.shape), dtype=np.float32))
+    filled, dropout = fill_dropouts(height_map.z_mm)
+    pitch = height_map.pitch_mm
+    if soil is not None:
+        check_soil(soil, height_map.shape)
+    if soil is None or not soil.thickness_mm.any():
+        fields = _dilated_fields(filled, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
+        return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch)
+    fields = _dilated_fields(filled - soil.thickness_mm, mu, pitch_mm=pitch, radius_mm=tip_radius_mm)
+    stiffness = carrying_stiffness_n_per_mm(soil, tip_radius_mm=tip_radius_mm, pitch_mm=pitch)
+    none = np.zeros((1, 1), dtype=np.float32)
+    top = _dilated_fields(filled, none, pitch_mm=pitch, radius_mm=tip_radius_mm)[..., :3]
+    carrying = _dilated_fields(stiffness, none, pitch_mm=pitch, radius_mm=0.0)
+    carrying[..., 3] = (top != fields[..., :3]).any(axis=2)
+    yielding = np.concatenate([top, carrying], axis=2)
+    return TouchSurface(fields=fields, dropout=dropout, pitch_mm=pitch, yielding=yielding)
+
+
+def _dilated_fields(
+    z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float, radius_mm: float
+) -> NDArray[np.float32]:
+    dilated = dilate_by_ball(z_mm, pitch_mm=pitch_mm, radius_mm=radius_mm)
+    fields = np.empty((*z_mm.shape, 4), dtype=np.float32)
+    _interleave(dilated, beside, np.float32(0.5 / pitch_mm), fields)
+    return fields
+
+
+def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
+    """The surface in the *trace frame* of a direction: columns run the way the whisker is dragged.
+
+    Rows are then the lateral coordinate, in its plate order. A kernel written for +x serves all directions.
+    """
+    dropout = surface.dropout if direction.along_x else surface.dropout.T
+    dropout = dropout[:, ::-1] if direction.backward else dropout
+    return replace(
+        surface,
+        fields=_orient(surface.fields, direction),
+        dropout=np.ascontiguousarray(dropout) if dropout.any() else np.zeros(dropout.shape, dtype=np.bool_),
+        yielding=None if surface.yielding is None else _orient(surface.yielding, direction),
+    )
+
+
+def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[np.float32]:
+    if direction is TraceDirection.FORWARD_X:
+        return np.ascontiguousarray(fields, dtype=np.float32)
+    layers = fields.shape[2]
+    order = np.array([0, 1, 2, 3, 4, 5, 6] if direction.along_x else [0, 2, 1, 3, 5, 4, 6])[:layers]
+    backward = [1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0] if direction.backward else [1.0] * 7
+    rows, cols = fields.shape[:2] if direction.along_x else fields.shape[1::-1]
+    out = np.empty((rows, cols, layers), dtype=np.float32)
+    signs = np.array(backward, dtype=np.float32)[:layers]
+    _turn(fields, direction.along_x, direction.backward, order, signs, out)
+    return out
+
+
+@njit(parallel=True, cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
+def _turn(fields, along_x, backward, order, signs, out):  # type: ignore[no-untyped-def]
+    rows, cols, layers = out.shape
+    tile = 16  # pixels of both maps that stay in the cache
+    for block in prange((rows + tile - 1) // tile):
+        for left in range(0, cols, tile):
+            for r in range(block * tile, min(block * tile + tile, rows)):
+                for c in range(left, min(left + tile, cols)):
+                    there = cols - 1 - c if backward else c
+                    pixel = fields[r, there] if along_x else fields[there, r]
+                    for k in range(layers):
+                        out[r, c, k] = signs[k] * pixel[order[k]]
+
+
+@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _sample_lines(fields, dropout, inv_pitch, lines, start, step, height, mu, missing):  # type: ignore[no-untyped-def]
+    rows, cols = fields.shape[0], fields.shape[1]
+    for i in prange(lines.size):
+        v = min(max(lines[i] * inv_pitch, 0.0), rows - 1.001)
+        r = int(v)
+        fv = v - r
+        for j in range(height.shape[1]):
+            u = min(max((start + j * step) * inv_pitch, 0.0), cols - 1.001)
+            c = int(u)
+            fu = u - c
+            w00, w01 = (1.0 - fu) * (1.0 - fv), fu * (1.0 - fv)
+            w10, w11 = (1.0 - fu) * fv, fu * fv
+            a, b, e, g = fields[r, c], fields[r, c + 1], fields[r + 1, c], fields[r + 1, c + 1]
+            height[i, j] = w00 * a[0] + w01 * b[0] + w10 * e[0] + w11 * g[0]
+            mu[i, j] = w00 * a[3] + w01 * b[3] + w10 * e[3] + w11 * g[3]
+            missing[i, j] = dropout[r, c] or dropout[r, c + 1] or dropout[r + 1, c] or dropout[r + 1, c + 1]
+
+
+def sample_lines(
+    surface: TouchSurface, *, lines_mm: NDArray[np.float64], start_mm: float, step_mm: float, n_samples: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Height, friction and dropout under every sample of parallel lines, each (lines, samples), bilinear."""
+    shape = (lines_mm.size, n_samples)
+    height, mu = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
+    missing = np.empty(shape, dtype=np.bool_)
+    _sample_lines(
+        surface.fields, surface.dropout, 1.0 / surface.pitch_mm,
+        np.ascontiguousarray(lines_mm, dtype=np.float64),
+        float(start_mm), float(step_mm), height, mu, missing,
+    )  # fmt: skip
+    return height, mu, missing

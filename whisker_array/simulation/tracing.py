@@ -1,0 +1,102 @@
+"""One sweep of a virtual scan: all its lines traced over the surface, by either fidelity, in the trace frame."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from whisker_array.simulation.contact import trace_contact
+from whisker_array.simulation.pointwise import trace_pointwise
+from whisker_array.simulation.soft import sunken_heights
+from whisker_array.simulation.surface import TouchSurface, orient, sample_lines
+from whisker_array.simulation.traces import Fidelity, SampleFlag, Traces
+from whisker_array.whisker.array import SweepPlan
+from whisker_array.whisker.touch import Touch
+
+
+def trace_sweep(
+    surface: TouchSurface,
+    sweep: SweepPlan,
+    *,
+    touch: Touch,
+    fidelity: Fidelity,
+    origin_mm: float,
+    size_mm: tuple[float, float],
+) -> Traces:
+    """Trace one sweep over a padded surface.
+
+    Lead-in and lead-out may run on the replicated rim; any other sample beyond the part is OUTSIDE.
+
+    Args:
+        surface: in the plate frame.
+        sweep: where the whiskers run.
+        touch: of these whiskers.
+        fidelity: pointwise formula or frictional contact.
+        origin_mm: plate coordinate of the padded surface's first sample, both axes.
+        size_mm: of the part itself, along x and y.
+
+    Returns:
+        (passes * whiskers, samples), passes first.
+    """
+    oriented = orient(surface, sweep.direction)
+    length = (oriented.shape[1] - 1) * surface.pitch_mm
+    start = sweep.start_mm - origin_mm
+    if sweep.direction.backward:
+        start = length - start
+    lines = sweep.line_mm.ravel() - origin_mm
+    # half a thousandth of a step: places that rounding puts beyond the rim still stand on it
+    slack = 5e-4 * sweep.step_mm
+    reach_along, reach_across = size_mm if sweep.direction.along_x else size_mm[::-1]
+    across, along = sweep.line_mm.ravel(), sweep.position_mm()
+    on_part = (across >= -slack) & (across <= reach_across + slack)
+    beyond = (along < -slack) | (along > reach_along + slack)
+    beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False
+    tip = touch.tip.pushed() if sweep.pushed else touch.tip
+    dropout = None
+    if fidelity is Fidelity.POINTWISE or oriented.dropout.any():
+        heights, mu, dropout = sample_lines(
+            oriented,
+            lines_mm=lines[on_part],
+            start_mm=start,
+            step_mm=sweep.step_mm,
+            n_samples=sweep.n_samples,
+        )
+    if fidelity is Fidelity.POINTWISE:
+        if oriented.yielding is not None:
+            top, stiffness, _ = sample_lines(
+                replace(oriented, fields=oriented.yielding),
+                lines_mm=lines[on_part],
+                start_mm=start,
+                step_mm=sweep.step_mm,
+                n_samples=sweep.n_samples,
+            )
+            heights = sunken_heights(
+                top,
+                heights,
+                stiffness,
+                tip,
+                step_mm=sweep.step_mm,
+                preload_mm=touch.preload_mm,
+                friction=mu,
+            )
+        some = trace_pointwise(heights, tip, step_mm=sweep.step_mm, preload_mm=touch.preload_mm, friction=mu)
+    else:
+        some = trace_contact(
+            oriented,
+            tip,
+            lines_mm=lines[on_part],
+            start_mm=start,
+            step_mm=sweep.step_mm,
+            n_samples=sweep.n_samples,
+            preload_mm=touch.preload_mm,
+            nominal_friction=touch.friction,
+        )
+    moment = np.zeros((lines.size, sweep.n_samples), dtype=np.float32)
+    flags = np.full(moment.shape, np.uint8(SampleFlag.OUTSIDE))
+    moment[on_part] = some.moment_n_mm
+    flags[on_part] = some.flags
+    if dropout is not None:
+        flags[on_part] |= np.where(dropout, np.uint8(SampleFlag.DROPOUT), np.uint8(0))
+    flags[:, beyond] |= np.uint8(SampleFlag.OUTSIDE)
+    return Traces(moment_n_mm=moment, flags=flags)

@@ -1,0 +1,251 @@
+"""The array of whiskers and its raster plan: which lines are traced, how often, how long that takes.
+
+An array of W whiskers P apart lays lines only P apart; *interlaced* passes, each shifted by one line pitch,
+fill the gaps, and the array then moves on by W P to the next block::
+
+      whisker   0         1         2            0: first pass, 1: second pass, shifted by one line pitch
+      pass 0    |         |         |            P = interlace * line_pitch
+      pass 1     |         |         |
+      pass 2      |         |         |
+
+A second row of whiskers, of another kind, may run on the same lines behind the first. The return of the stage may be
+used too: the array is then *pushed back* over the line it was dragged along.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.maps import TraceDirection
+
+ALL_DIRECTIONS = (
+    TraceDirection.FORWARD_X,
+    TraceDirection.FORWARD_Y,
+    TraceDirection.BACK_X,
+    TraceDirection.BACK_Y,
+)
+LINES_PER_HEIGHT = 40
+"""Traced lines across one character height by default: a stroke of h/10 is four lines wide."""
+SAMPLES_PER_LINE_PITCH = 2
+SAFE_SPEED_MM_S = 50.0
+"""Quasi-static for the default whisker with its tip held on the surface, at any character height: 59 mm/s brings
+the finest detail (four line pitches) to a tenth of the first bending frequency."""
+PITCH_TOLERANCE = 1e-3
+"""Whisker pitch over line pitch may miss a whole number by so much: a comb is not made better."""
+
+
+@dataclass(frozen=True)
+class WhiskerArray:
+    """A comb of equal whiskers, side by side across the trace, or several such combs one behind the other.
+
+    Attributes:
+        n_whiskers: whiskers in one comb.
+        pitch_mm: distance of neighbouring whiskers.
+        rows: combs, each of whiskers of one kind; all run on the same lines, and every sample is labelled with
+            the place of its own tip.
+    """
+
+    n_whiskers: int
+    pitch_mm: float
+    rows: int = 1
+
+    def __post_init__(self) -> None:
+        if self.n_whiskers < 1:
+            raise ValueError(f"n_whiskers is {self.n_whiskers}; an array has at least one whisker")
+        if self.rows < 1:
+            raise ValueError(f"rows is {self.rows}; an array has at least one row of whiskers")
+        if not (self.pitch_mm > 0.0 and math.isfinite(self.pitch_mm)):
+            raise ValueError(f"whisker pitch_mm is {self.pitch_mm}; it must be positive")
+
+
+@dataclass(frozen=True, eq=False)
+class SweepPlan:
+    """All passes in one trace direction.
+
+    Attributes:
+        direction: the way the whiskers are dragged.
+        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); of
+            several rows the whiskers of the first come first.
+        start_mm: plate coordinate along the trace of the first sample that touches.
+        step_mm: distance of samples, mm, positive; positions decrease from start_mm when the direction is
+            backward.
+        n_samples: samples that touch, lead-in and lead-out included.
+        n_lead: of these, how many run in on land before the region, and as many out behind it.
+        pushed: the base follows the tip, as when a dragged array returns; otherwise it is ahead.
+    """
+
+    direction: TraceDirection
+    line_mm: NDArray[np.float64]
+    start_mm: float
+    step_mm: float
+    n_samples: int
+    n_lead: int
+    pushed: bool = False
+
+    def position_mm(self) -> NDArray[np.float64]:
+        """(samples,) plate coordinate along the trace of each touching sample."""
+        sign = -1.0 if self.direction.backward else 1.0
+        return self.start_mm + sign * self.step_mm * np.arange(self.n_samples, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class RasterPlan:
+    """How an array covers a rectangle of the plate.
+
+    Attributes:
+        array: the comb of whiskers.
+        region_mm: (x0, y0, x1, y1) to be felt, plate frame.
+        line_pitch_mm: distance of traced lines.
+        sample_pitch_mm: distance of samples along a line.
+        directions: trace directions, in the order they are run.
+        speed_mm_s: speed of the stage while tracing.
+        lead_mm: run-in and run-out on land, before and after the region.
+        air_samples: samples taken with the array lifted before each pass, for the offsets.
+        turnaround_s: time to lift, move and set down between passes.
+        two_way: every pass is felt again on its return, pushed.
+    """
+
+    array: WhiskerArray
+    region_mm: tuple[float, float, float, float]
+    line_pitch_mm: float
+    sample_pitch_mm: float
+    directions: tuple[TraceDirection, ...] = field(default=ALL_DIRECTIONS)
+    speed_mm_s: float = 50.0
+    lead_mm: float = 1.0
+    air_samples: int = 16
+    turnaround_s: float = 0.25
+    two_way: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("line_pitch_mm", "sample_pitch_mm", "speed_mm_s"):
+            value = getattr(self, name)
+            if not (value > 0.0 and math.isfinite(value)):
+                raise ValueError(f"{name} is {value}; it must be positive")
+        if self.lead_mm < 0.0 or self.air_samples < 0 or self.turnaround_s < 0.0:
+            raise ValueError("lead_mm, air_samples and turnaround_s cannot be negative")
+        x0, y0, x1, y1 = self.region_mm
+        if not (x1 > x0 and y1 > y0):
+            raise ValueError(
+                f"region_mm {self.region_mm} is empty; give (x0, y0, x1, y1) with x1 > x0, y1 > y0"
+            )
+        if not all(math.isfinite(v) for v in self.region_mm):
+            raise ValueError(f"region_mm {self.region_mm} is not finite")
+        if not self.directions or len(set(self.directions)) != len(self.directions):
+            raise ValueError("give at least one trace direction, each at most once")
+        lines = self.array.pitch_mm / self.line_pitch_mm
+        if self.array.n_whiskers > 1 and abs(lines - self.interlace) > PITCH_TOLERANCE:
+            raise ValueError(
+                f"whiskers {self.array.pitch_mm} mm apart cannot lay lines {self.line_pitch_mm} mm apart; "
+                f"it must divide the whisker pitch, as {self.array.pitch_mm / self.interlace:.6g} does"
+            )
+
+    @property
+    def interlace(self) -> int:
+        """Passes needed to fill the gap between neighbouring whiskers."""
+        return max(1, math.ceil(self.array.pitch_mm / self.line_pitch_mm - 1e-9))
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Rate at which the converter must run."""
+        return self.speed_mm_s / self.sample_pitch_mm
+
+    def sweeps(self) -> tuple[SweepPlan, ...]:
+        """The passes of every direction, dragged, and then those pushed back."""
+        dragged = tuple(self._sweep(direction) for direction in self.directions)
+        if not self.two_way:
+            return dragged
+        returns = (TraceDirection((int(d) + 180) % 360) for d in self.directions)
+        return (*dragged, *(self._sweep(direction, pushed=True) for direction in returns))
+
+    def _sweep(self, direction: TraceDirection, *, pushed: bool = False) -> SweepPlan:
+        x0, y0, x1, y1 = self.region_mm
+        spans = ((x0, x1), (y0, y1))
+        (along0, along1), (across0, across1) = spans if direction.along_x else spans[::-1]
+        n_lines = math.floor((across1 - across0) / self.line_pitch_mm + 1e-6) + 1
+        per_block = self.array.n_whiskers * self.interlace
+        blocks = math.ceil(n_lines / per_block)
+        block, shift, whisker = np.meshgrid(
+            np.arange(blocks), np.arange(self.interlace), np.arange(self.array.n_whiskers), indexing="ij"
+        )
+        index = block * per_block + whisker * self.interlace + shift
+        line_mm = across0 + self.line_pitch_mm * index.reshape(-1, self.array.n_whiskers).astype(np.float64)
+        line_mm = np.tile(line_mm, (1, self.array.rows))
+        n_lead = round(self.lead_mm / self.sample_pitch_mm)
+        n_core = math.floor((along1 - along0) / self.sample_pitch_mm + 1e-6) + 1
+        lead = n_lead * self.sample_pitch_mm
+        start = along0 + (n_core - 1) * self.sample_pitch_mm + lead if direction.backward else along0 - lead
+        return SweepPlan(
+            direction=direction,
+            line_mm=line_mm,
+            start_mm=start,
+            step_mm=self.sample_pitch_mm,
+            n_samples=n_core + 2 * n_lead,
+            n_lead=n_lead,
+            pushed=pushed,
+        )
+
+    @property
+    def n_samples(self) -> int:
+        """Samples of the whole scan: passes x whiskers x (air + touching) over all directions."""
+        return sum(s.line_mm.size * (s.n_samples + self.air_samples) for s in self.sweeps())
+
+    @property
+    def n_passes(self) -> int:
+        """Travels of the array."""
+        return sum(s.line_mm.shape[0] for s in self.sweeps())
+
+    @property
+    def scan_time_s(self) -> float:
+        """Time of the whole scan: all passes at tracing speed, and a turnaround after each."""
+        return math.fsum(
+            s.line_mm.shape[0] * ((s.n_samples + self.air_samples) / self.sample_rate_hz + self.turnaround_s)
+            for s in self.sweeps()
+        )
+
+    def describe(self) -> str:
+        """One line for a person."""
+        x0, y0, x1, y1 = self.region_mm
+        ways = "/".join(f"{int(d)}°" for d in self.directions) + (" and back" if self.two_way else "")
+        return (
+            f"{x1 - x0:.1f} x {y1 - y0:.1f} mm, "
+            f"{self._comb()} {self.array.pitch_mm:.2f} mm apart, "
+            f"lines {self.line_pitch_mm:.3f} mm, {ways}, {self.n_passes} passes, {self.n_samples:,} samples, "
+            f"{self.scan_time_s:.0f} s at {self.speed_mm_s:g} mm/s"
+        )
+
+    def _comb(self) -> str:
+        rows = f"{self.array.rows} rows of " if self.array.rows > 1 else ""
+        return f"{rows}{self.array.n_whiskers} whiskers"
+
+
+def default_plan(
+    region_mm: tuple[float, float, float, float],
+    *,
+    character_height_mm: float,
+    n_whiskers: int = 8,
+    directions: tuple[TraceDirection, ...] = ALL_DIRECTIONS,
+    speed_mm_s: float | None = None,
+    rows: int = 1,
+    two_way: bool = False,
+) -> RasterPlan:
+    """A raster scaled to the character height: 40 lines to a character, whiskers half a height apart.
+
+    The speed is 10 character heights a second unless given, but no more than `SAFE_SPEED_MM_S`.
+    """
+    if not (character_height_mm > 0.0 and math.isfinite(character_height_mm)):
+        raise ValueError(f"character_height_mm is {character_height_mm}; it must be positive")
+    line_pitch = character_height_mm / LINES_PER_HEIGHT
+    return RasterPlan(
+        array=WhiskerArray(n_whiskers=n_whiskers, pitch_mm=0.5 * character_height_mm, rows=rows),
+        region_mm=region_mm,
+        line_pitch_mm=line_pitch,
+        sample_pitch_mm=line_pitch / SAMPLES_PER_LINE_PITCH,
+        directions=directions,
+        speed_mm_s=speed_mm_s if speed_mm_s is not None else min(10.0 * character_height_mm, SAFE_SPEED_MM_S),
+        lead_mm=0.3 * character_height_mm,
+        two_way=two_way,
+    )

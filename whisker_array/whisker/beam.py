@@ -1,0 +1,226 @@
+"""Compliance of a chain of straight beam segments: D of the paper's eqs. (1) and (2) for any whisker shape.
+
+    base                                   r(u) = tip - p(u), the arm of the tip force at the section u
+     |=====o===== p(u) ====o               M(u) = r x f + m, the moment in the section (clamped base)
+                 \\         |               kappa(u) = C(u) M(u), its bending and twist per length
+                   \\ r(u)  |               delta = integral of kappa x r du,  theta = integral of kappa du
+                     \\     |
+                        `->o tip, f, m
+
+so that D = sum over the segments of the integral of G^T C G du with G = ([r]x, I), plus the axial term
+L/(EA) a a^T. Euler-Bernoulli: shear, rotary and warping terms are left out. Units: N, mm, rad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whisker_array.whisker.sections import Material, Section, SectionLike, Taper
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(8)
+_TAPER_TOLERANCE = 1e-12
+"""Panels are doubled until D changes by less than this share; what is left is far below 1e-10."""
+_MAX_PANELS = 512
+_WORLD_Z = np.array([0.0, 0.0, 1.0])
+_WORLD_X = np.array([1.0, 0.0, 0.0])
+
+
+class BeamError(ValueError):
+    """A segment or chain that cannot be one: its message says what is wrong and how to mend it."""
+
+
+def cross_matrix(r: Vector) -> Matrix:
+    """[r]x of eq. (5): cross_matrix(r) @ f = r x f.
+
+    Args:
+        r: (3,) vector, or (n, 3).
+
+    Returns:
+        (3, 3) or (n, 3, 3) float64.
+    """
+    x, y, z = np.moveaxis(np.asarray(r, dtype=np.float64), -1, 0)
+    o = np.zeros_like(x)
+    rows = [np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))]
+    return np.stack(rows, axis=-2)
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One straight piece of a whisker.
+
+    Attributes:
+        start_mm: (3,) float64, the end nearer the base, world frame, mm.
+        end_mm: (3,) float64, the end nearer the tip, mm.
+        section: constant section, or a Taper from start to end.
+        material: what it is made of.
+
+    Raises:
+        BeamError: points that are not finite 3-vectors, or a length of zero.
+    """
+
+    start_mm: Vector
+    end_mm: Vector
+    section: SectionLike
+    material: Material
+
+    def __post_init__(self) -> None:
+        for name in ("start_mm", "end_mm"):
+            point = np.array(getattr(self, name), dtype=np.float64)
+            if point.shape != (3,) or not np.isfinite(point).all():
+                raise BeamError(f"{name} is {point}; it must be a point of three finite coordinates in mm")
+            point.flags.writeable = False
+            object.__setattr__(self, name, point)
+        if not self.length_mm > 0.0:
+            raise BeamError(f"segment at {self.start_mm} mm has no length; leave it out of the chain")
+
+    @property
+    def length_mm(self) -> float:
+        """Length, mm."""
+        return float(np.linalg.norm(self.end_mm - self.start_mm))
+
+    @property
+    def axes(self) -> Matrix:
+        """(3, 3) rows: along the segment, lateral, vertical (right-handed unit vectors).
+
+        The lateral axis is the part of world z across the segment (world x if the segment runs along z).
+        """
+        along = (self.end_mm - self.start_mm) / self.length_mm
+        lateral = _WORLD_Z - along * along[2]
+        if np.linalg.norm(lateral) < 1e-9:
+            lateral = _WORLD_X - along * along[0]
+        lateral = lateral / np.linalg.norm(lateral)
+        return np.stack([along, lateral, np.cross(along, lateral)])
+
+    def section_at(self, t: float) -> Section:
+        """The section at the share t of the length, 0 = start."""
+        if isinstance(self.section, Taper):
+            return self.section.start.blend(self.section.end, t)
+        return self.section
+
+    def section_compliance(self, t: float) -> Matrix:
+        """(3, 3) C of physics.md: twist and curvature per moment in world axes, 1/(N mm^2)."""
+        section, axes = self.section_at(t), self.axes
+        about = np.array(
+            [
+                self.material.g_mpa * section.j_mm4,
+                self.material.e_mpa * section.i_vertical_mm4,
+                self.material.e_mpa * section.i_lateral_mm4,
+            ]
+        )
+        return np.asarray(axes.T @ (axes / about[:, None]))
+
+
+def split(segment: Segment, parts: int) -> tuple[Segment, ...]:
+    """The segment cut into equal parts; a taper is handed on to them.
+
+    Raises:
+        BeamError: parts below 1.
+    """
+    if parts < 1:
+        raise BeamError(f"parts is {parts}; it must be at least 1")
+    at = np.linspace(0.0, 1.0, parts + 1)
+    points = segment.start_mm + at[:, None] * (segment.end_mm - segment.start_mm)
+    points[-1] = segment.end_mm
+    tapered = isinstance(segment.section, Taper)
+    return tuple(
+        Segment(
+            points[i],
+            points[i + 1],
+            Taper(segment.section_at(float(at[i])), segment.section_at(float(at[i + 1])))
+            if tapered
+            else segment.section,
+            segment.material,
+        )
+        for i in range(parts)
+    )
+
+
+def _rules(segment: Segment) -> Iterator[tuple[Vector, Vector]]:
+    """Quadratures over [0, 1], coarse to fine: points and weights. One is exact for a constant section."""
+    if not isinstance(segment.section, Taper):
+        yield np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6.0
+        return
+    panels = 1
+    while panels <= _MAX_PANELS:
+        left = np.arange(panels)[:, None]
+        yield ((left + (1.0 + _GAUSS_X) / 2.0) / panels).ravel(), np.tile(_GAUSS_W / (2.0 * panels), panels)
+        panels *= 2
+
+
+def _integrate(segment: Segment, tip: Vector, t: Vector, weight: Vector, axial: bool) -> Matrix:
+    """Integral of G^T C G over the segment with one quadrature, (6, 6)."""
+    points = segment.start_mm + t[:, None] * (segment.end_mm - segment.start_mm)
+    arms = np.concatenate([cross_matrix(tip - points), np.broadcast_to(np.eye(3), (t.size, 3, 3))], axis=2)
+    constant = not isinstance(segment.section, Taper)
+    c = np.stack([segment.section_compliance(float(u)) for u in (t[:1] if constant else t)])
+    d = np.asarray((np.swapaxes(arms, 1, 2) @ c @ arms * weight[:, None, None]).sum(axis=0))
+    if axial:
+        ea = np.array([segment.material.e_mpa * segment.section_at(float(u)).area_mm2 for u in t])
+        along = segment.axes[0]
+        d[:3, :3] += (weight / ea).sum() * np.outer(along, along)
+    return d * segment.length_mm
+
+
+def _segment_compliance(segment: Segment, tip: Vector, axial: bool) -> Matrix:
+    """Share of one segment in D; a taper is refined until its blocks stand still."""
+    previous: Matrix | None = None
+    for t, weight in _rules(segment):
+        d = _integrate(segment, tip, t, weight, axial)
+        if not isinstance(segment.section, Taper):
+            return d
+        if previous is not None:
+            blocks = ((slice(0, 3), slice(0, 3)), (slice(0, 3), slice(3, 6)), (slice(3, 6), slice(3, 6)))
+            if all(
+                np.abs(d[b] - previous[b]).max() <= _TAPER_TOLERANCE * max(np.abs(d[b]).max(), 1e-300)
+                for b in blocks
+            ):
+                return d
+        previous = d
+    raise BeamError("the taper is too steep to integrate; make its thin end thicker or split the segment")
+
+
+def check_chain(segments: Sequence[Segment]) -> None:
+    """Check that the segments follow each other, base to tip.
+
+    Raises:
+        BeamError: no segment at all, or a gap between one's end and the next one's start.
+    """
+    if not segments:
+        raise BeamError("a chain needs at least one segment")
+    total = sum(s.length_mm for s in segments)
+    for i in range(len(segments) - 1):
+        gap = float(np.linalg.norm(segments[i + 1].start_mm - segments[i].end_mm))
+        if gap > 1e-9 * total:
+            raise BeamError(
+                f"segment {i + 1} starts {gap:.3g} mm away from the end of segment {i}; list them base to tip"
+            )
+
+
+def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matrix:
+    """Compliance D of eqs. (1) and (2) at the tip of a chain clamped at its base.
+
+    Args:
+        segments: base to tip, each beginning where the one before ends.
+        axial: keep the stretching term L/(EA) a a^T. The paper's closed forms leave it out, but without it a
+            straight whisker's D11 is singular.
+
+    Returns:
+        (6, 6) float64, symmetric: [delta; theta] = D [f; m] in world axes. Blocks D11 mm/N, D12 1/N (mm per
+        N mm), D21 rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers.
+
+    Raises:
+        BeamError: an empty or broken chain, or a taper too steep to integrate.
+    """
+    check_chain(segments)
+    tip = segments[-1].end_mm
+    d = np.zeros((6, 6))
+    for segment in segments:
+        d += _segment_compliance(segment, tip, axial)
+    return np.asarray((d + d.T) / 2.0)

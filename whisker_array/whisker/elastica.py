@@ -1,0 +1,299 @@
+"""How wrong is the linear beam? The exact bent shape of a planar whisker (the elastica), to judge Assumption 1.
+
+An inextensible Kirchhoff rod, geometrically exact in the plane of tracing, clamped at its base, its corners
+rigid. The surface holds the tip at a given height; the direction of the contact force is given too, its size
+is sought. With p(s) the bent line, psi(s) its rotation out of the unbent shape (psi is continuous at a corner)::
+
+    y ^     .--o clamp            EI psi' = (p_tip - p) x f,   f = f_n R(alpha) a        (8)-(10)
+      |  ,-'                      p' = (cos, sin)(theta_rest + psi)
+      | o    s: clamp to tip      psi = 0 at the clamp,  e_y.(p_tip - p_tip at rest) = lift
+      |  \\
+      |   o  ^ f                  linear beam: the arm (p_tip - p) and p' taken at rest, to first order in psi
+      +---------------------> x
+
+Made dimensionless with the whole length L, the lift and the linear normal force: the unknowns stay near one
+at any lift, and at lift / L -> 0 the system *is* the linear one. Ball radius and stretching are left out, and
+so they are in the linear beam compared with it (axial=False; the axial term would change its force by 2e-6).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whisker_array.whisker import enhancement
+from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
+from whisker_array.whisker.sections import Taper
+from whisker_array.whisker.shapes import Matrix, Vector, Whisker
+
+LOAD_STEP, _TURN_STEP_RAD, _SMALLEST_STEP = 0.1, 0.5, 1e-3
+"""Of a load step: most lift in whole lengths, most rotation anywhere, least share of the first step."""
+_TOLERANCE = 1e-7
+"""Of solve_bvp: relative residual of the equations; force and tip then stand to 2e-8."""
+_FIRST_NODES, _MAX_NODES, _SHAPE_POINTS = 13, 4000, 128
+"""At first in each segment; over all segments together (but 100 in each); over all of the bent line."""
+
+
+class ElasticaError(ValueError):
+    """A load or whisker that has no exact solution here; the message says why and how to mend it."""
+
+
+@dataclass(frozen=True, eq=False)
+class LargeDeflection:
+    """The exact answer of a whisker whose tip is held up.
+
+    Attributes:
+        force_n: (3,) float64, contact force on the tip, world axes, N; read-only.
+        moment_n_mm: moment about the lateral axis at the sensor, N mm, with the arm from the sensor to the
+            *deformed* tip; signs as `enhancement.moment_n_mm` (negative on the land).
+        tip_shift_mm: (3,) float64, from the force-free tip to the deformed one, world axes, mm; read-only.
+            Away from the base is negative x.
+        shape_mm: (n, 2) float64, the bent whisker from clamp to tip, (x, y) from the clamp, mm; read-only.
+
+    Raises:
+        ElasticaError: wrong shapes, or a number that is not finite.
+    """
+
+    force_n: Vector
+    moment_n_mm: float
+    tip_shift_mm: Vector
+    shape_mm: Matrix
+
+    def __post_init__(self) -> None:
+        for name, shape in (("force_n", (3,)), ("tip_shift_mm", (3,)), ("shape_mm", (len(self.shape_mm), 2))):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.shape != shape or not np.isfinite(array).all() or not math.isfinite(self.moment_n_mm):
+                raise ElasticaError(f"{name} is {array.shape}; it must be {shape}, all numbers finite")
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+
+@dataclass(frozen=True)
+class LinearError:
+    """What the linear beam gets wrong at one lift: positive where it says too much.
+
+    Attributes:
+        lift_mm: how far the tip is held above its free place, mm.
+        force: (linear - exact) / exact of the contact force.
+        moment: (linear - exact) / exact of the moment at the sensor. The linear one has the arm to the
+            force-free tip, as (13) has it; the errors of force and arm cancel in part.
+        shift_mm: linear minus exact shift of the tip along x, mm.
+    """
+
+    lift_mm: float
+    force: float
+    moment: float
+    shift_mm: float
+
+    @property
+    def worst(self) -> float:
+        """The larger of the shares of force and moment, without sign."""
+        return max(abs(self.force), abs(self.moment))
+
+    def describe(self) -> str:
+        """One line for people."""
+        return (
+            f"linear beam against the exact one, tip lifted {self.lift_mm:g} mm: "
+            f"force {100 * self.force:+.2f} %, moment {100 * self.moment:+.2f} %, tip {self.shift_mm:+.3f} mm in x"
+        )
+
+
+@dataclass(frozen=True)
+class _Rod:
+    """The n segments at rest and the direction of the load; lines seen from the tip, in whole lengths."""
+
+    segments: tuple[Segment, ...]
+    length_mm: float
+    start: NDArray[np.float64]  # (2, n, 1) where each segment begins
+    along: NDArray[np.float64]  # (2, n, 1) from its beginning to its end
+    push: Vector  # (3,) R a, force per normal force
+    arm_mm: Vector  # (3,) third row of T1
+    yields_mm_per_n: Vector  # (3,) D11 R a, shift of the tip per normal force by the linear inextensible beam
+
+    @property
+    def angle(self) -> Matrix:
+        """(n, 1) direction of each segment at rest, rad."""
+        return np.asarray(np.arctan2(self.along[1], self.along[0]))
+
+    @property
+    def share(self) -> Matrix:
+        """(n, 1) length of each segment."""
+        return np.asarray(np.hypot(self.along[0], self.along[1]))
+
+    def softness(self, t: Vector) -> Matrix:
+        """(n, nodes) share L^3 / (give EI), give = e_y.D11 R a: bending by the linear force on an arm L."""
+        ei = np.empty((len(self.segments), t.size))
+        for row, s in zip(ei, self.segments, strict=True):
+            places = t if isinstance(s.section, Taper) else t[:1]
+            row[:] = [s.material.e_mpa * s.section_at(float(u)).i_vertical_mm4 for u in places]
+        return np.asarray(self.share * self.length_mm**3 / (self.yields_mm_per_n[1] * ei))
+
+
+def _rod(whisker: Whisker, *, mu: float, alpha_rad: float) -> _Rod:
+    push = enhancement.contact_force(1.0, alpha_rad=alpha_rad, mu=mu)
+    segments = whisker.segments()
+    points = np.array([segments[0].start_mm] + [s.end_mm for s in segments])
+    if np.ptp(points[:, 2]) > 1e-9 * np.abs(points[-1] - points[0]).max():
+        raise ElasticaError("the whisker leaves the plane of tracing; give a chain with one z for all points")
+    d11 = chain_compliance(segments, axial=False)[:3, :3]
+    if not (d11 @ push)[1] > 0.0:
+        raise ElasticaError(
+            f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force cannot lift the "
+            "tip; take a smaller k, or a surface less steep"
+        )
+    length = sum(s.length_mm for s in segments)
+    line = (points[:, :2] - points[-1, :2]).T[:, :, None] / length
+    arm = whisker.tip_model().moment_arm_mm
+    return _Rod(segments, length, line[:, :-1], np.diff(line, axis=1), push, arm, np.asarray(d11 @ push))
+
+
+def _solve(rod: _Rod, bend: float, mesh: Vector, guess: Matrix, force: float) -> Any:
+    """solve_bvp at one lift; bend = lift / L.
+
+    The state, (3 n, nodes): rotations psi / bend, then shifts in x and in y *seen from the shifted tip*, over
+    the lift. The one parameter: force over the linear force. 3 n + 1 conditions: no rotation at the clamp,
+    the clamp one lift below the tip, no shift at the tip, every corner whole.
+    """
+    from scipy.integrate import solve_bvp
+
+    n = len(rod.segments)
+    fx, fy = (float(v) for v in rod.push[:2])
+
+    def curvature(t: Vector, u: Matrix, v: Matrix) -> Matrix:  # under the linear force
+        x0, y0 = rod.start + t * rod.along
+        return np.asarray(rod.softness(t) * (-(x0 + bend * u) * fy + (y0 + bend * v) * fx))
+
+    def slope(t: Vector, y: Matrix, p: Vector) -> Matrix:
+        turn, u, v = y.reshape(3, n, -1)
+        half = bend * turn / 2.0
+        chord = rod.share * turn * np.sinc(half / np.pi)  # (cos(a + 2h) - cos a) / bend without cancellation
+        shifts = (-chord * np.sin(rod.angle + half), chord * np.cos(rod.angle + half))
+        return np.concatenate([p[0] * curvature(t, u, v), *shifts])
+
+    def slope_derivatives(t: Vector, y: Matrix, p: Vector) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        turn, u, v = y.reshape(3, n, -1)
+        by_state, by_force = np.zeros((3, n, 3, n, t.size)), np.zeros((3, n, t.size))
+        each, soft = np.arange(n), p[0] * bend * rod.softness(t)
+        by_state[0, each, 1, each] = -soft * fy
+        by_state[0, each, 2, each] = soft * fx
+        by_state[1, each, 0, each] = -rod.share * np.sin(rod.angle + bend * turn)
+        by_state[2, each, 0, each] = rod.share * np.cos(rod.angle + bend * turn)
+        by_force[0] = curvature(t, u, v)
+        return by_state.reshape(3 * n, 3 * n, -1), by_force.reshape(3 * n, 1, -1)
+
+    def ends(first: Vector, last: Vector, p: Vector) -> Vector:
+        a, b = first.reshape(3, n), last.reshape(3, n)
+        return np.concatenate([[a[0, 0], a[2, 0] + 1.0, b[1, -1], b[2, -1]], (a[:, 1:] - b[:, :-1]).ravel()])
+
+    with np.errstate(all="ignore"):  # a failed Newton step overflows; `success` tells
+        return solve_bvp(
+            slope, ends, mesh, guess, [force], fun_jac=slope_derivatives, tol=_TOLERANCE,
+            max_nodes=max(100, _MAX_NODES // n),
+        )  # fmt: skip
+
+
+def _follow(rod: _Rod, target: float) -> Any:
+    """From the linear beam up to lift / L = target, in load steps.
+
+    The first guess is the unloaded rod: the first Newton step from there is the linear solution. A step holds
+    when it converges near the last one in force (over the linear one) and shape: no snapping to another branch.
+    """
+    n = len(rod.segments)
+    mesh, guess, force = np.linspace(0.0, 1.0, _FIRST_NODES), np.zeros((3 * n, _FIRST_NODES)), 0.0
+    reached, step = 0.0, min(LOAD_STEP, target)
+    while True:
+        bend = min(reached + step, target)
+        found = _solve(rod, bend, mesh, guess, force)
+        turned_rad = np.abs(bend * found.sol(mesh)[:n] - reached * guess[:n]).max()
+        if found.success and 0.5 < found.p[0] / (force or 1.0) < 2.0 and turned_rad < _TURN_STEP_RAD:
+            if bend >= target:
+                return found
+            guess, force, reached = found.sol(mesh), float(found.p[0]), bend
+            step = min(2.0 * step, LOAD_STEP)
+            continue
+        step /= 4.0
+        if step < _SMALLEST_STEP * min(LOAD_STEP, target):
+            raise ElasticaError(
+                f"no bent shape found beyond a lift of {reached * rod.length_mm:.3g} mm: there the tip slips "
+                "through, jams or folds; lower the lift, the friction or the slope, or thicken a taper's end"
+            )
+
+
+def _shape(rod: _Rod, found: Any, lift_mm: float) -> Matrix:
+    """(points, 2) the bent line seen from the clamp, mm; corners once."""
+    n = len(rod.segments)
+    t = np.linspace(0.0, 1.0, max(2, math.ceil(_SHAPE_POINTS / n)) + 1)
+    shift = found.sol(t).reshape(3, n, -1)[1:]
+    line = rod.length_mm * (rod.start + t * rod.along) + lift_mm * shift
+    line = np.concatenate([line[:, 0, :1], line[:, :, 1:].reshape(2, -1)], axis=1)
+    return np.asarray((line - line[:, :1]).T)
+
+
+def large_deflection(
+    whisker: Whisker, *, lift_mm: float, mu: float = 0.0, alpha_rad: float = 0.0
+) -> LargeDeflection:
+    """The exact force, moment and shape of a whisker whose tip the surface holds up: (11), (13) unlinearised.
+
+    Args:
+        whisker: any whisker that lies in the plane of tracing.
+        lift_mm: d0 + h, how far the tip is held above its force-free place, mm, positive.
+        mu: friction coefficient.
+        alpha_rad: intersection angle of the surface, rad.
+
+    Raises:
+        ElasticaError: lift not positive, out of the whisker's reach or without a solution; a whisker that
+            jams or leaves the plane.
+        EnhancementError: alpha or mu out of range.
+    """
+    return _bend(_rod(whisker, mu=mu, alpha_rad=alpha_rad), lift_mm)
+
+
+def _bend(rod: _Rod, lift_mm: float) -> LargeDeflection:
+    if not (math.isfinite(lift_mm) and lift_mm > 0.0):
+        raise ElasticaError(f"lift_mm is {lift_mm}; a whisker in contact is lifted: give a positive length")
+    if not abs(height := lift_mm - float(rod.start[1, 0, 0]) * rod.length_mm) < rod.length_mm:
+        raise ElasticaError(
+            f"the tip cannot be {height:g} mm over the clamp of a whisker {rod.length_mm:g} mm long; lower the lift"
+        )
+    found = _follow(rod, lift_mm / rod.length_mm)
+    force = float(found.p[0]) * lift_mm / rod.yields_mm_per_n[1] * rod.push
+    shift = np.array([-lift_mm * float(found.y[len(rod.segments), 0]), lift_mm, 0.0])
+    arm = rod.arm_mm + cross_matrix(shift)[2]
+    return LargeDeflection(force, float(arm @ force), shift, _shape(rod, found, lift_mm))
+
+
+def linear_error(whisker: Whisker, *, lift_mm: float, mu: float = 0.0, alpha_rad: float = 0.0) -> LinearError:
+    """What the linear beam of (7), (11), (13) gets wrong at this lift, against `large_deflection`.
+
+    To first order, without friction on the land, an L-shaped whisker with beta = 0 is wrong by 3.375 k lift / l1
+    in force and 1.875 k lift / l1 in moment (its tip arm swings out); a straight one only by (lift / l)^2.
+
+    Args and raises as `large_deflection`; ElasticaError too where the exact moment vanishes.
+    """
+    rod = _rod(whisker, mu=mu, alpha_rad=alpha_rad)
+    exact = _bend(rod, lift_mm)
+    normal_n = lift_mm / rod.yields_mm_per_n[1]
+    force = normal_n * rod.push
+    share = float(np.linalg.norm(force) / np.linalg.norm(exact.force_n)) - 1.0
+    moment = _over(float(rod.arm_mm @ force), exact) - 1.0
+    shift = float(normal_n * rod.yields_mm_per_n[0] - exact.tip_shift_mm[0])
+    return LinearError(lift_mm, force=share, moment=moment, shift_mm=shift)
+
+
+def _over(moment_n_mm: float, exact: LargeDeflection) -> float:
+    if exact.moment_n_mm == 0.0:
+        raise ElasticaError("the force makes no moment at the sensor to compare with; change l3")
+    return moment_n_mm / exact.moment_n_mm
+
+
+def enhancement_exact(whisker: Whisker, *, preload_mm: float, alpha_rad: float, mu: float) -> float:
+    """F of (15) and (16) with both states exact: moment on the slope over that on the land, same tip height.
+
+    Unlike (16) it depends on the preload; it tends to (16) as the preload vanishes. Raises as `linear_error`.
+    """
+    slope = large_deflection(whisker, lift_mm=preload_mm, mu=mu, alpha_rad=alpha_rad)
+    return _over(slope.moment_n_mm, large_deflection(whisker, lift_mm=preload_mm, mu=mu))

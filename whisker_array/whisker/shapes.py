@@ -1,0 +1,309 @@
+"""Whiskers: straight, L-shaped and any chain, and what contact needs to know of one: its TipModel.
+
+World frame of the paper: x tracing direction, y up, z lateral. The base is ahead of and above the tip::
+
+      y ^                              ,-o base (clamp; the sensor sits l3 below it)
+        |                     l1    ,-'
+        |                        ,-'   beta      r = tip - sensor = -(l1 c, l1 s + l2 - l3, 0)
+        |                     ,-'- - - - - - -   m = e_z.(r x f)  = (l1 s + l2 - l3, -l1 c, 0).f
+        |                  o-'
+        |              l2  |                     the tip arm hangs vertically down from the end of l1
+        |                  o tip  ---> traced in +x
+        +-------------------------------> x
+
+(The printed D11 and T1 agree with this reading only: (18) is the arm to a tip behind and below.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whisker_array.whisker.beam import BeamError, Segment, chain_compliance, cross_matrix
+from whisker_array.whisker.sections import MUSIC_WIRE, Material, SectionLike
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class WhiskerError(ValueError):
+    """A whisker that cannot be one: its message says what is wrong and how to mend it."""
+
+
+def require_positive(name: str, value: float) -> float:
+    """The value as a float.
+
+    Raises:
+        WhiskerError: not a positive, finite number; the message begins with `name`.
+    """
+    number = float(value)
+    if not math.isfinite(number) or number <= 0.0:
+        raise WhiskerError(f"{name} is {value}; it must be a positive number")
+    return number
+
+
+def _check_beta(beta_rad: float) -> None:
+    if not abs(beta_rad) < math.pi / 2.0:
+        raise WhiskerError(f"beta_rad is {beta_rad}; it must be within -pi/2 to pi/2 (radians, not degrees)")
+
+
+@dataclass(frozen=True, eq=False)
+class TipModel:
+    """All that the contact has to know of a whisker: how its tip yields and what its sensor feels.
+
+    Attributes:
+        compliance_mm_per_n: (3, 3) float64, D11 in world axes, mm/N; symmetric positive definite, read-only.
+        moment_arm_mm: (3,) float64, third row of T1: m = moment_arm_mm . f, N mm, read-only.
+
+    Raises:
+        WhiskerError: wrong shapes, not finite, not symmetric, not positive definite.
+    """
+
+    compliance_mm_per_n: Matrix
+    moment_arm_mm: Vector
+
+    def __post_init__(self) -> None:
+        d = np.array(self.compliance_mm_per_n, dtype=np.float64)
+        arm = np.array(self.moment_arm_mm, dtype=np.float64)
+        if d.shape != (3, 3) or arm.shape != (3,):
+            raise WhiskerError(f"D11 is {d.shape} and the arm {arm.shape}; they must be (3, 3) and (3,)")
+        if not (np.isfinite(d).all() and np.isfinite(arm).all()):
+            raise WhiskerError("D11 and the moment arm must be finite")
+        if np.abs(d - d.T).max() > 1e-9 * np.abs(d).max():
+            raise WhiskerError("D11 is not symmetric, so it would make energy of nothing; check its terms")
+        d = (d + d.T) / 2.0
+        eigen = np.linalg.eigvalsh(d)
+        if not eigen[0] > 1e-14 * abs(eigen[-1]):
+            raise WhiskerError(
+                "D11 is not positive definite: no beam is so. Keep the axial term of a straight whisker "
+                "(axial=True), and use the corrected A11 of physics.md instead of the printed one"
+            )
+        d.flags.writeable = False
+        arm.flags.writeable = False
+        object.__setattr__(self, "compliance_mm_per_n", d)
+        object.__setattr__(self, "moment_arm_mm", arm)
+
+    def pushed(self) -> TipModel:
+        """The same whisker pushed back, told in the frame of that travel: x mirrored, the moment's sign kept.
+
+        In the whisker's own frame friction pulls the other way, so mu changes sign.
+        """
+        mirror = np.array([-1.0, 1.0, 1.0])
+        return TipModel(self.compliance_mm_per_n * np.outer(mirror, mirror), self.moment_arm_mm * mirror)
+
+    @property
+    def stiffness_n_per_mm(self) -> Matrix:
+        """(3, 3) float64 K = D11^-1, symmetric, N/mm."""
+        k = np.linalg.inv(self.compliance_mm_per_n)
+        return np.asarray((k + k.T) / 2.0)
+
+
+def _model(segments: Sequence[Segment], lowered_mm: float, axial: bool) -> TipModel:
+    r = segments[-1].end_mm - segments[0].start_mm + np.array([0.0, lowered_mm, 0.0])
+    d11 = chain_compliance(segments, axial=axial)[:3, :3]
+    return TipModel(d11, np.asarray(cross_matrix(r)[2]))
+
+
+@dataclass(frozen=True)
+class Straight:
+    """A straight whisker, the profilometer of Sec. 3.5: F = 1 whatever the friction.
+
+    Attributes:
+        length_mm: l, mm.
+        beta_rad: setting angle from the horizontal, rad, |beta| < pi/2.
+        section: constant section, or a Taper from base to tip.
+        material: what it is made of.
+
+    Raises:
+        WhiskerError: a length not positive, an angle out of range.
+    """
+
+    length_mm: float
+    beta_rad: float
+    section: SectionLike
+    material: Material = MUSIC_WIRE
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "length_mm", require_positive("length_mm", self.length_mm))
+        _check_beta(self.beta_rad)
+
+    def segments(self) -> tuple[Segment, ...]:
+        """The one segment, base at the origin."""
+        tip = -self.length_mm * np.array([math.cos(self.beta_rad), math.sin(self.beta_rad), 0.0])
+        return (Segment(np.zeros(3), tip, self.section, self.material),)
+
+    def tip_model(self, *, axial: bool = True) -> TipModel:
+        """D11 and moment arm. axial=False raises WhiskerError: inextensible, D11 is singular."""
+        return _model(self.segments(), 0.0, axial)
+
+    @property
+    def k(self) -> float:
+        """l2 / l1 = 0."""
+        return 0.0
+
+    @property
+    def reach_mm(self) -> float:
+        """The length against which Assumption 1 measures the deflection: l, mm."""
+        return self.length_mm
+
+    def describe(self) -> str:
+        """One line for people."""
+        return (
+            f"straight whisker: l {self.length_mm:g} mm, beta {math.degrees(self.beta_rad):g} deg, "
+            f"{self.section}, {self.material.name}"
+        )
+
+
+@dataclass(frozen=True)
+class LShaped:
+    """The L-shaped whisker of Fig. 3, the differentiator.
+
+    Attributes:
+        l1_mm: beam length, mm.
+        l2_mm: tip-arm length, mm, >= 0; hangs vertically down from the end of l1 whatever beta is.
+        l3_mm: how far the sensor base is lowered towards the tip, mm; None means l3 = l2.
+        beta_rad: setting angle of l1 from the horizontal, rad.
+        section: constant section of both arms, or a Taper over l1 (the tip arm then has its end section).
+        material: what it is made of.
+
+    Raises:
+        WhiskerError: a length or angle out of range.
+    """
+
+    l1_mm: float
+    l2_mm: float
+    l3_mm: float | None
+    beta_rad: float
+    section: SectionLike
+    material: Material = MUSIC_WIRE
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "l1_mm", require_positive("l1_mm", self.l1_mm))
+        if not (math.isfinite(self.l2_mm) and self.l2_mm >= 0.0):
+            raise WhiskerError(f"l2_mm is {self.l2_mm}; the tip arm's length is finite and not negative")
+        if self.l3_mm is not None and not math.isfinite(self.l3_mm):
+            raise WhiskerError(f"l3_mm is {self.l3_mm}; give a finite length, or None for l3 = l2")
+        _check_beta(self.beta_rad)
+
+    @property
+    def lowered_mm(self) -> float:
+        """l3, mm, with the default filled in."""
+        return self.l2_mm if self.l3_mm is None else self.l3_mm
+
+    def segments(self) -> tuple[Segment, ...]:
+        """l1 and the tip arm, base at the origin."""
+        elbow = -self.l1_mm * np.array([math.cos(self.beta_rad), math.sin(self.beta_rad), 0.0])
+        beam = Segment(np.zeros(3), elbow, self.section, self.material)
+        tip = elbow - np.array([0.0, self.l2_mm, 0.0])
+        if self.l2_mm <= 1e-12 * self.l1_mm:  # no tip arm, or one lost in rounding
+            return (beam,)
+        return (beam, Segment(elbow, tip, beam.section_at(1.0), self.material))
+
+    def tip_model(self, *, axial: bool = True) -> TipModel:
+        """D11 and moment arm; axial=False gives the inextensible D11 of (19), (20) corrected."""
+        return _model(self.segments(), self.lowered_mm, axial)
+
+    @property
+    def k(self) -> float:
+        """l2 / l1."""
+        return self.l2_mm / self.l1_mm
+
+    @property
+    def reach_mm(self) -> float:
+        """The length against which Assumption 1 measures the deflection: l1, mm."""
+        return self.l1_mm
+
+    def describe(self) -> str:
+        """One line for people."""
+        return (
+            f"L-shaped whisker: l1 {self.l1_mm:g} mm, l2 {self.l2_mm:g} mm (k = {self.k:.3f}), "
+            f"l3 {self.lowered_mm:g} mm, beta {math.degrees(self.beta_rad):g} deg, "
+            f"{self.section}, {self.material.name}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """A whisker of any shape: straight segments between points (a curve is many short ones).
+
+    Attributes:
+        points_mm: (n + 1, 3) float64, base to tip, world frame (tip behind the base), mm; read-only.
+        sections: one section (or Taper) for every segment: n of them; a single one is used throughout.
+        material: what it is made of.
+        l3_mm: how far the sensor base is lowered below the first point, mm.
+
+    Raises:
+        WhiskerError: fewer than two points, not finite, wrong number of sections, a tip ahead of its base.
+    """
+
+    points_mm: Matrix
+    sections: SectionLike | tuple[SectionLike, ...]
+    material: Material = MUSIC_WIRE
+    l3_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        points = np.array(self.points_mm, dtype=np.float64)
+        if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise WhiskerError(f"points_mm is {points.shape}; it needs at least two finite points (x, y, z)")
+        n = len(points) - 1
+        sections = self.sections
+        if isinstance(sections, Sequence):
+            sections = tuple(sections)
+            if len(sections) != n:
+                raise WhiskerError(f"{len(sections)} sections for {n} segments; give one for each, or one")
+        if not points[-1, 0] < points[0, 0]:
+            raise WhiskerError("the tip must lie behind the base (smaller x): a whisker is dragged along")
+        if not math.isfinite(self.l3_mm):
+            raise WhiskerError(f"l3_mm is {self.l3_mm}; it must be finite")
+        points.flags.writeable = False
+        object.__setattr__(self, "points_mm", points)
+        object.__setattr__(self, "sections", sections)
+        try:
+            self.segments()
+        except BeamError as error:
+            raise WhiskerError(f"points_mm: {error}") from error
+
+    def segments(self) -> tuple[Segment, ...]:
+        """The segments, base to tip."""
+        n = len(self.points_mm) - 1
+        each = self.sections if isinstance(self.sections, tuple) else (self.sections,) * n
+        return tuple(
+            Segment(self.points_mm[i], self.points_mm[i + 1], each[i], self.material) for i in range(n)
+        )
+
+    def tip_model(self, *, axial: bool = True) -> TipModel:
+        """D11 and moment arm."""
+        return _model(self.segments(), self.l3_mm, axial)
+
+    @property
+    def k(self) -> float:
+        """The l2 / l1 of an L-shaped whisker with l3 = l2 that has the same F as this one.
+
+        By (16) F depends on A = -Dyx / Dyy and B = -arm_x / arm_y only; for the L with l3 = l2 they are
+        tan(beta) + 1.5 k / c and tan(beta). Negative: this whisker dulls falling edges.
+        """
+        model = self.tip_model()
+        row, arm = model.compliance_mm_per_n[1], model.moment_arm_mm
+        a, b = -row[0] / row[1], -arm[0] / arm[1]
+        return float((a - b) * 2.0 / 3.0 / math.hypot(1.0, b))
+
+    @property
+    def reach_mm(self) -> float:
+        """The length against which Assumption 1 measures the deflection: from base to tip, mm."""
+        return float(np.linalg.norm(self.points_mm[-1] - self.points_mm[0]))
+
+    def describe(self) -> str:
+        """One line for people."""
+        return (
+            f"chain of {len(self.points_mm) - 1} segments: reach {self.reach_mm:g} mm, felt k {self.k:.3f}, "
+            f"{self.material.name}"
+        )
+
+
+Whisker: TypeAlias = Straight | LShaped | Chain
+"""Any whisker: has tip_model(), segments(), k, reach_mm, material and describe()."""

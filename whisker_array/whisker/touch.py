@@ -1,0 +1,75 @@
+"""How a whisker meets the surface: what its moments depend on beside the surface itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from whisker_array.whisker.defaults import (
+    NOMINAL_FRICTION,
+    TIP_RADIUS_HEIGHTS,
+    default_preload_mm,
+    default_whisker,
+    profiling_whisker,
+)
+from whisker_array.whisker.shapes import TipModel
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """How a whisker meets the surface.
+
+    Attributes:
+        tip: compliance and moment arm at the tip.
+        preload_mm: d0, how far below the land the force-free tip runs.
+        tip_radius_mm: ball radius.
+        friction: nominal Coulomb coefficient, used where no better is known (templates, lag on the land).
+        whisker: one line describing the whisker, for people.
+    """
+
+    tip: TipModel
+    preload_mm: float
+    tip_radius_mm: float
+    friction: float = NOMINAL_FRICTION
+    whisker: str = ""
+
+    def __post_init__(self) -> None:
+        if not (self.preload_mm > 0.0 and np.isfinite(self.preload_mm)):
+            raise ValueError(f"preload_mm is {self.preload_mm}; it must be positive")
+        if not (self.tip_radius_mm >= 0.0 and np.isfinite(self.tip_radius_mm)):
+            raise ValueError(f"tip_radius_mm is {self.tip_radius_mm}; it cannot be negative")
+        if not 0.0 <= self.friction < 2.0:
+            raise ValueError(f"friction is {self.friction}; a Coulomb coefficient lies between 0 and 2")
+
+    def land_moment_n_mm(self) -> float:
+        """Moment on flat land at the nominal friction, eq. (14) with alpha = 0."""
+        force = np.array([-self.friction, 1.0, 0.0])
+        normal = self.preload_mm / float(self.tip.compliance_mm_per_n[1] @ force)
+        return normal * float(self.tip.moment_arm_mm @ force)
+
+    def key(self) -> tuple[float, ...]:
+        """Numbers that decide what is felt; equal keys feel alike (for caches)."""
+        numbers = (*self.tip.compliance_mm_per_n.ravel(), *self.tip.moment_arm_mm)
+        return tuple(
+            float(f"{v:.6g}") for v in (*numbers, self.preload_mm, self.tip_radius_mm, self.friction)
+        )
+
+
+def default_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
+    """The default ribbon whisker, scaled to the character height, pressed on by 0.2 of it."""
+    whisker = default_whisker(character_height_mm)
+    return Touch(
+        tip=whisker.tip_model(),
+        preload_mm=default_preload_mm(character_height_mm),
+        tip_radius_mm=TIP_RADIUS_HEIGHTS * character_height_mm,
+        friction=friction,
+        whisker=whisker.describe(),
+    )
+
+
+def profiling_touch(character_height_mm: float, *, friction: float = NOMINAL_FRICTION) -> Touch:
+    """The default touch with the sensor where the moment is the profile, for the second row of an array."""
+    whisker = profiling_whisker(character_height_mm)
+    touch = default_touch(character_height_mm, friction=friction)
+    return replace(touch, tip=whisker.tip_model(), whisker=whisker.describe())
