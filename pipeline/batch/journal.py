@@ -27,8 +27,8 @@ from pipeline.batch.row_files import RowFile, read_rows
 from pipeline.batch.tables import LINE_FORMS, check_output, write_parquet, write_rows
 from pipeline.common.atomic import replacing
 from pipeline.common.errors import FileProblem
+from pipeline.common.row import Row
 from pipeline.common.run_description import differences, key_of
-from pipeline.reading.rows import Row
 
 FORMAT_VERSION = 1
 

@@ -13,6 +13,7 @@ from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
 from pipeline.batch.setup import Means, Target, absolute, open_readers, opened, order_for, with_expected
 from pipeline.common.atomic import check_writable, replacing
+from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 from pipeline.files.listed import ListedPart
@@ -21,7 +22,6 @@ from pipeline.files.truth import Scores, load_truth
 from pipeline.reading.expected import load_expected
 from pipeline.reading.part_reader import Mode
 from pipeline.reading.readers import Readers
-from pipeline.reading.rows import Row
 
 MOST_SHOWN = 200
 """Parts whose rows are printed; of more the counts are, and the table has the rows."""

@@ -6,7 +6,7 @@ import sys
 import time
 from typing import Any
 
-from pipeline.reading.rows import Row
+from pipeline.common.row import Row
 
 LINE_EVERY_S = 60.0
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from pipeline.reading.rows import Row
+from pipeline.common.row import Row
 
 if TYPE_CHECKING:
     from rich.text import Text

@@ -13,7 +13,7 @@ from typing import BinaryIO, NamedTuple
 
 from pipeline.batch.tables import LINE_FORMS, LineForm, parquet_rows
 from pipeline.common.errors import FileProblem
-from pipeline.reading.rows import Row
+from pipeline.common.row import Row
 
 _MOST_RECORD_BYTES = 1 << 24  # more than all texts of a row take, escaped
 _SYNC_S = 1.0

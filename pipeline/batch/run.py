@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from pipeline.batch.summary import Summary
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
+from pipeline.common.row import Row
 from pipeline.files.listed import ListedPart
-from pipeline.reading.rows import Row
 from pipeline.workers.executors import Crew, Outcome
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from typing import Any
 
 from pipeline.common.atomic import check_writable, replacing
 from pipeline.common.errors import FileProblem, damage_reported
-from pipeline.reading.rows import Row
+from pipeline.common.row import Row
 
 COLUMNS = tuple(f.name for f in fields(Row))
 MOST_TEXT = 100_000

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 from pipeline.common.errors import FileProblem
 from pipeline.common.records import EvidenceKind, ReadingRecord
+from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.listed import ListedPart
-from pipeline.reading.rows import Row, told_row
+from pipeline.reading.rows import told_row
 
 if TYPE_CHECKING:
     from pipeline.reading.jobs import MadeFile

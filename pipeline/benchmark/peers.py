@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.serials import allowed_characters
-from pipeline.benchmark.modes import ModeReader, ModeUnavailableError, Senses
+from pipeline.benchmark.mode import ModeReader, ModeUnavailableError, Senses
 from pipeline.benchmark.specimens import Box
 from pipeline.benchmark.trials import UNUSED
 

@@ -20,6 +20,7 @@ from typing import Any
 from pipeline.benchmark import charts as report_pictures
 from pipeline.benchmark import curves as report_curves
 from pipeline.benchmark.charts import inlined, modes_in, severities_in, severity_name
+from pipeline.benchmark.confusion import characters_right
 from pipeline.benchmark.modes import PEERS
 from pipeline.benchmark.peers import ACCEPTED_FROM
 from pipeline.benchmark.run import Benchmark, in_workers
@@ -28,7 +29,6 @@ from pipeline.benchmark.statistics import Group, Statistics, plain, statistics_o
 from pipeline.benchmark.targets import Verdict, verdicts
 from pipeline.benchmark.trials import Trial
 from pipeline.benchmark.worst_parts import WorstPart, draw_worst, marked, rank_worst
-from pipeline.common.alignment import characters_right
 from pipeline.common.atomic import replacing
 
 PAGE, TABLE, FIGURES = "report.html", "benchmark.csv", "benchmark.json"

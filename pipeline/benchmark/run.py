@@ -17,7 +17,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pipeline.benchmark.modes import ModeReader, ModeSettings, Readers, Senses, open_mode
+from pipeline.benchmark.mode import ModeReader, ModeSettings, Readers, Senses
+from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Condition, Item, Parts
 from pipeline.benchmark.trials import Trial, TrialBook, answer_of
 from pipeline.common.allocator import kept_memory

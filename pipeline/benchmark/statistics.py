@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from pipeline.benchmark.calibration import Reliability, reliability
+from pipeline.benchmark.confusion import Confusion, characters_right, confusion
 from pipeline.benchmark.pairs import CharacterTest, SerialTest, compare_characters, mcnemar
 from pipeline.benchmark.risk import RiskCoverage, risk_coverage
 from pipeline.benchmark.shares import Share, resampled, share
 from pipeline.benchmark.trials import Trial
-from pipeline.common.alignment import Confusion, align, characters_right, confusion
+from pipeline.common.alignment import align
 
 SINGLE_MODES = ("tactile", "vision")
 FUSED = "fused"

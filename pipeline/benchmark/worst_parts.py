@@ -14,11 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.benchmark.charts import inlined
-from pipeline.benchmark.modes import Senses
+from pipeline.benchmark.confusion import characters_right
+from pipeline.benchmark.mode import Senses
 from pipeline.benchmark.run import Benchmark, readers_for
 from pipeline.benchmark.specimens import Item
 from pipeline.benchmark.trials import Trial
-from pipeline.common.alignment import align, characters_right
+from pipeline.common.alignment import align
 from pipeline.plots.axes import edge_panel, height_panel
 
 SHOWN = 12

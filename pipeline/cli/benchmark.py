@@ -100,7 +100,8 @@ def benchmark(
                 "benchmark: --severities and --parts are for parts that are made", status=USAGE
             )
         from glyphs.stamping.die import Face
-        from pipeline.benchmark.modes import PEERS, ModeSettings
+        from pipeline.benchmark.mode import ModeSettings
+        from pipeline.benchmark.modes import PEERS
         from pipeline.benchmark.report import check_report
         from pipeline.benchmark.run import Benchmark
         from pipeline.benchmark.specimens import Condition, FolderParts, Parts, SynthParts

@@ -12,9 +12,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from rapidfuzz.distance import Levenshtein
+
 from pipeline.common.errors import FileProblem, require_file
+from pipeline.common.row import Row
 from pipeline.files.touch_file import is_height_map, is_photo, is_scan
-from pipeline.reading.rows import Row
 
 _PART_HEADINGS = ("part", "file", "filename", "name", "part_id")
 _TEXT_HEADINGS = ("text", "serial", "truth", "label")
@@ -129,7 +131,7 @@ class Scores:
             return
         self._seen.add(name)
         stamped, read = ("".join(t.split()) for t in (self._truth[name], row.text))
-        distance = edit_distance(stamped, read)
+        distance = Levenshtein.distance(stamped, read)
         self._parts += 1
         self._right += distance == 0
         self._characters += len(stamped)
@@ -147,14 +149,3 @@ def score(rows: Iterable[Row], truth: Mapping[str, str]) -> Accuracy:
     for row in rows:
         scores.add(row)
     return scores.accuracy()
-
-
-def edit_distance(one: str, other: str) -> int:
-    """Levenshtein distance: characters to replace, insert or delete."""
-    previous = list(range(len(other) + 1))
-    for i, a in enumerate(one, start=1):
-        current = [i]
-        for j, b in enumerate(other, start=1):
-            current.append(min(previous[j] + 1, current[j - 1] + 1, previous[j - 1] + (a != b)))
-        previous = current
-    return previous[-1]

@@ -26,7 +26,8 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     from pipeline.files.npz import write_npz
     from pipeline.files.photos import write_photo
     from pipeline.files.synth import SynthSpec, make_soiled
-    from pipeline.reading.jobs import Job, read_job
+    from pipeline.reading.job_reading import read_job
+    from pipeline.reading.jobs import Job
 
     cv2.setNumThreads(1)
     spec = SynthSpec("AA99", seed=1, height_mm=settings.height_mm or 5.0, variation=False)

@@ -26,7 +26,8 @@ from pipeline.common.records import (
     PartRecord,
     PartState,
 )
-from pipeline.reading.jobs import Done, Job, read_job
+from pipeline.reading.job_reading import read_job
+from pipeline.reading.jobs import Done, Job
 from pipeline.reading.triage import state_after
 from pipeline.service.idempotency import Once, Received
 from pipeline.service.problem import Problem

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from rapidfuzz.distance import Levenshtein
 
 from glyphs.fonts.outlines import load_font
 from glyphs.soiling.dirty import Dirt
@@ -24,7 +25,6 @@ from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, make_part, make_soiled
-from pipeline.files.truth import edit_distance
 from pipeline.reading.enrolment import ReviewedPart, enrol
 from recognition.reader import Reader, ReaderSettings
 from recognition.reading import Decision
@@ -119,7 +119,7 @@ def read_all(reader: Reader, parts: Sequence[Made]) -> Score:
     edits = right = accepted = wrong = 0
     for text, height_map, soil in parts:
         reading = reader.read_height_map(height_map, soil=soil).reading
-        distance = edit_distance(text, "".join(reading.text.split()))
+        distance = Levenshtein.distance(text, "".join(reading.text.split()))
         edits += distance
         right += distance == 0
         accepted += reading.decision is Decision.ACCEPT

@@ -185,7 +185,7 @@ import jinja2
 from pathlib import Path
 from pipeline.benchmark import report
 from pipeline.benchmark.run import Benchmark
-from pipeline.benchmark.modes import ModeSettings
+from pipeline.benchmark.mode import ModeSettings
 from pipeline.benchmark.specimens import SynthParts
 from pipeline.service.pages.assets import StaticFiles
 from pipeline.benchmark.trials import Trial

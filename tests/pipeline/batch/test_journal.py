@@ -27,7 +27,7 @@ from pipeline.batch.journal import RunBook
 from pipeline.batch.row_files import read_rows
 from pipeline.batch.tables import LINE_FORMS, MOST_TEXT, write_rows
 from pipeline.common.errors import FileProblem
-from pipeline.reading.rows import Row
+from pipeline.common.row import Row
 
 SUFFIXES = (".csv", ".jsonl", ".parquet")
 RUN = {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3}
@@ -240,7 +240,7 @@ def test_the_longest_texts_come_back(table: Path) -> None:
 KILLED = """
 import os, sys
 from pathlib import Path
-from pipeline.reading.rows import Row
+from pipeline.common.row import Row
 from pipeline.batch.journal import RunBook
 book = RunBook.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
 if os.fork() == 0:
@@ -563,7 +563,7 @@ def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
 FULL = """
 import resource, sys
 from pathlib import Path
-from pipeline.reading.rows import Row
+from pipeline.common.row import Row
 from pipeline.common.errors import FileProblem
 from pipeline.batch.journal import RunBook
 book = RunBook.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})

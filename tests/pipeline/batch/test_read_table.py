@@ -12,8 +12,8 @@ import pytest
 from glyphs.surface.maps import HeightMap
 from pipeline.batch.read_table import notes, print_table
 from pipeline.cli.read import read
+from pipeline.common.row import Row
 from pipeline.files.npz import write_npz
-from pipeline.reading.rows import Row
 from recognition.lattice import Lattice
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
 

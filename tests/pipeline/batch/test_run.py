@@ -21,12 +21,12 @@ from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
 from pipeline.cli.main import main
 from pipeline.common.errors import FileProblem
 from pipeline.common.records import EvidenceKind, ReadingRecord
+from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
 from pipeline.files.manifest import read_manifest
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, write_part
-from pipeline.reading.rows import Row
 from pipeline.workers.executors import InlineCrew, Outcome
 
 ORDER = RunOrder(ReadSettings(font=("gothic",)))

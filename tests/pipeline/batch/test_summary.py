@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.batch.summary import MOST_REASONS, Summary
-from pipeline.reading.rows import Row
+from pipeline.common.row import Row
 
 ROWS = (
     Row("a", "A1", "accept", 0.99, seconds=0.5),

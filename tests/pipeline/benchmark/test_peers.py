@@ -6,7 +6,8 @@ import pytest
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.benchmark import peers
-from pipeline.benchmark.modes import ModeSettings, ModeUnavailableError, Readers, Senses, open_mode
+from pipeline.benchmark.mode import ModeSettings, ModeUnavailableError, Readers, Senses
+from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Specimen
 from pipeline.benchmark.trials import UNUSED
 from recognition.reader import ReadingWithEvidence

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.benchmark import report
-from pipeline.benchmark.modes import ModeSettings
+from pipeline.benchmark.mode import ModeSettings
 from pipeline.benchmark.run import Benchmark
 from pipeline.benchmark.specimens import SynthParts
 from pipeline.benchmark.statistics import statistics_of

@@ -11,14 +11,8 @@ import pytest
 from glyphs.fonts.serials import MaskError
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark import modes as benchmark_modes
-from pipeline.benchmark.modes import (
-    ModeSettings,
-    ModeUnavailableError,
-    Readers,
-    Senses,
-    open_mode,
-    scan_seconds,
-)
+from pipeline.benchmark.mode import ModeSettings, ModeUnavailableError, Readers, Senses, scan_seconds
+from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.run import Benchmark, run_benchmark
 from pipeline.benchmark.specimens import Condition, FolderParts, Item, Specimen, SynthParts
 from pipeline.benchmark.statistics import plain, statistics_of

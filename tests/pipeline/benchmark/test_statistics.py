@@ -7,15 +7,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rapidfuzz.distance import Levenshtein
 
 from pipeline.benchmark.calibration import reliability
+from pipeline.benchmark.confusion import characters_right, confusion
 from pipeline.benchmark.pairs import compare_characters, mcnemar
 from pipeline.benchmark.risk import risk_coverage
 from pipeline.benchmark.shares import resampled, share
 from pipeline.benchmark.statistics import GroupKey, Split, compare, group_of, plain, split_of, statistics_of
 from pipeline.benchmark.trials import ReadCharacter, Trial
-from pipeline.common.alignment import EXTRA, MISSING, align, characters_right, confusion
-from pipeline.files.truth import edit_distance
+from pipeline.common.alignment import EXTRA, MISSING, align
 
 SERIAL = st.text(alphabet="AB1", max_size=7)
 
@@ -38,7 +39,7 @@ def test_an_alignment_spells_both_serials_and_takes_the_fewest_edits(true: str, 
     assert [p.place for p in pairs if p.place is not None] == list(range(len(read)))
     edits = sum(not p.right for p in pairs)
     places = sum(a != b for a, b in zip(true, read, strict=False))
-    assert edits == (places if len(true) == len(read) else edit_distance(true, read))
+    assert edits == (places if len(true) == len(read) else Levenshtein.distance(true, read))
 
 
 def test_serials_of_one_length_are_compared_place_by_place() -> None:

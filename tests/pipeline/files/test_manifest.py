@@ -20,10 +20,10 @@ from pyarrow import parquet
 
 from pipeline.batch.quarantine import Quarantine
 from pipeline.common.errors import FileProblem
+from pipeline.common.row import Row
 from pipeline.files.listed import ListedPart
 from pipeline.files.manifest import COLUMNS, is_manifest, read_manifest
 from pipeline.files.parts import discover
-from pipeline.reading.rows import Row
 
 
 def table(folder: Path, text: str | bytes, name: str = "lot.csv") -> str:

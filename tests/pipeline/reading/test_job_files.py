@@ -25,7 +25,8 @@ def outcomes(pipe: Any) -> None:
     from pipeline.common.errors import FileProblem
     from pipeline.common.settings import ReadSettings
     from pipeline.files.touch_file import is_photo, is_scan
-    from pipeline.reading.jobs import Job, Limits, read_job
+    from pipeline.reading.job_reading import read_job
+    from pipeline.reading.jobs import Job, Limits
 
     settings = ReadSettings(font=("gothic",), height_mm=5.0)
     with tempfile.TemporaryDirectory() as place:

@@ -14,7 +14,8 @@ from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
 from pipeline.files.photos import read_photo
 from pipeline.files.synth import SynthSpec, make_soiled, write_part
-from pipeline.reading.jobs import Done, Job, Limits, read_job
+from pipeline.reading.job_reading import read_job
+from pipeline.reading.jobs import Done, Job, Limits
 from pipeline.reading.kept_readers import MOST_KEPT, readers_of
 from pipeline.reading.scan_plan import plan_of
 from pipeline.service.stage import ScanOrder, SimulatedStage

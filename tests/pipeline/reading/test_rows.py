@@ -12,18 +12,17 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 import x3pio
-from hypothesis import given
-from hypothesis import strategies as st
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
 from pipeline.batch.tables import check_output, write_rows
 from pipeline.common.errors import FileProblem
+from pipeline.common.row import Row
 from pipeline.files.npz import write_npz
 from pipeline.files.parts import discover
-from pipeline.files.truth import edit_distance, load_truth, score
+from pipeline.files.truth import load_truth, score
 from pipeline.reading.part_reader import Senses
-from pipeline.reading.rows import Row, read_part
+from pipeline.reading.rows import read_part
 from recognition.reading import (
     Box,
     Candidate,
@@ -273,11 +272,3 @@ def test_accuracy_by_its_definition() -> None:
     assert "77.78%" in found.describe()
     assert score([Row("a", "X" * 90)], truth).character_accuracy == 0.0
     assert "no part" in score([Row("stranger")], truth).describe()
-
-
-@given(st.text("AB1", max_size=6), st.text("AB1", max_size=6), st.text("AB1", max_size=6))
-def test_edit_distance_is_a_distance(a: str, b: str, c: str) -> None:
-    assert (edit_distance(a, b) == 0) == (a == b)
-    assert edit_distance(a, b) == edit_distance(b, a)
-    assert edit_distance(a, c) <= edit_distance(a, b) + edit_distance(b, c)
-    assert abs(len(a) - len(b)) <= edit_distance(a, b) <= max(len(a), len(b))
