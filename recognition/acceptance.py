@@ -15,7 +15,7 @@ from glyphs.stamping.die import Face
 from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.refine import Cell
 from recognition.search import LineFit
-from recognition.template_variants import Copies
+from recognition.template_variants import TemplateVariants
 from recognition.templates import TemplateSet
 
 INDEPENDENT_SAMPLES = 40.0
@@ -54,7 +54,7 @@ class Thresholds(Protocol):
         """Least margin for acceptance."""
 
 
-Judged = tuple[LineFit, TemplateSet, tuple[Cell, ...]]
+ScoredLine = tuple[LineFit, TemplateSet, tuple[Cell, ...]]
 
 
 class Decided(NamedTuple):
@@ -68,7 +68,7 @@ class Decided(NamedTuple):
 
     reading: Reading
     support_mm: float
-    judged: Judged | None
+    judged: ScoredLine | None
 
 
 def beliefs(scores: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -84,7 +84,7 @@ def beliefs(scores: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def decide(
-    judged: Sequence[Judged],
+    judged: Sequence[ScoredLine],
     *,
     places: Sequence[str] | None,
     gaps: frozenset[int],
@@ -99,7 +99,7 @@ def decide(
         ]
     line, templates, cells = max(judged, key=lambda j: _support(j, places))
     support = _support((line, templates, cells), places)
-    copies = Copies(templates.chars)
+    copies = TemplateVariants(templates.chars)
     chars = copies.chars
     results, confidence, margin = [], 1.0, 1.0
     mean_score, worst = 0.0, 1.0
@@ -163,7 +163,7 @@ def decide(
     return Decided(reading, support, (line, templates, cells))
 
 
-def _support(judged: Judged, places: Sequence[str] | None) -> float:
+def _support(judged: ScoredLine, places: Sequence[str] | None) -> float:
     """Length of line explained, weighted by the squared correlations of the second look."""
     line, templates, cells = judged
     total = 0.0

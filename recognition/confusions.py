@@ -23,7 +23,7 @@ MISMATCH_SHARE = 0.1
 
 
 @dataclass(frozen=True)
-class SwapSet:
+class ConfusionSet:
     """Characters that are taken for each other, and why."""
 
     chars: str
@@ -31,24 +31,24 @@ class SwapSet:
 
 
 SWAP_SETS = (
-    SwapSet("0OQD", "closed round outlines; the tail of Q and the corners of D are short"),
-    SwapSet("1IL7", "one upright; flag, serifs and foot are short or missing in some fonts"),
-    SwapSet("2Z", "the bow of 2 has a corner in narrow fonts"),
-    SwapSet("5S", "the corners of 5 wear round"),
-    SwapSet("8B", "the left side of 8 is nearly straight in narrow fonts"),
-    SwapSet("6G", "the bow of 6 stays open where it is struck shallow"),
-    SwapSet("38", "3 closed by grime, or 8 with its left side filled"),
-    SwapSet("69", "turned by half a turn"),
-    SwapSet("MW", "turned by half a turn"),
-    SwapSet("UV", "the bottom of U is narrow"),
-    SwapSet("VY", "a short stem is filled"),
-    SwapSet("CG", "the bar of G is short"),
-    SwapSet("PR", "the leg of R is filled or was not struck"),
-    SwapSet("EF", "the foot of E is filled or was not struck"),
-    SwapSet("OC", "the right side of O is filled"),
-    SwapSet("4A", "4 closed at the top, with a low bar"),
-    SwapSet("KX", "the upright of K is filled"),
-    SwapSet("MN", "one diagonal of M is filled"),
+    ConfusionSet("0OQD", "closed round outlines; the tail of Q and the corners of D are short"),
+    ConfusionSet("1IL7", "one upright; flag, serifs and foot are short or missing in some fonts"),
+    ConfusionSet("2Z", "the bow of 2 has a corner in narrow fonts"),
+    ConfusionSet("5S", "the corners of 5 wear round"),
+    ConfusionSet("8B", "the left side of 8 is nearly straight in narrow fonts"),
+    ConfusionSet("6G", "the bow of 6 stays open where it is struck shallow"),
+    ConfusionSet("38", "3 closed by grime, or 8 with its left side filled"),
+    ConfusionSet("69", "turned by half a turn"),
+    ConfusionSet("MW", "turned by half a turn"),
+    ConfusionSet("UV", "the bottom of U is narrow"),
+    ConfusionSet("VY", "a short stem is filled"),
+    ConfusionSet("CG", "the bar of G is short"),
+    ConfusionSet("PR", "the leg of R is filled or was not struck"),
+    ConfusionSet("EF", "the foot of E is filled or was not struck"),
+    ConfusionSet("OC", "the right side of O is filled"),
+    ConfusionSet("4A", "4 closed at the top, with a low bar"),
+    ConfusionSet("KX", "the upright of K is filled"),
+    ConfusionSet("MN", "one diagonal of M is filled"),
 )
 """The declared sets."""
 

@@ -15,7 +15,7 @@ them, another font most. Clean gothic reaches 0.82 to 0.93, coins and roman lett
 plain skeleton 0.65 to 0.84, so this only says where other hands need not be tried, not what may be accepted."""
 
 
-class DirtyLook:
+class EvidenceCache:
     """Evidence of the lines of one edge map."""
 
     def __init__(

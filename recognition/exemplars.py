@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import FELT_PIXELS, Font
 from glyphs.surface.maps import EdgeMap
-from recognition.evidence_cache import DirtyLook
+from recognition.evidence_cache import EvidenceCache
 from recognition.frames import LineImage
 from recognition.lines import find_lines, hypotheses
 from recognition.refine import Cell, refine_line
@@ -127,7 +127,7 @@ def _forced(
     kept = cache if cache is not None else TemplateCache()
     search = LineSearch(edges, touch, kept, chars="".join(sorted(set(text))), places=tuple(text))
     tried = hypotheses(search, fonts, height_mm=height_mm)
-    look = DirtyLook(search, places=search.places)
+    look = EvidenceCache(search, places=search.places)
     lines = find_lines(search, tried, height_known=height_mm is not None, look=look) if tried else []
     best: tuple[float, LineFit, tuple[Cell, ...], LineImage, tuple[float, ...]] | None = None
     for line in lines:

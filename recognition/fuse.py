@@ -24,8 +24,8 @@ from recognition.acceptance import CANDIDATES
 from recognition.confusions import state_of
 from recognition.constrained_decoding import Choice, blind_warnings, choose
 from recognition.fuse_lattices import (
-    SIGHT_ALONE,
-    SIGHT_AT_TOUCH,
+    VISION_ALONE,
+    VISION_AT_TOUCH,
     Reliability,
     contradictions,
     fuse_lattices,
@@ -34,10 +34,10 @@ from recognition.fuse_lattices import (
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
 from recognition.overlay import allowed_at, line_of, registered, seen_at
-from recognition.reader import ReaderSettings, ReadingWithEvidence
+from recognition.reader import ReaderSettings, ReadingTrace
 from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.verdict import CHOICE_FLAGS, choice_flags, decision_of
-from recognition.vision import SightReading
+from recognition.vision import VisionReading
 from recognition.vision_combine import as_reading
 
 Level = Literal["decision", "edges"]
@@ -48,8 +48,8 @@ ALONE_WRONG = 0.02
 
 
 def fuse(
-    touch: ReadingWithEvidence,
-    sight: SightReading,
+    touch: ReadingTrace,
+    vision: VisionReading,
     settings: ReaderSettings,
     *,
     level: Level = DEFAULT_LEVEL,
@@ -59,7 +59,7 @@ def fuse(
 
     Args:
         touch: as felt.
-        sight: as seen.
+        vision: as seen.
         settings: thresholds, grammar, fonts.
         level: its own reading ("decision"), or sight asked at the places of touch ("edges").
         fonts: fonts already loaded, beside those the settings name.
@@ -70,8 +70,8 @@ def fuse(
     """
     grammar = _grammar(settings)
     if touch.lattice is None or not touch.reading.characters:
-        return _by_sight_alone(touch, sight, settings, grammar)
-    found = fused_lattice(touch, sight, settings, level=level, fonts=fonts)
+        return _by_vision_alone(touch, vision, settings, grammar)
+    found = fused_lattice(touch, vision, settings, level=level, fonts=fonts)
     if found is None:
         note = "the camera has read nothing; read by touch alone"
         return replace(touch.reading, source="fused", notes=(*touch.reading.notes, note))
@@ -79,12 +79,12 @@ def fuse(
     choice = choose(lattice, grammar)
     if not choice.text:
         return replace(touch.reading, source="fused")
-    return _reading(touch.reading, touch.lattice, lattice, choice, contradicted, settings, grammar, sight)
+    return _reading(touch.reading, touch.lattice, lattice, choice, contradicted, settings, grammar, vision)
 
 
 def fused_lattice(
-    touch: ReadingWithEvidence,
-    sight: SightReading,
+    touch: ReadingTrace,
+    vision: VisionReading,
     settings: ReaderSettings,
     *,
     level: Level = DEFAULT_LEVEL,
@@ -94,15 +94,15 @@ def fused_lattice(
     felt = touch.lattice
     if felt is None:
         return None
-    line = line_of(touch, settings, fonts) if sight.edges is not None else None
-    where = registered(touch, sight, line)
+    line = line_of(touch, settings, fonts) if vision.edges is not None else None
+    where = registered(touch, vision, line)
     if level == "edges" and line is not None and where is not None and where.failure is None:
-        assert sight.edges is not None
-        seen = seen_at(line, sight, where, allowed_at(_grammar(settings), felt.n_places, line.basis.chars))
-        return _joined(felt, seen, SIGHT_AT_TOUCH)
-    if sight.lattice is None:
+        assert vision.edges is not None
+        seen = seen_at(line, vision, where, allowed_at(_grammar(settings), felt.n_places, line.basis.chars))
+        return _joined(felt, seen, VISION_AT_TOUCH)
+    if vision.lattice is None:
         return None
-    seen = sight.lattice
+    seen = vision.lattice
     if where is not None and where.failure is None:
         seen = replace(seen, boxes=tuple(where.box(b) for b in seen.boxes))
     elif seen.n_places == felt.n_places:
@@ -110,7 +110,7 @@ def fused_lattice(
         seen = replace(seen, boxes=())
     else:
         return None
-    return _joined(felt, seen, SIGHT_ALONE)
+    return _joined(felt, seen, VISION_ALONE)
 
 
 def _grammar(settings: ReaderSettings) -> Grammar | None:
@@ -135,7 +135,7 @@ def _reading(
     contradicted: tuple[str, ...],
     settings: ReaderSettings,
     grammar: Grammar | None,
-    sight: SightReading,
+    vision: VisionReading,
 ) -> Reading:
     """Touch's reading with the beliefs of both."""
     characters = []
@@ -177,19 +177,19 @@ def _reading(
         flags=flags,
         source="fused",
         notes=(*old_blind, *blind, *contradicted),
-        seconds=_seconds(told, sight),
+        seconds=_seconds(told, vision),
     )
 
 
-def _by_sight_alone(
-    touch: ReadingWithEvidence, sight: SightReading, settings: ReaderSettings, grammar: Grammar | None
+def _by_vision_alone(
+    touch: ReadingTrace, vision: VisionReading, settings: ReaderSettings, grammar: Grammar | None
 ) -> Reading:
     """Sight's reading, doubted as sight is; nothing where it has read nothing either."""
-    if sight.lattice is None or not sight.reading.characters:
+    if vision.lattice is None or not vision.reading.characters:
         flags = touch.reading.flags | ReadingFlag.NO_CHARACTERS
         return replace(touch.reading, decision=Decision.REJECT, flags=flags, source="fused")
-    lattice = tempered(sight.lattice, Reliability(rates=(ALONE_WRONG,)))
-    doubts = sight.reading.flags & ~CHOICE_FLAGS
+    lattice = tempered(vision.lattice, Reliability(rates=(ALONE_WRONG,)))
+    doubts = vision.reading.flags & ~CHOICE_FLAGS
     made = as_reading(lattice, settings, flags=doubts or None, source="fused")
     choice = choose(lattice, grammar)
     if choice.text and choice.text != "".join(c.char for c in made.characters):
@@ -197,14 +197,14 @@ def _by_sight_alone(
     note = "touch has found no characters; read by the camera alone"
     return replace(
         made,
-        font=sight.reading.font,
-        height_mm=sight.reading.height_mm,
-        rotation_deg=sight.reading.rotation_deg,
-        notes=(*sight.reading.notes, note),
-        seconds=_seconds(touch.reading, sight),
+        font=vision.reading.font,
+        height_mm=vision.reading.height_mm,
+        rotation_deg=vision.reading.rotation_deg,
+        notes=(*vision.reading.notes, note),
+        seconds=_seconds(touch.reading, vision),
     )
 
 
-def _seconds(felt: Reading, sight: SightReading) -> MappingProxyType[str, float]:
+def _seconds(felt: Reading, vision: VisionReading) -> MappingProxyType[str, float]:
     """What both senses took, step by step."""
-    return MappingProxyType({**felt.seconds, **{f"sight {k}": v for k, v in sight.reading.seconds.items()}})
+    return MappingProxyType({**felt.seconds, **{f"sight {k}": v for k, v in vision.reading.seconds.items()}})

@@ -61,24 +61,24 @@ class Reliability:
             )
 
 
-SIGHT_ALONE = Reliability(power=0.7, rates=(0.02, 0.1, 0.3, 0.6, 0.9), convincing=0.8)
+VISION_ALONE = Reliability(power=0.7, rates=(0.02, 0.1, 0.3, 0.6, 0.9), convincing=0.8)
 """Of a reader of photographs."""
-SIGHT_AT_TOUCH = Reliability(power=0.7, rates=(0.02, 0.1, 0.3, 0.6, 0.9), convincing=0.8)
+VISION_AT_TOUCH = Reliability(power=0.7, rates=(0.02, 0.1, 0.3, 0.6, 0.9), convincing=0.8)
 """Of sight asked at the places of touch."""
 
 
 def fuse_lattices(
     touch: Lattice,
-    sight: Lattice,
+    vision: Lattice,
     *,
-    sight_boxes: Sequence[Box] | None = None,
-    reliability: Reliability = SIGHT_ALONE,
+    vision_boxes: Sequence[Box] | None = None,
+    reliability: Reliability = VISION_ALONE,
 ) -> Lattice:
     """The product of both senses' beliefs at the places of touch.
 
     Args:
         touch: posteriors; its places, boxes and gaps are the outcome's.
-        sight: posteriors.
+        vision: posteriors.
         sight_boxes: boxes of sight's places brought to the plate frame; sight's own unless given.
         reliability: of sight.
 
@@ -88,7 +88,7 @@ def fuse_lattices(
     Raises:
         ValueError: boxes that are not one a place.
     """
-    both = _Both(touch, sight, sight_boxes, reliability)
+    both = _Both(touch, vision, vision_boxes, reliability)
     with np.errstate(divide="ignore"):
         log = np.log(both.prior * both.felt) + np.log(both.seen)
         total = np.logaddexp.reduce(log, axis=1)
@@ -100,10 +100,10 @@ def fuse_lattices(
 
 def contradictions(
     touch: Lattice,
-    sight: Lattice,
+    vision: Lattice,
     *,
-    sight_boxes: Sequence[Box] | None = None,
-    reliability: Reliability = SIGHT_ALONE,
+    vision_boxes: Sequence[Box] | None = None,
+    reliability: Reliability = VISION_ALONE,
     sure: float = 0.8,
 ) -> tuple[tuple[int, str, str], ...]:
     """Where both senses are sure of different characters: (place from 0, touch's, sight's).
@@ -117,7 +117,7 @@ def contradictions(
     Raises:
         ValueError: boxes that are not one a place.
     """
-    both = _Both(touch, sight, sight_boxes, replace(reliability, convincing=0.0))
+    both = _Both(touch, vision, vision_boxes, replace(reliability, convincing=0.0))
     felt = both.prior * both.felt
     felt /= np.maximum(felt.sum(axis=1, keepdims=True), 1e-300)
     seen = np.where(both.considered, both.seen, 0.0)
@@ -142,14 +142,14 @@ class _Both:
     """
 
     def __init__(
-        self, touch: Lattice, sight: Lattice, sight_boxes: Sequence[Box] | None, reliability: Reliability
+        self, touch: Lattice, vision: Lattice, vision_boxes: Sequence[Box] | None, reliability: Reliability
     ) -> None:
-        own = aligned(touch, sight, sight_boxes)
+        own = aligned(touch, vision, vision_boxes)
         here = list(range(touch.n_places))
-        self.chars = (*touch.chars, *(c for c in sight.chars if c not in touch.chars))
+        self.chars = (*touch.chars, *(c for c in vision.chars if c not in touch.chars))
         self.felt, felt_read = _factors(touch, self.chars, here, 1.0)
-        seen, seen_read = _factors(sight, self.chars, own, reliability.power)
-        self.considered = _possible(sight, self.chars, own)
+        seen, seen_read = _factors(vision, self.chars, own, reliability.power)
+        self.considered = _possible(vision, self.chars, own)
         possible = _possible(touch, self.chars, here)
         # of a place that touch has not read it has ruled out nothing
         possible |= ~possible.any(axis=1, keepdims=True)
@@ -199,7 +199,7 @@ def tempered(lattice: Lattice, reliability: Reliability) -> Lattice:
     )
 
 
-def aligned(touch: Lattice, sight: Lattice, sight_boxes: Sequence[Box] | None = None) -> list[int | None]:
+def aligned(touch: Lattice, vision: Lattice, vision_boxes: Sequence[Box] | None = None) -> list[int | None]:
     """For every place of touch the place of sight that is the same, or None.
 
     By their boxes where both have them; else by index, if both have as many.
@@ -207,11 +207,11 @@ def aligned(touch: Lattice, sight: Lattice, sight_boxes: Sequence[Box] | None = 
     Raises:
         ValueError: boxes that are not one a place.
     """
-    boxes = tuple(sight_boxes) if sight_boxes is not None else sight.boxes
-    if boxes and len(boxes) != sight.n_places:
-        raise ValueError(f"{len(boxes)} boxes for {sight.n_places} places of sight")
+    boxes = tuple(vision_boxes) if vision_boxes is not None else vision.boxes
+    if boxes and len(boxes) != vision.n_places:
+        raise ValueError(f"{len(boxes)} boxes for {vision.n_places} places of sight")
     if not boxes or not touch.boxes:
-        same = touch.n_places == sight.n_places
+        same = touch.n_places == vision.n_places
         return [k if same else None for k in range(touch.n_places)]
     here, there = _middles(touch.boxes), _middles(boxes)
     apart = np.hypot(*(here[:, None] - there[None]).transpose(2, 0, 1))
@@ -221,7 +221,7 @@ def aligned(touch: Lattice, sight: Lattice, sight_boxes: Sequence[Box] | None = 
         step = 2.0 * (touch.boxes[0].x1_mm - touch.boxes[0].x0_mm)
     out: list[int | None] = [None] * touch.n_places
     for flat in np.argsort(apart, axis=None, kind="stable"):
-        k, j = divmod(int(flat), sight.n_places)
+        k, j = divmod(int(flat), vision.n_places)
         if apart[k, j] > SAME_PLACE_SHARE * step:
             break
         if out[k] is None and j not in out:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import TraceDirection
-from recognition.acceptance import Judged
+from recognition.acceptance import ScoredLine
 from recognition.frames import LineImage, is_edge_channel, resampled
 from recognition.grade import GradeError, grade_character
 from recognition.reading import CharacterReading, Reading
@@ -20,7 +20,7 @@ TALL_HEIGHTS, SIDE_HEIGHTS = 0.58, 0.12
 
 
 def graded(
-    reading: Reading, judged: Judged, image: LineImage, directions: tuple[TraceDirection, ...]
+    reading: Reading, judged: ScoredLine, image: LineImage, directions: tuple[TraceDirection, ...]
 ) -> Reading:
     """The reading with a grade at every character that has a template.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.die import Face
-from recognition.evidence_cache import DirtyLook
+from recognition.evidence_cache import EvidenceCache
 from recognition.frames import is_edge_channel
 from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg, percentile
 from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape, refine_stroke
@@ -57,7 +57,7 @@ def find_lines(
     tried: list[Hypothesis],
     *,
     height_known: bool,
-    look: DirtyLook | None = None,
+    look: EvidenceCache | None = None,
 ) -> list[LineFit]:
     """The lines of the best fonts, best first.
 

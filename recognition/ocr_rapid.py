@@ -115,7 +115,7 @@ class RapidEngine:
         places: Sequence[str] | None,
         known: Mapping[View, Frames] | None = None,
     ) -> Lattice | None:
-        """See `SightEngine`; the mean of what the views say, each exact under the format.
+        """See `VisionEngine`; the mean of what the views say, each exact under the format.
 
         Args:
             crop, chars, places: as there.

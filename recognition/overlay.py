@@ -12,47 +12,47 @@ from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.reader import ReaderSettings, ReadingWithEvidence
+from recognition.reader import ReaderSettings, ReadingTrace
 from recognition.register import Registration, matched_boxes, register, same_field
 from recognition.register_line import register_line
 from recognition.tactile_line import FeltLine, felt_line
-from recognition.vision import SightReading
-from recognition.vision_at import sight_at
-from recognition.vision_templates import SightBasis, predict_basis
+from recognition.vision import VisionReading
+from recognition.vision_at import vision_at
+from recognition.vision_templates import VisionBasis, predict_basis
 
 
 def registered(
-    touch: ReadingWithEvidence, sight: SightReading, line: FeltLine | None = None
+    touch: ReadingTrace, vision: VisionReading, line: FeltLine | None = None
 ) -> Registration | None:
     """Sight laid over touch, by the characters felt where there are any; None without edge maps of both."""
-    if touch.edge_map is None or sight.edges is None:
+    if touch.edge_map is None or vision.edges is None:
         return None
-    starts = [np.eye(3), same_field(touch.edge_map, sight.edges)]
+    starts = [np.eye(3), same_field(touch.edge_map, vision.edges)]
     if (
         touch.lattice is not None
-        and sight.lattice is not None
+        and vision.lattice is not None
         and touch.lattice.boxes
-        and len(touch.lattice.boxes) == len(sight.lattice.boxes)
+        and len(touch.lattice.boxes) == len(vision.lattice.boxes)
     ):
-        from_boxes = matched_boxes(touch.lattice.boxes, sight.lattice.boxes)
+        from_boxes = matched_boxes(touch.lattice.boxes, vision.lattice.boxes)
         if from_boxes is not None:
             starts.append(from_boxes)
     if line is not None:
-        return register_line(line, sight.edges, starts)
-    return register(touch.edge_map, sight.edges, height_mm=touch.reading.height_mm, starts=starts)
+        return register_line(line, vision.edges, starts)
+    return register(touch.edge_map, vision.edges, height_mm=touch.reading.height_mm, starts=starts)
 
 
 def seen_at(
-    line: FeltLine, sight: SightReading, where: Registration, allowed: NDArray[np.bool_] | None = None
+    line: FeltLine, vision: VisionReading, where: Registration, allowed: NDArray[np.bool_] | None = None
 ) -> Lattice:
     """Posteriors of sight at the places of touch; "nothing readable" competes as a character of no edges.
 
     Raises:
         ValueError: sight has no edge map.
     """
-    if sight.edges is None:
+    if vision.edges is None:
         raise ValueError("sight has no edge map; read the photograph first")
-    evidence = sight_at(line, sight.edges, where.plate_from_photo, allowed=allowed)
+    evidence = vision_at(line, vision.edges, where.plate_from_photo, allowed=allowed)
     if allowed is not None:
         evidence = np.where(allowed, evidence, -np.inf)
     count = np.isfinite(evidence).sum(axis=1)
@@ -61,7 +61,7 @@ def seen_at(
     return Lattice(line.basis.chars, evidence - np.logaddexp(total, nothing)[:, None])
 
 
-def line_of(touch: ReadingWithEvidence, settings: ReaderSettings, fonts: Sequence[Font]) -> FeltLine | None:
+def line_of(touch: ReadingTrace, settings: ReaderSettings, fonts: Sequence[Font]) -> FeltLine | None:
     """The line of touch with pictures of its font; None where that is not known or does not fit the marks."""
     if touch.lattice is None or touch.reading.height_mm <= 0.0:
         return None
@@ -96,11 +96,11 @@ def _loaded(name: str) -> Font:
     return load_font(name)
 
 
-_BASES: dict[tuple[str, str], SightBasis] = {}
+_BASES: dict[tuple[str, str], VisionBasis] = {}
 _MOST_BASES = 8
 
 
-def _basis(font: Font, chars: str) -> SightBasis:
+def _basis(font: Font, chars: str) -> VisionBasis:
     """Pictures of a font, kept from part to part."""
     key = (font.name, chars)
     if key not in _BASES:

@@ -17,11 +17,11 @@ from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.fonts.serials import MaskError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
-from recognition.acceptance import Decided, Judged, decide
+from recognition.acceptance import Decided, ScoredLine, decide
 from recognition.constrained_decoding import Choice
 from recognition.depth import mark_depths
 from recognition.depth_rules import judged_by
-from recognition.evidence_cache import DirtyLook
+from recognition.evidence_cache import EvidenceCache
 from recognition.grading import graded
 from recognition.grammar import Grammar, GrammarError
 from recognition.lattice import Lattice
@@ -30,9 +30,9 @@ from recognition.lines import find_lines, hypotheses
 from recognition.reader_settings import ReaderSettings
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_line
-from recognition.robust_reading import SecondLook, is_crisp, lattice_of_reading, second_look, untroubled
+from recognition.robust_reading import RobustReading, is_crisp, lattice_of_reading, read_robustly, untroubled
 from recognition.search import LineFit, LineSearch
-from recognition.step_timer import Clock
+from recognition.step_timer import StepTimer
 from recognition.templates import TemplateCache
 from recognition.unseen_glyphs import doubted_guesses
 from whisker_array.estimation.edges import edge_map
@@ -43,7 +43,7 @@ from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch, default_touch
 
-__all__ = ["ALPHABET", "Reader", "ReaderSettings", "ReadingWithEvidence", "relief_of"]
+__all__ = ["ALPHABET", "Reader", "ReaderSettings", "ReadingTrace", "relief_of"]
 
 ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 MOST_SCANS = 2
@@ -51,7 +51,7 @@ MOST_SCANS = 2
 
 
 @dataclass(frozen=True, eq=False)
-class ReadingWithEvidence:
+class ReadingTrace:
     """A reading and what it was made from.
 
     Attributes:
@@ -133,7 +133,7 @@ class Reader:
 
     def read_height_map(
         self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = ""
-    ) -> ReadingWithEvidence:
+    ) -> ReadingTrace:
         """Mount, scan with the virtual array at the scale of the characters, and read.
 
         Of several plausible character heights each is scanned, until one reads well.
@@ -146,17 +146,17 @@ class Reader:
         Raises:
             MapError: a map that cannot be scanned, a soil on another grid.
         """
-        clock = Clock()
-        with clock.step("mount"):
+        timer = StepTimer()
+        with timer.step("mount"):
             levelled = level(height_map)
             look = first_look(levelled)
         heights = (self.settings.height_mm,) if self.settings.height_mm else look.heights_mm
         if not heights:
-            return ReadingWithEvidence(_nothing(clock), height_map=levelled)
-        best: ReadingWithEvidence | None = None
+            return ReadingTrace(_nothing(timer), height_map=levelled)
+        best: ReadingTrace | None = None
         for height in heights[:MOST_SCANS]:
             touch = default_touch(height)
-            with clock.step("scan"):
+            with timer.step("scan"):
                 plan = default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height)
                 scan = trace_scan(
                     levelled,
@@ -166,7 +166,7 @@ class Reader:
                     part_id=part_id,
                     soil=soil,
                 )
-            tried = self._read(scan, clock, height_map=levelled)
+            tried = self._read(scan, timer, height_map=levelled)
             if best is None or _merit(tried) > _merit(best):
                 best = tried
             if best.reading.decision is Decision.ACCEPT:
@@ -174,21 +174,19 @@ class Reader:
         assert best is not None
         return best
 
-    def read_scan(self, scan: Scan) -> ReadingWithEvidence:
+    def read_scan(self, scan: Scan) -> ReadingTrace:
         """Read a recorded or simulated scan."""
-        return self._read(scan, Clock(), height_map=None)
+        return self._read(scan, StepTimer(), height_map=None)
 
-    def _read(self, scan: Scan, clock: Clock, *, height_map: HeightMap | None) -> ReadingWithEvidence:
-        with clock.step("edge map"):
+    def _read(self, scan: Scan, timer: StepTimer, *, height_map: HeightMap | None) -> ReadingTrace:
+        with timer.step("edge map"):
             try:
                 edges = edge_map(scan)
             except MapError:
-                return ReadingWithEvidence(
-                    _nothing(clock, _scan_flags(scan)), scan=scan, height_map=height_map
-                )
-        with clock.step("depth"):
+                return ReadingTrace(_nothing(timer, _scan_flags(scan)), scan=scan, height_map=height_map)
+        with timer.step("depth"):
             relief = relief_of(scan, edges)
-        found = self.read_edge_map(edges, scan.touch, relief=relief, clock=clock, flags=_scan_flags(scan))
+        found = self.read_edge_map(edges, scan.touch, relief=relief, timer=timer, flags=_scan_flags(scan))
         return replace(found, scan=scan, height_map=height_map)
 
     def read_edge_map(
@@ -197,28 +195,28 @@ class Reader:
         touch: Touch,
         *,
         relief: Relief | None = None,
-        clock: Clock | None = None,
+        timer: StepTimer | None = None,
         flags: ReadingFlag = ReadingFlag.NONE,
-    ) -> ReadingWithEvidence:
+    ) -> ReadingTrace:
         """Read an edge map felt with the given touch. Without a relief the reading tells no depths."""
-        clock = clock if clock is not None else Clock()
-        made = ReadingWithEvidence(_nothing(clock, flags), edge_map=edges, relief=relief)
+        timer = timer if timer is not None else StepTimer()
+        made = ReadingTrace(_nothing(timer, flags), edge_map=edges, relief=relief)
         search = LineSearch(edges, touch, self.cache, chars=self.chars, places=self.places)
-        look = DirtyLook(search, places=self.places, gaps=self.gaps)
-        with clock.step("localise"):
+        look = EvidenceCache(search, places=self.places, gaps=self.gaps)
+        with timer.step("localise"):
             tried = hypotheses(search, self.fonts, height_mm=self.settings.height_mm)
         if not tried:
             return made
-        with clock.step("search"):
+        with timer.step("search"):
             height_known = self.settings.height_mm is not None
             lines = find_lines(search, tried, height_known=height_known, look=look)
         if not lines:
             return made
-        with clock.step("match"):
+        with timer.step("match"):
             judged = [self._judge(search, line) for line in lines]
-        with clock.step("decide"):
+        with timer.step("decide"):
             decided = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
-        with clock.step("evidence"):
+        with timer.step("evidence"):
             again = None
             if not untroubled(decided, self.grammar):
                 again = self._again(look, judged, flags, nothing_read=decided.judged is None)
@@ -228,19 +226,19 @@ class Reader:
         lattice, choice = lattice_of_reading(decided), None
         if again is not None:
             reading, line_read, lattice, choice = again.reading, again.judged, again.lattice, again.choice
-        with clock.step("depth"):
+        with timer.step("depth"):
             if relief is not None and line_read is not None:
                 reading = _with_depths(reading, line_read, relief)
             reading = judged_by(reading, self.settings.depth_rules)
         if line_read is not None:
             reading = doubted_guesses(reading, line_read, self.places)
         if line_read is not None:
-            with clock.step("grade"):
+            with timer.step("grade"):
                 image = search.image(line_read[0].hypothesis.rotation_deg)
                 reading = graded(reading, line_read, image, edges.directions)
         return replace(
             made,
-            reading=_timed(reading, clock),
+            reading=_timed(reading, timer),
             support_mm=support,
             lattice=lattice,
             choice=choice,
@@ -248,15 +246,15 @@ class Reader:
         )
 
     @staticmethod
-    def _judge(search: LineSearch, line: LineFit) -> Judged:
+    def _judge(search: LineSearch, line: LineFit) -> ScoredLine:
         templates = search.templates(line.hypothesis, raised=line.raised)
         image = search.image(line.hypothesis.rotation_deg)
         settled, cells = refine_line(line, image, templates, search.edges.directions)
         return settled, templates, cells
 
     def _again(
-        self, look: DirtyLook, judged: list[Judged], flags: ReadingFlag, *, nothing_read: bool
-    ) -> SecondLook | None:
+        self, look: EvidenceCache, judged: list[ScoredLine], flags: ReadingFlag, *, nothing_read: bool
+    ) -> RobustReading | None:
         """The reading by evidence, of the line that has most; None where no line is of a font's own shapes."""
         seen = [
             (look.at(line), (line, templates, cells)) for line, templates, cells in judged if is_crisp(line)
@@ -272,7 +270,7 @@ class Reader:
             return None  # a foreign hand explains the line better than dirt does
         image = look.search.image(best[0].hypothesis.rotation_deg)
         gaps = self.gaps if self.places is not None else None
-        return second_look(
+        return read_robustly(
             evidence, best, image, grammar=self.grammar, gaps=gaps, settings=self.settings, flags=flags
         )
 
@@ -287,14 +285,14 @@ def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
         return None
 
 
-def _with_depths(reading: Reading, judged: Judged, relief: Relief) -> Reading:
+def _with_depths(reading: Reading, judged: ScoredLine, relief: Relief) -> Reading:
     line, templates, cells = judged
     depths = mark_depths(relief, line, templates, cells, [c.char for c in reading.characters])
     characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
     return replace(reading, characters=characters)
 
 
-def _counted_alike(decided: Decided, again: SecondLook | None) -> tuple[Decided, SecondLook | None]:
+def _counted_alike(decided: Decided, again: RobustReading | None) -> tuple[Decided, RobustReading | None]:
     """Without a format: evidence judges the characters that correlation counts, and doubts the count.
 
     Evidence passes over a faint character that correlation reads; but what it finds beyond is there.
@@ -325,19 +323,19 @@ def _scan_flags(scan: Scan) -> ReadingFlag:
     return flags
 
 
-def _nothing(clock: Clock, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
+def _nothing(timer: StepTimer, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
     return Reading(
         characters=(),
         decision=Decision.REJECT,
         confidence=0.0,
         flags=flags | ReadingFlag.NO_CHARACTERS,
-        seconds=MappingProxyType(dict(clock.seconds)),
+        seconds=MappingProxyType(dict(timer.seconds)),
     )
 
 
-def _timed(reading: Reading, clock: Clock) -> Reading:
-    return replace(reading, seconds=MappingProxyType(dict(clock.seconds)))
+def _timed(reading: Reading, timer: StepTimer) -> Reading:
+    return replace(reading, seconds=MappingProxyType(dict(timer.seconds)))
 
 
-def _merit(tried: ReadingWithEvidence) -> tuple[bool, float]:
+def _merit(tried: ReadingTrace) -> tuple[bool, float]:
     return (tried.reading.decision is not Decision.REJECT, tried.support_mm)

@@ -90,13 +90,13 @@ class Registration:
 
 
 def register(
-    touch: EdgeMap, sight: EdgeMap, *, height_mm: float, starts: Sequence[ArrayLike] | None = None
+    touch: EdgeMap, vision: EdgeMap, *, height_mm: float, starts: Sequence[ArrayLike] | None = None
 ) -> Registration:
     """Lay the camera's edges over those felt.
 
     Args:
         touch: as felt, plate frame.
-        sight: as seen (`recognition.vision_edges`), photo frame.
+        vision: as seen (`recognition.vision_edges`), photo frame.
         height_mm: of the characters; sets the scales.
         starts: plate-from-photo transforms to begin from; both frames the same, as a stage has them, and `same_field`
             unless given. See `matched_boxes` for one from characters.
@@ -109,9 +109,9 @@ def register(
     """
     if not (math.isfinite(height_mm) and height_mm > 0.0):
         raise ValueError(f"height_mm is {height_mm}; a character height is a positive number of mm")
-    guessed = starts if starts is not None else (np.eye(3), same_field(touch, sight))
+    guessed = starts if starts is not None else (np.eye(3), same_field(touch, vision))
     tried = [np.asarray(s, dtype=np.float64) for s in guessed]
-    pair = _Pair(touch, sight, GRID_HEIGHTS * height_mm)
+    pair = _Pair(touch, vision, GRID_HEIGHTS * height_mm)
     best: Registration | None = None
     for start in tried:
         found = _followed(pair, start, height_mm)
@@ -121,15 +121,15 @@ def register(
     return best
 
 
-def same_field(touch: EdgeMap, sight: EdgeMap) -> Floats:
+def same_field(touch: EdgeMap, vision: EdgeMap) -> Floats:
     """Both maps show the same: middle upon middle, width upon width."""
-    scale = (touch.shape[1] * touch.pitch_mm) / (sight.shape[1] * sight.pitch_mm)
-    there, here = _middle(touch), _middle(sight)
+    scale = (touch.shape[1] * touch.pitch_mm) / (vision.shape[1] * vision.pitch_mm)
+    there, here = _middle(touch), _middle(vision)
     shift = (there[0] - scale * here[0], there[1] - scale * here[1])
     return np.array([[scale, 0.0, shift[0]], [0.0, scale, shift[1]], [0.0, 0.0, 1.0]])
 
 
-def matched_boxes(touch: Sequence[Box], sight: Sequence[Box]) -> Floats | None:
+def matched_boxes(touch: Sequence[Box], vision: Sequence[Box]) -> Floats | None:
     """The similarity that lays boxes of sight over those of touch, one for one; None with fewer than two.
 
     Least squares over the boxes' middles (Umeyama 1991, doi:10.1109/34.88573), without mirroring.
@@ -137,13 +137,13 @@ def matched_boxes(touch: Sequence[Box], sight: Sequence[Box]) -> Floats | None:
     Raises:
         ValueError: different numbers of boxes.
     """
-    if len(touch) != len(sight):
-        raise ValueError(f"{len(sight)} boxes seen for {len(touch)} felt; give the same characters of both")
+    if len(touch) != len(vision):
+        raise ValueError(f"{len(vision)} boxes seen for {len(touch)} felt; give the same characters of both")
     if len(touch) < 2:
         return None
     to, of = (
         np.array([[0.5 * (b.x0_mm + b.x1_mm), 0.5 * (b.y0_mm + b.y1_mm)] for b in boxes])
-        for boxes in (touch, sight)
+        for boxes in (touch, vision)
     )
     z = (of - of.mean(axis=0)) @ np.array([1.0, 1.0j])
     w = (to - to.mean(axis=0)) @ np.array([1.0, 1.0j])
@@ -172,14 +172,14 @@ def edge_size(edges: EdgeMap) -> NDArray[np.float32]:
 class _Pair:
     """Both maps as sizes of edges; touch's on the grid of comparison."""
 
-    def __init__(self, touch: EdgeMap, sight: EdgeMap, grid_mm: float) -> None:
+    def __init__(self, touch: EdgeMap, vision: EdgeMap, grid_mm: float) -> None:
         self.grid_mm = grid_mm
         width, height = touch.shape[1] * touch.pitch_mm, touch.shape[0] * touch.pitch_mm
         self.shape = (max(8, round(height / grid_mm)), max(8, round(width / grid_mm)))
         x0, y0 = touch.origin_mm
         self.plate_from_grid = np.array([[grid_mm, 0.0, x0], [0.0, grid_mm, y0], [0.0, 0.0, 1.0]])
         self.touch_image, self.touch_valid = self._drawn(touch, np.eye(3))
-        self.sight = sight
+        self.vision = vision
 
     def _drawn(
         self, edges: EdgeMap, plate_from_map: Floats
@@ -209,7 +209,7 @@ class _Pair:
         self, start: Floats, blur_px: float
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
         """(touch, sight, both valid), blurred over what is valid, sight where a transform puts it."""
-        seen, shown = self._drawn(self.sight, start)
+        seen, shown = self._drawn(self.vision, start)
         both = (shown > 0.5) & (self.touch_valid > 0.5)
         return _blurred(self.touch_image, self.touch_valid, blur_px), _blurred(seen, shown, blur_px), both
 

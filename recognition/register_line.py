@@ -29,12 +29,12 @@ LEAST_EXPLAINED = 0.22
 Floats = NDArray[np.float64]
 
 
-def register_line(line: FeltLine, sight: EdgeMap, starts: Sequence[ArrayLike]) -> Registration:
+def register_line(line: FeltLine, vision: EdgeMap, starts: Sequence[ArrayLike]) -> Registration:
     """Look for the line in the picture.
 
     Args:
         line: as touch has it.
-        sight: signed edges, photo frame.
+        vision: signed edges, photo frame.
         starts: (3, 3) plate-from-photo transforms to begin from.
 
     Returns:
@@ -50,19 +50,19 @@ def register_line(line: FeltLine, sight: EdgeMap, starts: Sequence[ArrayLike]) -
     for start in starts:
         held = np.asarray(start, dtype=np.float64)
         for turns in (TURNS_DEG, (-0.25, 0.0, 0.25)):
-            value, held = _shifted(line, drawn, sight, held, turns)
+            value, held = _shifted(line, drawn, vision, held, turns)
         if best is None or value > best[0]:
             best = (value, held)
     assert best is not None
-    held = _stretched(line, drawn, sight, best[1])
-    quality = drawn.quality(*laid(sight, held, line))
+    held = _stretched(line, drawn, vision, best[1])
+    quality = drawn.quality(*laid(vision, held, line))
     if quality < LEAST_EXPLAINED:
         return Registration(held / held[2, 2], quality, RegisterFailure.POOR)
     return Registration(held / held[2, 2], quality)
 
 
 def _shifted(
-    line: FeltLine, drawn: DrawnLine, sight: EdgeMap, held: Floats, turns: Sequence[float]
+    line: FeltLine, drawn: DrawnLine, vision: EdgeMap, held: Floats, turns: Sequence[float]
 ) -> tuple[float, Floats]:
     """The best shift and turn about the line's middle."""
     import cv2
@@ -71,7 +71,7 @@ def _shifted(
     best, out = -math.inf, held
     for turn in turns:
         turned = _about_middle(line, math.radians(turn)) @ held
-        edges, _ = laid(sight, turned, line, margin=reach)
+        edges, _ = laid(vision, turned, line, margin=reach)
         answer = np.zeros((3, 2 * reach + 1, 2 * reach + 1))
         for b in range(3):
             for d in range(2):
@@ -86,7 +86,7 @@ def _shifted(
     return best, out
 
 
-def _stretched(line: FeltLine, drawn: DrawnLine, sight: EdgeMap, held: Floats) -> Floats:
+def _stretched(line: FeltLine, drawn: DrawnLine, vision: EdgeMap, held: Floats) -> Floats:
     """Take up what is left along the line: shifts of the places by a parabola, in both directions.
 
     Every place has its own map of evidence by shift; their sum along the parabola is what is sought.
@@ -97,7 +97,7 @@ def _stretched(line: FeltLine, drawn: DrawnLine, sight: EdgeMap, held: Floats) -
     if len(line.middle_mm) < 3:
         return held
     reach = round(STRETCH_HEIGHTS * line.basis.look.pixels)
-    edges, _ = laid(sight, held, line, margin=reach)
+    edges, _ = laid(vision, held, line, margin=reach)
     rows, cols = line.shape
     inner = edges[:, reach : reach + rows, reach : reach + cols]
     light = drawn.light(np.einsum("bdrc,drc->b", drawn.whole, inner, dtype=np.float64))

@@ -17,7 +17,7 @@ from recognition.acceptance import (
     ACCEPT_MEAN_SCORE,
     CANDIDATES,
     Decided,
-    Judged,
+    ScoredLine,
     Thresholds,
     beliefs,
     crowded,
@@ -34,7 +34,7 @@ from recognition.place_evidence import PlaceEvidence
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.refine import Cell
 from recognition.search import LineFit
-from recognition.template_variants import Copies
+from recognition.template_variants import TemplateVariants
 from recognition.templates import TemplateSet
 from recognition.verdict import choice_flags, decision_of
 
@@ -50,7 +50,7 @@ UNTROUBLED_SCORE, UNTROUBLED_MARGIN = 0.9, 0.98
 
 
 @dataclass(frozen=True, eq=False)
-class SecondLook:
+class RobustReading:
     """A reading by evidence and what it rests on.
 
     Attributes:
@@ -63,12 +63,12 @@ class SecondLook:
     reading: Reading
     lattice: Lattice
     choice: Choice
-    judged: Judged
+    judged: ScoredLine
 
 
-def second_look(
+def read_robustly(
     evidence: LineEvidence,
-    judged: Judged,
+    judged: ScoredLine,
     image: LineImage,
     *,
     grammar: Grammar | None,
@@ -76,7 +76,7 @@ def second_look(
     settings: Thresholds,
     flags: ReadingFlag = ReadingFlag.NONE,
     weights: Weights = DEFAULT_WEIGHTS,
-) -> SecondLook | None:
+) -> RobustReading | None:
     """The reading that the evidence of a line makes; None where no serial of the grammar can be made of it.
 
     Args:
@@ -121,7 +121,7 @@ def second_look(
         spaces_after=spaces,
         notes=blind_warnings(choice, grammar) if grammar is not None else (),
     )
-    return SecondLook(reading, lattice, choice, (line, templates, found))
+    return RobustReading(reading, lattice, choice, (line, templates, found))
 
 
 def _nearest(cells: Sequence[Cell], place: PlaceEvidence, height_mm: float) -> Cell | None:
@@ -213,7 +213,7 @@ def lattice_of_reading(decided: Decided) -> Lattice | None:
     reading, (_, templates, cells) = decided.reading, decided.judged
     if len(cells) != len(reading.characters):
         return None
-    copies = Copies(templates.chars)
+    copies = TemplateVariants(templates.chars)
     chars = tuple(str(char) for char in copies.chars)
     rows = []
     for character, cell in zip(reading.characters, cells, strict=True):

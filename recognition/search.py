@@ -20,7 +20,7 @@ from glyphs.surface.maps import EdgeMap
 from recognition.decode import Placed, best_chain
 from recognition.frames import LineImage, line_image, padded, resampled, turned
 from recognition.match import SEARCH_PIXELS, dense_scores
-from recognition.template_scores import Rewards, depth_share
+from recognition.template_scores import TemplateScores, depth_share
 from recognition.templates import TemplateCache, TemplateSet, stretched, template_key
 from whisker_array.whisker.touch import Touch
 
@@ -177,13 +177,13 @@ class LineSearch:
         best: LineFit | None = None
         for polarity in (False, True) if raised is None else (raised,):
             negative = polarity and raised is None
-            rewards = Rewards(
+            template_scores = TemplateScores(
                 dense, share, width, negative=negative, score_floor=SCORE_FLOOR, cost=CHARACTER_COST
             )
-            row = _best_row(rewards.promises())
+            row = _best_row(template_scores.promises())
             if rows is not None and not rows[0] + 2 * ROW_REACH <= row < rows[1] - 2 * ROW_REACH:
                 return self.fit(hypothesis, raised=raised)
-            total, placed, at_rows = _best_placed(rewards, row, image, half, allowed)
+            total, placed, at_rows = _best_placed(template_scores, row, image, half, allowed)
             length = total * hypothesis.height_mm * hypothesis.x_scale
             if best is None or length > best.value_mm:
                 scores = [
@@ -214,11 +214,15 @@ def _best_row(promise: NDArray[np.float64]) -> int:
 
 
 def _best_placed(
-    rewards: Rewards, row: int, image: LineImage, half: NDArray[np.int64], allowed: NDArray[np.bool_] | None
+    template_scores: TemplateScores,
+    row: int,
+    image: LineImage,
+    half: NDArray[np.int64],
+    allowed: NDArray[np.bool_] | None,
 ) -> tuple[float, tuple[Placed, ...], tuple[int, ...]]:
     """What the best chain about a row earns, the chain and the row of each of its characters."""
     low, high = max(0, row - ROW_REACH), min(image.channels.shape[1], row + ROW_REACH + 1)
-    near = rewards.near(low, high)
+    near = template_scores.near(low, high)
     total, placed = best_chain(
         near.max(axis=1),
         half,

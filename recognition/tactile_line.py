@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from glyphs.surface.maps import EdgeMap
 from recognition.lattice import Lattice
-from recognition.vision_templates import SightBasis
+from recognition.vision_templates import VisionBasis
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class FeltLine:
     middle_mm: Floats
     height_mm: float
     rotation_deg: float
-    basis: SightBasis
+    basis: VisionBasis
 
     @property
     def pixel_mm(self) -> float:
@@ -85,7 +85,7 @@ class FeltLine:
 
 
 def felt_line(
-    lattice: Lattice, basis: SightBasis, *, height_mm: float, rotation_deg: float = 0.0
+    lattice: Lattice, basis: VisionBasis, *, height_mm: float, rotation_deg: float = 0.0
 ) -> FeltLine | None:
     """The line of a lattice of touch; None where it has no places, no boxes, or none of the font's characters."""
     if not lattice.boxes:
@@ -102,12 +102,12 @@ def felt_line(
 
 
 def laid(
-    sight: EdgeMap, plate_from_photo: Floats, line: FeltLine, *, margin: int = 0
+    vision: EdgeMap, plate_from_photo: Floats, line: FeltLine, *, margin: int = 0
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The camera's edges in the frame of the line.
 
     Args:
-        sight: signed derivatives along x and y, photo frame.
+        vision: signed derivatives along x and y, photo frame.
         plate_from_photo: (3, 3) homography.
         line: of touch.
         margin: pixels more on every side.
@@ -119,7 +119,7 @@ def laid(
     import cv2
 
     rows, cols = (n + 2 * margin for n in line.shape)
-    p, (x0, y0) = sight.pitch_mm, sight.origin_mm
+    p, (x0, y0) = vision.pitch_mm, vision.origin_mm
     of_pixel = plate_from_photo @ np.array([[p, 0.0, x0], [0.0, p, y0], [0.0, 0.0, 1.0]])
     shift = np.array([[1.0, 0.0, -margin], [0.0, 1.0, -margin], [0.0, 0.0, 1.0]])
     to_pixel = np.linalg.inv(of_pixel) @ line.plate_from_line @ shift
@@ -129,7 +129,7 @@ def laid(
     zoom = float(np.hypot(*step))
     cos, sin = step / zoom
     layers = []
-    for image in (*sight.enhancement, sight.valid.astype(np.float32)):
+    for image in (*vision.enhancement, vision.valid.astype(np.float32)):
         seen = cv2.GaussianBlur(image, (0, 0), 0.35 * zoom) if zoom > 1.2 else image
         layers.append(
             cv2.warpPerspective(

@@ -57,7 +57,7 @@ def _rewards(score, window, share, width, sign, floor, cost, first, last):  # ty
     return out
 
 
-class Rewards:
+class TemplateScores:
     """Rewards of one search, of sunk or of raised marks."""
 
     def __init__(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Copies:
+class TemplateVariants:
     """Which templates are of which character.
 
     Attributes:

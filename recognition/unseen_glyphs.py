@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from recognition.acceptance import Judged
+from recognition.acceptance import ScoredLine
 from recognition.reading import Decision, Reading, ReadingFlag
 
 NEAR_SCORE = 0.05
@@ -17,7 +17,7 @@ NEAR_SCORE = 0.05
 the guess that stood there, it was by 0.01 or 0.02 (E for F, Q for O)."""
 
 
-def doubted_guesses(reading: Reading, judged: Judged, places: Sequence[str] | None) -> Reading:
+def doubted_guesses(reading: Reading, judged: ScoredLine, places: Sequence[str] | None) -> Reading:
     """The reading, sent to review where a character of it may be one that its font was never taught.
 
     Args:

@@ -24,13 +24,13 @@ from recognition.ocr_views import FIRST_VIEW, View
 from recognition.reader import Reader, ReaderSettings
 from recognition.reading import Box, Decision, Reading, ReadingFlag
 from recognition.vision_combine import as_reading, certainty, joined
-from recognition.vision_edges import sight_edges
+from recognition.vision_edges import vision_edges
 from recognition.vision_engine import EngineMissingError
-from recognition.vision_fit import SightFit, Supposed
+from recognition.vision_fit import Supposed, VisionFit
 from recognition.vision_frame import LineCrop, LinePlace, boxes_in_frame, line_crop
 from recognition.vision_lines import distinct_turns_deg, line_places, supposed_heights_mm
-from recognition.vision_search import SightSearch
-from recognition.vision_templates import CLOSE_LOOK, GLANCE, Look, SightBasis, predict_basis
+from recognition.vision_search import VisionSearch
+from recognition.vision_templates import CLOSE_LOOK, GLANCE, Look, VisionBasis, predict_basis
 
 Engine = Literal["rapidocr", "templates", "best"]
 NAMED_WEIGHT, FOREIGN_WEIGHT = 0.6, 0.3
@@ -49,7 +49,7 @@ CLOSE_SPANS = (0.025,)
 
 
 @dataclass(frozen=True, eq=False)
-class SightReading:
+class VisionReading:
     """A reading of a photograph and what it rests on.
 
     Attributes:
@@ -69,7 +69,7 @@ class SightReading:
     by_engine: MappingProxyType[str, Lattice]
 
 
-class SightReader:
+class VisionReader:
     """Reads photographs one after the other; keeps the network, fonts and templates between them."""
 
     def __init__(
@@ -108,9 +108,9 @@ class SightReader:
                     raise
                 self.notes = (f"read by templates alone: {error}",)
         self.by_templates = engine != "rapidocr"
-        self._bases: dict[tuple[str, Look], SightBasis] = {}
+        self._bases: dict[tuple[str, Look], VisionBasis] = {}
 
-    def read_photo(self, photo: Photo, *, about: LinePlace | None = None) -> SightReading:
+    def read_photo(self, photo: Photo, *, about: LinePlace | None = None) -> VisionReading:
         """Read a photograph.
 
         Args:
@@ -164,14 +164,14 @@ class SightReader:
 
     def _answer(
         self, photo: Photo, lattices: dict[str, Lattice], place: LinePlace | None, seconds: dict[str, float]
-    ) -> SightReading:
+    ) -> VisionReading:
         by_engine = MappingProxyType(lattices)
         if not lattices:
             nothing = Reading(
                 (), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision", notes=self.notes,
                 seconds=MappingProxyType(seconds),
             )  # fmt: skip
-            return SightReading(nothing, None, None, "", None, by_engine)
+            return VisionReading(nothing, None, None, "", None, by_engine)
         weights = {"templates": NAMED_WEIGHT if self.named else FOREIGN_WEIGHT, "rapidocr": 1.0}
         lattice = joined(lattices, weights)
         if self.calibrated is not None:
@@ -186,21 +186,21 @@ class SightReader:
         )
         edges = None
         if place is not None:
-            edges = sight_edges(photo, height_mm=place.height_mm)
+            edges = vision_edges(photo, height_mm=place.height_mm)
             reading = replace(reading, height_mm=place.height_mm, rotation_deg=place.rotation_deg)
         reading = replace(reading, notes=self.notes, seconds=MappingProxyType(seconds))
-        return SightReading(reading, lattice, edges, "+".join(sorted(lattices)), place, by_engine)
+        return VisionReading(reading, lattice, edges, "+".join(sorted(lattices)), place, by_engine)
 
-    def _basis(self, font: Font, look: Look) -> SightBasis:
+    def _basis(self, font: Font, look: Look) -> VisionBasis:
         key = (font.name, look)
         if key not in self._bases:
             chars = "".join(c for c in self.chars if c in font.glyphs)
             self._bases[key] = predict_basis(font, chars, look=look)
         return self._bases[key]
 
-    def _fit(self, photo: Photo, places: Sequence[LinePlace], about: LinePlace | None) -> SightFit | None:
+    def _fit(self, photo: Photo, places: Sequence[LinePlace], about: LinePlace | None) -> VisionFit | None:
         """The line that the templates of any font explain best: found at a glance, then looked at closely."""
-        search = SightSearch(photo, places=self.places, gaps=self.gaps, about=about)
+        search = VisionSearch(photo, places=self.places, gaps=self.gaps, about=about)
         if about is not None:
             tried = [Supposed(about.height_mm, about.rotation_deg)]
         else:
@@ -214,25 +214,25 @@ class SightReader:
             led = {(font.name, f.supposed.height_mm): font for f, font in fits[:LEADING_FITS]}
             swept = [(font, Supposed(h, turn)) for (_, h), font in led.items() for turn in SWEEP_DEG]
             fits = sorted((*fits, *self._glances(search, swept)), key=_promise, reverse=True)
-        close: list[SightFit] = []
+        close: list[VisionFit] = []
         for glance, font in fits[:LEADING_FITS]:
             if _promise((glance, font)) < RIVAL_SHARE * _promise(fits[0]):
                 continue
             held = search.refined(glance)
-            near = SightSearch(photo, places=self.places, gaps=self.gaps, about=held.place())
+            near = VisionSearch(photo, places=self.places, gaps=self.gaps, about=held.place())
             seen = near.fit(self._basis(font, CLOSE_LOOK), held.supposed, light=held.light)
             if seen is not None:
                 close.append(near.refined(seen, spans=CLOSE_SPANS))
         return max(close, key=lambda f: f.value, default=None)
 
     def _glances(
-        self, search: SightSearch, tried: list[tuple[Font, Supposed]]
-    ) -> list[tuple[SightFit, Font]]:
+        self, search: VisionSearch, tried: list[tuple[Font, Supposed]]
+    ) -> list[tuple[VisionFit, Font]]:
         """What each supposition explains at a glance, most first."""
         seen = [(search.fit(self._basis(font, GLANCE), supposed), font) for font, supposed in tried]
         return sorted(((fit, font) for fit, font in seen if fit is not None), key=_promise, reverse=True)
 
-    def _of_fit(self, fit: SightFit) -> Lattice:
+    def _of_fit(self, fit: VisionFit) -> Lattice:
         """The fit's posteriors over the reader's characters."""
         log = np.full((fit.trust.size, len(self.chars)), -np.inf)
         at = [self.chars.index(c) for c in fit.basis.chars]
@@ -279,7 +279,7 @@ class SightReader:
         return replace(read, boxes=boxes_in_frame(crop, read.boxes)), place
 
 
-def _promise(seen: tuple[SightFit, Font]) -> float:
+def _promise(seen: tuple[VisionFit, Font]) -> float:
     """What a fit explains, less what its rotation costs."""
     fit = seen[0]
     return fit.value - 0.5 * (fit.supposed.rotation_deg / USUAL_TURN_DEG) ** 2

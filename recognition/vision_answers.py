@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from recognition.vision_templates import SightBasis
+from recognition.vision_templates import VisionBasis
 
 MOST_KEPT_BYTES = 64_000_000
 """Of one font's spectra, kept from photograph to photograph: one set for every length of line that is met."""
@@ -25,10 +25,10 @@ Floats = NDArray[np.float64]
 Answers = NDArray[np.float32]
 
 
-class SightAnswers:
+class VisionAnswers:
     """The pictures of a basis asked about one map of edges."""
 
-    def __init__(self, edges: NDArray[np.float32], basis: SightBasis) -> None:
+    def __init__(self, edges: NDArray[np.float32], basis: VisionBasis) -> None:
         """Take the spectra.
 
         Args:
@@ -83,7 +83,7 @@ class SightAnswers:
         return np.asarray(fft.irfft(pictures @ windows, self._length, axis=0)[: self.cols], dtype=np.float32)
 
 
-def spectra_of(basis: SightBasis, length: int) -> NDArray[np.complex64]:
+def spectra_of(basis: VisionBasis, length: int) -> NDArray[np.complex64]:
     """(frequencies, pictures, T, layers x tall) spectra of the templates' rows; kept in the work space."""
     from scipy import fft
 

@@ -26,8 +26,8 @@ ROUNDS = 2
 Floats = NDArray[np.float64]
 
 
-def sight_at(
-    line: FeltLine, sight: EdgeMap, plate_from_photo: Floats, *, allowed: NDArray[np.bool_] | None = None
+def vision_at(
+    line: FeltLine, vision: EdgeMap, plate_from_photo: Floats, *, allowed: NDArray[np.bool_] | None = None
 ) -> Floats:
     """Log evidence of every character at every place of touch.
 
@@ -35,7 +35,7 @@ def sight_at(
 
     Args:
         line: of touch.
-        sight: signed edges, photo frame.
+        vision: signed edges, photo frame.
         plate_from_photo: (3, 3) homography.
         allowed: (places, T) characters that may stand there; all unless given.
 
@@ -45,7 +45,7 @@ def sight_at(
     look = line.basis.look
     slack_rows, slack_cols = (round(s * look.pixels) for s in SLACK_HEIGHTS)
     margin = max(slack_rows, slack_cols)
-    edges, valid = laid(sight, plate_from_photo, line, margin=margin)
+    edges, valid = laid(vision, plate_from_photo, line, margin=margin)
     table = np.ones(line.belief.shape, dtype=np.bool_) if allowed is None else allowed
     belief = np.where(table, line.belief, 0.0)
     belief /= np.maximum(belief.sum(axis=1, keepdims=True), 1e-300)

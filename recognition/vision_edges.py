@@ -89,7 +89,7 @@ def limited(
     return np.asarray(cut_and_scaled(layers, size, good, np.float32(top)))
 
 
-def sight_edges(
+def vision_edges(
     photo: Photo,
     *,
     height_mm: float,

@@ -13,7 +13,7 @@ class EngineMissingError(ValueError):
     """An engine that is not installed: the message says how to install it."""
 
 
-class SightEngine(Protocol):
+class VisionEngine(Protocol):
     """Reads one line of characters that fills a photograph."""
 
     @property

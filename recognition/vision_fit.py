@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recognition.vision_chain import Settled
 from recognition.vision_frame import LinePlace
-from recognition.vision_templates import SightBasis
+from recognition.vision_templates import VisionBasis
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class Supposed:
 
 
 @dataclass(frozen=True, eq=False)
-class SightFit:
+class VisionFit:
     """What a supposition explains.
 
     Attributes:
@@ -44,7 +44,7 @@ class SightFit:
     """
 
     supposed: Supposed
-    basis: SightBasis
+    basis: VisionBasis
     settled: Settled
     light: Floats
     trust: Floats

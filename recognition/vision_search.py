@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
-from recognition.vision_answers import SightAnswers, column_evidence, row_promise
+from recognition.vision_answers import VisionAnswers, column_evidence, row_promise
 from recognition.vision_chain import Metrics, Settled, count_evidence, settle
 from recognition.vision_edges import clipped, derivatives, limited, log_brightness
-from recognition.vision_fit import SightFit, Supposed
+from recognition.vision_fit import Supposed, VisionFit
 from recognition.vision_frame import LinePlace, photo_origin_mm, photo_pitch_mm
-from recognition.vision_templates import Look, SightBasis
+from recognition.vision_templates import Look, VisionBasis
 
 AZIMUTHS = 8
 ROW_REACH_HEIGHTS = 0.1
@@ -33,7 +33,7 @@ PAD = 8
 Floats = NDArray[np.float64]
 
 
-class SightSearch:
+class VisionSearch:
     """Fits suppositions to one photograph, or to a part of it."""
 
     def __init__(
@@ -58,7 +58,7 @@ class SightSearch:
         self.log = log_brightness(photo, contrast=contrast)
         self.blind = clipped(photo).astype(np.float32)
         self.any_blind = bool(self.blind.any())
-        self._fits: dict[tuple[int, Supposed, bytes], SightFit | None] = {}
+        self._fits: dict[tuple[int, Supposed, bytes], VisionFit | None] = {}
         self.pitch_mm, self.origin = photo_pitch_mm(photo), photo_origin_mm(photo)
         rows, cols = photo.shape
         if about is None:
@@ -126,7 +126,7 @@ class SightSearch:
         made = limited(made, valid=(layers[1] < 0.5) & (inside > 0.5))
         return np.pad(made, ((0, 0), (PAD, PAD), (PAD, PAD))).astype(np.float32)
 
-    def fit(self, basis: SightBasis, supposed: Supposed, *, light: Floats | None = None) -> SightFit | None:
+    def fit(self, basis: VisionBasis, supposed: Supposed, *, light: Floats | None = None) -> VisionFit | None:
         """The line that a supposition explains; None where it has no room.
 
         Args:
@@ -135,9 +135,9 @@ class SightSearch:
             light: weights of the pictures, if known about; else all lights are tried.
         """
         edges = self.edges(supposed, basis.look)
-        answers = SightAnswers(edges, basis)
+        answers = VisionAnswers(edges, basis)
         reach = _reach(basis.look)
-        best: SightFit | None = None
+        best: VisionFit | None = None
         starts, pictures = self._starts(answers, basis, light)
         for start, row in starts:
             low, high = max(0, row - reach), min(row + reach + 1, answers.rows)
@@ -148,7 +148,7 @@ class SightSearch:
         return best
 
     def _starts(
-        self, answers: SightAnswers, basis: SightBasis, light: Floats | None
+        self, answers: VisionAnswers, basis: VisionBasis, light: Floats | None
     ) -> tuple[list[tuple[Floats, int]], NDArray[np.float32] | None]:
         """Lights and rows that promise most; the products with all pictures, if they were needed for it."""
         usable = np.ones(len(basis.chars), dtype=np.bool_)
@@ -174,12 +174,12 @@ class SightSearch:
     def _followed(
         self,
         near: NDArray[np.float32],
-        basis: SightBasis,
+        basis: VisionBasis,
         light: Floats,
         low: int,
         supposed: Supposed,
         shape: tuple[int, ...],
-    ) -> SightFit | None:
+    ) -> VisionFit | None:
         """The line about one row, its light and spacing fitted to it in turns.
 
         `near` are (3, cols, T, rows) products with the pictures about that row, from row `low` on.
@@ -218,7 +218,7 @@ class SightSearch:
         which = settled.log_belief.argmax(axis=1)
         odds = np.clip(evidence[which, column] - math.log(len(basis.chars)), -50.0, 50.0)
         trust = 1.0 / (1.0 + np.exp(-odds))
-        return SightFit(
+        return VisionFit(
             supposed=supposed,
             basis=basis,
             settled=settled,
@@ -230,7 +230,7 @@ class SightSearch:
             middle_px=(0.5 * (shape[1] - 1), 0.5 * (shape[0] - 1)),
         )
 
-    def refined(self, fit: SightFit, *, spans: Sequence[float] = (0.05, 0.025)) -> SightFit:
+    def refined(self, fit: VisionFit, *, spans: Sequence[float] = (0.05, 0.025)) -> VisionFit:
         """Take up the rotation that is left and vary the height while the fit improves."""
         best = fit
         for span in spans:
@@ -244,7 +244,7 @@ class SightSearch:
                     break
         return best
 
-    def _better(self, held: SightFit, **changes: float) -> SightFit:
+    def _better(self, held: VisionFit, **changes: float) -> VisionFit:
         supposed = replace(held.supposed, **changes)
         # the same is asked again where nothing was better
         key = (id(held.basis), supposed, held.light.tobytes())
@@ -266,7 +266,7 @@ def lights() -> list[Floats]:
 
 
 def _spacing(
-    basis: SightBasis, which: NDArray[np.int64], column: NDArray[np.int64], gaps: frozenset[int]
+    basis: VisionBasis, which: NDArray[np.int64], column: NDArray[np.int64], gaps: frozenset[int]
 ) -> float | None:
     """Median spacing beyond the font's advance, character heights."""
     if which.size < 3:
@@ -277,6 +277,6 @@ def _spacing(
     return float(np.median(usual)) if usual else None
 
 
-def _power(basis: SightBasis, weights: Floats) -> Floats:
+def _power(basis: VisionBasis, weights: Floats) -> Floats:
     """(T,) square of each character in one light."""
     return np.asarray((basis.gram @ weights) @ weights)

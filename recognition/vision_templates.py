@@ -50,7 +50,7 @@ CLOSE_LOOK = Look(pixels=28, scale_heights=SCALE_HEIGHTS, independence=0.11)
 
 
 @dataclass(frozen=True, eq=False)
-class SightBasis:
+class VisionBasis:
     """The three edge pictures of every character of a font.
 
     Attributes:
@@ -82,7 +82,7 @@ class SightBasis:
         return TemplateSet(self.font, self.chars, np.ascontiguousarray(lit), self.half_width)
 
 
-def predict_basis(font: Font, chars: str, *, look: Look = CLOSE_LOOK, face: Face = Face.FLAT) -> SightBasis:
+def predict_basis(font: Font, chars: str, *, look: Look = CLOSE_LOOK, face: Face = Face.FLAT) -> VisionBasis:
     """Draw the pictures of a font's characters.
 
     Raises:
@@ -108,7 +108,7 @@ def predict_basis(font: Font, chars: str, *, look: Look = CLOSE_LOOK, face: Face
     for part in (slice(0, 2), slice(2, 3)):
         patches[:, part] /= np.sqrt((patches[:, part].astype(np.float64) ** 2).mean())
     gram = np.einsum("tbdrc,tedrc->tbe", patches, patches, dtype=np.float64)
-    return SightBasis(
+    return VisionBasis(
         font=font.name,
         look=look,
         chars=tuple(chars),

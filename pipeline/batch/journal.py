@@ -33,7 +33,7 @@ from pipeline.common.run_description import differences, key_of
 FORMAT_VERSION = 1
 
 
-class RunBook:
+class RunJournal:
     """The rows of one run; for one thread of one process at a time.
 
     Attributes:
@@ -67,7 +67,7 @@ class RunBook:
                 raise
 
     @classmethod
-    def open(cls, path: Path, description: Mapping[str, Any]) -> RunBook:
+    def open(cls, path: Path, description: Mapping[str, Any]) -> RunJournal:
         """Take up the run that broke off there, or begin one.
 
         Raises:
@@ -75,7 +75,7 @@ class RunBook:
         """
         return cls(path, description)
 
-    def __enter__(self) -> RunBook:
+    def __enter__(self) -> RunJournal:
         """The book."""
         return self
 
@@ -184,11 +184,11 @@ class RunBook:
             held = None
         if isinstance(held, dict):
             if held.get("format_version", FORMAT_VERSION) != FORMAT_VERSION:
-                raise FileProblem(self._marker_path, "is of another version of the program", self._mend())
+                raise FileProblem(self._marker_path, "is of another version of the program", self._hint())
             if isinstance(held.get("description"), dict):
                 return held
         if text and self._has_rows(self._rows_path):
-            raise FileProblem(self._marker_path, "is damaged", self._mend())
+            raise FileProblem(self._marker_path, "is damaged", self._hint())
         self._marker.truncate(0)
         return None
 
@@ -196,7 +196,7 @@ class RunBook:
         if held.get("key") == key_of(self.description):
             return
         told = differences(held["description"], self.description)
-        raise FileProblem(self.path, f"is of another run, not finished ({told})", self._mend())
+        raise FileProblem(self.path, f"is of another run, not finished ({told})", self._hint())
 
     def _make_place(self) -> None:
         for path in {self._rows_path: None, self.path: None}:
@@ -230,11 +230,11 @@ class RunBook:
             if not isinstance(fault, OSError):
                 raise
             full = fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-            mend = "make room" if full else "see to the disk and its permissions"
+            hint = "make room" if full else "see to the disk and its permissions"
             told = f"cannot be written ({fault.strerror or fault})"
-            raise FileProblem(self.path, told, f"{mend} and start the same command again") from fault
+            raise FileProblem(self.path, told, f"{hint} and start the same command again") from fault
 
-    def _mend(self) -> str:
+    def _hint(self) -> str:
         return f"name another file, or remove {self._marker_path.name} to begin anew"
 
 

@@ -11,7 +11,15 @@ from typing import Any
 
 from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
-from pipeline.batch.setup import Means, Target, absolute, open_readers, opened, order_for, with_expected
+from pipeline.batch.setup import (
+    ExecutorOptions,
+    Target,
+    absolute,
+    open_readers,
+    opened,
+    order_for,
+    with_expected,
+)
 from pipeline.common.atomic import check_writable, replacing
 from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings
@@ -46,7 +54,7 @@ class Asked:
     summary: Path | None = None
 
 
-def produce(asked: Asked, settings: ReadSettings, target: Target, means: Means) -> int:
+def produce(asked: Asked, settings: ReadSettings, target: Target, means: ExecutorOptions) -> int:
     """Read what is asked for, and print what came of it.
 
     Returns:
@@ -61,9 +69,9 @@ def produce(asked: Asked, settings: ReadSettings, target: Target, means: Means) 
     scores = Scores(load_truth(asked.truth)) if asked.truth is not None else None
     if asked.summary is not None:
         check_writable(asked.summary)
-    sight = settings.mode in ("vision", "fused", "auto")
+    vision = settings.mode in ("vision", "fused", "auto")
     parts = list_parts(
-        asked.inputs, manifests=asked.manifests, photos=sight and settings.mode != "fused", beside=sight
+        asked.inputs, manifests=asked.manifests, photos=vision and settings.mode != "fused", beside=vision
     )
     readers = Readers(settings)
     expected = load_expected(asked.verify, readers.grammar) if asked.verify is not None else None

@@ -16,10 +16,10 @@ from pipeline.batch.summary import Summary
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.common.row import Row
 from pipeline.files.listed import ListedPart
-from pipeline.workers.executors import Crew, Outcome
+from pipeline.workers.executors import Executor, Outcome
 
 if TYPE_CHECKING:
-    from pipeline.batch.journal import RunBook
+    from pipeline.batch.journal import RunJournal
     from pipeline.batch.quarantine import Quarantine
 
 
@@ -49,7 +49,7 @@ class Run:
         finished: whether every part has been.
     """
 
-    book: RunBook | None = None
+    book: RunJournal | None = None
     quarantine: Quarantine | None = None
     store: Store | None = None
     on_row: Callable[[Row], None] | None = None
@@ -58,7 +58,7 @@ class Run:
     read_now: int = 0
     finished: bool = False
 
-    def work(self, parts: Sequence[ListedPart], order: RunOrder, crew: Crew) -> None:
+    def work(self, parts: Sequence[ListedPart], order: RunOrder, crew: Executor) -> None:
         """Read every part whose row the book does not hold, and put the table in the order of the parts.
 
         Raises:

@@ -14,7 +14,7 @@ from pipeline.batch.task import RunOrder
 from pipeline.common.errors import FileProblem
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
-from pipeline.workers.executors import PART_TIMEOUT_S, Crew, InlineCrew, PoolCrew, cores
+from pipeline.workers.executors import PART_TIMEOUT_S, Executor, InlineExecutor, PoolExecutor, cores
 
 if TYPE_CHECKING:
     from pipeline.reading.expected import Expected
@@ -59,7 +59,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class Means:
+class ExecutorOptions:
     """Who reads.
 
     Attributes:
@@ -73,7 +73,7 @@ class Means:
     part_timeout_s: float = PART_TIMEOUT_S
 
     @contextmanager
-    def crew(self, settings: ReadSettings, parts: int) -> Iterator[Crew]:
+    def crew(self, settings: ReadSettings, parts: int) -> Iterator[Executor]:
         """The crew for so many parts.
 
         Raises:
@@ -81,17 +81,17 @@ class Means:
             ValueError: a number of jobs that cannot be.
         """
         if self.cluster is not None:
-            from pipeline.workers.cluster import ClusterCrew
+            from pipeline.workers.cluster import ClusterExecutor
 
-            with ClusterCrew(self.cluster) as cluster:
+            with ClusterExecutor(self.cluster) as cluster:
                 yield cluster
             return
         few = self.jobs is None and parts <= FEW_PARTS
         jobs = min(cores() if self.jobs is None else self.jobs, max(1, parts))
         if few or jobs == 1:
-            yield InlineCrew()
+            yield InlineExecutor()
             return
-        with PoolCrew(settings, jobs, timeout_s=self.part_timeout_s) as pool:
+        with PoolExecutor(settings, jobs, timeout_s=self.part_timeout_s) as pool:
             yield pool
 
 
@@ -107,7 +107,7 @@ def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
         FileProblem: the table holds another run, is being written, or cannot be.
         StoreError: a store that cannot be opened.
     """
-    from pipeline.batch.journal import RunBook
+    from pipeline.batch.journal import RunJournal
     from pipeline.batch.quarantine import Quarantine
     from pipeline.batch.store_target import RunStore
     from pipeline.common.run_description import key_of
@@ -121,7 +121,7 @@ def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
         key = key_of({**description, "store": target.store})
         table, bad = Path(f"tactile-marks-{key}.jsonl"), Path("parts.quarantine.csv")
     with ExitStack() as stack:
-        book = stack.enter_context(RunBook.open(table, description))
+        book = stack.enter_context(RunJournal.open(table, description))
         quarantine = Quarantine(bad, keep=book.resumed)
         stack.callback(quarantine.close)
         store = None
@@ -133,7 +133,7 @@ def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
             table.unlink()
 
 
-def order_for(settings: ReadSettings, target: Target, means: Means, *, verify: bool) -> RunOrder:
+def order_for(settings: ReadSettings, target: Target, means: ExecutorOptions, *, verify: bool) -> RunOrder:
     """How the parts are read, ready to be sent to the crew.
 
     Raises:
@@ -163,8 +163,8 @@ def open_readers(readers: SenseReaders, parts: Sequence[ListedPart], *, mode: Mo
             break
     if Sense.TOUCH in needed or not needed:
         _ = readers.touch
-    if Sense.SIGHT in needed:
-        _ = readers.sight
+    if Sense.VISION in needed:
+        _ = readers.vision
 
 
 def with_expected(parts: Sequence[ListedPart], expected: Expected) -> list[ListedPart]:

@@ -135,12 +135,12 @@ def _readers_for(order: RunOrder, listed: ListedPart, needed: Sequence[Sense]) -
     try:
         readers = _readers(settings_of(settled(order.settings, order.sent), listed))
         for sense in needed:
-            _ = readers.touch if sense is Sense.TOUCH else readers.sight
+            _ = readers.touch if sense is Sense.TOUCH else readers.vision
         return readers
     except (SettingsError, ValueError) as error:
         own = listed.format or listed.font
-        mend = "mend its format or font in the manifest" if own else "mend the settings"
-        raise FileProblem(listed.name, f"cannot be read so ({error})", mend) from error
+        hint = "mend its format or font in the manifest" if own else "mend the settings"
+        raise FileProblem(listed.name, f"cannot be read so ({error})", hint) from error
 
 
 @lru_cache(maxsize=MOST_READERS)
@@ -152,7 +152,7 @@ def _readers(settings: ReadSettings) -> Readers:
 
 def _pictures(sensed: Sensed) -> tuple[Picture, ...]:
     """As the service keeps them of a part."""
-    from pipeline.reading.job_pictures import edges_picture, photo_picture, sight_edges_picture
+    from pipeline.reading.job_pictures import edges_picture, photo_picture, vision_edges_picture
 
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
         folder = Path(name)
@@ -160,9 +160,9 @@ def _pictures(sensed: Sensed) -> tuple[Picture, ...]:
         if sensed.touch is not None:
             made += edges_picture(sensed.touch.edge_map, folder)
         if sensed.photo is not None:
-            place = sensed.sight.place if sensed.sight is not None else None
+            place = sensed.vision.place if sensed.vision is not None else None
             made.append(photo_picture(sensed.photo, folder))
-            made += sight_edges_picture(sensed.photo, place.height_mm if place is not None else 0.0, folder)
+            made += vision_edges_picture(sensed.photo, place.height_mm if place is not None else 0.0, folder)
         return tuple(
             Picture(m.kind, m.path.name, m.path.read_bytes(), m.media_type, dict(m.meta)) for m in made
         )

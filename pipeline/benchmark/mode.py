@@ -18,9 +18,9 @@ from whisker_array.whisker.array import RasterPlan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
-    from recognition.reader import Reader, ReaderSettings, ReadingWithEvidence
+    from recognition.reader import Reader, ReaderSettings, ReadingTrace
     from recognition.reading import Reading
-    from recognition.vision import SightReader, SightReading
+    from recognition.vision import VisionReader, VisionReading
     from whisker_array.scan.scan import Scan
 
 
@@ -63,15 +63,15 @@ class Readers:
         return Reader(self._told())
 
     @cached_property
-    def sight(self) -> SightReader:
+    def vision(self) -> VisionReader:
         """Reads photographs.
 
         Raises:
             ValueError: a font or mask that cannot be used, an engine that is not installed.
         """
-        from recognition.vision import SightReader
+        from recognition.vision import VisionReader
 
-        return SightReader(self._told())
+        return VisionReader(self._told())
 
     def _told(self) -> ReaderSettings:
         from recognition.reader import ReaderSettings
@@ -96,10 +96,10 @@ class Senses:
         self._readers = readers
 
     @cached_property
-    def felt(self) -> ReadingWithEvidence:
+    def felt(self) -> ReadingTrace:
         """Scanned and read by touch."""
         part = self.specimen
-        felt: ReadingWithEvidence = self._timed(
+        felt: ReadingTrace = self._timed(
             "touch",
             lambda: self._readers.touch.read_height_map(part.height_map, soil=part.soil, part_id=part.part),
         )
@@ -118,10 +118,10 @@ class Senses:
         return photo
 
     @cached_property
-    def seen(self) -> SightReading:
+    def seen(self) -> VisionReading:
         """Read by sight."""
         photo = self.photo
-        seen: SightReading = self._timed("sight", lambda: self._readers.sight.read_photo(photo))
+        seen: VisionReading = self._timed("vision", lambda: self._readers.vision.read_photo(photo))
         return seen
 
     def _timed(self, name: str, act: Callable[[], Any]) -> Any:

@@ -27,10 +27,10 @@ class TactileMode:
 class VisionMode:
     """The camera alone."""
 
-    uses: tuple[str, ...] = ("sight",)
+    uses: tuple[str, ...] = ("vision",)
 
     def __init__(self, readers: Readers) -> None:
-        _ = readers.sight
+        _ = readers.vision
 
     def read(self, senses: Senses) -> Reading:
         """What was seen."""
@@ -40,10 +40,10 @@ class VisionMode:
 class FusedMode:
     """Touch and camera."""
 
-    uses: tuple[str, ...] = ("touch", "sight")
+    uses: tuple[str, ...] = ("touch", "vision")
 
     def __init__(self, readers: Readers) -> None:
-        _ = readers.touch, readers.sight
+        _ = readers.touch, readers.vision
         self.settings = readers.touch.settings
 
     def read(self, senses: Senses) -> Reading:

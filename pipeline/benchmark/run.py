@@ -20,10 +20,10 @@ from typing import Any, TypeVar
 from pipeline.benchmark.mode import ModeReader, ModeSettings, Readers, Senses
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Condition, Item, Parts
-from pipeline.benchmark.trials import Trial, TrialBook, answer_of
+from pipeline.benchmark.trials import Trial, TrialJournal, answer_of
 from pipeline.common.allocator import kept_memory
 from pipeline.common.version import program_mark
-from pipeline.workers.executors import Crew
+from pipeline.workers.executors import Executor
 
 Result = TypeVar("Result")
 _AGAIN = "what is done is kept, the same command goes on from there; try fewer --jobs"
@@ -78,7 +78,7 @@ def run_benchmark(
     folder: Path,
     *,
     jobs: int = 1,
-    crew: Crew | None = None,
+    crew: Executor | None = None,
     on_start: Callable[[int, int], None] | None = None,
     on_part: Callable[[Sequence[Trial]], None] | None = None,
 ) -> list[Trial]:
@@ -104,7 +104,7 @@ def run_benchmark(
     for settings in dict.fromkeys(benchmark.settings_for(item.condition) for item in items):
         for mode in benchmark.modes:
             open_mode(mode, Readers(settings))
-    book = TrialBook.open(folder, benchmark.description())
+    book = TrialJournal.open(folder, benchmark.description())
     missing = [item for item in items if item.part not in book.done]
     if on_start is not None:
         on_start(len(items), len(items) - len(missing))
@@ -116,7 +116,7 @@ def run_benchmark(
 
 
 def _tried(
-    benchmark: Benchmark, items: Sequence[Item], *, jobs: int, crew: Crew | None
+    benchmark: Benchmark, items: Sequence[Item], *, jobs: int, crew: Executor | None
 ) -> Iterator[tuple[Trial, ...]]:
     """The trials of every part, as they are done."""
     if crew is None:

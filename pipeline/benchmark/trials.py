@@ -127,7 +127,7 @@ def answer_of(reading: Reading) -> dict[str, Any]:
 
 
 @dataclass
-class TrialBook:
+class TrialJournal:
     """The trials of one benchmark in its folder.
 
     Attributes:
@@ -144,7 +144,7 @@ class TrialBook:
     done: dict[str, tuple[Trial, ...]] = field(default_factory=dict)
 
     @classmethod
-    def open(cls, folder: Path, description: Mapping[str, Any]) -> TrialBook:
+    def open(cls, folder: Path, description: Mapping[str, Any]) -> TrialJournal:
         """Take up the book in a folder, or begin one.
 
         Raises:

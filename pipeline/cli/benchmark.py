@@ -154,11 +154,11 @@ def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> 
 
     from pipeline.benchmark.report import command_line, write_report
     from pipeline.benchmark.run import WorkerDiedError, run_benchmark
-    from pipeline.workers.cluster import ClusterCrew, ClusterError
+    from pipeline.workers.cluster import ClusterError, ClusterExecutor
 
     with _Progress() as progress:
         try:
-            with ClusterCrew(cluster) if cluster is not None else nullcontext() as crew:
+            with ClusterExecutor(cluster) if cluster is not None else nullcontext() as crew:
                 trials = run_benchmark(
                     benchmark,
                     out,

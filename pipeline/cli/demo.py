@@ -47,7 +47,7 @@ def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = Fa
         try:
             result = run_demo(out, on_part=tell)
         except RecordingError as error:
-            raise FileProblem(error.path, error.problem, error.mend) from error
+            raise FileProblem(error.path, error.problem, error.hint) from error
     print(f"picture: {result.overview.resolve()}")
     print(f"page:    {result.page.resolve()}")
     return 0 if result.all_right else FAILED

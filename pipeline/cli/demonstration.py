@@ -20,7 +20,7 @@ from pipeline.files.npz import write_npz
 from pipeline.plots.pictures import SheetPart, inspect_figure, overview_figure, same_text, save_figure
 from pipeline.reading.simulated_scan import feel, plan_for
 from recognition.levelling import level
-from recognition.reader import Reader, ReaderSettings, ReadingWithEvidence
+from recognition.reader import Reader, ReaderSettings, ReadingTrace
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan
 
@@ -84,7 +84,7 @@ def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None
         write_npz(folder / f"{demo.name}.npz", part.height_map)
         scan = _recorded(part, folder / f"{demo.name}.h5", number)
         found = reader.read_scan(scan)
-        evidence = ReadingWithEvidence(
+        evidence = ReadingTrace(
             found.reading, edge_map=found.edge_map, scan=scan, height_map=level(part.height_map)
         )
         done.append(SheetPart(demo.name, demo.text, evidence))

@@ -104,7 +104,7 @@ def read(
         TOML file with settings; tactile-marks.toml in the working folder is read by itself.
     """
     from pipeline.batch.production import Asked, produce
-    from pipeline.batch.setup import Means, Target
+    from pipeline.batch.setup import ExecutorOptions, Target
     from pipeline.common.settings import load_settings
     from pipeline.store.errors import StoreError
     from pipeline.workers.cluster import ClusterError
@@ -133,7 +133,7 @@ def read(
         )
         target = Target(out, evidence)
         target.check()
-        means = Means(jobs, cluster, part_timeout_s)
+        means = ExecutorOptions(jobs, cluster, part_timeout_s)
         try:
             return produce(
                 Asked(inputs, tuple(manifest or ()), verify, truth, summary), settings, target, means

@@ -128,7 +128,7 @@ def calibrate(recording: Path, *, out: Path | None = None) -> int:
             lead_in = calibrate_scan(load_scan(recording, raw=True))
             save_calibration(recording, lead_in.calibration, out=out)
         except RecordingError as error:
-            raise FileProblem(error.path, error.problem, error.mend) from error
+            raise FileProblem(error.path, error.problem, error.hint) from error
         except SensorError as error:
             raise FileProblem(recording, "cannot be calibrated", str(error)) from error
     print("whisker      gain    offset   air  land")

@@ -13,21 +13,21 @@ class FileProblem(Exception):  # noqa: N818 - a row of a table, more than an exc
     Attributes:
         path: the file.
         problem: what is wrong with it.
-        mend: what to do about it.
+        hint: what to do about it.
     """
 
-    def __init__(self, path: str | Path, problem: str, mend: str) -> None:
-        super().__init__(f"{path}: {problem}; {mend}")
+    def __init__(self, path: str | Path, problem: str, hint: str) -> None:
+        super().__init__(f"{path}: {problem}; {hint}")
         self.path = Path(path)
         self.problem = problem
-        self.mend = mend
+        self.hint = hint
 
     def __reduce__(self) -> tuple[type[FileProblem], tuple[str, str, str]]:
         # an exception is pickled by its message alone unless told otherwise
-        return (type(self), (str(self.path), self.problem, self.mend))
+        return (type(self), (str(self.path), self.problem, self.hint))
 
     def __str__(self) -> str:
-        return " ".join(f"{self.path}: {self.problem}; {self.mend}".split())
+        return " ".join(f"{self.path}: {self.problem}; {self.hint}".split())
 
 
 def require_file(path: Path, *, most_bytes: int) -> None:

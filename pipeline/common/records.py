@@ -33,11 +33,11 @@ class EvidenceKind(StrEnum):
     PHOTO = "photo"
     SCAN = "scan"
     HEIGHT_MAP = "height_map"
-    SIGHT = "sight"
+    VISION = "sight"
     """What the camera's reader believed (`pipeline.reading.vision_file`), for a later scan to be fused with."""
     PHOTO_PICTURE = "photo_picture"
     EDGES_PICTURE = "edges_picture"
-    SIGHT_EDGES_PICTURE = "sight_edges_picture"
+    VISION_EDGES_PICTURE = "sight_edges_picture"
 
 
 class ReviewAction(StrEnum):

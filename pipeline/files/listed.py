@@ -66,15 +66,15 @@ class UrlProblem(FileProblem):
         url: as it is told.
     """
 
-    def __init__(self, url: str, problem: str, mend: str) -> None:
+    def __init__(self, url: str, problem: str, hint: str) -> None:
         self.url = without_secrets(url)
-        super().__init__(self.url, problem, mend)
+        super().__init__(self.url, problem, hint)
 
     def __reduce__(self) -> tuple[type[FileProblem], tuple[str, str, str]]:
-        return (type(self), (self.url, self.problem, self.mend))
+        return (type(self), (self.url, self.problem, self.hint))
 
     def __str__(self) -> str:
-        return " ".join(f"{self.url}: {self.problem}; {self.mend}".split())
+        return " ".join(f"{self.url}: {self.problem}; {self.hint}".split())
 
 
 def is_url(text: str) -> bool:
@@ -88,9 +88,9 @@ def without_secrets(url: str) -> str:
     return shown.partition("?")[0] if is_web(shown) else shown
 
 
-def problem_of(name: str, problem: str, mend: str) -> FileProblem:
+def problem_of(name: str, problem: str, hint: str) -> FileProblem:
     """What is wrong with a file named by a path or a URL."""
-    return UrlProblem(name, problem, mend) if is_url(name) else FileProblem(name, problem, mend)
+    return UrlProblem(name, problem, hint) if is_url(name) else FileProblem(name, problem, hint)
 
 
 def split_name(name: str) -> tuple[str, str]:

@@ -39,7 +39,7 @@ class _SoilMember:
     missing: float
     least: float
     most: float
-    mend: str
+    hint: str
 
 
 _SOIL = {
@@ -136,12 +136,12 @@ def _load_soil(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[np.fl
     values, rule = _load(archive, name), _SOIL[name]
     if not np.isfinite(values).all():
         raise FileProblem(
-            path, f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.mend
+            path, f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.hint
         )
     # in the member's own precision: float32 would turn 1e300 into an infinity
     low, high = float(values.min()), float(values.max())
     if low < rule.least or high > rule.most:
-        raise FileProblem(path, f"{name} runs from {low:.3g} to {high:.3g}", rule.mend)
+        raise FileProblem(path, f"{name} runs from {low:.3g} to {high:.3g}", rule.hint)
     return np.asarray(values if values.size > 1 else values.reshape(()), dtype=np.float32)
 
 

@@ -163,7 +163,7 @@ def _of_url(fault: FileProblem, part: Part, listed: ListedPart) -> UrlProblem | 
     for kind in _KINDS:
         name = getattr(listed, kind)
         if is_url(name) and fault.path == getattr(part, kind) and not isinstance(fault, UrlProblem):
-            return UrlProblem(name, originally(fault.problem, part, listed), fault.mend)
+            return UrlProblem(name, originally(fault.problem, part, listed), fault.hint)
     return None
 
 

@@ -93,4 +93,4 @@ def read_scan(path: str | Path) -> Scan:
     try:
         return load_scan(path)
     except RecordingError as error:
-        raise FileProblem(error.path, error.problem, error.mend) from error
+        raise FileProblem(error.path, error.problem, error.hint) from error

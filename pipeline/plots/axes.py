@@ -18,7 +18,7 @@ from whisker_array.scan.scan import only
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap, HeightMap
-    from recognition.reader import ReadingWithEvidence
+    from recognition.reader import ReadingTrace
     from recognition.reading import CharacterReading, Reading
     from whisker_array.scan.scan import Sweep
 
@@ -110,7 +110,7 @@ def _boxes(axes: Axes, reading: Reading, *, labelled: bool = True) -> None:
             )
 
 
-def relief_panel(axes: Axes, *, evidence: ReadingWithEvidence, reading: Reading) -> None:
+def relief_panel(axes: Axes, *, evidence: ReadingTrace, reading: Reading) -> None:
     """The surface as touch felt it, and the depth of every character."""
     relief = evidence.relief
     if relief is None:
@@ -139,7 +139,7 @@ def relief_panel(axes: Axes, *, evidence: ReadingWithEvidence, reading: Reading)
         )
 
 
-def steepness_panel(axes: Axes, *, evidence: ReadingWithEvidence, reading: Reading) -> None:
+def steepness_panel(axes: Axes, *, evidence: ReadingTrace, reading: Reading) -> None:
     """How steep touch felt the surface to be."""
     relief = evidence.relief
     felt = relief is not None and not (relief.slope_x is None and relief.slope_y is None)
@@ -159,7 +159,7 @@ def steepness_panel(axes: Axes, *, evidence: ReadingWithEvidence, reading: Readi
     _boxes(axes, reading, labelled=False)
 
 
-def moment_panel(axes: Axes, *, evidence: ReadingWithEvidence, reading: Reading) -> None:
+def moment_panel(axes: Axes, *, evidence: ReadingTrace, reading: Reading) -> None:
     """The raw moments of the first direction; characters are not shown, they are felt with a lag."""
     if evidence.scan is None:
         _say(axes, "no scan")
@@ -219,7 +219,7 @@ def photo_panel(axes: Axes, *, photo: Photo, reading: Reading | None) -> None:
         _boxes(axes, reading)
 
 
-def sight_edge_panel(axes: Axes, *, photo: Photo, edges: EdgeMap | None) -> None:
+def vision_edge_panel(axes: Axes, *, photo: Photo, edges: EdgeMap | None) -> None:
     """How strong the camera's edges are, along x and y together."""
     blind = "" if edges is None or edges.valid.all() else ", white where it is blind (glare)"
     axes.set_title(f"the camera's edge map{blind}", fontsize=9, loc="left")

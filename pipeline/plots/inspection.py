@@ -24,8 +24,8 @@ from pipeline.plots.axes import (
     moment_panel,
     photo_panel,
     relief_panel,
-    sight_edge_panel,
     steepness_panel,
+    vision_edge_panel,
 )
 from pipeline.plots.pictures import headline, inspect_figure
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap
     from pipeline.reading.part_reader import Sensed
-    from recognition.reader import ReadingWithEvidence
+    from recognition.reader import ReadingTrace
     from recognition.reading import Reading
 
 
@@ -47,7 +47,7 @@ def inspection_figure(sensed: Sensed, *, title: str) -> Figure:
     panels: list[Callable[[Axes], None]] = []
     if photo is not None:
         panels.append(partial(photo_panel, photo=photo, reading=_shown_on(photo, sensed)))
-        panels.append(partial(sight_edge_panel, photo=photo, edges=_camera_edges(photo, sensed)))
+        panels.append(partial(vision_edge_panel, photo=photo, edges=_camera_edges(photo, sensed)))
     if touch is not None:
         panels += _felt_panels(touch, reading)
     rows = (len(panels) + 1) // 2
@@ -66,26 +66,26 @@ def inspection_figure(sensed: Sensed, *, title: str) -> Figure:
 
 def _shown_on(photo: Photo, sensed: Sensed) -> Reading | None:
     """The reading whose boxes lie in the photograph's frame, if one's do."""
-    if sensed.sight is not None:
-        return sensed.sight.reading
+    if sensed.vision is not None:
+        return sensed.vision.reading
     return sensed.reading if photo.centre_mm is not None else None
 
 
 def _camera_edges(photo: Photo, sensed: Sensed) -> EdgeMap | None:
     """At the scale of the characters seen, or felt; strong edges as they are, which a person sees more by."""
-    from recognition.vision_edges import sight_edges
+    from recognition.vision_edges import vision_edges
     from recognition.vision_frame import photo_pitch_mm
 
-    if sensed.sight is not None:
-        height_mm = sensed.sight.reading.height_mm
+    if sensed.vision is not None:
+        height_mm = sensed.vision.reading.height_mm
     else:
         height_mm = sensed.reading.height_mm if photo.pitch_mm is not None else 0.0
     if not height_mm >= 8.0 * photo_pitch_mm(photo):
         return None
-    return sight_edges(photo, height_mm=height_mm, even=False)
+    return vision_edges(photo, height_mm=height_mm, even=False)
 
 
-def _felt_panels(touch: ReadingWithEvidence, reading: Reading) -> list[Callable[[Axes], None]]:
+def _felt_panels(touch: ReadingTrace, reading: Reading) -> list[Callable[[Axes], None]]:
     """What was felt: heights first, if there are any, then moments and edges."""
     relief = partial(relief_panel, evidence=touch, reading=reading)
     steepness = partial(steepness_panel, evidence=touch, reading=reading)

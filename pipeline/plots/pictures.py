@@ -37,7 +37,7 @@ from pipeline.plots.axes import (
 )
 
 if TYPE_CHECKING:
-    from recognition.reader import ReadingWithEvidence
+    from recognition.reader import ReadingTrace
     from recognition.reading import Reading
 
 _SUFFIXES = (".png", ".svg", ".pdf")
@@ -65,7 +65,7 @@ def save_figure(figure: Figure, path: Path) -> None:
         figure.savefig(temporary, format=path.suffix[1:].lower())
 
 
-def inspect_figure(evidence: ReadingWithEvidence, *, title: str) -> Figure:
+def inspect_figure(evidence: ReadingTrace, *, title: str) -> Figure:
     """All that is known of one part."""
     reading, edges = evidence.reading, evidence.edge_map
     layers = (
@@ -112,7 +112,7 @@ class SheetPart:
 
     name: str
     truth: str
-    evidence: ReadingWithEvidence
+    evidence: ReadingTrace
 
 
 def overview_figure(parts: Sequence[SheetPart]) -> Figure:

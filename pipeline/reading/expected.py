@@ -76,7 +76,7 @@ def _is_file(name: str) -> bool:
         return False
 
 
-def held_against(
+def verify_reading(
     reading: Reading,
     lattice: Lattice | None,
     text: str,

@@ -68,7 +68,7 @@ def edges_picture(edges: EdgeMap | None, folder: Path) -> list[MadeFile]:
     ]
 
 
-def sight_edges_picture(photo: Photo, height_mm: float, folder: Path) -> list[MadeFile]:
+def vision_edges_picture(photo: Photo, height_mm: float, folder: Path) -> list[MadeFile]:
     """How strong the photograph's edges are at the scale of the characters, in its own frame; grey where it is blind.
 
     As `recognition.vision_edges` has them before it evens them out, which shows nothing to an eye.
@@ -103,7 +103,7 @@ def sight_edges_picture(photo: Photo, height_mm: float, folder: Path) -> list[Ma
     return [
         _written(
             folder / "sight_edges.jpg",
-            EvidenceKind.SIGHT_EDGES_PICTURE,
+            EvidenceKind.VISION_EDGES_PICTURE,
             colours,
             origin_mm=photo_origin_mm(photo),
             pitch_mm=pitch,

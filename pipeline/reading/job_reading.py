@@ -11,7 +11,7 @@ from pipeline.reading.jobs import Done, Job, Limits, MadeFile, told
 
 if TYPE_CHECKING:
     from pipeline.reading.job_senses import JobSenses, Seen
-    from pipeline.reading.vision_file import KeptSight
+    from pipeline.reading.vision_file import KeptVision
 
 
 def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
@@ -30,55 +30,57 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
     from pipeline.reading.kept_readers import readers_of
 
     felt = job.scan is not None or job.height_map is not None
-    if not felt and (job.photo is None or job.sight is not None):
+    if not felt and (job.photo is None or job.vision is not None):
         raise ValueError("a job has a photo, a scan or a height map; sight goes with one of the latter")
     with told(job, "database", job.database or settings.database):
         readers = readers_of(settings, job.database)
     senses = JobSenses(job, readers, limits)
     if not felt:
-        return _by_sight(job, senses, settings, limits)
+        return _by_vision(job, senses, settings, limits)
     return _by_touch(job, senses)
 
 
-def _by_sight(job: Job, senses: JobSenses, settings: ReadSettings, limits: Limits) -> Done:
-    from pipeline.reading.job_pictures import photo_picture, sight_edges_picture
+def _by_vision(job: Job, senses: JobSenses, settings: ReadSettings, limits: Limits) -> Done:
+    from pipeline.reading.job_pictures import photo_picture, vision_edges_picture
     from pipeline.reading.scan_plan import plan_of
     from pipeline.reading.triage import state_after, why_touch
-    from pipeline.reading.vision_file import save_sight
+    from pipeline.reading.vision_file import save_vision
 
     seen = senses.see()
     record = senses.record(seen.sensed, seen.seconds)
     made = [
         photo_picture(seen.photo, job.folder),
-        *sight_edges_picture(seen.photo, seen.height_mm, job.folder),
+        *vision_edges_picture(seen.photo, seen.height_mm, job.folder),
     ]
     if state_after(record) is not PartState.TOUCH_NEEDED:
         return Done((record,), tuple(made))
-    plan = plan_of(seen.sight, seen.photo, settings, field_mm=limits.stage_field_mm, reason=why_touch(record))
+    plan = plan_of(
+        seen.vision, seen.photo, settings, field_mm=limits.stage_field_mm, reason=why_touch(record)
+    )
     path = job.folder / "sight.npz"
-    save_sight(path, seen.kept)
-    made.append(MadeFile(EvidenceKind.SIGHT, path, "application/octet-stream"))
+    save_vision(path, seen.kept)
+    made.append(MadeFile(EvidenceKind.VISION, path, "application/octet-stream"))
     return Done((record,), tuple(made), plan)
 
 
 def _by_touch(job: Job, senses: JobSenses) -> Done:
-    from pipeline.reading.job_pictures import edges_picture, photo_picture, sight_edges_picture
+    from pipeline.reading.job_pictures import edges_picture, photo_picture, vision_edges_picture
 
     started = time.perf_counter()
     # a photograph that cannot be used is told before the time of touch is spent
-    photo = senses.load_photo() if job.photo is not None and job.sight is None else None
-    remembered = senses.remembered() if job.sight is not None else None
+    photo = senses.load_photo() if job.photo is not None and job.vision is None else None
+    remembered = senses.remembered() if job.vision is not None else None
     touch = senses.feel()
     readings: list[ReadingRecord] = []
     made = edges_picture(touch.edge_map, job.folder)
-    seen: Seen | KeptSight | None = remembered
+    seen: Seen | KeptVision | None = remembered
     if photo is not None:
         looked = senses.see(photo, over=touch.height_map)
         readings.append(senses.record(looked.sensed, looked.seconds))
         made = [
             photo_picture(looked.photo, job.folder),
             *made,
-            *sight_edges_picture(looked.photo, looked.height_mm, job.folder),
+            *vision_edges_picture(looked.photo, looked.height_mm, job.folder),
         ]
         seen = looked
     sensed = senses.of_touch(touch) if seen is None else senses.fused(touch, seen)

@@ -17,7 +17,7 @@ from pipeline.common.records import ReadingRecord
 from pipeline.files.limits import check_map, check_photo, check_scan
 from pipeline.reading.jobs import Job, Limits, told
 from pipeline.reading.photo_sizes import read_at_sizes
-from pipeline.reading.vision_file import KeptSight, load_sight, moved
+from pipeline.reading.vision_file import KeptVision, load_vision, moved
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from pipeline.reading.part_reader import Sensed
     from pipeline.reading.readers import Readers
     from recognition.lattice import Lattice
-    from recognition.reader import ReadingWithEvidence
-    from recognition.vision import SightReading
+    from recognition.reader import ReadingTrace
+    from recognition.vision import VisionReading
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,18 +42,18 @@ class Seen:
 
     sensed: Sensed
     photo: Photo
-    kept: KeptSight
+    kept: KeptVision
     seconds: float
 
     @property
-    def sight(self) -> SightReading:
+    def vision(self) -> VisionReading:
         """As the reader gave it."""
-        return self.kept.sight
+        return self.kept.vision
 
     @property
     def height_mm(self) -> float:
         """Of the characters; 0 where no line was found."""
-        return self.sight.place.height_mm if self.sight.place is not None else 0.0
+        return self.vision.place.height_mm if self.vision.place is not None else 0.0
 
 
 class JobSenses:
@@ -103,26 +103,26 @@ class JobSenses:
             width, height = over.size_mm
             photo = replace(photo, centre_mm=(0.5 * width, 0.5 * height))
         with told(self.job, "photo", self.job.photo):
-            photo, sight = read_at_sizes(photo, self.readers.sight.read_photo)
+            photo, vision = read_at_sizes(photo, self.readers.vision.read_photo)
             open_lattice = None
             if self.expected and self.readers.grammar is not None:
-                open_lattice = self.readers.open_sight(self.expected).read_photo(photo).lattice
-        kept = KeptSight.of(sight, photo, open_lattice=open_lattice, expected=self.expected)
-        sensed = Sensed(sight.reading, sight=sight, photo=photo, lattice=sight.lattice)
+                open_lattice = self.readers.open_vision(self.expected).read_photo(photo).lattice
+        kept = KeptVision.of(vision, photo, open_lattice=open_lattice, expected=self.expected)
+        sensed = Sensed(vision.reading, vision=vision, photo=photo, lattice=vision.lattice)
         sensed = self._verified(sensed, kept.open_for(self.expected))
         return Seen(sensed, photo, kept, time.perf_counter() - started)
 
-    def remembered(self) -> KeptSight:
+    def remembered(self) -> KeptVision:
         """What an earlier job saw.
 
         Raises:
             FileProblem: it cannot be used.
         """
-        path = self._path("sight")
-        with told(self.job, "sight", path):
-            return load_sight(path)
+        path = self._path("vision")
+        with told(self.job, "vision", path):
+            return load_vision(path)
 
-    def feel(self) -> ReadingWithEvidence:
+    def feel(self) -> ReadingTrace:
         """Read by touch; a recorded scan goes before a height map.
 
         Raises:
@@ -143,7 +143,7 @@ class JobSenses:
             check_map(named, most=self.limits.max_map_samples)
             return felt(Part(name, height_map=named), self.readers.touch)
 
-    def of_touch(self, touch: ReadingWithEvidence) -> Sensed:
+    def of_touch(self, touch: ReadingTrace) -> Sensed:
         """Touch's word, held against the text expected.
 
         Raises:
@@ -153,7 +153,7 @@ class JobSenses:
 
         return self._verified(Sensed(touch.reading, touch, lattice=touch.lattice), touch.open_lattice)
 
-    def fused(self, touch: ReadingWithEvidence, seen: Seen | KeptSight) -> Sensed:
+    def fused(self, touch: ReadingTrace, seen: Seen | KeptVision) -> Sensed:
         """Both senses' word.
 
         Raises:
@@ -162,20 +162,20 @@ class JobSenses:
         from pipeline.reading.part_reader import Sensed
         from recognition.fuse import fuse, fused_lattice
 
-        kept = seen if isinstance(seen, KeptSight) else seen.kept
-        if isinstance(seen, KeptSight) and touch.height_map is not None and kept.middle_mm is not None:
+        kept = seen if isinstance(seen, KeptVision) else seen.kept
+        if isinstance(seen, KeptVision) and touch.height_map is not None and kept.middle_mm is not None:
             width, height = touch.height_map.size_mm
             kept = moved(kept, 0.5 * width - kept.middle_mm[0], 0.5 * height - kept.middle_mm[1])
         told_readers, fonts = self.readers.told, self.readers.fonts
-        with told(self.job, "sight", self.job.sight):
-            reading = fuse(touch, kept.sight, told_readers, fonts=fonts)
-            sensed = Sensed(reading, touch, kept.sight)
+        with told(self.job, "vision", self.job.vision):
+            reading = fuse(touch, kept.vision, told_readers, fonts=fonts)
+            sensed = Sensed(reading, touch, kept.vision)
             felt = touch.open_lattice
             if not self.expected or felt is None:
                 return self._verified(sensed, kept.open_for(self.expected))
             freely = replace(told_readers, grammar=None, mask=None)
-            sight = replace(kept.sight, lattice=kept.open_for(self.expected))
-            both = fused_lattice(replace(touch, lattice=felt), sight, freely, fonts=fonts)
+            vision = replace(kept.vision, lattice=kept.open_for(self.expected))
+            both = fused_lattice(replace(touch, lattice=felt), vision, freely, fonts=fonts)
         if both is None:
             return self._verified(sensed, felt)
         return self._verified(sensed, both[0], contradicted=bool(both[1]))
@@ -190,10 +190,10 @@ class JobSenses:
     def _verified(self, sensed: Sensed, lattice: Lattice | None, *, contradicted: bool = False) -> Sensed:
         if not self.expected:
             return sensed
-        from pipeline.reading.expected import held_against
+        from pipeline.reading.expected import verify_reading
 
         with told(self.job, "expected", None):
-            reading, verification = held_against(
+            reading, verification = verify_reading(
                 sensed.reading,
                 lattice,
                 self.expected,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     pass
 
 _log = logging.getLogger(__name__)
-_FIELDS = {"photo": "photo", "scan": "scan", "height_map": "height map", "sight": "sight"}
+_FIELDS = {"photo": "photo", "scan": "scan", "height_map": "height map", "vision": "vision"}
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Job:
         photo: photograph.
         scan: recording (HDF5).
         height_map: surface; its format is told by the suffix of its name.
-        sight: what an earlier job kept of the camera's reading (`pipeline.reading.vision_file`).
+        vision: what an earlier job kept of the camera's reading (`pipeline.reading.vision_file`).
         part_name: what the line calls the part.
         expected: text it should bear; empty where none is.
         database: glyph database to read with; the settings' unless given.
@@ -67,7 +67,7 @@ class Job:
     photo: Path | None = None
     scan: Path | None = None
     height_map: Path | None = None
-    sight: Path | None = None
+    vision: Path | None = None
     part_name: str = ""
     expected: str = ""
     database: Path | None = None
@@ -125,13 +125,13 @@ def told(job: Job, what: str, path: Path | None) -> Iterator[None]:
     try:
         yield
     except FileProblem as problem:
-        raise FileProblem(name, _unplaced(problem.problem, job, path), problem.mend) from problem
+        raise FileProblem(name, _unplaced(problem.problem, job, path), problem.hint) from problem
     except MemoryError as error:
         raise FileProblem(name, "needs more memory than a job may have", "crop or thin it") from error
     except ValueError as error:
         # of maps, recordings, fonts, databases: their messages say what is wrong and how to mend it
-        words, _, mend = _unplaced(_one_line(error), job, path).rpartition("; ")
-        raise FileProblem(name, words or mend, mend if words else "mend it") from error
+        words, _, hint = _unplaced(_one_line(error), job, path).rpartition("; ")
+        raise FileProblem(name, words or hint, hint if words else "mend it") from error
     except Exception as error:
         _log.exception("fault of the program while reading %s", what)
         fault = f"{type(error).__name__}: {_one_line(error)}"

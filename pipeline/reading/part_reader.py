@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from pipeline.reading.expected import Expected
     from recognition.grammar import Grammar
     from recognition.lattice import Lattice
-    from recognition.reader import ReaderSettings, ReadingWithEvidence
+    from recognition.reader import ReaderSettings, ReadingTrace
     from recognition.reading import Reading
     from recognition.verify import Verification
-    from recognition.vision import SightReading
+    from recognition.vision import VisionReading
     from whisker_array.scan.scan import Scan
 
 
@@ -48,7 +48,7 @@ class Sense(StrEnum):
     """One sense."""
 
     TOUCH = "touch"
-    SIGHT = "sight"
+    VISION = "vision"
 
 
 class TouchReader(Protocol):
@@ -56,17 +56,17 @@ class TouchReader(Protocol):
 
     def read_height_map(
         self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = ""
-    ) -> ReadingWithEvidence:
+    ) -> ReadingTrace:
         """Scan a height map with the virtual array and read it."""
 
-    def read_scan(self, scan: Scan) -> ReadingWithEvidence:
+    def read_scan(self, scan: Scan) -> ReadingTrace:
         """Read a recorded scan."""
 
 
 class PhotoReader(Protocol):
-    """What reads by sight: `recognition.vision.SightReader` is one."""
+    """What reads by sight: `recognition.vision.VisionReader` is one."""
 
-    def read_photo(self, photo: Photo) -> SightReading:
+    def read_photo(self, photo: Photo) -> VisionReading:
         """Read a photograph."""
 
 
@@ -90,10 +90,10 @@ class SenseReaders(Protocol):
         """Reads height maps and scans."""
 
     @property
-    def sight(self) -> PhotoReader:
+    def vision(self) -> PhotoReader:
         """Reads photographs."""
 
-    def open_sight(self, expected: str) -> PhotoReader:
+    def open_vision(self, expected: str) -> PhotoReader:
         """Reads photographs for verification: any character at as many places as the text has."""
 
 
@@ -104,15 +104,15 @@ class Sensed:
     Attributes:
         reading: the answer of the senses asked.
         touch: what was felt, if it was.
-        sight: what was seen, if it was.
+        vision: what was seen, if it was.
         photo: the photograph, if it was looked at.
         lattice: beliefs of places that the reading was chosen from, where there is one.
         verification: of the text expected, if one was.
     """
 
     reading: Reading
-    touch: ReadingWithEvidence | None = None
-    sight: SightReading | None = None
+    touch: ReadingTrace | None = None
+    vision: VisionReading | None = None
     photo: Photo | None = None
     lattice: Lattice | None = None
     verification: Verification | None = None
@@ -131,9 +131,9 @@ def senses_of(part: Part | ListedPart, mode: Mode | None) -> tuple[Sense, ...]:
     if mode in (Mode.VISION, Mode.FUSED) and not seen:
         raise FileProblem(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
     if mode is Mode.FUSED or (mode is Mode.AUTO and felt and seen):
-        return (Sense.TOUCH, Sense.SIGHT)
+        return (Sense.TOUCH, Sense.VISION)
     if mode is Mode.VISION or not felt:
-        return (Sense.SIGHT,)
+        return (Sense.VISION,)
     return (Sense.TOUCH,)
 
 
@@ -158,10 +158,10 @@ class Senses:
         if senses == (Sense.TOUCH,):
             touch = felt(part, self.readers.touch)
             found = Sensed(touch.reading, touch, lattice=touch.lattice)
-        elif senses == (Sense.SIGHT,):
+        elif senses == (Sense.VISION,):
             photo = load_photo(part)
-            sight = self.readers.sight.read_photo(photo)
-            found = Sensed(sight.reading, sight=sight, photo=photo, lattice=sight.lattice)
+            vision = self.readers.vision.read_photo(photo)
+            found = Sensed(vision.reading, vision=vision, photo=photo, lattice=vision.lattice)
         else:
             found = self._fused(part)
         if self.expected is None:
@@ -183,16 +183,16 @@ class Senses:
             return Sensed(reading, touch, lattice=touch.lattice)
         from recognition.fuse import fuse
 
-        sight = self.readers.sight.read_photo(photo)
-        reading = fuse(touch, sight, self.readers.told, fonts=self.readers.fonts)
-        return Sensed(reading, touch, sight, photo)
+        vision = self.readers.vision.read_photo(photo)
+        reading = fuse(touch, vision, self.readers.told, fonts=self.readers.fonts)
+        return Sensed(reading, touch, vision, photo)
 
     def _verified(self, found: Sensed, text: str) -> Sensed:
-        from pipeline.reading.expected import held_against
+        from pipeline.reading.expected import verify_reading
 
         grammar = self.readers.grammar
         lattice, contradicted = self._open_lattice(found, text)
-        reading, verification = held_against(
+        reading, verification = verify_reading(
             found.reading, lattice, text, grammar=grammar, contradicted=contradicted
         )
         return replace(found, reading=reading, verification=verification)
@@ -200,22 +200,22 @@ class Senses:
     def _open_lattice(self, found: Sensed, text: str) -> tuple[Lattice | None, bool]:
         """Beliefs that a wrong serial has its place in, and whether the senses contradict each other."""
         felt = None if found.touch is None else found.touch.open_lattice
-        if found.sight is None or found.photo is None:
+        if found.vision is None or found.photo is None:
             return felt, False
-        sight = found.sight
+        vision = found.vision
         if self.readers.grammar is not None:
-            sight = self.readers.open_sight(text).read_photo(found.photo)
+            vision = self.readers.open_vision(text).read_photo(found.photo)
         if found.touch is None or felt is None:
-            return sight.lattice, False
+            return vision.lattice, False
         from recognition.fuse import fused_lattice
 
         told = replace(self.readers.told, grammar=None, mask=None)
         touch = replace(found.touch, lattice=felt)
-        fused = fused_lattice(touch, sight, told, fonts=self.readers.fonts)
+        fused = fused_lattice(touch, vision, told, fonts=self.readers.fonts)
         return (felt, False) if fused is None else (fused[0], bool(fused[1]))
 
 
-def felt(part: Part, reader: TouchReader) -> ReadingWithEvidence:
+def felt(part: Part, reader: TouchReader) -> ReadingTrace:
     """Load what there is to be felt and read it; a recorded scan goes before a height map.
 
     Of a format that is met with either row first, the other order is tried where the standards' is not

@@ -14,7 +14,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
-    from recognition.vision import SightReading
+    from recognition.vision import VisionReading
 
 SIZES = (600_000, 4_000_000)
 """Pixels at which a photograph is read, one after the other, until its characters are high enough."""
@@ -23,7 +23,7 @@ ENOUGH_ROWS = 60
 _HARDLY_LARGER = 1.5
 
 
-def read_at_sizes(photo: Photo, read: Callable[[Photo], SightReading]) -> tuple[Photo, SightReading]:
+def read_at_sizes(photo: Photo, read: Callable[[Photo], VisionReading]) -> tuple[Photo, VisionReading]:
     """The reading at the first size at which the line found has enough pixels, and the photograph as it was read."""
     for small in _sizes(photo):
         seen = read(small)

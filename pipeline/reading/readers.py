@@ -13,7 +13,7 @@ from recognition.reader import Reader, ReaderSettings
 
 if TYPE_CHECKING:
     from recognition.grammar import Grammar
-    from recognition.vision import SightReader
+    from recognition.vision import VisionReader
 
 
 class Readers:
@@ -34,7 +34,7 @@ class Readers:
         from whisker_array.simulation.traces import Fidelity
 
         names, self.fonts = _fonts(settings)
-        self._open: dict[tuple[str, ...], SightReader] = {}
+        self._open: dict[tuple[str, ...], VisionReader] = {}
         thresholds: dict[str, Any] = {
             key: value
             for key in ("accept_confidence", "accept_margin")
@@ -60,17 +60,17 @@ class Readers:
         return Reader(self.told, fonts=self.fonts)
 
     @cached_property
-    def sight(self) -> SightReader:
+    def vision(self) -> VisionReader:
         """Reads photographs.
 
         Raises:
             ValueError: as `touch`.
         """
-        from recognition.vision import SightReader
+        from recognition.vision import VisionReader
 
-        return SightReader(self.told, fonts=_whole(self.fonts))
+        return VisionReader(self.told, fonts=_whole(self.fonts))
 
-    def open_sight(self, expected: str) -> SightReader:
+    def open_vision(self, expected: str) -> VisionReader:
         """Reads photographs for verification: any character at as many places as the text has.
 
         Raises:
@@ -78,14 +78,14 @@ class Readers:
         """
         from recognition.grammar import Grammar
         from recognition.remainders import ALPHANUMERIC
-        from recognition.vision import SightReader
+        from recognition.vision import VisionReader
 
         text = "".join(expected.split())
         chars = "".join(sorted({*ALPHANUMERIC, *text}))
         sets = (chars,) * len(text)
         if sets not in self._open:
             told = replace(self.told, grammar=Grammar(sets=sets))
-            self._open[sets] = SightReader(told, fonts=_whole(self.fonts))
+            self._open[sets] = VisionReader(told, fonts=_whole(self.fonts))
         return self._open[sets]
 
 

@@ -24,7 +24,7 @@ from pipeline.common.records import ScanPlanRecord
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from pipeline.common.settings import ReadSettings
-    from recognition.vision import SightReading
+    from recognition.vision import VisionReading
     from whisker_array.whisker.array import RasterPlan
 
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
@@ -44,7 +44,7 @@ class _Line:
 
 
 def plan_of(
-    sight: SightReading | None,
+    vision: VisionReading | None,
     photo: Photo,
     settings: ReadSettings,
     *,
@@ -54,7 +54,7 @@ def plan_of(
     """The scan that would settle what the camera left open.
 
     Args:
-        sight: what was seen; None where nothing was.
+        vision: what was seen; None where nothing was.
         photo: as read; with a pitch the region lies around the line, and where no line was found, or hardly, it is
             the whole picture.
         settings: the character height, if it is known.
@@ -66,7 +66,7 @@ def plan_of(
     from whisker_array.whisker.touch import default_touch
 
     known = photo.pitch_mm is not None
-    line = _around(sight, photo, settings) if known else None
+    line = _around(vision, photo, settings) if known else None
     if line is None:
         line = _Line((0.0, 0.0, *field_mm), settings.height_mm or USUAL_HEIGHT_MM)
     raster = default_plan(line.region_mm, character_height_mm=line.height_mm)
@@ -86,7 +86,7 @@ def plan_of(
     )
 
 
-def _around(sight: SightReading | None, photo: Photo, settings: ReadSettings) -> _Line:
+def _around(vision: VisionReading | None, photo: Photo, settings: ReadSettings) -> _Line:
     """The line and its margin, within the picture."""
     from pipeline.reading.vision_file import middle_mm
     from recognition.vision_frame import photo_origin_mm
@@ -94,11 +94,11 @@ def _around(sight: SightReading | None, photo: Photo, settings: ReadSettings) ->
     left, top = photo_origin_mm(photo)
     middle = middle_mm(photo)
     right, bottom = 2.0 * middle[0] - left, 2.0 * middle[1] - top
-    place = sight.place if sight is not None else None
-    if place is None or sight is None:
+    place = vision.place if vision is not None else None
+    if place is None or vision is None:
         return _Line((left, top, right, bottom), settings.height_mm or USUAL_HEIGHT_MM)
     height = settings.height_mm or float(f"{place.height_mm:.3g}")
-    if _mean_belief(sight) < TRUSTED_SHARE:
+    if _mean_belief(vision) < TRUSTED_SHARE:
         return _Line((left, top, right, bottom), min(height, _most_height_mm(bottom - top)))
     corners = place.corners()
     x0, y0 = (float(v) for v in corners.min(axis=0))
@@ -115,8 +115,8 @@ def _around(sight: SightReading | None, photo: Photo, settings: ReadSettings) ->
     return _Line((x0, y0, x1, y1), height)
 
 
-def _mean_belief(sight: SightReading) -> float:
-    beliefs = [c.confidence for c in sight.reading.characters]
+def _mean_belief(vision: VisionReading) -> float:
+    beliefs = [c.confidence for c in vision.reading.characters]
     return math.fsum(beliefs) / len(beliefs) if beliefs else 0.0
 
 

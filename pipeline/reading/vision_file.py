@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap
     from recognition.lattice import Lattice
-    from recognition.vision import SightReading
+    from recognition.vision import VisionReading
 
 FORMAT_VERSION = 1
 _MAX_BYTES = 200_000_000
@@ -33,35 +33,35 @@ _FINEST_HEIGHTS = 0.0125
 
 
 @dataclass(frozen=True, eq=False)
-class KeptSight:
+class KeptVision:
     """A reading of a photograph as a later job needs it.
 
     Attributes:
-        sight: the reading; its edges may be thinned.
+        vision: the reading; its edges may be thinned.
         middle_mm: photo frame (x, y) of the middle of the picture; None where its scale is unknown.
         open_lattice: beliefs in any character at as many places as the text expected has; None where the reading's
             own are as open.
         expected: text that they were made for; empty for none.
     """
 
-    sight: SightReading
+    vision: VisionReading
     middle_mm: tuple[float, float] | None = None
     open_lattice: Lattice | None = None
     expected: str = ""
 
     @classmethod
     def of(
-        cls, sight: SightReading, photo: Photo, *, open_lattice: Lattice | None = None, expected: str = ""
-    ) -> KeptSight:
+        cls, vision: VisionReading, photo: Photo, *, open_lattice: Lattice | None = None, expected: str = ""
+    ) -> KeptVision:
         """What to keep of a reading of this photograph."""
         middle = middle_mm(photo) if photo.pitch_mm is not None else None
-        return cls(sight, middle, open_lattice, expected)
+        return cls(vision, middle, open_lattice, expected)
 
     def open_for(self, expected: str) -> Lattice | None:
         """Beliefs to hold an expected text against."""
         if self.open_lattice is not None and expected == self.expected:
             return self.open_lattice
-        return self.sight.lattice
+        return self.vision.lattice
 
 
 def middle_mm(photo: Photo) -> tuple[float, float]:
@@ -72,26 +72,26 @@ def middle_mm(photo: Photo) -> tuple[float, float]:
     return (x0 + 0.5 * (cols - 1) * pitch, y0 + 0.5 * (rows - 1) * pitch)
 
 
-def moved(kept: KeptSight, x_mm: float, y_mm: float) -> KeptSight:
+def moved(kept: KeptVision, x_mm: float, y_mm: float) -> KeptVision:
     """The same in a frame that lies otherwise: all coordinates grow by so much."""
-    sight = kept.sight
-    edges, place = sight.edges, sight.place
+    vision = kept.vision
+    edges, place = vision.edges, vision.place
     if edges is not None:
         x0, y0 = edges.origin_mm
         edges = replace(edges, origin_mm=(x0 + x_mm, y0 + y_mm))
     if place is not None:
         place = replace(place, middle_mm=(place.middle_mm[0] + x_mm, place.middle_mm[1] + y_mm))
-    reading = sight.reading
+    reading = vision.reading
     characters = tuple(replace(c, box=_shifted(c.box, x_mm, y_mm)) for c in reading.characters)
     box = None if reading.box is None else _shifted(reading.box, x_mm, y_mm)
-    lattices = {name: _shifted_lattice(own, x_mm, y_mm) for name, own in sight.by_engine.items()}
+    lattices = {name: _shifted_lattice(own, x_mm, y_mm) for name, own in vision.by_engine.items()}
     middle = kept.middle_mm
     return replace(
         kept,
-        sight=replace(
-            sight,
+        vision=replace(
+            vision,
             reading=replace(reading, characters=characters, box=box),
-            lattice=None if sight.lattice is None else _shifted_lattice(sight.lattice, x_mm, y_mm),
+            lattice=None if vision.lattice is None else _shifted_lattice(vision.lattice, x_mm, y_mm),
             edges=edges,
             place=place,
             by_engine=MappingProxyType(lattices),
@@ -109,7 +109,7 @@ def _shifted_lattice(lattice: Lattice, x_mm: float, y_mm: float) -> Lattice:
     return replace(lattice, boxes=tuple(_shifted(b, x_mm, y_mm) for b in lattice.boxes))
 
 
-def save_sight(path: Path, kept: KeptSight) -> None:
+def save_vision(path: Path, kept: KeptVision) -> None:
     """Write it; the file appears whole or not at all.
 
     Raises:
@@ -117,21 +117,21 @@ def save_sight(path: Path, kept: KeptSight) -> None:
     """
     from pipeline.common.atomic import replacing
 
-    sight = kept.sight
+    vision = kept.vision
     told: dict[str, Any] = {
         "version": FORMAT_VERSION,
-        "reading": to_json(replace(sight.reading, seconds=dict(sight.reading.seconds))),
-        "engine": sight.engine,
-        "place": None if sight.place is None else to_json(sight.place),
-        "lattice": _told(sight.lattice),
-        "by_engine": {name: _told(lattice) for name, lattice in sight.by_engine.items()},
+        "reading": to_json(replace(vision.reading, seconds=dict(vision.reading.seconds))),
+        "engine": vision.engine,
+        "place": None if vision.place is None else to_json(vision.place),
+        "lattice": _told(vision.lattice),
+        "by_engine": {name: _told(lattice) for name, lattice in vision.by_engine.items()},
         "middle_mm": kept.middle_mm,
         "open_lattice": _told(kept.open_lattice),
         "expected": kept.expected,
     }
     arrays: dict[str, NDArray[Any]] = {}
-    if sight.edges is not None:
-        edges = _thinned(sight.edges, sight.place.height_mm if sight.place is not None else 0.0)
+    if vision.edges is not None:
+        edges = _thinned(vision.edges, vision.place.height_mm if vision.place is not None else 0.0)
         arrays = {
             "edges": edges.enhancement.astype(np.float16),
             "valid": np.packbits(edges.valid),
@@ -178,8 +178,8 @@ def _thinned(edges: EdgeMap, height_mm: float) -> EdgeMap:
     )
 
 
-def load_sight(path: Path) -> KeptSight:
-    """Read what `save_sight` wrote.
+def load_vision(path: Path) -> KeptVision:
+    """Read what `save_vision` wrote.
 
     Raises:
         FileProblem: it is no such file, or damaged.
@@ -195,15 +195,15 @@ def load_sight(path: Path) -> KeptSight:
         return _kept(told, arrays)
 
 
-def _kept(told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> KeptSight:
+def _kept(told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> KeptVision:
     from recognition.reading import Reading
-    from recognition.vision import SightReading
+    from recognition.vision import VisionReading
     from recognition.vision_frame import LinePlace
 
     reading = from_json(Reading, told["reading"])
     by_engine = {name: _lattice(own) for name, own in told["by_engine"].items()}
     middle = told["middle_mm"]
-    sight = SightReading(
+    vision = VisionReading(
         reading=replace(reading, seconds=MappingProxyType(dict(reading.seconds))),
         lattice=_lattice(told["lattice"]),
         edges=_edges(told["edges"], arrays) if "edges" in told else None,
@@ -211,8 +211,8 @@ def _kept(told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> KeptSi
         place=None if told["place"] is None else from_json(LinePlace, told["place"]),
         by_engine=MappingProxyType({n: own for n, own in by_engine.items() if own is not None}),
     )
-    return KeptSight(
-        sight,
+    return KeptVision(
+        vision,
         None if middle is None else (float(middle[0]), float(middle[1])),
         _lattice(told["open_lattice"]),
         str(told["expected"]),

@@ -23,7 +23,7 @@ from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
 from pipeline.service.middleware import DoorLayer, RequestLayer
 from pipeline.service.openapi import described
 from pipeline.service.pages.routes import pages_router
-from pipeline.service.part_service import Desk
+from pipeline.service.part_service import PartService
 from pipeline.service.ports import Ports
 from pipeline.service.problem import Problem
 from pipeline.service.problem_responses import add_problem_handlers
@@ -71,7 +71,7 @@ class Service:
             reading, limits, workers=settings.workers, queue=settings.queue, timeout_s=settings.job_timeout_s
         )
         self.ports = Ports(settings)
-        self.desk = Desk(
+        self.desk = PartService(
             store=self.store,
             evidence=self.evidence,
             pool=self.pool,

@@ -64,7 +64,7 @@ class NewPart:
     touch: bool = False
 
 
-class Desk:
+class PartService:
     """Takes parts in and has them read."""
 
     def __init__(
@@ -234,15 +234,15 @@ class Desk:
         records = await self._stored(self.store.evidence, part.id)
         before: dict[EvidenceKind, Path] = {}
         for record in records:
-            if not record.gone and record.kind in (EvidenceKind.SIGHT, EvidenceKind.PHOTO):
+            if not record.gone and record.kind in (EvidenceKind.VISION, EvidenceKind.PHOTO):
                 before[record.kind] = self.evidence.path(record.sha256)
-        seen = before if EvidenceKind.SIGHT in before else {}
+        seen = before if EvidenceKind.VISION in before else {}
         done, kept = await self._read(
             {"scan": scan},
             name=part.name,
             expected=part.expected,
             database=part.database,
-            sight=seen.get(EvidenceKind.SIGHT),
+            vision=seen.get(EvidenceKind.VISION),
             photo=seen.get(EvidenceKind.PHOTO) if part.expected else None,
         )
         told = await self._stored(
@@ -264,7 +264,7 @@ class Desk:
         name: str,
         expected: str,
         database: str,
-        sight: Path | None = None,
+        vision: Path | None = None,
         photo: Path | None = None,
     ) -> tuple[Done, list[EvidenceRecord]]:
         """Read the files in a worker; keep them and what was made of them."""
@@ -277,7 +277,7 @@ class Desk:
                 photo=paths.get(EvidenceKind.PHOTO, photo),
                 scan=paths.get(EvidenceKind.SCAN),
                 height_map=paths.get(EvidenceKind.HEIGHT_MAP),
-                sight=sight,
+                vision=vision,
                 part_name=name,
                 expected=expected,
                 database=self._databases(database),

@@ -14,7 +14,7 @@ from pipeline.common.version import program_version
 from pipeline.service.line.dispatch import Dispatcher, Sender
 
 if TYPE_CHECKING:
-    from pipeline.service.part_service import Desk
+    from pipeline.service.part_service import PartService
     from pipeline.service.settings import ServiceSettings
 
 log = structlog.get_logger("tactile-marks")
@@ -50,7 +50,7 @@ class Ports:
             require_asyncua()
 
     @contextlib.asynccontextmanager
-    async def opened(self, desk: Desk) -> AsyncIterator[None]:
+    async def opened(self, desk: PartService) -> AsyncIterator[None]:
         """Open the ports and send what waits; on leaving, what is at work may end first.
 
         Raises:

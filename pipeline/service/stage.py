@@ -31,15 +31,15 @@ class StageError(RuntimeError):
 
     Attributes:
         problem: what is wrong.
-        mend: what to do about it.
+        hint: what to do about it.
     """
 
-    def __init__(self, problem: str, mend: str) -> None:
-        super().__init__(f"{problem}; {mend}")
-        self.problem, self.mend = problem, mend
+    def __init__(self, problem: str, hint: str) -> None:
+        super().__init__(f"{problem}; {hint}")
+        self.problem, self.hint = problem, hint
 
     def __reduce__(self) -> tuple[type[StageError], tuple[str, str]]:
-        return (type(self), (self.problem, self.mend))
+        return (type(self), (self.problem, self.hint))
 
 
 @dataclass(frozen=True)
@@ -157,9 +157,9 @@ class SimulatedStage:
             made = into / "scan.h5"
             save_scan(scan, made)
         except FileProblem as problem:
-            raise StageError(f"{problem.path.name} {problem.problem}", problem.mend) from problem
+            raise StageError(f"{problem.path.name} {problem.problem}", problem.hint) from problem
         except RecordingError as error:
-            raise StageError(f"the recording {error.problem}", error.mend) from error
+            raise StageError(f"the recording {error.problem}", error.hint) from error
         except ValueError as error:
             raise StageError(f"{path.name} cannot be felt: {error}", "check the plan and the map") from error
         return made

@@ -34,7 +34,7 @@ class OtherProgramError(RuntimeError):
     """A worker has another version of the program: its answers do not belong to this run."""
 
 
-class ClusterCrew:
+class ClusterExecutor:
     """The workers of a Dask scheduler."""
 
     def __init__(self, address: str, *, patience_s: float = 120.0, connect_s: float = _CONNECT_S) -> None:
@@ -48,7 +48,7 @@ class ClusterCrew:
         self.address, self.patience_s, self._connect_s = address, patience_s, connect_s
         self.workers = 0
 
-    def __enter__(self) -> ClusterCrew:
+    def __enter__(self) -> ClusterExecutor:
         """Connect, wait for a worker, and see that all run this program.
 
         Raises:
@@ -79,7 +79,7 @@ class ClusterCrew:
         self._close()
 
     def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
-        """See `pipeline.workers.executors.Crew`.
+        """See `pipeline.workers.executors.Executor`.
 
         Raises:
             ClusterError: the scheduler is lost, or no worker has been left for too long.

@@ -49,7 +49,7 @@ class Outcome(Generic[T, R]):
     error: Exception | None = None
 
 
-class Crew(Protocol):
+class Executor(Protocol):
     """Calls a function for many tasks."""
 
     @property
@@ -60,13 +60,13 @@ class Crew(Protocol):
         """What the function makes of (order, task), as it is done, in any order."""
 
 
-class InlineCrew:
+class InlineExecutor:
     """This process."""
 
     workers = 1
 
     def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
-        """See `Crew`; in the order of the tasks."""
+        """See `Executor`; in the order of the tasks."""
         for task in tasks:
             try:
                 outcome = Outcome(task, function(order, task))
@@ -75,7 +75,7 @@ class InlineCrew:
             yield outcome
 
 
-class PoolCrew:
+class PoolExecutor:
     """Processes of this machine, each on one core and within its share of the memory."""
 
     def __init__(self, settings: ReadSettings, jobs: int, *, timeout_s: float = PART_TIMEOUT_S) -> None:
@@ -95,7 +95,7 @@ class PoolCrew:
         self._settings, self._timeout_s = settings, timeout_s
         self._stack = contextlib.ExitStack()
 
-    def __enter__(self) -> PoolCrew:
+    def __enter__(self) -> PoolExecutor:
         from pipeline.reading.jobs import Limits
         from pipeline.workers.pool import WorkPool
 
@@ -118,7 +118,7 @@ class PoolCrew:
         return self._pool.pids
 
     def calls(self, function: Callable[[O, T], R], order: O, tasks: Iterable[T]) -> Iterator[Outcome[T, R]]:
-        """See `Crew`."""
+        """See `Executor`."""
         from pipeline.workers.pool import WorkerLostError
 
         done: queue.SimpleQueue[Future[R]] = queue.SimpleQueue()

@@ -23,7 +23,7 @@ from pipeline.batch.task import RunOrder, read_listed
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
 from pipeline.files.synth import SynthSpec, write_part
-from pipeline.workers.executors import PoolCrew
+from pipeline.workers.executors import PoolExecutor
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import prepare_surface
@@ -183,9 +183,9 @@ def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) 
     ]
     quickest: dict[int, float] = {}
     for jobs in (1, 2):
-        with PoolCrew(order.settings, jobs) as crew:
+        with PoolExecutor(order.settings, jobs) as crew:
 
-            def run(crew: PoolCrew = crew) -> float:
+            def run(crew: PoolExecutor = crew) -> float:
                 started = time.perf_counter()
                 outcomes = list(crew.calls(read_listed, order, listed))
                 assert all(o.result is not None and o.result.row.text for o in outcomes)

@@ -173,7 +173,7 @@ def chromium() -> Iterator[Any]:
 
 
 @dataclass
-class Desk:
+class PartService:
     """A page of the browser, and everything that went wrong on it."""
 
     page: Any
@@ -204,17 +204,17 @@ class Desk:
 
 
 @pytest.fixture
-def sit_down(chromium: Any, service: Service) -> Iterator[Callable[..., Desk]]:
+def sit_down(chromium: Any, service: Service) -> Iterator[Callable[..., PartService]]:
     """Opens a page for a person; in the end nothing may have gone wrong, and no other host been asked."""
-    desks: list[Desk] = []
+    desks: list[PartService] = []
     contexts = []
 
-    def open_desk(*, who: str = "Ada", **options: Any) -> Desk:
+    def open_desk(*, who: str = "Ada", **options: Any) -> PartService:
         context = chromium.new_context(**{"viewport": {"width": 1280, "height": 900}, **options})
         contexts.append(context)
         if who:
             context.add_cookies([{"name": "tactile_marks_who", "value": who, "url": service.url}])
-        desk = Desk(context.new_page())
+        desk = PartService(context.new_page())
         desk.page.on("console", lambda m: desk.wrong.append(m.text))
         desk.page.on("pageerror", lambda e: desk.wrong.append(str(e)))
         desk.page.on("request", lambda r: desk.hosts.add(urlsplit(r.url).hostname))
@@ -229,7 +229,7 @@ def sit_down(chromium: Any, service: Service) -> Iterator[Callable[..., Desk]]:
         assert desk.hosts <= {"127.0.0.1"}
 
 
-def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[..., Desk]) -> None:
+def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[..., PartService]) -> None:
     ids = [service.add(text, name=f"P-{k}") for k, text in enumerate(("KX407251", "KX407252", "KX407253"))]
     desk = sit_down()
     page = desk.page
@@ -266,7 +266,7 @@ def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[
 
 
 def test_places_are_chosen_and_candidates_taken_by_key(
-    service: Service, sit_down: Callable[..., Desk]
+    service: Service, sit_down: Callable[..., PartService]
 ) -> None:
     part_id = service.add("KX407251")
     desk = sit_down()
@@ -309,7 +309,7 @@ def test_places_are_chosen_and_candidates_taken_by_key(
 
 
 def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
-    service: Service, sit_down: Callable[..., Desk]
+    service: Service, sit_down: Callable[..., PartService]
 ) -> None:
     part_id = service.add("KX407251")
     desk = sit_down()
@@ -334,7 +334,7 @@ def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
 
 
 def test_the_line_fills_the_picture_until_the_whole_is_asked_for(
-    service: Service, sit_down: Callable[..., Desk]
+    service: Service, sit_down: Callable[..., PartService]
 ) -> None:
     part_id = service.add("KX407251", around=300)
     desk = sit_down()
@@ -353,7 +353,7 @@ def test_the_line_fills_the_picture_until_the_whole_is_asked_for(
 
 
 def test_a_picture_that_does_not_come_is_told_in_words(
-    service: Service, sit_down: Callable[..., Desk]
+    service: Service, sit_down: Callable[..., PartService]
 ) -> None:
     part_id = service.add("KX407251")
     desk = sit_down()
@@ -366,7 +366,9 @@ def test_a_picture_that_does_not_come_is_told_in_words(
     desk.wrong.clear()
 
 
-def test_an_enter_held_down_confirms_one_part_only(service: Service, sit_down: Callable[..., Desk]) -> None:
+def test_an_enter_held_down_confirms_one_part_only(
+    service: Service, sit_down: Callable[..., PartService]
+) -> None:
     ids = [service.add("KX407251"), service.add("KX407252")]
     desk = sit_down()
     page = desk.page
@@ -386,7 +388,7 @@ def test_an_enter_held_down_confirms_one_part_only(service: Service, sit_down: C
 
 
 def test_a_name_is_asked_for_once_and_skipped_parts_stay(
-    service: Service, sit_down: Callable[..., Desk]
+    service: Service, sit_down: Callable[..., PartService]
 ) -> None:
     ids = [service.add("KX407251"), service.add("KX407252")]
     desk = sit_down(who="")
@@ -409,7 +411,7 @@ def test_a_name_is_asked_for_once_and_skipped_parts_stay(
     assert service.store.part(ids[1]).state is PartState.REVIEW
 
 
-def test_it_works_without_script(service: Service, sit_down: Callable[..., Desk]) -> None:
+def test_it_works_without_script(service: Service, sit_down: Callable[..., PartService]) -> None:
     ids = [service.add("KX407251"), service.add("KX407252")]
     desk = sit_down(who="", java_script_enabled=False)
     page = desk.page
@@ -424,7 +426,7 @@ def test_it_works_without_script(service: Service, sit_down: Callable[..., Desk]
     assert [service.store.reviews(i)[-1].after for i in ids] == ["KX407257", ""]
 
 
-def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Callable[..., Desk]) -> None:
+def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Callable[..., PartService]) -> None:
     desk = sit_down()
     desk.page.goto(f"{service.url}/review")
     assert "Nothing waits" in desk.page.inner_text("main")
@@ -433,7 +435,9 @@ def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Callable[..., 
     assert desk.page.inner_text("#waiting") == "1"
 
 
-def test_the_dashboard_tells_what_reviews_have_said(service: Service, sit_down: Callable[..., Desk]) -> None:
+def test_the_dashboard_tells_what_reviews_have_said(
+    service: Service, sit_down: Callable[..., PartService]
+) -> None:
     ids = [service.add("KX407251", pictures=False) for _ in range(4)]
     for part_id in ids[:2]:
         service.store.review(part_id, action=ReviewAction.CONFIRM, text="", who="Ada")
@@ -453,7 +457,7 @@ def test_the_dashboard_tells_what_reviews_have_said(service: Service, sit_down: 
 @pytest.mark.parametrize(("width", "height"), [(1280, 900), (800, 1100)])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_fit_their_window(
-    service: Service, sit_down: Callable[..., Desk], width: int, height: int, scheme: str
+    service: Service, sit_down: Callable[..., PartService], width: int, height: int, scheme: str
 ) -> None:
     part_id = service.add("KX407251", name="a-rather-long-name-as-lines-send-them-0001")
     long_id = service.add("A1B2C3D4E5F6G7H8J9K0L1M2N3P4Q5R6S7T8U9V0", name="forty")

@@ -399,8 +399,8 @@ def test_a_word_gap_costs_no_place(feel: Feel) -> None:
 # ----------------------------------------------------------------------------------------------------- spacing
 
 
-def chain(columns: list[float], which: list[int], rewards: list[float] | None = None) -> list[Placed]:
-    given = rewards if rewards is not None else [1.0] * len(columns)
+def chain(columns: list[float], which: list[int], template_scores: list[float] | None = None) -> list[Placed]:
+    given = template_scores if template_scores is not None else [1.0] * len(columns)
     return [Placed(t, round(c), r) for t, c, r in zip(which, columns, given, strict=True)]
 
 
@@ -449,9 +449,9 @@ def test_spacing_leaves_out_gaps_and_what_does_not_stand_out(line: Line, gothic:
     templates, text = line[3], "KKKKKK"
     which = [templates.chars.index(c) for c in text]
     columns = [0.0, 20.0, 70.0, 90.0, 110.0, 141.0]
-    rewards = [1.0, 1.0, 1.0, 1.0, 1.0, 0.5 * STANDS_OUT]
+    template_scores = [1.0, 1.0, 1.0, 1.0, 1.0, 0.5 * STANDS_OUT]
     spacing = usual_spacing(
-        chain(columns, which, rewards), templates, gothic, full=full(templates), gaps=frozenset({1})
+        chain(columns, which, template_scores), templates, gothic, full=full(templates), gaps=frozenset({1})
     )
     assert spacing is not None
     assert apart(spacing, which[0], which[0]) == pytest.approx(20.0)

@@ -14,7 +14,7 @@ from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampingVariation, stamp
 from glyphs.surface.maps import EdgeMap
 from recognition.evidence import LineEvidence, PlaceEvidence
-from recognition.evidence_cache import OWN_QUANTILE, OWN_SHARE, DirtyLook
+from recognition.evidence_cache import OWN_QUANTILE, OWN_SHARE, EvidenceCache
 from recognition.reader import ALPHABET, Reader
 from recognition.search import Hypothesis, LineFit, LineSearch
 from recognition.templates import TemplateCache
@@ -60,7 +60,7 @@ def evidence_of(shares: list[float]) -> LineEvidence:
 
 
 def test_a_line_is_looked_at_once(search: LineSearch, fit: LineFit) -> None:
-    look = DirtyLook(search, places=None)
+    look = EvidenceCache(search, places=None)
     first = look.at(fit)
     assert first is not None
     assert len(first.places) == 4
@@ -73,7 +73,7 @@ def test_a_line_is_looked_at_once(search: LineSearch, fit: LineFit) -> None:
 
 
 def test_the_format_is_kept_to(search: LineSearch, fit: LineFit) -> None:
-    found = DirtyLook(search, places=(CHARS,) * 3).at(fit)
+    found = EvidenceCache(search, places=(CHARS,) * 3).at(fit)
     assert found is not None
     assert len(found.places) == 3
     # four characters in three places: one lies beside them
@@ -81,15 +81,15 @@ def test_the_format_is_kept_to(search: LineSearch, fit: LineFit) -> None:
 
 
 def test_a_clean_line_is_of_its_own_shapes(search: LineSearch, fit: LineFit) -> None:
-    look = DirtyLook(search, places=FOUR)
+    look = EvidenceCache(search, places=FOUR)
     assert look.own_shapes(fit)
     assert not look.own_shapes(nothing_in(fit))
     # without a format nobody can tell
-    assert not DirtyLook(search, places=None).own_shapes(fit)
+    assert not EvidenceCache(search, places=None).own_shapes(fit)
 
 
 def test_of_two_fits_the_one_with_more_evidence(search: LineSearch, fit: LineFit) -> None:
-    look = DirtyLook(search, places=FOUR)
+    look = EvidenceCache(search, places=FOUR)
     wrong = search.fit(replace(fit.hypothesis, height_mm=5.9))
     assert wrong.placed
     here, there = look.at(fit), look.at(wrong)
@@ -101,7 +101,7 @@ def test_of_two_fits_the_one_with_more_evidence(search: LineSearch, fit: LineFit
     assert look.better(fit, nothing_in(fit)) is fit
     assert look.better(nothing_in(fit), fit) is fit
     # without a format the later one, which correlation has settled
-    assert DirtyLook(search, places=None).better(fit, wrong) is wrong
+    assert EvidenceCache(search, places=None).better(fit, wrong) is wrong
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_another_font_is_not_of_its_own_shapes(
     plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=5.0)
     edges = edge_map(trace_scan(part.height_map, touch=touch, plan=plan))
     search = LineSearch(edges, touch, reader().cache, chars=ALPHABET, places=None)
-    look = DirtyLook(search, places=(ALPHABET,) * len(text))
+    look = EvidenceCache(search, places=(ALPHABET,) * len(text))
     found = search.fit(Hypothesis(gothic, 5.0, 1.0, 0.0))
     assert found.placed
     assert not look.own_shapes(found)
@@ -140,7 +140,7 @@ def test_another_font_is_not_of_its_own_shapes(
 def test_a_quarter_of_the_characters_must_stand() -> None:
     assert OWN_QUANTILE == 0.75
     good, bad = OWN_SHARE + 0.1, OWN_SHARE - 0.1
-    stands: Callable[[LineEvidence], bool] = DirtyLook.stands
+    stands: Callable[[LineEvidence], bool] = EvidenceCache.stands
     assert stands(evidence_of([good] * 5))
     assert not stands(evidence_of([bad] * 5))
     # of five, two: the quantile is that of the second best
@@ -154,4 +154,4 @@ def test_standing_has_no_scale() -> None:
     other = replace(
         one, places=tuple(replace(p, evidence=3.0 * p.evidence, ideal=3.0 * p.ideal) for p in one.places)
     )
-    assert DirtyLook.stands(one) == DirtyLook.stands(other)
+    assert EvidenceCache.stands(one) == EvidenceCache.stands(other)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from recognition.constrained_decoding import choose
 from recognition.fuse import fuse
 from recognition.fuse_lattices import (
-    SIGHT_ALONE,
+    VISION_ALONE,
     Reliability,
     aligned,
     contradictions,
@@ -23,9 +23,9 @@ from recognition.fuse_lattices import (
 )
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.reader import ReaderSettings, ReadingWithEvidence
+from recognition.reader import ReaderSettings, ReadingTrace
 from recognition.reading import Box, Decision, Reading, ReadingFlag
-from recognition.vision import SightReading
+from recognition.vision import VisionReading
 from recognition.vision_combine import as_reading
 
 CHARS = tuple("ABC12")
@@ -61,19 +61,19 @@ def of_text(text: str, sure: float | list[float], *, rival: str = "", where: tup
     return lattice(out, where, tuple(LETTERS))
 
 
-def felt(beliefs: Lattice | None, flags: ReadingFlag = ReadingFlag.NONE) -> ReadingWithEvidence:
+def felt(beliefs: Lattice | None, flags: ReadingFlag = ReadingFlag.NONE) -> ReadingTrace:
     if beliefs is None:
-        return ReadingWithEvidence(Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS))
+        return ReadingTrace(Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS))
     reading = as_reading(beliefs, TOLD, flags=flags or None, source="tactile")
-    return ReadingWithEvidence(reading, lattice=beliefs)
+    return ReadingTrace(reading, lattice=beliefs)
 
 
-def seen(beliefs: Lattice | None) -> SightReading:
+def seen(beliefs: Lattice | None) -> VisionReading:
     empty: MappingProxyType[str, Lattice] = MappingProxyType({})
     if beliefs is None:
         nothing = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision")
-        return SightReading(nothing, None, None, "", None, empty)
-    return SightReading(as_reading(beliefs, TOLD), beliefs, None, "templates", None, empty)
+        return VisionReading(nothing, None, None, "", None, empty)
+    return VisionReading(as_reading(beliefs, TOLD), beliefs, None, "templates", None, empty)
 
 
 @st.composite
@@ -120,7 +120,7 @@ def test_beliefs_stay_beliefs_and_touch_stands_unless_overruled_for_sure(
         best = one.log_belief[k] >= one.log_belief[k].max() - EXACT
         share = both[k] / both[k].sum()
         assert (
-            share[best].max() >= share.max() * (1.0 - EXACT) or share.max() >= SIGHT_ALONE.convincing - EXACT
+            share[best].max() >= share.max() * (1.0 - EXACT) or share.max() >= VISION_ALONE.convincing - EXACT
         )
 
 
@@ -158,17 +158,17 @@ def test_the_rate_of_errors_is_learned_from_the_other_places() -> None:
 def test_places_are_aligned_by_boxes() -> None:
     touch = of_text("AB1234", 0.9, where=boxes(6))
     # the camera has lost the first and sees a bolt behind the last
-    sight = of_text("B12347", 0.9, where=boxes(6, first=4.3))
-    assert aligned(touch, sight) == [None, 0, 1, 2, 3, 4]
-    assert choose(fuse_lattices(touch, sight), Grammar(mask="AA9999")).text == "AB1234"
+    vision = of_text("B12347", 0.9, where=boxes(6, first=4.3))
+    assert aligned(touch, vision) == [None, 0, 1, 2, 3, 4]
+    assert choose(fuse_lattices(touch, vision), Grammar(mask="AA9999")).text == "AB1234"
     assert aligned(touch, of_text("B1", 0.9, where=boxes(2, first=4.3))) == [None, 0, 1, None, None, None]
     assert aligned(touch, of_text("B1", 0.9)) == [None] * 6
     assert aligned(touch, of_text("AB1234", 0.9)) == list(range(6))
     with pytest.raises(ValueError, match="2 boxes for 6 places"):
-        fuse_lattices(touch, sight, sight_boxes=boxes(2))
+        fuse_lattices(touch, vision, vision_boxes=boxes(2))
 
 
-def test_what_the_format_kept_from_sight_is_not_held_against_touch() -> None:
+def test_what_the_format_kept_from_vision_is_not_held_against_touch() -> None:
     touch = lattice(np.array([[0.6, 0.1, 0.1, 0.1, 0.1]]))
     figures = lattice(np.array([[0.0, 0.0, 0.0, 0.9, 0.1]]))
     both = fuse_lattices(touch, figures, reliability=PLAIN)
@@ -179,7 +179,7 @@ def test_what_the_format_kept_from_sight_is_not_held_against_touch() -> None:
 
 def test_tempered_beliefs_are_less_sure() -> None:
     one = of_text("AB1234", 0.99)
-    less = tempered(one, SIGHT_ALONE)
+    less = tempered(one, VISION_ALONE)
     np.testing.assert_array_equal(less.log_belief.argmax(1), one.log_belief.argmax(1))
     assert (less.log_belief.max(1) < one.log_belief.max(1)).all()
 
@@ -199,9 +199,9 @@ def test_both_doubtful_of_the_same_are_sure_together() -> None:
 
 
 def test_senses_sure_of_different_characters_are_never_accepted() -> None:
-    touch, sight = of_text("AB1234", 0.9999), of_text("AB1284", 0.999)
-    assert contradictions(touch, sight) == ((4, "3", "8"),)
-    read = fuse(felt(touch), seen(sight), TOLD)
+    touch, vision = of_text("AB1234", 0.9999), of_text("AB1284", 0.999)
+    assert contradictions(touch, vision) == ((4, "3", "8"),)
+    read = fuse(felt(touch), seen(vision), TOLD)
     assert ReadingFlag.SENSES_DISAGREE in read.flags
     assert read.decision is Decision.REVIEW
     assert read.notes == ("place 5: touch has 3, the camera 8",)
@@ -214,23 +214,23 @@ def test_senses_sure_of_different_characters_are_never_accepted() -> None:
 def test_one_sense_alone(level: str) -> None:
     by_touch = fuse(felt(of_text("AB1234", 0.999)), seen(None), TOLD, level=level)  # type: ignore[arg-type]
     assert (by_touch.text, by_touch.decision, by_touch.source) == ("AB1234", Decision.ACCEPT, "fused")
-    by_sight = fuse(felt(None), seen(of_text("AB1234", 0.999)), TOLD, level=level)  # type: ignore[arg-type]
-    assert (by_sight.text, by_sight.source) == ("AB1234", "fused")
+    by_vision = fuse(felt(None), seen(of_text("AB1234", 0.999)), TOLD, level=level)  # type: ignore[arg-type]
+    assert (by_vision.text, by_vision.source) == ("AB1234", "fused")
     # 2 % at each of six places is wrong whatever the camera believes
-    assert by_sight.confidence < 0.98**6 + EXACT
+    assert by_vision.confidence < 0.98**6 + EXACT
     by_none = fuse(felt(None), seen(None), TOLD, level=level)  # type: ignore[arg-type]
     assert (by_none.text, by_none.decision) == ("", Decision.REJECT)
 
 
 @pytest.mark.parametrize("text", ["AB1234", None])
 def test_the_time_of_both_senses_is_told(text: str | None) -> None:
-    touch, sight = felt(of_text(text, 0.999) if text else None), seen(of_text("AB1234", 0.999))
+    touch, vision = felt(of_text(text, 0.999) if text else None), seen(of_text("AB1234", 0.999))
     touch = replace(touch, reading=replace(touch.reading, seconds=MappingProxyType({"search": 2.0})))
-    sight = replace(sight, reading=replace(sight.reading, seconds=MappingProxyType({"rapidocr": 3.0})))
-    assert fuse(touch, sight, TOLD).seconds == {"search": 2.0, "sight rapidocr": 3.0}
+    vision = replace(vision, reading=replace(vision.reading, seconds=MappingProxyType({"rapidocr": 3.0})))
+    assert fuse(touch, vision, TOLD).seconds == {"search": 2.0, "sight rapidocr": 3.0}
 
 
-def test_doubts_of_touch_that_sight_cannot_lift_stay() -> None:
+def test_doubts_of_touch_that_vision_cannot_lift_stay() -> None:
     touch = felt(of_text("AB1234", 0.9999), ReadingFlag.UNREAD_MARKS)
     read = fuse(touch, seen(of_text("AB1234", 0.999)), TOLD)
     assert read.decision is Decision.REVIEW

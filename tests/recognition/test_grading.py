@@ -10,7 +10,7 @@ import pytest
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import EdgeMap
-from recognition.acceptance import Judged, decide
+from recognition.acceptance import ScoredLine, decide
 from recognition.frames import LineImage, is_edge_channel
 from recognition.grade import Action, MarkGrade
 from recognition.grading import graded
@@ -24,7 +24,7 @@ from whisker_array.whisker.touch import Touch
 
 TEXT = "K71B"
 SPOILT = 1
-Line = tuple[StampedPart, Reading, Judged, LineImage]
+Line = tuple[StampedPart, Reading, ScoredLine, LineImage]
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from recognition.ocr_rapid import Frames, RapidEngine
 from recognition.ocr_views import FIRST_VIEW, VIEWS, View, view_of
 from recognition.reader import ALPHABET, ReaderSettings
 from recognition.reading import Decision
-from recognition.vision import SightReader
+from recognition.vision import VisionReader
 from recognition.vision_engine import EngineMissingError
 from recognition.vision_frame import line_crop, whole
 
@@ -39,12 +39,12 @@ def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(EngineMissingError, match=r'pip install "tactile-marks\[vision\]"'):
         RapidEngine()
     with pytest.raises(EngineMissingError, match="vision"):
-        SightReader(ReaderSettings(fonts=("gothic",)), engine="rapidocr")
+        VisionReader(ReaderSettings(fonts=("gothic",)), engine="rapidocr")
 
 
 def test_best_without_the_extra_reads_by_templates_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ocr_rapid, "find_spec", lambda name: None)
-    reader = SightReader(ReaderSettings(fonts=("gothic",)), engine="best")
+    reader = VisionReader(ReaderSettings(fonts=("gothic",)), engine="best")
     assert reader.rapid is None
     assert reader.by_templates
     assert "templates alone" in reader.notes[0]
@@ -112,7 +112,7 @@ def test_the_number_of_characters_is_found_without_a_format(engine: RapidEngine)
 
 
 def test_a_real_photograph_end_to_end(engine: RapidEngine) -> None:
-    found = SightReader(ReaderSettings(mask="9A9999A")).read_photo(real_photo())
+    found = VisionReader(ReaderSettings(mask="9A9999A")).read_photo(real_photo())
     assert found.reading.text == "1X2100H"
     assert found.reading.decision is not Decision.REJECT
     assert found.reading.source == "vision"

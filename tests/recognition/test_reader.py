@@ -15,7 +15,7 @@ from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import PlateVariation, StampedPart
 from glyphs.surface.maps import HeightMap, TraceDirection
 from recognition.depth_rules import depth_rule
-from recognition.reader import Reader, ReaderSettings, ReadingWithEvidence
+from recognition.reader import Reader, ReaderSettings, ReadingTrace
 from recognition.reading import Decision, Reading, ReadingFlag
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
@@ -59,7 +59,7 @@ def check(reading: Reading, part: StampedPart, *, accepted: bool = True) -> None
 
 
 @pytest.fixture(scope="module")
-def plain(make_part: Make, reader: Readers) -> tuple[StampedPart, ReadingWithEvidence]:
+def plain(make_part: Make, reader: Readers) -> tuple[StampedPart, ReadingTrace]:
     part = make_part()
     return part, reader().read_height_map(part.height_map)
 
@@ -75,7 +75,7 @@ def test_a_stamped_plate_is_read_at_either_fidelity(
     assert found.scan.fidelity == fidelity.value
 
 
-def test_what_a_reading_tells(plain: tuple[StampedPart, ReadingWithEvidence]) -> None:
+def test_what_a_reading_tells(plain: tuple[StampedPart, ReadingTrace]) -> None:
     part, found = plain
     check(found.reading, part)
     reading = found.reading
@@ -93,7 +93,7 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, ReadingWithEvidence]) ->
 
 
 def test_candidates_are_sorted_and_their_shares_are_beliefs(
-    plain: tuple[StampedPart, ReadingWithEvidence],
+    plain: tuple[StampedPart, ReadingTrace],
 ) -> None:
     for character in plain[1].reading.characters:
         shares = [c.probability for c in character.candidates]
@@ -103,7 +103,7 @@ def test_candidates_are_sorted_and_their_shares_are_beliefs(
         assert character.margin >= 0.0
 
 
-def test_the_same_input_gives_the_same_reading(plain: tuple[StampedPart, ReadingWithEvidence]) -> None:
+def test_the_same_input_gives_the_same_reading(plain: tuple[StampedPart, ReadingTrace]) -> None:
     part, found = plain
     # once with a reader that has just made its templates, once more with the same one
     fresh = Reader(ReaderSettings(fonts=("gothic",)))
@@ -199,7 +199,7 @@ def test_fewer_directions_still_read(
 
 
 def test_a_scan_reads_as_the_plate_it_came_from(
-    plain: tuple[StampedPart, ReadingWithEvidence], reader: Readers
+    plain: tuple[StampedPart, ReadingTrace], reader: Readers
 ) -> None:
     part, found = plain
     assert found.scan is not None
@@ -327,7 +327,7 @@ def test_a_mask_sets_the_places_and_the_gaps() -> None:
     assert set(made.chars) == set("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-")
 
 
-def test_boxes_run_from_left_to_right(plain: tuple[StampedPart, ReadingWithEvidence]) -> None:
+def test_boxes_run_from_left_to_right(plain: tuple[StampedPart, ReadingTrace]) -> None:
     boxes = [c.box for c in plain[1].reading.characters]
     assert all(a.x0_mm < b.x0_mm and a.x1_mm < b.x1_mm for a, b in pairwise(boxes))
 
@@ -335,7 +335,7 @@ def test_boxes_run_from_left_to_right(plain: tuple[StampedPart, ReadingWithEvide
 # ------------------------------------------------------------------------------------------------------ depth
 
 
-def test_every_character_has_a_depth(plain: tuple[StampedPart, ReadingWithEvidence]) -> None:
+def test_every_character_has_a_depth(plain: tuple[StampedPart, ReadingTrace]) -> None:
     part, found = plain
     assert found.relief is not None
     assert found.edge_map is not None
@@ -397,7 +397,7 @@ def test_the_depth_of_raised_marks_is_their_height(make_part: Make, reader: Read
 
 
 def test_an_edge_map_alone_tells_no_depth(
-    plain: tuple[StampedPart, ReadingWithEvidence], reader: Readers, touch: Touch
+    plain: tuple[StampedPart, ReadingTrace], reader: Readers, touch: Touch
 ) -> None:
     edges = plain[1].edge_map
     assert edges is not None

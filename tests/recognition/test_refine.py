@@ -20,7 +20,7 @@ Second = Callable[[float], tuple[LineFit, LineFit, tuple[Cell, ...]]]
 
 
 @pytest.fixture(scope="module")
-def second_look(gothic: Font, touch: Touch, calm_edges: EdgeMap) -> Second:
+def read_robustly(gothic: Font, touch: Touch, calm_edges: EdgeMap) -> Second:
     """Search with a supposed height, then the second look."""
     search = LineSearch(calm_edges, touch, TemplateCache(), chars="K7B1", places=None)
 
@@ -32,8 +32,8 @@ def second_look(gothic: Font, touch: Touch, calm_edges: EdgeMap) -> Second:
     return look
 
 
-def test_the_search_finds_the_line(second_look: Second, calm_part: StampedPart) -> None:
-    found, _, _ = second_look(5.0)
+def test_the_search_finds_the_line(read_robustly: Second, calm_part: StampedPart) -> None:
+    found, _, _ = read_robustly(5.0)
     assert found.text == calm_part.text
     assert not found.raised
     assert found.mean_score > 0.85
@@ -42,8 +42,8 @@ def test_the_search_finds_the_line(second_look: Second, calm_part: StampedPart) 
     assert abs(found.slope_deg()) < 1.0
 
 
-def test_cells_stand_where_the_characters_stand(second_look: Second, calm_part: StampedPart) -> None:
-    found, settled, cells = second_look(5.0)
+def test_cells_stand_where_the_characters_stand(read_robustly: Second, calm_part: StampedPart) -> None:
+    found, settled, cells = read_robustly(5.0)
     chars = settled.templates.chars
     assert "".join(chars[int(np.argmax(c.scores))] for c in cells) == calm_part.text
     for cell, box in zip(cells, calm_part.boxes_mm, strict=True):
@@ -57,14 +57,14 @@ def test_cells_stand_where_the_characters_stand(second_look: Second, calm_part: 
 
 
 @pytest.mark.parametrize("supposed_mm", [4.8, 5.2])
-def test_the_height_settles(supposed_mm: float, second_look: Second) -> None:
-    _, settled, _ = second_look(supposed_mm)
+def test_the_height_settles(supposed_mm: float, read_robustly: Second) -> None:
+    _, settled, _ = read_robustly(supposed_mm)
     # the ladder of heights has steps of 2.2 %
     assert abs(settled.hypothesis.height_mm - 5.0) < 0.6 * abs(supposed_mm - 5.0)
 
 
-def test_the_right_height_stays(second_look: Second) -> None:
-    _, settled, _ = second_look(5.0)
+def test_the_right_height_stays(read_robustly: Second) -> None:
+    _, settled, _ = read_robustly(5.0)
     assert settled.hypothesis.height_mm == pytest.approx(5.0, rel=0.03)
 
 

@@ -23,10 +23,10 @@ from recognition.reading import Box
 from recognition.register import RegisterFailure, Registration, matched_boxes, register, same_field
 from recognition.register_line import register_line
 from recognition.tactile_line import FeltLine, felt_line
-from recognition.vision_at import sight_at
-from recognition.vision_edges import sight_edges
+from recognition.vision_at import vision_at
+from recognition.vision_edges import vision_edges
 from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
-from recognition.vision_templates import SightBasis, predict_basis
+from recognition.vision_templates import VisionBasis, predict_basis
 
 HEIGHT_MM = 5.0
 EDGES_MM = 0.25
@@ -81,7 +81,7 @@ def errors_mm(found: Registration, true: NDArray[np.float64], part: SoiledPart) 
 
 
 @lru_cache(maxsize=1)
-def basis() -> SightBasis:
+def basis() -> VisionBasis:
     return predict_basis(load_font("gothic"), CHARS)
 
 
@@ -98,7 +98,7 @@ def line_of(part: SoiledPart, text: str | None = None) -> FeltLine:
 @pytest.mark.parametrize("number", [0, 1])
 def test_clean_part_by_edges_alone(number: int) -> None:
     part, (photo, true) = soiled(0.0, number), taken(0.0, number)
-    found = register(felt(part.height_map), sight_edges(photo, height_mm=HEIGHT_MM), height_mm=HEIGHT_MM)
+    found = register(felt(part.height_map), vision_edges(photo, height_mm=HEIGHT_MM), height_mm=HEIGHT_MM)
     assert found.failure is None
     assert np.median(errors_mm(found, true, part)) < EDGES_MM
 
@@ -108,7 +108,7 @@ def test_without_pitch_or_stage_the_fields_are_the_start() -> None:
     bare = Photo(photo.pixels)
     true = taken(0.0, 0)[1] @ frame_from_pixel(photo) @ np.linalg.inv(frame_from_pixel(bare))
     pixels = HEIGHT_MM / (photo.pitch_mm or 1.0)
-    found = register(felt(part.height_map), sight_edges(bare, height_mm=pixels), height_mm=HEIGHT_MM)
+    found = register(felt(part.height_map), vision_edges(bare, height_mm=pixels), height_mm=HEIGHT_MM)
     assert found.failure is None
     assert np.median(errors_mm(found, true, part)) < EDGES_MM
 
@@ -125,7 +125,7 @@ def test_same_field_lays_middle_on_middle() -> None:
 @pytest.mark.parametrize(("severity", "number"), [(0.0, 0), (0.6, 1), (0.9, 0), (0.9, 1)])
 def test_by_characters_in_any_dirt(severity: float, number: int) -> None:
     part, (photo, true) = soiled(severity, number), taken(severity, number)
-    found = register_line(line_of(part), sight_edges(photo, height_mm=HEIGHT_MM), [np.eye(3)])
+    found = register_line(line_of(part), vision_edges(photo, height_mm=HEIGHT_MM), [np.eye(3)])
     errors = errors_mm(found, true, part)
     assert found.failure is None
     assert np.median(errors) < LINE_MM
@@ -134,12 +134,12 @@ def test_by_characters_in_any_dirt(severity: float, number: int) -> None:
 
 def test_the_camera_reads_a_clean_line_at_the_places_of_touch() -> None:
     part, (photo, _) = soiled(0.0, 1), taken(0.0, 1)
-    line, edges = line_of(part), sight_edges(photo, height_mm=HEIGHT_MM)
+    line, edges = line_of(part), vision_edges(photo, height_mm=HEIGHT_MM)
     # touch is not believed: every character alike
     blank = FeltLine(np.full_like(line.belief, 1 / len(CHARS)), line.middle_mm, HEIGHT_MM, 0.0, basis())
     where = register_line(line, edges, [np.eye(3)])
     allowed = np.array([[c.isalpha() == (k < 2) for c in CHARS] for k in range(6)])
-    evidence = np.where(allowed, sight_at(blank, edges, where.plate_from_photo, allowed=allowed), -np.inf)
+    evidence = np.where(allowed, vision_at(blank, edges, where.plate_from_photo, allowed=allowed), -np.inf)
     assert sum(CHARS[t] == c for t, c in zip(evidence.argmax(axis=1), part.part.text, strict=True)) >= 5
 
 
@@ -147,7 +147,7 @@ def test_noise_is_no_line() -> None:
     part = soiled(0.0, 0)
     noise = np.random.default_rng(3).integers(90, 160, taken(0.0, 0)[0].shape, dtype=np.uint8)
     photo = Photo(noise, pitch_mm=0.06, centre_mm=taken(0.0, 0)[0].centre_mm)
-    edges = sight_edges(photo, height_mm=HEIGHT_MM)
+    edges = vision_edges(photo, height_mm=HEIGHT_MM)
     assert register_line(line_of(part), edges, [np.eye(3)]).failure is RegisterFailure.POOR
     assert register(felt(part.height_map), edges, height_mm=HEIGHT_MM).failure is RegisterFailure.POOR
 
@@ -155,7 +155,7 @@ def test_noise_is_no_line() -> None:
 def test_pictures_apart_are_not_found() -> None:
     part, (photo, _) = soiled(0.0, 0), taken(0.0, 0)
     away = np.array([[1.0, 0.0, 500.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    edges = sight_edges(photo, height_mm=HEIGHT_MM)
+    edges = vision_edges(photo, height_mm=HEIGHT_MM)
     found = register(felt(part.height_map), edges, height_mm=HEIGHT_MM, starts=[away])
     assert found.failure is RegisterFailure.NOT_FOUND
     assert found.quality == 0.0

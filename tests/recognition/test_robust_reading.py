@@ -14,21 +14,21 @@ from glyphs.soiling.dirty import Dirt, soil_part
 from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampedPart, stamp
 from glyphs.surface.maps import EdgeMap, HeightMap
-from recognition.acceptance import Decided, Judged, decide
+from recognition.acceptance import Decided, ScoredLine, decide
 from recognition.calibrate import Weights
 from recognition.confusions import CharacterState
 from recognition.evidence import LineEvidence, line_evidence
 from recognition.frames import LineImage
 from recognition.grammar import Grammar
-from recognition.reader import Reader, ReaderSettings, ReadingWithEvidence
+from recognition.reader import Reader, ReaderSettings, ReadingTrace
 from recognition.reading import Decision, ReadingFlag
 from recognition.refine import refine_line
 from recognition.robust_reading import (
     BESIDE_SHARE,
-    SecondLook,
+    RobustReading,
     is_crisp,
     lattice_of_reading,
-    second_look,
+    read_robustly,
     untroubled,
 )
 from recognition.search import Hypothesis, LineSearch
@@ -57,7 +57,7 @@ def spoilt(part: StampedPart, which: int, share: float, *, half: str = "") -> He
 
 # ------------------------------------------------------------------------------------- the look itself, no search
 
-Line = tuple[LineEvidence, Judged, LineImage]
+Line = tuple[LineEvidence, ScoredLine, LineImage]
 
 
 @pytest.fixture(scope="module")
@@ -82,10 +82,10 @@ def look(
     flags: ReadingFlag = ReadingFlag.NONE,
     weights: Weights | None = None,
     gaps: frozenset[int] | None = None,
-) -> SecondLook | None:
+) -> RobustReading | None:
     own, judged, image = line
     options = {} if weights is None else {"weights": weights}
-    return second_look(
+    return read_robustly(
         own if evidence is None else evidence,
         judged,
         image,
@@ -97,7 +97,7 @@ def look(
     )
 
 
-def seen(line: Line, **options: object) -> SecondLook:
+def seen(line: Line, **options: object) -> RobustReading:
     found = look(line, **options)  # type: ignore[arg-type]
     assert found is not None
     return found
@@ -268,7 +268,7 @@ def test_the_lattice_of_a_reading_is_its_candidates(decided: Decided) -> None:
 # ---------------------------------------------------------------------------------- parts through the reader
 
 
-def states(found: ReadingWithEvidence) -> list[CharacterState | None]:
+def states(found: ReadingTrace) -> list[CharacterState | None]:
     return [c.state.state if c.state is not None else None for c in found.reading.characters]
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recognition.match import DenseScores
-from recognition.template_scores import Rewards, depth_share
+from recognition.template_scores import TemplateScores, depth_share
 
 FLOAT32 = 1e-5
 FLOOR, COST = 0.5, 0.03
@@ -29,7 +29,7 @@ def test_rewards_are_width_times_share_times_what_the_score_is_worth(negative: b
     np.testing.assert_allclose(depth_share(dense)[dense.window], share, atol=FLOAT32)
     signed = -score if negative else score
     expected = width[:, None, None] * share * (np.sign(signed) * signed**2 - FLOOR**2) - COST
-    made = Rewards(dense, depth_share(dense), width, negative=negative, score_floor=FLOOR, cost=COST)
+    made = TemplateScores(dense, depth_share(dense), width, negative=negative, score_floor=FLOOR, cost=COST)
     np.testing.assert_allclose(made.near(2, 7), expected[:, 2:7], atol=FLOAT32)
     promise = np.maximum(expected, 0.0).max(axis=0).sum(axis=1)
     np.testing.assert_allclose(made.promises(), promise, atol=20 * FLOAT32)

@@ -13,7 +13,7 @@ from glyphs.stamping.stamp import StampedPart
 from recognition.lattice import Lattice
 from recognition.reader import ReaderSettings
 from recognition.reading import Box, Decision, ReadingFlag
-from recognition.vision import SightReader
+from recognition.vision import VisionReader
 from recognition.vision_combine import as_reading, joined
 from recognition.vision_frame import LinePlace
 
@@ -22,8 +22,8 @@ SETTINGS = ReaderSettings(fonts=("gothic",), mask="A9A99", height_mm=5.0)
 
 
 @pytest.fixture(scope="module")
-def reader() -> SightReader:
-    return SightReader(SETTINGS, engine="templates")
+def reader() -> VisionReader:
+    return VisionReader(SETTINGS, engine="templates")
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def photo(make_part: Callable[..., StampedPart]) -> tuple[StampedPart, Photo]:
     return part, Photo(pixels, pitch_mm=part.height_map.pitch_mm, centre_mm=(w / 2, h / 2))
 
 
-def test_a_photograph_becomes_a_reading(reader: SightReader, photo: tuple[StampedPart, Photo]) -> None:
+def test_a_photograph_becomes_a_reading(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
     part, taken = photo
     found = reader.read_photo(taken)
     assert found.reading.text == TEXT
@@ -56,7 +56,7 @@ def test_a_photograph_becomes_a_reading(reader: SightReader, photo: tuple[Stampe
 
 
 def test_a_rotation_that_dirt_hides_is_found_by_turning(
-    reader: SightReader, make_part: Callable[..., StampedPart]
+    reader: VisionReader, make_part: Callable[..., StampedPart]
 ) -> None:
     part = make_part(TEXT, line_rotation_deg=8.0)
     z = part.height_map.z_mm.astype(np.float64)
@@ -77,7 +77,7 @@ def test_a_rotation_that_dirt_hides_is_found_by_turning(
     assert found.reading.rotation_deg == pytest.approx(8.0, abs=1.0)
 
 
-def test_a_place_known_beforehand_is_kept_to(reader: SightReader, photo: tuple[StampedPart, Photo]) -> None:
+def test_a_place_known_beforehand_is_kept_to(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
     part, taken = photo
     boxes = np.array(part.boxes_mm)
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
@@ -89,7 +89,7 @@ def test_the_hook_for_calibration_has_the_last_word(photo: tuple[StampedPart, Ph
     def doubtful(lattice: Lattice) -> Lattice:
         return replace(lattice, log_belief=lattice.log_belief + np.log(0.5))
 
-    found = SightReader(SETTINGS, engine="templates", calibrated=doubtful).read_photo(photo[1])
+    found = VisionReader(SETTINGS, engine="templates", calibrated=doubtful).read_photo(photo[1])
     assert found.reading.text == TEXT
     assert found.reading.confidence < 0.5**5 * 1.001
     assert found.reading.decision is Decision.REVIEW

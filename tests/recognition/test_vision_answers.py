@@ -7,9 +7,9 @@ import pytest
 from scipy import signal
 
 from glyphs.fonts.glyph import Font
-from recognition import vision_answers as sight_answers
-from recognition.vision_answers import SightAnswers, column_evidence, row_promise, spectra_of
-from recognition.vision_templates import GLANCE, SightBasis, predict_basis
+from recognition import vision_answers as vision_answers
+from recognition.vision_answers import VisionAnswers, column_evidence, row_promise, spectra_of
+from recognition.vision_templates import GLANCE, VisionBasis, predict_basis
 
 SINGLE = 2e-5
 """Of the largest product: sums of some 1500 terms in single precision."""
@@ -18,7 +18,7 @@ LIGHT = np.array([0.3, -0.6, 0.2])
 
 
 @pytest.fixture(scope="module")
-def basis(gothic: Font) -> SightBasis:
+def basis(gothic: Font) -> VisionBasis:
     return predict_basis(gothic, "B17", look=GLANCE)
 
 
@@ -28,7 +28,7 @@ def edges() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def plain(basis: SightBasis, edges: np.ndarray) -> np.ndarray:
+def plain(basis: VisionBasis, edges: np.ndarray) -> np.ndarray:
     """(3, cols, T, rows) products by scipy, in double precision and without spectra."""
     made = [
         [
@@ -43,8 +43,8 @@ def plain(basis: SightBasis, edges: np.ndarray) -> np.ndarray:
     return np.array(made).transpose(1, 3, 0, 2)
 
 
-def test_products_are_sums_over_pixels(basis: SightBasis, edges: np.ndarray, plain: np.ndarray) -> None:
-    answers = SightAnswers(edges, basis)
+def test_products_are_sums_over_pixels(basis: VisionBasis, edges: np.ndarray, plain: np.ndarray) -> None:
+    answers = VisionAnswers(edges, basis)
     largest = abs(plain).max()
     np.testing.assert_allclose(answers.pictures(0, 45), plain, atol=SINGLE * largest)
     np.testing.assert_allclose(answers.pictures(20, 25), plain[..., 20:25], atol=SINGLE * largest)
@@ -56,7 +56,7 @@ def test_spectra_are_kept_within_bounds(gothic: Font, monkeypatch: pytest.Monkey
     basis = predict_basis(gothic, "1", look=GLANCE)
     first = spectra_of(basis, 64)
     assert spectra_of(basis, 64) is first
-    monkeypatch.setattr(sight_answers, "MOST_KEPT_BYTES", 8 * first.nbytes)
+    monkeypatch.setattr(vision_answers, "MOST_KEPT_BYTES", 8 * first.nbytes)
     for length in (96, 128, 160, 192):
         spectra_of(basis, length)
     # the oldest goes

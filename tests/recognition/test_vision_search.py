@@ -13,10 +13,10 @@ from glyphs.camera.photo import Photo
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.serials import allowed_characters
 from glyphs.stamping.stamp import StampedPart
-from recognition.vision_fit import SightFit, Supposed
+from recognition.vision_fit import Supposed, VisionFit
 from recognition.vision_frame import rectify
-from recognition.vision_search import SightSearch, lights
-from recognition.vision_templates import CLOSE_LOOK, GLANCE, SightBasis, predict_basis
+from recognition.vision_search import VisionSearch, lights
+from recognition.vision_templates import CLOSE_LOOK, GLANCE, VisionBasis, predict_basis
 
 TEXT, MASK, CHARS = "K7B29", "A9A99", "ABEFHKPRT0123456789"
 HEIGHT_MM = 5.0
@@ -37,12 +37,12 @@ def shaded(part: StampedPart, azimuth_deg: float, *, filled: float = 0.0, seed: 
 
 
 @pytest.fixture(scope="module")
-def basis(gothic: Font) -> SightBasis:
+def basis(gothic: Font) -> VisionBasis:
     return predict_basis(gothic, CHARS, look=GLANCE)
 
 
-def read(basis: SightBasis, photo: Photo, *, height_mm: float = HEIGHT_MM, turn: float = 0.0) -> SightFit:
-    search = SightSearch(photo, places=allowed_characters(MASK))
+def read(basis: VisionBasis, photo: Photo, *, height_mm: float = HEIGHT_MM, turn: float = 0.0) -> VisionFit:
+    search = VisionSearch(photo, places=allowed_characters(MASK))
     fit = search.fit(basis, Supposed(height_mm, turn))
     assert fit is not None
     return search.refined(fit)
@@ -53,7 +53,7 @@ def photo_of(part: StampedPart, azimuth_deg: float, **options: float) -> Photo:
 
 
 @pytest.mark.parametrize("azimuth", [0, 45, 90, 135, 180, 225, 270, 315])
-def test_any_light_will_do(azimuth: int, basis: SightBasis, make_part: Callable[..., StampedPart]) -> None:
+def test_any_light_will_do(azimuth: int, basis: VisionBasis, make_part: Callable[..., StampedPart]) -> None:
     part = make_part(TEXT)
     fit = read(basis, photo_of(part, azimuth))
     assert fit.text == TEXT
@@ -70,7 +70,7 @@ def test_any_light_will_do(azimuth: int, basis: SightBasis, make_part: Callable[
 
 @pytest.mark.parametrize("filled", [0.6, -0.6])
 def test_filled_strokes_are_seen_in_flat_light(
-    filled: float, basis: SightBasis, make_part: Callable[..., StampedPart]
+    filled: float, basis: VisionBasis, make_part: Callable[..., StampedPart]
 ) -> None:
     part = make_part(TEXT)
     z = part.height_map.z_mm.astype(np.float64)
@@ -85,25 +85,25 @@ def test_filled_strokes_are_seen_in_flat_light(
 
 
 @pytest.mark.parametrize("rotation", [-10.0, -5.0, 5.0, 10.0])
-def test_a_rotated_line(rotation: float, basis: SightBasis, make_part: Callable[..., StampedPart]) -> None:
+def test_a_rotated_line(rotation: float, basis: VisionBasis, make_part: Callable[..., StampedPart]) -> None:
     part = make_part(TEXT, line_rotation_deg=rotation)
     fit = read(basis, photo_of(part, 60.0), turn=rotation + 0.8)
     assert fit.text == TEXT
     assert fit.supposed.rotation_deg == pytest.approx(rotation, abs=1.0)
 
 
-def test_beyond_the_photograph_nothing_is_seen(basis: SightBasis) -> None:
+def test_beyond_the_photograph_nothing_is_seen(basis: VisionBasis) -> None:
     # a slope of light goes on beyond the rim in streaks; none of them may count
     rows, cols = 200, 500
     grey = 100.0 + 0.1 * np.arange(cols)[None, :] + np.random.default_rng(6).normal(0.0, NOISE, (rows, cols))
-    search = SightSearch(Photo(np.rint(grey).astype(np.uint8), pitch_mm=0.06), places=None)
+    search = VisionSearch(Photo(np.rint(grey).astype(np.uint8), pitch_mm=0.06), places=None)
     edges = search.edges(Supposed(HEIGHT_MM, 10.0), GLANCE)
     corner = edges[:, :20, :20]
     assert (corner == 0.0).all()
     assert (edges[:, edges.shape[1] // 2, 40:-40] != 0.0).any()
 
 
-def test_the_perspective_of_a_tilted_part(basis: SightBasis, make_part: Callable[..., StampedPart]) -> None:
+def test_the_perspective_of_a_tilted_part(basis: VisionBasis, make_part: Callable[..., StampedPart]) -> None:
     part = make_part(TEXT)
     pixels = shaded(part, 200.0)
     rows, cols = pixels.shape
@@ -125,24 +125,24 @@ def test_the_close_look_agrees_and_is_surer(gothic: Font, make_part: Callable[..
     assert fit.trust.min() > 0.95
 
 
-def test_the_number_of_characters_is_found(basis: SightBasis, make_part: Callable[..., StampedPart]) -> None:
-    search = SightSearch(photo_of(make_part(TEXT), 30.0), places=None)
+def test_the_number_of_characters_is_found(basis: VisionBasis, make_part: Callable[..., StampedPart]) -> None:
+    search = VisionSearch(photo_of(make_part(TEXT), 30.0), places=None)
     fit = search.fit(basis, Supposed(HEIGHT_MM))
     assert fit is not None
     assert fit.text == TEXT
 
 
-def test_land_alone_explains_nothing(basis: SightBasis, make_part: Callable[..., StampedPart]) -> None:
+def test_land_alone_explains_nothing(basis: VisionBasis, make_part: Callable[..., StampedPart]) -> None:
     line = read(basis, photo_of(make_part(TEXT), 30.0))
     grey = np.random.default_rng(4).normal(120.0, NOISE, (120, 400)).clip(0, 255).astype(np.uint8)
     pitch = make_part(TEXT).height_map.pitch_mm
-    land = SightSearch(Photo(grey, pitch_mm=pitch), places=allowed_characters(MASK)).fit(
+    land = VisionSearch(Photo(grey, pitch_mm=pitch), places=allowed_characters(MASK)).fit(
         basis, Supposed(HEIGHT_MM)
     )
     assert land is None or land.value < 0.2 * line.value
 
 
-def test_templates_of_one_light_are_the_weighted_sum(basis: SightBasis) -> None:
+def test_templates_of_one_light_are_the_weighted_sum(basis: VisionBasis) -> None:
     weights = np.array([0.5, -0.2, 0.1])
     made = basis.templates(weights)
     expected = sum(w * basis.patches[:, b] for b, w in enumerate(weights))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recognition import vision_sums as sight_sums
+from recognition import vision_sums as vision_sums
 from recognition.vision_sums import WIDEST, exponentials, gathered, log_sum, moved
 
 EXACT = 1e-11
@@ -69,6 +69,6 @@ def test_nothing_comes_of_nothing() -> None:
 
 def test_what_is_left_out_is_below_rounding() -> None:
     # a thousand such terms do not move the sum by a unit in the last place
-    assert 1000.0 * np.exp(-sight_sums.NOTHING) < np.finfo(np.float64).eps
+    assert 1000.0 * np.exp(-vision_sums.NOTHING) < np.finfo(np.float64).eps
     values = np.random.default_rng(5).normal(0.0, 30.0, 200)
     assert log_sum(values) == pytest.approx(np.logaddexp.reduce(values), rel=1e-14)

@@ -181,7 +181,7 @@ def design_whisker(
         raise DesignError(
             "round wire is as soft sideways as it is up and down: pressed on by no more than the groove's depth asks "
             f"for, its tip slides {least:.2g} mm into grooves along the trace, where at most {allowed:.2g} mm is "
-            f"allowed. Mend: {Bound.SLIDE.mend}"
+            f"allowed. Mend: {Bound.SLIDE.hint}"
         )
     if least > allowed:
         kinds = ("ribbon",)

@@ -24,11 +24,11 @@ def why_not(problem: Problem, *, seed: int) -> str:
         f"{'at most' if rows[bound].at_most else 'at least'} {rows[bound].limit:.3g} is allowed"
         for bound in bounds
     )
-    mends = list(dict.fromkeys(bound.mend for bound in bounds))
+    hints = list(dict.fromkeys(bound.hint for bound in bounds))
     kind = "round wire" if problem.section == "round" else "ribbon"
     return (
-        f"no whisker of {kind} meets all limits together; the nearest one: {told}. Mend: {', or '.join(mends)}"
-        + (_jam_mend(problem) if Bound.JAMMING in bounds else "")
+        f"no whisker of {kind} meets all limits together; the nearest one: {told}. Mend: {', or '.join(hints)}"
+        + (_jam_hint(problem) if Bound.JAMMING in bounds else "")
     )
 
 
@@ -44,7 +44,7 @@ def _rows(candidate: Candidate, problem: Problem) -> dict[Bound, Constraint]:
     return {row.bound: row for row in checked.rows()}
 
 
-def _jam_mend(problem: Problem) -> str:
+def _jam_hint(problem: Problem) -> str:
     """The steepest wall and the greatest friction that some shape can do, the other kept."""
     request, limits = problem.request, problem.limits
     shapes = [

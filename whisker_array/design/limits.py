@@ -62,7 +62,7 @@ class Bound(enum.Enum):
         return self.value[0]
 
     @property
-    def mend(self) -> str:
+    def hint(self) -> str:
         """What to change."""
         return self.value[1]
 

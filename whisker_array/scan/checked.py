@@ -21,14 +21,14 @@ class RecordingError(ValueError):
     Attributes:
         path: the file.
         problem: what is wrong with it.
-        mend: what to do about it.
+        hint: what to do about it.
     """
 
-    def __init__(self, path: str | Path, problem: str, mend: str) -> None:
-        super().__init__(f"{path}: {problem}; {mend}")
+    def __init__(self, path: str | Path, problem: str, hint: str) -> None:
+        super().__init__(f"{path}: {problem}; {hint}")
         self.path = Path(path)
         self.problem = problem
-        self.mend = mend
+        self.hint = hint
 
 
 def text_attribute(attributes: Any, name: str, default: str) -> str:
@@ -44,9 +44,9 @@ class CheckedFile:
         self.path = path
         self.file = file
 
-    def fail(self, problem: str, mend: str = "see docs/recording.md for the layout") -> RecordingError:
+    def fail(self, problem: str, hint: str = "see docs/recording.md for the layout") -> RecordingError:
         """The error for this file."""
-        return RecordingError(self.path, problem, mend)
+        return RecordingError(self.path, problem, hint)
 
     def dataset(self, name: str, shape: tuple[int | None, ...]) -> h5py.Dataset:
         """The dataset, checked: numbers of this shape (None: any length), really in the file."""

@@ -37,7 +37,7 @@ _PROBLEMS = {
 PICTURES = {
     "photo": EvidenceKind.PHOTO_PICTURE,
     "edges": EvidenceKind.EDGES_PICTURE,
-    "sight-edges": EvidenceKind.SIGHT_EDGES_PICTURE,
+    "sight-edges": EvidenceKind.VISION_EDGES_PICTURE,
 }
 PictureName = Literal["photo", "edges", "sight-edges", "boxes"]
 

@@ -24,11 +24,11 @@ from pipeline.service.api.answers import (
     problems,
 )
 from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE
-from pipeline.service.part_service import Desk
+from pipeline.service.part_service import PartService
 from pipeline.service.problem import Problem
 
 
-def lookup_router(desk: Desk, access: Access) -> APIRouter:
+def lookup_router(desk: PartService, access: Access) -> APIRouter:
     """The routes that look up /v1/parts."""
     router = APIRouter(prefix="/v1", tags=["parts"])
     Reads = may(access, Scope.READ)
@@ -130,7 +130,7 @@ def _last(evidence: tuple[EvidenceRecord, ...], kind: EvidenceKind) -> EvidenceR
     return next((e for e in reversed(evidence) if e.kind is kind), None)
 
 
-def _file(desk: Desk, record: EvidenceRecord, *, download: bool = False) -> Response:
+def _file(desk: PartService, record: EvidenceRecord, *, download: bool = False) -> Response:
     path = desk.evidence.path(record.sha256)
     if record.gone or not path.is_file():
         raise Problem(404, f"the {record.kind.value} is no longer kept; its time was up")
@@ -145,7 +145,7 @@ def _file(desk: Desk, record: EvidenceRecord, *, download: bool = False) -> Resp
     return FileResponse(path, media_type=record.media_type, headers=headers)
 
 
-def _boxes(desk: Desk, part: PartRecord, evidence: tuple[EvidenceRecord, ...]) -> Response:
+def _boxes(desk: PartService, part: PartRecord, evidence: tuple[EvidenceRecord, ...]) -> Response:
     """What the last reading was made from, with its characters' boxes drawn in."""
     reading = part.reading
     kind = (

@@ -25,13 +25,13 @@ from pipeline.service.api.answers import (
 )
 from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE
 from pipeline.service.idempotency import Received
-from pipeline.service.part_service import Desk, NewPart
+from pipeline.service.part_service import NewPart, PartService
 from pipeline.service.problem import Problem
 from pipeline.service.uploads import Upload, receive
 from pipeline.store.store import Idempotency
 
 
-def parts_router(desk: Desk, access: Access) -> APIRouter:
+def parts_router(desk: PartService, access: Access) -> APIRouter:
     """The routes that add to /v1/parts."""
     router = APIRouter(prefix="/v1", tags=["parts"])
 

@@ -19,10 +19,10 @@ KIND_NAMES = {
     EvidenceKind.PHOTO: "photograph as sent",
     EvidenceKind.SCAN: "scan",
     EvidenceKind.HEIGHT_MAP: "height map",
-    EvidenceKind.SIGHT: "what the camera’s reader believed",
+    EvidenceKind.VISION: "what the camera’s reader believed",
     EvidenceKind.PHOTO_PICTURE: "photograph for this page",
     EvidenceKind.EDGES_PICTURE: "tactile edge map",
-    EvidenceKind.SIGHT_EDGES_PICTURE: "camera’s edge map",
+    EvidenceKind.VISION_EDGES_PICTURE: "camera’s edge map",
 }
 
 

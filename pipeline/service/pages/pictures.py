@@ -113,10 +113,10 @@ def picture_pair(
     )  # fmt: skip
     felt = _last(readings, _TOUCH)
     edges = _record(evidence, EvidenceKind.EDGES_PICTURE)
-    sight_edges = _record(evidence, EvidenceKind.SIGHT_EDGES_PICTURE)
-    if edges is None and felt is None and sight_edges is not None:
+    vision_edges = _record(evidence, EvidenceKind.VISION_EDGES_PICTURE)
+    if edges is None and felt is None and vision_edges is not None:
         return photo, _view(
-            part, seen, sight_edges, folder,
+            part, seen, vision_edges, folder,
             which="sight-edges", title="Camera’s edge map (not felt yet)", missing="", low_margin=low_margin,
         )  # fmt: skip
     missing = "This part has not been felt yet." if felt is None else "No edge map was kept of this part."

@@ -23,7 +23,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.batch.journal import RunBook
+from pipeline.batch.journal import RunJournal
 from pipeline.batch.row_files import read_rows
 from pipeline.batch.tables import LINE_FORMS, MOST_TEXT, write_rows
 from pipeline.common.errors import FileProblem
@@ -73,7 +73,7 @@ def growing(table: Path) -> Path:
 
 def begun(table: Path, rows: list[Row]) -> Path:
     """A run that broke off."""
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         for r in rows:
             book.add(r)
     return table
@@ -95,7 +95,7 @@ def _no_sync(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_run_ends_in_order_and_leaves_just_its_table(table: Path) -> None:
     rows = rows_of(5)
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         assert (book.resumed, book.kept, set(book.done)) == (False, None, set())
         for i in (3, 0, 4, 1, 2):
             book.add(rows[i])
@@ -117,7 +117,7 @@ def _umask() -> int:
 
 
 def test_a_run_of_no_parts_is_an_empty_table_as_ever(table: Path) -> None:
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         book.finish([])
     written = table.with_name("written" + table.suffix)
     write_rows([], written)
@@ -127,7 +127,7 @@ def test_a_run_of_no_parts_is_an_empty_table_as_ever(table: Path) -> None:
 
 def test_the_table_of_a_run_is_that_of_write_rows(table: Path) -> None:
     rows = [row(f"p{i}", error=text, depth_min_mm=0.1) for i, text in enumerate(NASTY)]
-    with RunBook.open(begun(table, rows[::-1]), RUN) as book:
+    with RunJournal.open(begun(table, rows[::-1]), RUN) as book:
         book.finish(names(rows))
     written = table.with_name("written" + table.suffix)
     write_rows(iter(rows), written)
@@ -135,7 +135,7 @@ def test_the_table_of_a_run_is_that_of_write_rows(table: Path) -> None:
 
 
 def test_two_rows_of_one_part_are_one(table: Path) -> None:
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         book.add(row("p", grade="A"))
         book.add(row("p", grade="F"))
         book.add(row("q"))
@@ -144,7 +144,7 @@ def test_two_rows_of_one_part_are_one(table: Path) -> None:
     written = growing(table).with_name("twice" + growing(table).suffix)
     write_rows([row("p", grade="A"), row("p", grade="F"), row("q")], written)
     written.replace(growing(table))
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         assert set(book.done) == {"p", "q"}
         assert [r.grade for r in book.rows()] == ["A", ""]
         book.finish(["p", "q"])
@@ -162,7 +162,7 @@ def test_every_field_comes_back_from_every_file(
     folder = tmp_path_factory.mktemp("rows")
     for suffix in SUFFIXES:
         table = begun(folder / f"t{suffix}", rows)
-        with RunBook.open(table, RUN) as book:
+        with RunJournal.open(table, RUN) as book:
             assert book.done == set(names(rows))
             assert list(book.rows()) == rows
             book.finish(reversed(names(rows)))
@@ -216,7 +216,7 @@ def test_what_utf8_has_not_is_told_in_words(suffix: str, tmp_path: Path) -> None
 def test_a_row_that_no_table_holds_is_refused_and_harms_none(
     wrong: dict[str, Any], told: str, table: Path
 ) -> None:
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         book.add(row("a"))
         with pytest.raises(ValueError, match=told):
             book.add(Row("bad", **wrong))
@@ -229,7 +229,7 @@ def test_the_longest_texts_come_back(table: Path) -> None:
     longest = Row(
         "p", **{f.name: "\x01" * MOST_TEXT for f in fields(Row) if f.type == "str" and f.name != "part"}
     )
-    with RunBook.open(begun(table, [longest]), RUN) as book:
+    with RunJournal.open(begun(table, [longest]), RUN) as book:
         assert list(book.rows()) == [longest]
         book.finish([])
     assert list(read_rows(table)) == [longest]
@@ -270,12 +270,12 @@ def test_a_killed_run_is_taken_up_without_a_row_lost(table: Path) -> None:
                 told.append(process.stdout.readline().decode().strip())
             if least == 40:
                 with pytest.raises(FileProblem, match="is being written by another run; wait for it"):
-                    RunBook.open(table, RUN)
+                    RunJournal.open(table, RUN)
             os.kill(process.pid, signal.SIGKILL)
             # a name told in part tells nothing, as the kill may have come between
             told += [line for line in process.stdout.read().decode().split("\n")[:-1] if line]
             process.wait()
-            with RunBook.open(table, RUN) as book:  # the worker still waits
+            with RunJournal.open(table, RUN) as book:  # the worker still waits
                 kept = names(list(book.rows()))
                 assert book.resumed
                 assert book.done == set(kept)
@@ -286,7 +286,7 @@ def test_a_killed_run_is_taken_up_without_a_row_lost(table: Path) -> None:
         finally:
             process.stdin.close()
             process.stdout.close()
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         book.finish(told)
     assert names(list(read_rows(table))) == told
 
@@ -303,12 +303,12 @@ def test_a_last_row_cut_anywhere_is_read_again(suffix: str, tmp_path: Path) -> N
     # JSON lines are long, and alike but for their last
     for cut in range(0 if suffix == ".csv" else ends[-2] - 3, len(whole)):
         growing(table).write_bytes(whole[:cut])
-        with RunBook.open(table, RUN) as book:
+        with RunJournal.open(table, RUN) as book:
             assert list(book.rows()) == [r for r, end in zip(rows, ends, strict=True) if end <= cut]
             for r in rows:
                 book.add(r)
         assert growing(table).read_bytes() == whole
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         book.finish(names(rows))
     assert list(read_rows(table)) == rows
 
@@ -318,7 +318,7 @@ def test_what_a_loss_of_power_leaves_at_the_end_is_cut_off(tail: bytes, table: P
     begun(table, rows_of(3))
     with growing(table).open("ab") as stream:
         stream.write(tail)
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         book.add(row("part-3"))
         book.finish([])
     assert list(read_rows(table)) == rows_of(4)
@@ -348,12 +348,12 @@ def test_a_line_damaged_before_the_last_is_told_by_its_number(
     table.write_bytes(b"".join([*lines[:damaged], harmed, *lines[damaged + 1 :]]))
     before = table.read_bytes()
     with pytest.raises(FileProblem, match=rf"line {damaged + 1} is damaged .*remove that line") as caught:
-        RunBook.open(table, RUN)
+        RunJournal.open(table, RUN)
     assert caught.value.path == table
     assert table.read_bytes() == before
     # as told
     table.write_bytes(b"".join(lines[:damaged] + lines[damaged + 1 :]))
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         assert set(book.done) == {"p0", "p2", "p3"}
 
 
@@ -362,7 +362,7 @@ def test_a_quote_never_closed_does_not_swallow_the_rows_after_it(tmp_path: Path)
     data = table.read_bytes().replace(b"part-7,", b'"part-7,')
     table.write_bytes(data)
     with pytest.raises(FileProblem, match="line 9 is damaged"):
-        RunBook.open(table, RUN)
+        RunJournal.open(table, RUN)
     assert table.read_bytes() == data
 
 
@@ -370,7 +370,7 @@ def test_a_table_of_other_columns_is_no_run_of_this_version(tmp_path: Path) -> N
     table = begun(tmp_path / "t.csv", rows_of(2))
     table.write_bytes(table.read_bytes().replace(b"part,", b"piece,", 1))
     with pytest.raises(FileProblem, match="line 1 does not name the columns"):
-        RunBook.open(table, RUN)
+        RunJournal.open(table, RUN)
 
 
 class Kill(BaseException):
@@ -382,7 +382,7 @@ def test_a_run_that_breaks_off_as_it_finishes_is_finished(
     step: str, table: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rows = rows_of(6)
-    book = RunBook.open(begun(table, rows[:4]), RUN)
+    book = RunJournal.open(begun(table, rows[:4]), RUN)
     for r in rows[4:]:
         book.add(r)
 
@@ -405,7 +405,7 @@ def test_a_run_that_breaks_off_as_it_finishes_is_finished(
         with pytest.raises(Kill):
             book.finish(reversed(names(rows)))
     book.close()
-    with RunBook.open(table, RUN) as again:
+    with RunJournal.open(table, RUN) as again:
         assert again.resumed
         assert again.kept is None
         assert set(again.done) == set(names(rows))
@@ -421,9 +421,9 @@ def test_a_run_that_breaks_off_as_it_begins_loses_no_table(
     write_rows(rows_of(3), table)
     old, kept = table.read_bytes(), table.with_name(table.name + "~")
     broken = {"make place": "_make_place", "head": "_taken_up", "marker": "_heading"}[step]
-    real = getattr(RunBook, broken)
+    real = getattr(RunJournal, broken)
 
-    def kill(book: RunBook) -> None:
+    def kill(book: RunJournal) -> None:
         if step == "head":
             real(book)
             os.truncate(book._marker_path, 0)  # the marker is written last
@@ -431,11 +431,11 @@ def test_a_run_that_breaks_off_as_it_begins_loses_no_table(
         raise Kill
 
     with monkeypatch.context() as patched:
-        patched.setattr(RunBook, broken, kill)
+        patched.setattr(RunJournal, broken, kill)
         with pytest.raises(Kill):
-            RunBook.open(table, RUN)
+            RunJournal.open(table, RUN)
     table.with_name(table.name + ".unfinished").touch()
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         assert not book.resumed
         assert set(book.done) == set()
     assert kept.read_bytes() == old
@@ -447,7 +447,7 @@ def test_a_run_that_breaks_off_as_it_begins_loses_no_table(
 def test_a_finished_table_is_kept(table: Path) -> None:
     kept = table.with_name(table.name + "~")
     for run in range(3):
-        with RunBook.open(table, RUN) as book:
+        with RunJournal.open(table, RUN) as book:
             assert not book.resumed
             assert book.kept == (kept if run else None)
             book.add(row(f"run-{run}"))
@@ -463,34 +463,34 @@ def test_another_run_is_told_and_leaves_all_as_it_was(table: Path) -> None:
     before = {p: p.read_bytes() for p in table.parent.iterdir()}
     other = {**RUN, "font": "roman", "lexicon": "x" * 200}
     with pytest.raises(FileProblem, match="is of another run, not finished") as caught:
-        RunBook.open(table, other)
+        RunJournal.open(table, other)
     assert 'font was "gothic", now "roman"; lexicon was null, now "xxx' in str(caught.value)
     assert f"name another file, or remove {table.name}.unfinished to begin anew" in str(caught.value)
     assert "depth_mm" not in str(caught.value)
     assert len(str(caught.value)) < 400 + len(str(table))
     assert {p: p.read_bytes() for p in table.parent.iterdir()} == before
     # the order of the entries is no matter, nor are tuples for lists
-    with RunBook.open(table, {"depth_mm": 0.3, "formats": ("AA99",), "font": "gothic"}) as book:
+    with RunJournal.open(table, {"depth_mm": 0.3, "formats": ("AA99",), "font": "gothic"}) as book:
         assert book.resumed
     # as told
     table.with_name(table.name + ".unfinished").unlink()
-    with RunBook.open(table, other) as book:
+    with RunJournal.open(table, other) as book:
         assert not book.resumed
         assert book.kept == growing(table).with_name(growing(table).name + "~")
         assert set(book.done) == set()
 
 
 def test_a_second_writer_is_refused_while_the_first_lives(table: Path) -> None:
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         book.add(row("a"))
         for description in (RUN, {}):
             with pytest.raises(FileProblem, match="is being written by another run; wait for it"):
-                RunBook.open(table, description)
+                RunJournal.open(table, description)
         book.add(row("b"))
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         assert set(book.done) == {"a", "b"}
         book.finish([])
-        with RunBook.open(table, RUN) as later:  # finished, though its object lives
+        with RunJournal.open(table, RUN) as later:  # finished, though its object lives
             assert not later.resumed
 
 
@@ -509,11 +509,11 @@ def test_a_run_that_ends_while_the_next_begins_does_not_share_its_lock(
 
     real = fcntl.flock
     monkeypatch.setattr("pipeline.batch.journal.fcntl.flock", flock)
-    with RunBook.open(table, RUN):
+    with RunJournal.open(table, RUN):
         assert len(calls) == 2
         assert marker.exists()
         with pytest.raises(FileProblem, match="is being written by another run"):
-            RunBook.open(table, RUN)
+            RunJournal.open(table, RUN)
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"format_version": 1}', "\x00\x00"])
@@ -522,10 +522,10 @@ def test_a_damaged_marker_costs_no_row(text: str, table: Path) -> None:
     marker = table.with_name(table.name + ".unfinished")
     marker.write_text(text)
     with pytest.raises(FileProblem, match="is damaged; name another file, or remove"):
-        RunBook.open(table, RUN)
+        RunJournal.open(table, RUN)
     marker.write_text('{"format_version": 99}')
     with pytest.raises(FileProblem, match="another version"):
-        RunBook.open(table, RUN)
+        RunJournal.open(table, RUN)
     assert names([*read_rows(growing(table))]) == ["part-0", "part-1"]
 
 
@@ -537,7 +537,7 @@ def test_the_marker_tells_the_run(table: Path) -> None:
 
 
 def test_a_table_replaced_by_another_program_stops_the_run(table: Path) -> None:
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         book.add(row("a"))
         other = table.with_name("other")
         other.write_bytes(growing(table).read_bytes())
@@ -549,15 +549,15 @@ def test_a_table_replaced_by_another_program_stops_the_run(table: Path) -> None:
 
 def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FileProblem, match=r"\.csv, \.jsonl, \.parquet"):
-        RunBook.open(tmp_path / "t.xlsx", RUN)
+        RunJournal.open(tmp_path / "t.xlsx", RUN)
     with pytest.raises(FileProblem, match="cannot be written"):
-        RunBook.open(tmp_path / "none" / "t.csv", RUN)
+        RunJournal.open(tmp_path / "none" / "t.csv", RUN)
     (tmp_path / "t.csv").mkdir()
     with pytest.raises(FileProblem, match="is a folder"):
-        RunBook.open(tmp_path / "t.csv", RUN)
+        RunJournal.open(tmp_path / "t.csv", RUN)
     (tmp_path / "u.csv.unfinished").mkdir()
     with pytest.raises(FileProblem, match=r"cannot be written .*see to the disk"):
-        RunBook.open(tmp_path / "u.csv", RUN)
+        RunJournal.open(tmp_path / "u.csv", RUN)
 
 
 FULL = """
@@ -586,7 +586,7 @@ def test_a_full_disk_is_told_and_the_rows_before_it_stay_whole(table: Path) -> N
         f"{table}: cannot be written (File too large); make room and start the same command again"
     )
     assert growing(table).read_bytes().endswith(b"\n")
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         assert book.done == {f"part-{i}" for i in range(int(count))}
         assert int(count) > 5
 
@@ -596,7 +596,7 @@ def test_a_disk_full_at_the_end_keeps_the_rows(table: Path, monkeypatch: pytest.
         raise OSError(errno.ENOSPC, "No space left on device")
 
     rows = rows_of(3)
-    with RunBook.open(begun(table, rows), RUN) as book:
+    with RunJournal.open(begun(table, rows), RUN) as book:
         with monkeypatch.context() as patched:
             patched.setattr("pipeline.common.atomic.os.replace", full)
             with pytest.raises(FileProblem, match=r"No space .*make room and start the same command again"):
@@ -619,7 +619,7 @@ def _peak(call: Callable[[], object]) -> int:
 
 def _finish_peak(table: Path, n: int) -> int:
     """Bytes that it takes at most to put n rows in order."""
-    with RunBook.open(table, RUN) as book:
+    with RunJournal.open(table, RUN) as book:
         for i in range(n):
             book.add(
                 row(
@@ -647,7 +647,7 @@ def test_memory_does_not_grow_with_the_rows(table: Path) -> None:
 
 
 def test_streaming_an_open_book_takes_no_memory(tmp_path: Path) -> None:
-    with RunBook.open(tmp_path / "t.csv", RUN) as book:
+    with RunJournal.open(tmp_path / "t.csv", RUN) as book:
         for r in rows_of(20_000):
             book.add(r)
         # a record and the buffer of a file; the rows as objects would take 20 MB

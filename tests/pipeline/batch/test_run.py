@@ -12,11 +12,11 @@ import pytest
 import sqlalchemy as sa
 
 from glyphs.surface.maps import HeightMap
-from pipeline.batch.journal import RunBook
+from pipeline.batch.journal import RunJournal
 from pipeline.batch.quarantine import Quarantine
 from pipeline.batch.run import Run
 from pipeline.batch.setting_files import files_to_send, settled
-from pipeline.batch.setup import Means, Target, opened
+from pipeline.batch.setup import ExecutorOptions, Target, opened
 from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
 from pipeline.cli.main import main
 from pipeline.common.errors import FileProblem
@@ -27,7 +27,7 @@ from pipeline.files.listed import ListedPart
 from pipeline.files.manifest import read_manifest
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, write_part
-from pipeline.workers.executors import InlineCrew, Outcome
+from pipeline.workers.executors import InlineExecutor, Outcome
 
 ORDER = RunOrder(ReadSettings(font=("gothic",)))
 PARTS = [ListedPart(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
@@ -57,14 +57,14 @@ class FakeCrew:
 def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
     path, marker = tmp_path / "rows.csv", tmp_path / "rows.csv.unfinished"
     for breaks_after, bad in ((2, ["p5"]), (3, ["p1"])):
-        with RunBook.open(path, {"a": 1}) as book:
+        with RunJournal.open(path, {"a": 1}) as book:
             listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
             run = Run(book, listed)
             with pytest.raises(KeyboardInterrupt):
                 run.work(PARTS, ORDER, FakeCrew(bad=bad, breaks_after=breaks_after))
             listed.close()
         assert marker.exists()
-    with RunBook.open(path, {"a": 1}) as book:
+    with RunJournal.open(path, {"a": 1}) as book:
         told: list[str] = []
         listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
         run = Run(book, listed, on_row=lambda row: told.append(row.part))
@@ -91,7 +91,7 @@ def test_a_store_has_a_part_before_the_table_does(tmp_path: Path) -> None:
                 raise KeyboardInterrupt
             stored.append(read.row.part)
 
-    with RunBook.open(tmp_path / "rows.jsonl", {}) as book:
+    with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
         with pytest.raises(KeyboardInterrupt):
             Run(book, store=Store()).work(PARTS, ORDER, FakeCrew())
         assert book.done == set(stored)
@@ -104,7 +104,7 @@ def test_a_row_that_no_table_holds_is_an_error_and_no_end(tmp_path: Path) -> Non
                 part = outcome.task
                 yield Outcome(part, ReadPart(part, Row(part.name, "A", "accept", float("nan"))))
 
-    with RunBook.open(tmp_path / "rows.jsonl", {}) as book:
+    with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
         run = Run(book)
         run.work(PARTS[:1], ORDER, Odd())
     assert run.summary.errors == 1
@@ -176,13 +176,13 @@ def test_pictures_go_with_a_store_alone() -> None:
     ("jobs", "parts", "workers"), [(None, 3, 1), (1, 500, 1), (2, 500, 2), (4, 2, 2), (1, 0, 1)]
 )
 def test_who_reads(jobs: int | None, parts: int, workers: int) -> None:
-    with Means(jobs).crew(ReadSettings(), parts) as crew:
+    with ExecutorOptions(jobs).crew(ReadSettings(), parts) as crew:
         assert crew.workers == workers
-        assert isinstance(crew, InlineCrew) == (workers == 1)
+        assert isinstance(crew, InlineExecutor) == (workers == 1)
 
 
 def test_no_jobs_are_refused() -> None:
-    with pytest.raises(ValueError, match="give at least 1"), Means(0).crew(ReadSettings(), 20):
+    with pytest.raises(ValueError, match="give at least 1"), ExecutorOptions(0).crew(ReadSettings(), 20):
         pass
 
 

@@ -10,7 +10,7 @@ from pipeline.benchmark.mode import ModeSettings, ModeUnavailableError, Readers,
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Specimen
 from pipeline.benchmark.trials import UNUSED
-from recognition.reader import ReadingWithEvidence
+from recognition.reader import ReadingTrace
 from recognition.reading import Decision, Reading, ReadingFlag
 
 CLASSES = ("", "A", "B")
@@ -88,7 +88,7 @@ def test_who_reads_an_edge_map_is_charged_for_it_and_not_for_touchs_own_reading(
     part = senses(None, (10.0, 6.0, 30.0, 14.0) if placed else None)
     steps = {"mount": 0.1, "scan": 2.0, "edge map": 0.4, "search": 3.0, "match": 0.3}
     felt = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=steps)
-    part.__dict__["felt"], part.seconds["touch"] = ReadingWithEvidence(felt), 6.0
+    part.__dict__["felt"], part.seconds["touch"] = ReadingTrace(felt), 6.0
     told = peers.edge_map_seconds(part)
     assert (told["mount"], told["scan"], told["edge map"]) == (0.1, 2.0, 0.4)
     assert told.get(UNUSED, 0.0) == pytest.approx(3.5 if placed else 0.0)

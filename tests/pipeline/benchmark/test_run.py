@@ -16,7 +16,7 @@ from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.run import Benchmark, run_benchmark
 from pipeline.benchmark.specimens import Condition, FolderParts, Item, Specimen, SynthParts
 from pipeline.benchmark.statistics import plain, statistics_of
-from pipeline.benchmark.trials import TRIALS_FILE, Trial, TrialBook
+from pipeline.benchmark.trials import TRIALS_FILE, Trial, TrialJournal
 from pipeline.common.errors import FileProblem
 from pipeline.common.run_description import key_of
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
@@ -133,15 +133,15 @@ def test_another_benchmark_in_the_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_book_damaged_before_its_end_is_told_by_line(tmp_path: Path) -> None:
-    book = TrialBook.open(tmp_path, {"a": 1})
+    book = TrialJournal.open(tmp_path, {"a": 1})
     book.add("p", [])
     with book.path.open("a") as stream:
         stream.write('{"part": 3}\n{"part": "q", "trials": []}\n')
     with pytest.raises(FileProblem, match="line 3 is damaged"):
-        TrialBook.open(tmp_path, {"a": 1})
+        TrialJournal.open(tmp_path, {"a": 1})
     book.path.write_text("no book\n")
     with pytest.raises(FileProblem, match="no book of trials"):
-        TrialBook.open(tmp_path, {"a": 1})
+        TrialJournal.open(tmp_path, {"a": 1})
 
 
 def test_the_key_is_the_same_in_any_order_and_another_for_another_value() -> None:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import pytest
 
-from pipeline.benchmark.trials import FORMAT_VERSION, UNUSED, Trial, TrialBook, answer_of
+from pipeline.benchmark.trials import FORMAT_VERSION, UNUSED, Trial, TrialJournal, answer_of
 from pipeline.common.errors import FileProblem
 from recognition.reading import Decision, Reading, ReadingFlag
 
@@ -21,7 +21,7 @@ TRIAL = Trial(
 
 def with_heading(folder: Path, **changed: object) -> Path:
     """A book of one part whose first line says something else."""
-    book = TrialBook.open(folder, DESCRIPTION)
+    book = TrialJournal.open(folder, DESCRIPTION)
     book.add("p", [TRIAL])
     first, rest = book.path.read_text(encoding="utf-8").split("\n", 1)
     heading = {k: v for k, v in {**json.loads(first), **changed}.items() if v is not None}
@@ -32,7 +32,7 @@ def with_heading(folder: Path, **changed: object) -> Path:
 def test_a_book_tells_its_format_and_comes_back_as_it_was(tmp_path: Path) -> None:
     path = with_heading(tmp_path)
     assert json.loads(path.read_text(encoding="utf-8").split("\n")[0])["format_version"] == FORMAT_VERSION
-    (found,) = TrialBook.open(tmp_path, DESCRIPTION).done["p"]
+    (found,) = TrialJournal.open(tmp_path, DESCRIPTION).done["p"]
     assert asdict(found) == asdict(TRIAL)
 
 
@@ -48,7 +48,7 @@ def test_a_book_of_another_format_is_refused_and_kept(tmp_path: Path, version: o
     path = with_heading(tmp_path, format_version=version)
     before = path.read_bytes()
     with pytest.raises(FileProblem) as refused:
-        TrialBook.open(tmp_path, DESCRIPTION)
+        TrialJournal.open(tmp_path, DESCRIPTION)
     assert told in str(refused.value)
     assert path.read_bytes() == before
 

@@ -175,7 +175,7 @@ def test_of_many_exemplars_the_last_are_kept(taught):
 def test_the_camera_is_not_shown_a_font_that_holds_guesses(taught):
     readers = Readers(ReadSettings(database=taught[0]))
     assert [f.name for f in readers.touch.fonts] == ["gothic", "press-7"]
-    assert [f.name for f in readers.sight.fonts] == ["gothic"]
+    assert [f.name for f in readers.vision.fonts] == ["gothic"]
 
 
 def test_the_command_takes_a_table(folder, tmp_path, capsys):

@@ -143,10 +143,10 @@ def test_the_readers_are_told_grammar_and_thresholds() -> None:
     assert Readers(load_settings()).told.grammar is None
 
 
-def test_sight_that_verifies_knows_the_length_only() -> None:
+def test_vision_that_verifies_knows_the_length_only() -> None:
     readers = Readers(load_settings(format=("AA99",), font=("gothic",)))
-    sight = readers.open_sight("AB 12")
-    assert readers.open_sight("XY99") is sight
-    assert sight.places is not None
-    assert len(sight.places) == 4
-    assert all("Q" in place and "7" in place for place in sight.places)
+    vision = readers.open_vision("AB 12")
+    assert readers.open_vision("XY99") is vision
+    assert vision.places is not None
+    assert len(vision.places) == 4
+    assert all("Q" in place and "7" in place for place in vision.places)

@@ -196,7 +196,7 @@ def test_a_bad_table_is_refused_with_its_line(tmp_path: Path, text: str | bytes,
     with pytest.raises(FileProblem, match=told) as refused:
         read_manifest(table(tmp_path, text))
     assert refused.value.path == tmp_path / "lot.csv"
-    assert refused.value.mend
+    assert refused.value.hint
 
 
 @pytest.mark.parametrize(

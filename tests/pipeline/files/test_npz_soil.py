@@ -83,7 +83,7 @@ def test_bad_soil_is_refused_by_name(case: str, tmp_path: Path) -> None:
         read_soil(path)
     assert str(path) in str(caught.value)
     assert message in str(caught.value)
-    assert caught.value.mend
+    assert caught.value.hint
     read_npz(path)  # the map itself is sound
 
 

@@ -90,7 +90,7 @@ def test_a_folder_of_photographs_is_parts(tmp_path: Path) -> None:
     assert [p.name for p in discover([tmp_path])] == ["a", "b"]
 
 
-def test_two_photographs_of_one_stem_trouble_sight_alone(folder: Path) -> None:
+def test_two_photographs_of_one_stem_trouble_vision_alone(folder: Path) -> None:
     (folder / "b.jpg").write_bytes(b"x")
     (b,) = discover([str(folder / "b.*")])
     assert b.problem is None
@@ -109,7 +109,7 @@ def test_a_missing_or_unknown_file_is_a_part_to_be_refused_later(folder: Path) -
 def test_a_name_that_no_file_can_have_is_a_problem() -> None:
     (part,) = discover(["x" * 5000 + ".npz"])
     assert part.problem is not None
-    assert "name" in part.problem.mend
+    assert "name" in part.problem.hint
 
 
 def test_a_name_of_other_bytes_can_be_printed(tmp_path: Path) -> None:

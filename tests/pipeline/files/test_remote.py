@@ -135,7 +135,7 @@ def test_what_is_there_already_is_carried_over(memory: Callable[[str, bytes], st
         assert part.height_map.read_bytes() == b"x"
 
 
-def test_a_photograph_that_does_not_come_troubles_sight_alone(memory: Callable[[str, bytes], str]) -> None:
+def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[[str, bytes], str]) -> None:
     listed = ListedPart("part", height_map=memory("lot/a.npz", b"x"), photo="memory://lot/none.png")
     with fetched(listed) as part:
         assert part.photo_problem is not None

@@ -334,7 +334,7 @@ def test_bad_files_are_refused_by_name(case: str, tmp_path: Path) -> None:
     assert str(path) in text
     assert message in text
     assert "\n" not in text
-    assert caught.value.mend
+    assert caught.value.hint
 
 
 def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def test_a_wrong_file_says_what_and_where(tmp_path: Path, old: str, new: str, sa
         read_whisker_file(path)
     assert says in str(told.value)
     assert str(path) in str(told.value)
-    assert told.value.mend
+    assert told.value.hint
 
 
 def test_files_that_are_no_text(tmp_path: Path) -> None:

@@ -16,9 +16,9 @@ from pipeline.plots.inspection import inspection_figure
 from pipeline.reading.part_reader import Sensed
 from recognition.confusions import CharacterState, PlaceState
 from recognition.grade import Action, MarkGrade, Parameter
-from recognition.reader import ReadingWithEvidence
+from recognition.reader import ReadingTrace
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
-from recognition.vision import SightReading
+from recognition.vision import VisionReading
 
 
 def reading(source: str) -> Reading:
@@ -39,17 +39,15 @@ def photo(pitch_mm: float | None = 0.1, *, placed: bool = False) -> Photo:
     return Photo(pixels, pitch_mm=pitch_mm, centre_mm=(4.0, 2.5) if placed else None)
 
 
-def felt() -> ReadingWithEvidence:
+def felt() -> ReadingTrace:
     edges = EdgeMap(
         np.zeros((2, 50, 80), np.float32), tuple(TraceDirection)[:2], np.ones((50, 80), np.bool_), 0.1
     )
-    return ReadingWithEvidence(
-        reading("tactile"), edges, None, HeightMap(np.zeros((50, 80), np.float32), 0.1)
-    )
+    return ReadingTrace(reading("tactile"), edges, None, HeightMap(np.zeros((50, 80), np.float32), 0.1))
 
 
-def seen() -> SightReading:
-    return SightReading(reading("vision"), None, None, "templates", None, MappingProxyType({}))
+def seen() -> VisionReading:
+    return VisionReading(reading("vision"), None, None, "templates", None, MappingProxyType({}))
 
 
 def axes_of(figure: Figure, title: str) -> Any:
@@ -81,7 +79,7 @@ def test_state_and_grade_stand_below_the_candidates() -> None:
 
 
 def test_a_photograph_alone(tmp_path: Path) -> None:
-    figure = inspection_figure(Sensed(reading("vision"), sight=seen(), photo=photo()), title="sight")
+    figure = inspection_figure(Sensed(reading("vision"), vision=seen(), photo=photo()), title="vision")
     assert "height map, levelled" not in [a.get_title(loc="left") for a in figure.axes]
     figure.savefig(tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 10_000

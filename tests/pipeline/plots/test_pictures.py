@@ -22,7 +22,7 @@ from pipeline.plots.pictures import (
     same_text,
     save_figure,
 )
-from recognition.reader import ReadingWithEvidence
+from recognition.reader import ReadingTrace
 from recognition.reading import (
     Box,
     Candidate,
@@ -53,7 +53,7 @@ def scan_of(height_map: HeightMap) -> Scan:
     return trace_scan(height_map, touch=default_touch(5.0), plan=plan, fidelity=Fidelity.POINTWISE)
 
 
-def evidence() -> ReadingWithEvidence:
+def evidence() -> ReadingTrace:
     candidates = (Candidate("A", 0.9, 0.97), Candidate("$", 0.2, 0.01), Candidate("_", 0.1, 0.005))
     depths = (MarkDepth(0.2, 0.151, 0.25), None, MarkDepth(0.2, 0.123, 0.25))
     characters = tuple(
@@ -74,7 +74,7 @@ def evidence() -> ReadingWithEvidence:
     layers[:, 10:20, 5:50] = -0.2
     edges = EdgeMap(layers, tuple(TraceDirection)[:3], layers[0] <= 0.0, 0.1)
     relief = relief_from_edges(edges, default_touch(5.0))
-    return ReadingWithEvidence(reading, edges, scan_of(tilted()), tilted(), relief=relief)
+    return ReadingTrace(reading, edges, scan_of(tilted()), tilted(), relief=relief)
 
 
 def inked(figure: Figure, path: Path) -> float:
@@ -119,7 +119,7 @@ def test_slopes_that_were_not_felt_are_said() -> None:
 
 
 def test_missing_evidence_is_said(tmp_path: Path) -> None:
-    figure = inspect_figure(ReadingWithEvidence(EMPTY, None, None, None), title="none")
+    figure = inspect_figure(ReadingTrace(EMPTY, None, None, None), title="none")
     words = " ".join(t.get_text() for a in figure.axes for t in a.texts)
     assert "no characters were found" in words
     assert "no scan" in words

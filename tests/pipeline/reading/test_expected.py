@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.common.errors import FileProblem
-from pipeline.reading.expected import Expected, held_against, load_expected
+from pipeline.reading.expected import Expected, load_expected, verify_reading
 from recognition.confusions import CharacterState
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
@@ -66,20 +66,20 @@ def test_what_cannot_be_expected_is_told_before_the_run(tmp_path: Path) -> None:
 
 
 def test_a_reading_bears_the_states_of_what_is_expected() -> None:
-    told, found = held_against(reading("81"), SURE_81, "B1")
+    told, found = verify_reading(reading("81"), SURE_81, "B1")
     assert found.verdict is Verdict.REFUTED
     assert ReadingFlag.MISMATCH in told.flags
     states = [c.state for c in told.characters if c.state is not None]
     assert [s.state for s in states] == [CharacterState.MISMATCH, CharacterState.READ]
     assert (states[0].rival, states[0].expected) == ("8", "B")
-    told, found = held_against(reading("81"), SURE_81, "8 1")
+    told, found = verify_reading(reading("81"), SURE_81, "8 1")
     assert found.verdict is Verdict.CONFIRMED
     assert told.flags is ReadingFlag.NONE
     assert told.text == "81"
 
 
 def test_without_characters_nothing_is_known() -> None:
-    told, found = held_against(replace(reading("B1"), characters=()), None, "B1")
+    told, found = verify_reading(replace(reading("B1"), characters=()), None, "B1")
     assert (found.verdict, found.probability) == (Verdict.UNDECIDED, 0.0)
     assert told.flags is ReadingFlag.NONE
     assert "0 characters were found where 2 are expected" in found.messages()[0]
@@ -87,20 +87,20 @@ def test_without_characters_nothing_is_known() -> None:
 
 def test_a_text_of_other_characters_cannot_be_looked_for() -> None:
     with pytest.raises(VerifyError, match="which was not looked for"):
-        held_against(reading("B1"), SURE_B1, "X1")
+        verify_reading(reading("B1"), SURE_B1, "X1")
 
 
 def test_dirt_speaks_neither_way() -> None:
-    told, found = held_against(reading("B1"), DIRTY, "B1")
+    told, found = verify_reading(reading("B1"), DIRTY, "B1")
     assert found.verdict is Verdict.UNDECIDED
     assert told.flags is ReadingFlag.NONE
 
 
 def test_senses_that_contradict_each_other_confirm_nothing() -> None:
-    told, found = held_against(reading("B1"), SURE_B1, "B1", contradicted=True)
+    told, found = verify_reading(reading("B1"), SURE_B1, "B1", contradicted=True)
     assert found.verdict is Verdict.UNDECIDED
     assert told.flags is ReadingFlag.SENSES_DISAGREE
-    told, found = held_against(reading("81"), SURE_81, "B1", contradicted=True)
+    told, found = verify_reading(reading("81"), SURE_81, "B1", contradicted=True)
     assert found.verdict is Verdict.REFUTED
     assert told.flags is ReadingFlag.SENSES_DISAGREE | ReadingFlag.MISMATCH
 

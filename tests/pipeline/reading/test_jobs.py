@@ -73,7 +73,7 @@ def test_sure_photograph_is_accepted_without_touch(parts: Parts, folder: Path) -
     (reading,) = done.readings
     assert (reading.source, reading.text, reading.decision) == ("vision", parts.text, "accept")
     assert done.plan is None
-    assert kinds(done) == [EvidenceKind.PHOTO_PICTURE, EvidenceKind.SIGHT_EDGES_PICTURE]
+    assert kinds(done) == [EvidenceKind.PHOTO_PICTURE, EvidenceKind.VISION_EDGES_PICTURE]
     assert all(made.path.is_file() and made.path.parent == folder for made in done.made)
     assert reading.seconds > 0.0
 
@@ -81,7 +81,7 @@ def test_sure_photograph_is_accepted_without_touch(parts: Parts, folder: Path) -
 def test_unsure_photograph_asks_for_touch_around_the_line(parts: Parts, unsure: tuple[Done, Path]) -> None:
     done, _ = unsure
     assert done.plan is not None
-    assert kinds(done)[-1] is EvidenceKind.SIGHT
+    assert kinds(done)[-1] is EvidenceKind.VISION
     x0, y0, x1, y1 = done.plan.region_mm
     boxes = np.array([c.box_mm for c in done.readings[0].characters])
     assert x0 <= boxes[:, 0].min()
@@ -101,7 +101,7 @@ def test_scan_of_the_plan_is_fused_with_what_was_seen(
     done, kept = unsure
     assert done.plan is not None
     scan = SimulatedStage(parts.folder).feel(ScanOrder("part", done.plan), folder)
-    later = read_job(Job(folder, scan=scan, sight=kept / "sight.npz", expected=parts.text), SETTINGS, LIMITS)
+    later = read_job(Job(folder, scan=scan, vision=kept / "sight.npz", expected=parts.text), SETTINGS, LIMITS)
     (reading,) = later.readings
     assert (reading.source, reading.text, reading.decision) == ("fused", parts.text, "accept")
     assert reading.verdict == "confirmed"
@@ -115,7 +115,7 @@ def test_height_map_after_the_photograph_is_fused_in_its_own_frame(
     parts: Parts, unsure: tuple[Done, Path], folder: Path
 ) -> None:
     _, kept = unsure
-    later = read_job(Job(folder, height_map=parts.map, sight=kept / "sight.npz"), SETTINGS, LIMITS)
+    later = read_job(Job(folder, height_map=parts.map, vision=kept / "sight.npz"), SETTINGS, LIMITS)
     assert later.readings[0].source == "fused"
     assert later.readings[0].text == parts.text
 
@@ -129,7 +129,7 @@ def test_photo_and_height_map_give_two_readings_in_the_plate_frame(parts: Parts,
     assert kinds(done) == [
         EvidenceKind.PHOTO_PICTURE,
         EvidenceKind.EDGES_PICTURE,
-        EvidenceKind.SIGHT_EDGES_PICTURE,
+        EvidenceKind.VISION_EDGES_PICTURE,
     ]
     assert done.plan is None
 
@@ -156,7 +156,7 @@ def test_problems_survive_pickling() -> None:
     problem = FileProblem(Path("a") / "b.png", "is empty", "copy it again")
     again = pickle.loads(pickle.dumps(problem))
     assert str(again) == str(problem)
-    assert (again.path, again.problem, again.mend) == (problem.path, problem.problem, problem.mend)
+    assert (again.path, again.problem, again.hint) == (problem.path, problem.problem, problem.hint)
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="a job has"):
         read_job(Job(tmp_path), SETTINGS, LIMITS)
     with pytest.raises(ValueError, match="sight goes with"):
-        read_job(Job(tmp_path, photo=tmp_path / "a", sight=tmp_path / "b"), SETTINGS, LIMITS)
+        read_job(Job(tmp_path, photo=tmp_path / "a", vision=tmp_path / "b"), SETTINGS, LIMITS)
 
 
 def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: Path, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from pipeline.reading.expected import Expected
 from pipeline.reading.part_reader import Mode, Sense, Senses, senses_of
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.reader import ReaderSettings, ReadingWithEvidence
+from recognition.reader import ReaderSettings, ReadingTrace
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.verify import Verdict
 
@@ -57,7 +57,7 @@ class FakeReaders:
 
         def read_height_map(height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Any:
             self.given.append((height_map, soil, part_id))
-            return ReadingWithEvidence(
+            return ReadingTrace(
                 reading("A1", "tactile"),
                 lattice=lattice("A1", "A1"),
                 open_lattice=lattice("A1"),
@@ -67,15 +67,15 @@ class FakeReaders:
         return SimpleNamespace(read_height_map=read_height_map)
 
     @property
-    def sight(self) -> Any:
-        self.opened.append("sight")
-        return self._sight()
+    def vision(self) -> Any:
+        self.opened.append("vision")
+        return self._vision()
 
-    def open_sight(self, expected: str) -> Any:
+    def open_vision(self, expected: str) -> Any:
         self.opened.append(f"sight open to {expected}")
-        return self._sight()
+        return self._vision()
 
-    def _sight(self) -> Any:
+    def _vision(self) -> Any:
         def read_photo(photo: Photo) -> Any:
             self.given.append(photo)
             return SimpleNamespace(reading=reading("B1", "vision"), lattice=lattice("B1"))
@@ -92,12 +92,12 @@ def fused_as(
 ) -> None:
     """Fusion that says so."""
 
-    def fuse(touch: Any, sight: Any, settings: Any, *, fonts: Any) -> Reading:
-        seen.append((touch.reading.text, sight.reading.text, settings.mask))
+    def fuse(touch: Any, vision: Any, settings: Any, *, fonts: Any) -> Reading:
+        seen.append((touch.reading.text, vision.reading.text, settings.mask))
         return reading("A1", "fused")
 
-    def fused_lattice(touch: Any, sight: Any, settings: Any, *, fonts: Any) -> Any:
-        seen.append((touch.lattice, sight.lattice, settings.grammar))
+    def fused_lattice(touch: Any, vision: Any, settings: Any, *, fonts: Any) -> Any:
+        seen.append((touch.lattice, vision.lattice, settings.grammar))
         return None if lattice is None else (lattice, contradicted)
 
     monkeypatch.setattr("recognition.fuse.fuse", fuse)
@@ -123,18 +123,18 @@ def part(folder: Path, name: str) -> Part:
     return found
 
 
-TOUCH, SIGHT = (Sense.TOUCH,), (Sense.SIGHT,)
-BOTH = (Sense.TOUCH, Sense.SIGHT)
+TOUCH, VISION = (Sense.TOUCH,), (Sense.VISION,)
+BOTH = (Sense.TOUCH, Sense.VISION)
 
 
 @pytest.mark.parametrize(
     ("mode", "felt", "seen", "both"),
     [
-        (None, TOUCH, SIGHT, TOUCH),
+        (None, TOUCH, VISION, TOUCH),
         (Mode.TACTILE, TOUCH, None, TOUCH),
-        (Mode.VISION, None, SIGHT, SIGHT),
+        (Mode.VISION, None, VISION, VISION),
         (Mode.FUSED, None, None, BOTH),
-        (Mode.AUTO, TOUCH, SIGHT, BOTH),
+        (Mode.AUTO, TOUCH, VISION, BOTH),
     ],
 )
 def test_modes(mode: Mode | None, felt: Any, seen: Any, both: Any, folder: Path) -> None:
@@ -152,17 +152,17 @@ def test_touch_is_given_the_soil(folder: Path) -> None:
     ((_, soil, name),) = readers.given
     assert name == "both"
     assert soil.thickness_mm == pytest.approx(np.full(SHAPE, 0.01))
-    assert (found.reading.text, found.sight, found.photo) == ("A1", None, None)
+    assert (found.reading.text, found.vision, found.photo) == ("A1", None, None)
     Senses(readers).sense(part(folder, "felt"))
     assert readers.given[1][1] is None
 
 
-def test_a_photograph_alone_is_read_by_sight(folder: Path) -> None:
+def test_a_photograph_alone_is_read_by_vision(folder: Path) -> None:
     readers = FakeReaders()
     found = Senses(readers).sense(part(folder, "seen"))
     assert (found.reading.source, found.touch) == ("vision", None)
     assert readers.given[0].centre_mm is None
-    assert readers.opened == ["sight"]
+    assert readers.opened == ["vision"]
 
 
 @pytest.mark.parametrize("mode", [Mode.FUSED, Mode.AUTO])
@@ -188,7 +188,7 @@ def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Pat
         Senses(FakeReaders(), mode=Mode.FUSED).sense(part(folder, "both"))
 
 
-def test_two_photographs_are_told_where_sight_is_asked(folder: Path) -> None:
+def test_two_photographs_are_told_where_vision_is_asked(folder: Path) -> None:
     (folder / "both.jpg").write_bytes(b"x")
     assert Senses(FakeReaders()).sense(part(folder, "both")).reading.text == "A1"
     with pytest.raises(FileProblem, match="which is the part's is unclear"):
@@ -198,8 +198,8 @@ def test_two_photographs_are_told_where_sight_is_asked(folder: Path) -> None:
 def test_only_the_readers_needed_are_opened(folder: Path) -> None:
     for mode, names, opened in (
         (None, "felt", ["touch"]),
-        (None, "seen", ["sight"]),
-        (Mode.AUTO, "both", ["touch", "sight"]),
+        (None, "seen", ["vision"]),
+        (Mode.AUTO, "both", ["touch", "vision"]),
         (
             Mode.VISION,
             "felt",
@@ -223,15 +223,15 @@ def test_touch_is_verified_on_its_open_beliefs(folder: Path) -> None:
     assert found.verification.verdict is Verdict.CONFIRMED
 
 
-def test_sight_under_a_format_looks_again_for_any_character(folder: Path) -> None:
+def test_vision_under_a_format_looks_again_for_any_character(folder: Path) -> None:
     readers = FakeReaders(grammar=Grammar(mask="A9"))
     found = Senses(readers, expected=Expected("B1")).sense(part(folder, "seen"))
-    assert readers.opened == ["sight", "sight open to B1"]
+    assert readers.opened == ["vision", "sight open to B1"]
     assert found.verification is not None
     assert found.verification.verdict is Verdict.CONFIRMED
     readers = FakeReaders()
     Senses(readers, expected=Expected("B1")).sense(part(folder, "seen"))
-    assert readers.opened == ["sight"]
+    assert readers.opened == ["vision"]
 
 
 def test_both_senses_are_verified_together(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

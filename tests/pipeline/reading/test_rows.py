@@ -77,7 +77,7 @@ def felt(found: Reading) -> Any:
 
 
 def fake_senses() -> Senses:
-    readers: Any = SimpleNamespace(touch=FakeReader(), sight=None, grammar=None, told=None)
+    readers: Any = SimpleNamespace(touch=FakeReader(), vision=None, grammar=None, told=None)
     return Senses(readers)
 
 

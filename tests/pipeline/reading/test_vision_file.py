@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import EdgeMap, TraceDirection
 from pipeline.common.errors import FileProblem
-from pipeline.reading.vision_file import KeptSight, load_sight, middle_mm, moved, save_sight
+from pipeline.reading.vision_file import KeptVision, load_vision, middle_mm, moved, save_vision
 from recognition.lattice import Lattice
 from recognition.reader_settings import ReaderSettings
 from recognition.reading import Box, Decision, ReadingFlag
-from recognition.vision import SightReading
+from recognition.vision import VisionReading
 from recognition.vision_combine import as_reading
 from recognition.vision_frame import LinePlace
 
@@ -41,14 +41,14 @@ def edges(shape: tuple[int, int] = (40, 90), pitch_mm: float = 0.1) -> EdgeMap:
     )
 
 
-def sight(**changes: object) -> SightReading:
+def vision(**changes: object) -> VisionReading:
     reading = replace(
         as_reading(lattice(), ReaderSettings(), flags=ReadingFlag.FOREIGN_SHAPES | ReadingFlag.DROPOUTS),
         notes=("read by templates alone",),
         seconds=MappingProxyType({"templates": 0.2}),
         height_mm=5.0,
     )
-    made = SightReading(
+    made = VisionReading(
         reading=reading,
         lattice=lattice(),
         edges=edges(),
@@ -70,32 +70,32 @@ def assert_same_lattice(one: Lattice | None, other: Lattice | None) -> None:
 
 
 def test_what_was_seen_comes_back(tmp_path: Path) -> None:
-    kept = KeptSight(sight(), (1.0, 2.0), lattice(1.0), "AB")
-    save_sight(tmp_path / "a.npz", kept)
-    again = load_sight(tmp_path / "a.npz")
-    assert again.sight.reading == kept.sight.reading
-    assert again.sight.place == kept.sight.place
-    assert again.sight.engine == "templates"
+    kept = KeptVision(vision(), (1.0, 2.0), lattice(1.0), "AB")
+    save_vision(tmp_path / "a.npz", kept)
+    again = load_vision(tmp_path / "a.npz")
+    assert again.vision.reading == kept.vision.reading
+    assert again.vision.place == kept.vision.place
+    assert again.vision.engine == "templates"
     assert (again.middle_mm, again.expected) == ((1.0, 2.0), "AB")
-    assert_same_lattice(again.sight.lattice, kept.sight.lattice)
+    assert_same_lattice(again.vision.lattice, kept.vision.lattice)
     assert_same_lattice(again.open_lattice, kept.open_lattice)
-    assert_same_lattice(again.sight.by_engine["templates"], kept.sight.by_engine["templates"])
-    assert again.sight.edges is not None
-    assert kept.sight.edges is not None
-    np.testing.assert_array_equal(again.sight.edges.valid, kept.sight.edges.valid)
+    assert_same_lattice(again.vision.by_engine["templates"], kept.vision.by_engine["templates"])
+    assert again.vision.edges is not None
+    assert kept.vision.edges is not None
+    np.testing.assert_array_equal(again.vision.edges.valid, kept.vision.edges.valid)
     np.testing.assert_allclose(
-        again.sight.edges.enhancement, kept.sight.edges.enhancement, rtol=HALF_PRECISION
+        again.vision.edges.enhancement, kept.vision.edges.enhancement, rtol=HALF_PRECISION
     )
-    assert again.sight.edges.origin_mm == kept.sight.edges.origin_mm
+    assert again.vision.edges.origin_mm == kept.vision.edges.origin_mm
 
 
 def test_nothing_seen_comes_back_as_nothing(tmp_path: Path) -> None:
-    nothing = sight(lattice=None, edges=None, place=None, by_engine=MappingProxyType({}))
+    nothing = vision(lattice=None, edges=None, place=None, by_engine=MappingProxyType({}))
     nothing = replace(nothing, reading=replace(nothing.reading, characters=(), decision=Decision.REJECT))
-    save_sight(tmp_path / "a.npz", KeptSight(nothing))
-    again = load_sight(tmp_path / "a.npz")
-    assert (again.sight.lattice, again.sight.edges, again.sight.place) == (None, None, None)
-    assert again.sight.reading.decision is Decision.REJECT
+    save_vision(tmp_path / "a.npz", KeptVision(nothing))
+    again = load_vision(tmp_path / "a.npz")
+    assert (again.vision.lattice, again.vision.edges, again.vision.place) == (None, None, None)
+    assert again.vision.reading.decision is Decision.REJECT
     assert again.middle_mm is None
 
 
@@ -104,8 +104,8 @@ def test_fine_edges_are_thinned_and_stay_where_they_are(tmp_path: Path) -> None:
     yy, xx = np.mgrid[0:400, 0:900]
     bump = np.exp(-((xx - 300.0) ** 2 + (yy - 100.0) ** 2) / 2000.0).astype(np.float32)
     fine = replace(fine, enhancement=np.stack([bump, bump]), valid=np.ones_like(fine.valid))
-    save_sight(tmp_path / "a.npz", KeptSight(sight(edges=fine)))
-    thin = load_sight(tmp_path / "a.npz").sight.edges
+    save_vision(tmp_path / "a.npz", KeptVision(vision(edges=fine)))
+    thin = load_vision(tmp_path / "a.npz").vision.edges
     assert thin is not None
     assert thin.pitch_mm > 3.0 * fine.pitch_mm
     weight = thin.enhancement[0] / thin.enhancement[0].sum()
@@ -118,30 +118,30 @@ def test_fine_edges_are_thinned_and_stay_where_they_are(tmp_path: Path) -> None:
 
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
 def test_moving_moves_all_alike(x_mm: float, y_mm: float) -> None:
-    kept = KeptSight(sight(), (1.0, 2.0), lattice(1.0), "AB")
+    kept = KeptVision(vision(), (1.0, 2.0), lattice(1.0), "AB")
     away = moved(kept, x_mm, y_mm)
-    assert away.sight.edges is not None
-    assert away.sight.edges.origin_mm == pytest.approx((-3.0 + x_mm, 1.0 + y_mm))
-    assert away.sight.place is not None
-    assert away.sight.place.middle_mm == pytest.approx((4.0 + x_mm, 5.0 + y_mm))
+    assert away.vision.edges is not None
+    assert away.vision.edges.origin_mm == pytest.approx((-3.0 + x_mm, 1.0 + y_mm))
+    assert away.vision.place is not None
+    assert away.vision.place.middle_mm == pytest.approx((4.0 + x_mm, 5.0 + y_mm))
     assert away.middle_mm == pytest.approx((1.0 + x_mm, 2.0 + y_mm))
     for one, other in (
-        (kept.sight.lattice, away.sight.lattice),
+        (kept.vision.lattice, away.vision.lattice),
         (kept.open_lattice, away.open_lattice),
-        (kept.sight.by_engine["templates"], away.sight.by_engine["templates"]),
+        (kept.vision.by_engine["templates"], away.vision.by_engine["templates"]),
     ):
         assert one is not None
         assert other is not None
         for was, now in zip(one.boxes, other.boxes, strict=True):
             assert now.x0_mm - was.x0_mm == pytest.approx(x_mm)
             assert now.y1_mm - was.y1_mm == pytest.approx(y_mm)
-    assert away.sight.reading.characters[0].box == away.sight.lattice.boxes[0]  # type: ignore[union-attr]
+    assert away.vision.reading.characters[0].box == away.vision.lattice.boxes[0]  # type: ignore[union-attr]
 
 
 def test_open_beliefs_are_of_their_text_only() -> None:
-    kept = KeptSight(sight(), None, lattice(1.0), "AB")
+    kept = KeptVision(vision(), None, lattice(1.0), "AB")
     assert kept.open_for("AB") is kept.open_lattice
-    assert kept.open_for("XY") is kept.sight.lattice
+    assert kept.open_for("XY") is kept.vision.lattice
 
 
 def test_middle_of_a_picture() -> None:
@@ -153,18 +153,18 @@ def test_middle_of_a_picture() -> None:
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
 def test_damaged_files_are_problems(tmp_path: Path, share: float) -> None:
     path = tmp_path / "a.npz"
-    save_sight(path, KeptSight(sight()))
+    save_vision(path, KeptVision(vision()))
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
     with pytest.raises(FileProblem):
-        load_sight(path)
+        load_vision(path)
 
 
 def test_other_archives_are_problems(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
     np.savez(path, told=np.array([object()], dtype=object))
     with pytest.raises(FileProblem):
-        load_sight(path)
+        load_vision(path)
     np.savez(path, other=np.zeros(3))
     with pytest.raises(FileProblem):
-        load_sight(path)
+        load_vision(path)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.workers.cluster import ClusterCrew, ClusterError
+from pipeline.workers.cluster import ClusterError, ClusterExecutor
 from tests.support.cluster_process import ClusterProcess, cluster_process
 from tests.support.executor_calls import dies_of_seven, doubled, noted, odd_fails
 
@@ -25,7 +25,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ClusterProcess
 
 
 def test_every_task_has_one_outcome_from_both_workers(cluster: ClusterProcess, tmp_path: Path) -> None:
-    with ClusterCrew(cluster.address) as crew:
+    with ClusterExecutor(cluster.address) as crew:
         wait_for(crew, 2)
         outcomes = list(crew.calls(noted, str(tmp_path), range(COUNT)))
         assert sorted(o.task for o in outcomes) == list(range(COUNT))
@@ -35,7 +35,7 @@ def test_every_task_has_one_outcome_from_both_workers(cluster: ClusterProcess, t
 
 
 def test_an_exception_is_its_tasks_own(cluster: ClusterProcess) -> None:
-    with ClusterCrew(cluster.address) as crew:
+    with ClusterExecutor(cluster.address) as crew:
         outcomes = {o.task: o for o in crew.calls(odd_fails, "told", range(COUNT))}
     assert [o.task for o in outcomes.values() if o.error is None] == [k for k in outcomes if k % 2 == 0]
     assert str(outcomes[3].error) == "told: 3 is odd"
@@ -50,7 +50,7 @@ def test_tasks_are_taken_as_they_are_needed(cluster: ClusterProcess) -> None:
             taken += 1
             yield taken
 
-    with ClusterCrew(cluster.address) as crew:
+    with ClusterExecutor(cluster.address) as crew:
         for done, _ in enumerate(crew.calls(doubled, 0, endless())):
             # a few for each worker, whatever the number of tasks
             assert taken <= done + 10
@@ -62,7 +62,7 @@ def test_a_worker_lost_in_the_middle_costs_nothing(tmp_path: Path) -> None:
     calls, logs = tmp_path / "calls", tmp_path / "logs"
     calls.mkdir()
     logs.mkdir()
-    with cluster_process(logs) as cluster, ClusterCrew(cluster.address) as crew:
+    with cluster_process(logs) as cluster, ClusterExecutor(cluster.address) as crew:
         wait_for(crew, 2)
         outcomes = []
         for outcome in crew.calls(noted, str(calls), range(COUNT)):
@@ -77,7 +77,7 @@ def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> Non
     calls, logs = tmp_path / "calls", tmp_path / "logs"
     calls.mkdir()
     logs.mkdir()
-    with cluster_process(logs) as cluster, ClusterCrew(cluster.address) as crew:
+    with cluster_process(logs) as cluster, ClusterExecutor(cluster.address) as crew:
         outcomes = {o.task: o for o in crew.calls(dies_of_seven, str(calls), range(12))}
         assert sorted(outcomes) == list(range(12)), cluster.told()
         assert [task for task, o in outcomes.items() if o.error is not None] == [7], cluster.told()
@@ -87,7 +87,7 @@ def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> Non
 def test_a_lost_scheduler_ends_the_run_with_the_mend(tmp_path: Path) -> None:
     with (
         cluster_process(tmp_path, workers=1) as cluster,
-        ClusterCrew(cluster.address, patience_s=5.0, connect_s=2.0) as crew,
+        ClusterExecutor(cluster.address, patience_s=5.0, connect_s=2.0) as crew,
         pytest.raises(ClusterError, match="run the same command again"),
     ):
         read_and_lose(cluster, crew, tmp_path)
@@ -99,12 +99,12 @@ def test_no_scheduler_is_told() -> None:
         port = taken.getsockname()[1]
     with (
         pytest.raises(ClusterError, match="no Dask scheduler answers"),
-        ClusterCrew(f"tcp://127.0.0.1:{port}", connect_s=1.0),
+        ClusterExecutor(f"tcp://127.0.0.1:{port}", connect_s=1.0),
     ):
         pass
     with (
         pytest.raises(ClusterError, match="no Dask scheduler answers"),
-        ClusterCrew("nonsense", connect_s=1.0),
+        ClusterExecutor("nonsense", connect_s=1.0),
     ):
         pass
 
@@ -113,7 +113,7 @@ def test_no_worker_is_told(tmp_path: Path) -> None:
     with (
         cluster_process(tmp_path, workers=0) as cluster,
         pytest.raises(ClusterError, match="has no workers; start some with: tactile-marks worker tcp://"),
-        ClusterCrew(cluster.address, patience_s=1.0),
+        ClusterExecutor(cluster.address, patience_s=1.0),
     ):
         pass
 
@@ -121,7 +121,7 @@ def test_no_worker_is_told(tmp_path: Path) -> None:
 def test_workers_that_come_late_are_waited_for(tmp_path: Path) -> None:
     with cluster_process(tmp_path, workers=0) as cluster:
         threading.Timer(1.0, cluster.add_worker).start()
-        with ClusterCrew(cluster.address, patience_s=60.0) as crew:
+        with ClusterExecutor(cluster.address, patience_s=60.0) as crew:
             assert [o.result for o in crew.calls(doubled, 1, [20])] == [41]
 
 
@@ -129,17 +129,17 @@ def test_another_version_of_the_program_is_refused(
     cluster: ClusterProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("pipeline.common.version.program_mark", lambda: "another")
-    with pytest.raises(ClusterError, match="runs another version"), ClusterCrew(cluster.address):
+    with pytest.raises(ClusterError, match="runs another version"), ClusterExecutor(cluster.address):
         pass
 
 
-def read_and_lose(cluster: ClusterProcess, crew: ClusterCrew, folder: Path) -> None:
+def read_and_lose(cluster: ClusterProcess, crew: ClusterExecutor, folder: Path) -> None:
     for count, _ in enumerate(crew.calls(noted, str(folder), range(10_000))):
         if count == 5:
             cluster.lose(cluster.scheduler)
 
 
-def wait_for(crew: ClusterCrew, workers: int) -> None:
+def wait_for(crew: ClusterExecutor, workers: int) -> None:
     until = time.monotonic() + 60.0
     while crew.count() < workers:
         assert time.monotonic() < until

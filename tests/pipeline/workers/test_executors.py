@@ -8,21 +8,21 @@ from pathlib import Path
 import pytest
 
 from pipeline.common.settings import ReadSettings
-from pipeline.workers.executors import Crew, InlineCrew, PoolCrew
+from pipeline.workers.executors import Executor, InlineExecutor, PoolExecutor
 from tests.support.executor_calls import dies_of_seven, dies_once, doubled, odd_fails, slow_seven
 
 COUNT = 20
 
 
 @pytest.fixture(scope="module")
-def pool() -> Iterator[PoolCrew]:
-    with PoolCrew(ReadSettings(), 2) as crew:
+def pool() -> Iterator[PoolExecutor]:
+    with PoolExecutor(ReadSettings(), 2) as crew:
         yield crew
 
 
 @pytest.mark.parametrize("kind", ["inline", "pool"])
-def test_every_task_has_one_outcome(kind: str, pool: PoolCrew) -> None:
-    crew: Crew = InlineCrew() if kind == "inline" else pool
+def test_every_task_has_one_outcome(kind: str, pool: PoolExecutor) -> None:
+    crew: Executor = InlineExecutor() if kind == "inline" else pool
     outcomes = list(crew.calls(doubled, 100, range(COUNT)))
     assert sorted(o.task for o in outcomes) == list(range(COUNT))
     assert all(o.result == 100 + 2 * o.task and o.error is None for o in outcomes)
@@ -30,8 +30,8 @@ def test_every_task_has_one_outcome(kind: str, pool: PoolCrew) -> None:
 
 
 @pytest.mark.parametrize("kind", ["inline", "pool"])
-def test_an_exception_is_its_tasks_own(kind: str, pool: PoolCrew) -> None:
-    crew: Crew = InlineCrew() if kind == "inline" else pool
+def test_an_exception_is_its_tasks_own(kind: str, pool: PoolExecutor) -> None:
+    crew: Executor = InlineExecutor() if kind == "inline" else pool
     for outcome in crew.calls(odd_fails, "told", range(COUNT)):
         if outcome.task % 2:
             assert isinstance(outcome.error, ValueError)
@@ -40,7 +40,7 @@ def test_an_exception_is_its_tasks_own(kind: str, pool: PoolCrew) -> None:
             assert (outcome.result, outcome.error) == (outcome.task, None)
 
 
-def test_tasks_are_taken_as_they_are_needed(pool: PoolCrew) -> None:
+def test_tasks_are_taken_as_they_are_needed(pool: PoolExecutor) -> None:
     """Of a million parts only those at work are held."""
     taken = 0
 
@@ -58,7 +58,7 @@ def test_tasks_are_taken_as_they_are_needed(pool: PoolCrew) -> None:
 
 
 def test_a_task_that_kills_its_workers_costs_itself_alone(tmp_path: Path) -> None:
-    with PoolCrew(ReadSettings(), 2) as crew:
+    with PoolExecutor(ReadSettings(), 2) as crew:
         outcomes = {o.task: o for o in crew.calls(dies_of_seven, str(tmp_path), range(COUNT))}
     assert sorted(outcomes) == list(range(COUNT))
     assert [task for task, o in outcomes.items() if o.error is not None] == [7]
@@ -68,13 +68,13 @@ def test_a_task_that_kills_its_workers_costs_itself_alone(tmp_path: Path) -> Non
 
 
 def test_a_task_whose_worker_is_killed_from_outside_is_done_by_another(tmp_path: Path) -> None:
-    with PoolCrew(ReadSettings(), 2) as crew:
+    with PoolExecutor(ReadSettings(), 2) as crew:
         outcomes = list(crew.calls(dies_once, str(tmp_path), range(COUNT)))
     assert sorted(o.result for o in outcomes if o.result is not None) == list(range(COUNT))
 
 
 def test_a_task_that_never_ends_is_given_up() -> None:
-    with PoolCrew(ReadSettings(), 2, timeout_s=1.0) as crew:
+    with PoolExecutor(ReadSettings(), 2, timeout_s=1.0) as crew:
         outcomes = {o.task: o for o in crew.calls(slow_seven, "", range(COUNT))}
     assert [task for task, o in outcomes.items() if o.error is not None] == [7]
     assert "1" in str(outcomes[7].error)
@@ -83,4 +83,4 @@ def test_a_task_that_never_ends_is_given_up() -> None:
 @pytest.mark.parametrize(("jobs", "timeout_s"), [(0, 1.0), (-1, 1.0), (1, 0.0), (1, float("nan"))])
 def test_crews_that_cannot_be(jobs: int, timeout_s: float) -> None:
     with pytest.raises(ValueError, match="give at least 1"):
-        PoolCrew(ReadSettings(), jobs, timeout_s=timeout_s)
+        PoolExecutor(ReadSettings(), jobs, timeout_s=timeout_s)

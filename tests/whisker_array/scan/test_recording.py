@@ -303,7 +303,7 @@ def test_every_fault_is_named_with_the_file(case: str, recording: Path) -> None:
     with pytest.raises(RecordingError, match=re.escape(message)) as caught:
         load_scan(recording)
     assert str(recording) in str(caught.value)
-    assert caught.value.mend
+    assert caught.value.hint
 
 
 @pytest.mark.parametrize("data", [b"", b"\x89HDF\r\n\x1a\n", b"part,text\n1,2\n", b"\0" * 5000])

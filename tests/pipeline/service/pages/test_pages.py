@@ -250,7 +250,7 @@ def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
 
 
 def test_before_touch_the_cameras_edges_are_shown_and_what_touch_is_asked_for(shop: Shop) -> None:
-    edges = shop.keep(EvidenceKind.SIGHT_EDGES_PICTURE, b"edges")
+    edges = shop.keep(EvidenceKind.VISION_EDGES_PICTURE, b"edges")
     part_id = new_part_id()
     plan = ScanPlanRecord(
         (1.0, 2.0, 41.5, 12.0), (0, 180), 3, 0.05, 0.02, 40.0, 0.3, 12.5, 5.0, "unsure of <K>"
