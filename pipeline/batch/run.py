@@ -1,6 +1,6 @@
 """A night's production: many parts, read by a crew, every row on the disk before the next one counts.
 
-    listed parts --not done yet--> crew --> store --> table (RunBook) --> quarantine, summary
+    listed parts --not done yet--> crew --> store --> table (RunJournal) --> quarantine, summary
 
 Whatever ends the run, the same command goes on where it ended: a part whose row is in the table is not read again. One
 that the store has and the table has not is read again, and the store takes it once.

@@ -241,8 +241,8 @@ KILLED = """
 import os, sys
 from pathlib import Path
 from pipeline.common.row import Row
-from pipeline.batch.journal import RunBook
-book = RunBook.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
+from pipeline.batch.journal import RunJournal
+book = RunJournal.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
 if os.fork() == 0:
     os.close(1)
     sys.stdin.read()  # a worker that outlives the run
@@ -565,8 +565,8 @@ import resource, sys
 from pathlib import Path
 from pipeline.common.row import Row
 from pipeline.common.errors import FileProblem
-from pipeline.batch.journal import RunBook
-book = RunBook.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
+from pipeline.batch.journal import RunJournal
+book = RunJournal.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))  # a write over it is done in part, then refused
 for i in range(1000):
     try:
