@@ -34,15 +34,9 @@ def check_photo(path: Path, *, most: int) -> None:
     Raises:
         FileProblem: it has more, is no picture, or its head is damaged.
     """
-    from pipeline.files.photo_header import read_header
-    from pipeline.files.photos import MAX_PHOTO_BYTES
+    from pipeline.files.photos import read_header
 
-    require_file(path, most_bytes=MAX_PHOTO_BYTES)
-    with damage_reported(path, kind="picture"):
-        header = read_header(path.read_bytes())
-        if header is None:
-            raise FileProblem(path, "is no picture that can be read", "save it as PNG, JPEG, BMP or TIFF")
-        _check(path, header.rows * header.cols, most, f"{header.rows:,} x {header.cols:,} pixels")
+    read_header(path, most=most)
 
 
 def check_map(path: Path, *, most: int) -> None:

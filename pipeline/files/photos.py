@@ -1,10 +1,16 @@
-"""Photographs as files: PNG, JPEG, BMP and TIFF in, PNG out."""
+"""Photographs as files: PNG, JPEG, BMP and TIFF in, PNG out.
+
+Pillow reads the head (size, scale, whether the rest is there); OpenCV decodes, because it keeps 16 bit colours.
+"""
 
 from __future__ import annotations
 
-import struct
-import zlib
+import contextlib
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +19,47 @@ from glyphs.camera.photo import Photo
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.atomic import replacing
 from pipeline.common.errors import FileProblem, damage_reported, require_file
-from pipeline.files.photo_header import PNG_MAGIC, PhotoHeader, read_header
+
+if TYPE_CHECKING:
+    from PIL.ImageFile import ImageFile
 
 MAX_PHOTO_BYTES = 500_000_000
-_IHDR_END = len(PNG_MAGIC) + 25
+_KINDS = ("PNG", "JPEG", "BMP", "TIFF")
+_INCH_MM = 25.4
+_LEAST_PITCH_MM, _MOST_PITCH_MM = 0.0002, 1.0
+_MEANINGLESS_DPI = (72.0, 96.0)
+"""Written by programs that know nothing of the scale."""
+
+
+@dataclass(frozen=True)
+class PhotoHeader:
+    """The head of a picture file.
+
+    Attributes:
+        kind: PNG, JPEG, BMP or TIFF.
+        rows: of pixels.
+        cols: of pixels.
+        pitch_mm: size of a pixel, if the file says so in metres or inches, and plausibly.
+    """
+
+    kind: str
+    rows: int
+    cols: int
+    pitch_mm: float | None
+
+
+def read_header(path: Path, *, most: int = MAX_PIXELS) -> PhotoHeader:
+    """The head of a picture; nothing is decoded.
+
+    Args:
+        path: the file.
+        most: pixels that it may have.
+
+    Raises:
+        FileProblem: no file, none of these kinds, damaged, or too large.
+    """
+    with _opened(Path(path), most=most) as (_, header):
+        return header
 
 
 def read_photo(path: Path) -> Photo:
@@ -30,40 +73,83 @@ def read_photo(path: Path) -> Photo:
         FileProblem: no file, none of these kinds, damaged, cut short, or too large.
     """
     path = Path(path)
-    require_file(path, most_bytes=MAX_PHOTO_BYTES)
-    with damage_reported(path, kind="picture"):
-        data = path.read_bytes()
-        header = read_header(data)
-        if header is None:
-            raise FileProblem(path, "is no picture that can be read", "save it as PNG, JPEG, BMP or TIFF")
-        _check(path, header)
-        pixels = _eight_bit(path, _decoded(path, data, header))
+    with _opened(path) as (image, header):
+        if min(header.rows, header.cols) < 8:
+            raise FileProblem(path, f"has {_size(header)}, which shows no characters", "take it larger")
+        _check_whole(path, image)
+        pixels = _eight_bit(path, _decoded(path, header.kind))
         return Photo(pixels, pitch_mm=header.pitch_mm)
 
 
-def _check(path: Path, header: PhotoHeader) -> None:
-    size = f"{header.rows:,} x {header.cols:,} pixels"
-    if header.rows * header.cols > MAX_PIXELS:
-        raise FileProblem(path, f"has {size}, over the limit of {MAX_PIXELS:,}", "crop or shrink it")
-    if min(header.rows, header.cols) < 8:
-        raise FileProblem(path, f"has {size}, which shows no characters", "take it larger")
-    if not header.whole:
-        raise FileProblem(path, f"is a {header.kind} that ends too soon", "copy it again")
+@contextlib.contextmanager
+def _opened(path: Path, *, most: int = MAX_PIXELS) -> Iterator[tuple[ImageFile, PhotoHeader]]:
+    """The picture, not yet decoded, and its head."""
+    require_file(path, most_bytes=MAX_PHOTO_BYTES)
+    with damage_reported(path, kind="picture"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Pillow's limit of pixels warns where ours refuses
+        from PIL import Image, UnidentifiedImageError
+
+        try:
+            image = Image.open(path, formats=_KINDS)
+        except UnidentifiedImageError:
+            hint = "copy it again, or save it as PNG, JPEG, BMP or TIFF"
+            raise FileProblem(path, "is no picture that can be read", hint) from None
+        except Image.DecompressionBombError:
+            raise FileProblem(path, f"is over the limit of {most:,} pixels", "crop or shrink it") from None
+        with image:
+            kind = "JPEG" if image.format == "MPO" else str(image.format)
+            header = PhotoHeader(kind, image.height, image.width, _pitch_mm(image))
+            if header.rows * header.cols > most:
+                raise FileProblem(
+                    path, f"has {_size(header)}, over the limit of {most:,}", "crop or shrink it"
+                )
+            yield image, header
 
 
-def _decoded(path: Path, data: bytes, header: PhotoHeader) -> NDArray[np.generic]:
+def _size(header: PhotoHeader) -> str:
+    return f"{header.rows:,} x {header.cols:,} pixels"
+
+
+def _pitch_mm(image: ImageFile) -> float | None:
+    """Size of a pixel, if x and y agree to a hundredth and it is neither absurd nor a program's default."""
+    if image.format in ("JPEG", "MPO") and not image.info.get("jfif_unit"):
+        return None  # what EXIF says is a camera's habit, no scale
+    x_dpi, y_dpi = (float(dpi) for dpi in image.info.get("dpi", (0.0, 0.0)))
+    if not (x_dpi > 0.0 and y_dpi > 0.0) or any(abs(x_dpi - dpi) < 0.5 for dpi in _MEANINGLESS_DPI):
+        return None
+    x_mm, y_mm = _INCH_MM / x_dpi, _INCH_MM / y_dpi
+    plausible = _LEAST_PITCH_MM <= x_mm <= _MOST_PITCH_MM and abs(x_mm - y_mm) <= 0.01 * x_mm
+    return x_mm if plausible else None
+
+
+def _check_whole(path: Path, image: ImageFile) -> None:
+    """Refuse a file cut short; of a TIFF OpenCV sees it itself."""
+    try:
+        if image.format == "PNG":
+            image.verify()
+        elif image.format != "TIFF":
+            image.draft(
+                "L", (1, 1)
+            )  # of a JPEG an eighth of the size is decoded: all of the file, little work
+            image.load()
+    except (OSError, SyntaxError, ValueError) as error:
+        raise FileProblem(
+            path, f"is a {image.format} that is damaged or ends too soon", "copy it again"
+        ) from error
+
+
+def _decoded(path: Path, kind: str) -> NDArray[np.generic]:
     import cv2
 
-    told = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # the problem is told below
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # the error below says it
     try:
-        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH)
+        data = np.fromfile(path, dtype=np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB | cv2.IMREAD_ANYDEPTH)
     finally:
-        cv2.utils.logging.setLogLevel(told)
+        cv2.utils.logging.setLogLevel(level)
     if image is None:
-        raise FileProblem(
-            path, f"is a damaged or unusual {header.kind}", "copy it again or save it as PNG of 8 bit"
-        )
+        raise FileProblem(path, f"is a damaged or unusual {kind}", "copy it again or save it as PNG of 8 bit")
     return np.asarray(image)
 
 
@@ -82,25 +168,10 @@ def write_photo(path: Path, photo: Photo) -> None:
     Raises:
         FileProblem: another suffix, or it cannot be written.
     """
+    from PIL import Image
+
     if path.suffix.lower() != ".png":
         raise FileProblem(path, "is no photograph that can be written", "end it in .png")
-    data = _png(photo)
+    scale = {} if photo.pitch_mm is None else {"dpi": (_INCH_MM / photo.pitch_mm,) * 2}
     with replacing(path) as temporary:
-        temporary.write_bytes(data)
-
-
-def _png(photo: Photo) -> bytes:
-    import cv2
-
-    pixels = photo.pixels if photo.pixels.ndim == 2 else photo.pixels[..., ::-1]
-    done, encoded = cv2.imencode(".png", np.ascontiguousarray(pixels))
-    if not done:
-        raise RuntimeError("the picture could not be encoded")
-    data = bytes(encoded)
-    if photo.pitch_mm is None:
-        return data
-    # the chunk of physical pixel size goes between the header and the pixels
-    per_metre = max(1, round(1000.0 / photo.pitch_mm))
-    body = b"pHYs" + struct.pack(">IIB", per_metre, per_metre, 1)
-    chunk = struct.pack(">I", 9) + body + struct.pack(">I", zlib.crc32(body))
-    return data[:_IHDR_END] + chunk + data[_IHDR_END:]
+        Image.fromarray(photo.pixels).save(temporary, "PNG", compress_level=1, **scale)

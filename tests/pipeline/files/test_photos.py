@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.errors import FileProblem
-from pipeline.files.photo_header import read_header
-from pipeline.files.photos import read_photo, write_photo
+from pipeline.files.photos import read_header, read_photo, write_photo
 
 RNG = np.random.default_rng(0)
 COLOUR = RNG.integers(0, 256, (20, 31, 3), dtype=np.uint8)
@@ -147,15 +147,20 @@ def test_the_pitch_of_a_jpeg(unit: int, density: int, pitch_mm: float | None, tm
     assert read_photo(path).pitch_mm == (None if pitch_mm is None else pytest.approx(pitch_mm))
 
 
-def test_the_pitch_of_a_tiff() -> None:
-    fields = struct.pack("<HHII", 256, 4, 1, 40) + struct.pack("<HHII", 257, 3, 1, 30)
-    fields += struct.pack("<HHII", 282, 5, 1, 100) + struct.pack("<HHII", 283, 5, 1, 100)
-    fields += struct.pack("<HHII", 296, 3, 1, 3)
-    data = (b"II*\0" + struct.pack("<IH", 8, 5) + fields).ljust(100, b"\0") + struct.pack("<II", 200, 1)
-    header = read_header(data)
-    assert header is not None
-    assert (header.kind, header.rows, header.cols) == ("TIFF", 30, 40)
-    assert header.pitch_mm == pytest.approx(0.05)
+@pytest.mark.parametrize("suffix", [".tif", ".bmp"])
+def test_the_pitch_of_other_kinds(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"part{suffix}"
+    Image.fromarray(COLOUR).save(path, dpi=(508.0, 508.0))
+    header = read_header(path)
+    assert (header.rows, header.cols) == COLOUR.shape[:2]
+    assert header.pitch_mm == pytest.approx(0.05, rel=1e-4)  # a BMP has whole pixels a metre
+
+
+def test_what_a_phone_writes_into_exif_is_no_scale(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif.update({282: 300.0, 283: 300.0, 296: 2})
+    Image.fromarray(COLOUR).save(tmp_path / "part.jpg", exif=exif)
+    assert read_photo(tmp_path / "part.jpg").pitch_mm is None
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
