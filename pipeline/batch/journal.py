@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import fcntl
 import json
 import os
 import weakref
@@ -25,8 +24,9 @@ from typing import Any
 
 from pipeline.batch.row_files import RowFile, read_rows
 from pipeline.batch.tables import LINE_FORMS, check_output, write_parquet, write_rows
-from pipeline.common.atomic import replacing
+from pipeline.common.atomic import replacing, sync_folder
 from pipeline.common.errors import FileProblem
+from pipeline.common.file_lock import lock
 from pipeline.common.row import Row
 from pipeline.common.run_description import differences, key_of
 
@@ -130,16 +130,24 @@ class RunJournal:
             if self._rows_path != self.path:
                 with replacing(self.path) as temporary:
                     write_parquet(map(self._rows.form.decode, self._rows.records(numbers)), temporary)
-                _sync_folder(self.path)  # the table is on the disk before its rows go
+                _sync_names(self.path)  # the table is on the disk before its rows go
+                self._let_replace()
                 self._rows_path.unlink()
             elif not self._rows.holds_just(numbers):
                 with replacing(self.path) as temporary, temporary.open("wb") as table:
                     table.write(self._rows.form.head)
                     table.writelines(self._rows.records(numbers))
-            _sync_folder(self.path)
+                    self._let_replace()
+            _sync_names(self.path)
+            if os.name == "nt":
+                self._marker.close()  # as in _let_replace
             self._marker_path.unlink()  # last: broken off anywhere before, the run is taken up and ended again
         self._finished = True
         self.close()
+
+    def _let_replace(self) -> None:
+        if os.name == "nt":  # which neither removes nor replaces a file that is open
+            self._rows.close()
 
     def close(self) -> None:
         """Let go of the table; a run that is not finished can be taken up again.
@@ -164,7 +172,7 @@ class RunJournal:
                 write_rows(read_rows(self.path), self._rows_path)  # broke off within `finish`
         rows = RowFile(self._rows_path)
         try:
-            _sync_folder(self.path)
+            _sync_names(self.path)
             if held is None:
                 # only now: until here, what stands there may be the table before the run
                 self._marker.write(self._heading())
@@ -247,7 +255,8 @@ def _let_go() -> None:
         marker.close()
 
 
-os.register_at_fork(after_in_child=_let_go)
+if hasattr(os, "register_at_fork"):  # Windows forks no process
+    os.register_at_fork(after_in_child=_let_go)
 
 
 def _locked(marker: Path, table: Path) -> FileIO:
@@ -255,14 +264,13 @@ def _locked(marker: Path, table: Path) -> FileIO:
     while True:
         stream: FileIO = open(marker, "a+b", buffering=0)  # noqa: SIM115
         try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not lock(stream.fileno(), wait=False):
+                raise FileProblem(
+                    table, "is being written by another run", "wait for it or name another file"
+                )
             if os.path.samestat(os.fstat(stream.fileno()), os.stat(marker)):
                 _HELD.add(stream)
                 return stream
-        except BlockingIOError:
-            stream.close()
-            told = ("is being written by another run", "wait for it or name another file")
-            raise FileProblem(table, *told) from None
         except FileNotFoundError:
             pass
         except BaseException:
@@ -275,11 +283,7 @@ def _beside(path: Path, ending: str) -> Path:
     return path.with_name(path.name + ending)
 
 
-def _sync_folder(path: Path) -> None:
-    # names of files are the folder's to keep; a file system that has no such call keeps them by itself
+def _sync_names(path: Path) -> None:
+    # a file system that has no such call keeps them by itself
     with contextlib.suppress(OSError):
-        handle = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+        sync_folder(path.parent)

@@ -37,6 +37,21 @@ def replacing(path: Path) -> Iterator[Path]:
         ) from error
 
 
+def sync_folder(folder: Path) -> None:
+    """Put the names of a folder's files on the disk; Windows does so by itself.
+
+    Raises:
+        OSError: it cannot be done.
+    """
+    if not hasattr(os, "O_DIRECTORY"):
+        return
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
 def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)

@@ -23,6 +23,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.common.atomic import sync_folder
 from pipeline.common.errors import FileProblem
 from pipeline.common.file_lock import exclusively
 
@@ -75,11 +76,11 @@ class EvidenceFolder:
             target = self.path(sha256)
             if not target.parent.is_dir():
                 target.parent.mkdir(mode=0o700, exist_ok=True)
-                _fsync_folder(self._files)
+                sync_folder(self._files)
             with exclusively(self._lock):
                 self._move(path, target)
                 os.utime(target)
-            _fsync_folder(target.parent)
+            sync_folder(target.parent)
         return sha256, n_bytes
 
     def path(self, sha256: str) -> Path:
@@ -156,8 +157,9 @@ class EvidenceFolder:
 
 
 def _settle(path: Path) -> tuple[str, int]:
-    # O_NOFOLLOW and O_NONBLOCK: neither a link nor a pipe is what it seems
-    handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    # O_NOFOLLOW and O_NONBLOCK: neither a link nor a pipe is what it seems; Windows has none of the three
+    flags = [getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC")]
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0) | sum(flags))
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise FileProblem(path, "is no file", "name a file")
@@ -168,14 +170,6 @@ def _settle(path: Path) -> tuple[str, int]:
             n_bytes += len(chunk)
         os.fsync(handle)
     return digest.hexdigest(), n_bytes
-
-
-def _fsync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _remove_if_older(path: Path, latest_s: float) -> int:

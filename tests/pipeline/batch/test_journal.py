@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import errno
-import fcntl
 import json
 import os
 import signal
@@ -27,6 +26,7 @@ from pipeline.batch.journal import RunJournal
 from pipeline.batch.row_files import read_rows
 from pipeline.batch.tables import LINE_FORMS, MOST_TEXT, write_rows
 from pipeline.common.errors import FileProblem
+from pipeline.common.file_lock import lock
 from pipeline.common.row import Row
 
 SUFFIXES = (".csv", ".jsonl", ".parquet")
@@ -501,14 +501,13 @@ def test_a_run_that_ends_while_the_next_begins_does_not_share_its_lock(
     marker = table.with_name(table.name + ".unfinished")
     calls = []
 
-    def flock(stream: Any, how: int) -> None:
-        calls.append(how)
+    def locked_late(handle: int, *, wait: bool) -> bool:
+        calls.append(handle)
         if len(calls) == 1:
             marker.unlink()
-        real(stream, how)
+        return lock(handle, wait=wait)
 
-    real = fcntl.flock
-    monkeypatch.setattr("pipeline.batch.journal.fcntl.flock", flock)
+    monkeypatch.setattr("pipeline.batch.journal.lock", locked_late)
     with RunJournal.open(table, RUN):
         assert len(calls) == 2
         assert marker.exists()
@@ -565,6 +564,7 @@ import resource, sys
 from pathlib import Path
 from pipeline.common.row import Row
 from pipeline.common.errors import FileProblem
+from pipeline.common.file_lock import lock
 from pipeline.batch.journal import RunJournal
 book = RunJournal.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
 resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))  # a write over it is done in part, then refused
