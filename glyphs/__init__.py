@@ -1,1 +1,8 @@
-"""What a mark is: height maps, character outlines, dies, stamping and the glyph database."""
+"""What a mark is: outlines, dies, stamping, dirt and photographs.
+
+`stamp` makes a part in one call; the names below are the vocabulary (listed in `__init__.pyi`, loaded on first use).
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

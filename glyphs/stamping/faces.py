@@ -42,6 +42,10 @@ class Face(StrEnum):
     ROUND = "round"
     DOTTED = "dotted"
 
+    @classmethod
+    def _missing_(cls, value: object) -> Face:
+        raise DieError(f"unknown face {value!r}; use one of {', '.join(cls)}")
+
 
 @dataclass(frozen=True)
 class Die:
@@ -74,10 +78,7 @@ class Die:
     dot_pitch_mm: float = 0.6
 
     def __post_init__(self) -> None:
-        try:
-            object.__setattr__(self, "face", Face(self.face))
-        except ValueError:
-            raise DieError(f"unknown face {self.face!r}; use one of {', '.join(Face)}") from None
+        object.__setattr__(self, "face", Face(self.face))
         for name in ("bevel_deg", "depth_mm", "stroke_mm", "burr_width_mm", "dot_pitch_mm"):
             value = float(getattr(self, name))
             if not math.isfinite(value) or value <= 0.0:
@@ -108,7 +109,7 @@ def default_die(
     height_mm: float,
     *,
     font: Font | None = None,
-    face: Face = Face.FLAT,
+    face: Face | str = Face.FLAT,
     bevel_deg: float = 45.0,
     depth_mm: float | None = None,
 ) -> Die:
@@ -119,8 +120,9 @@ def default_die(
     stroke; DOTTED has dots of two thirds of the stroke, set 1.3 diameters apart.
 
     Raises:
-        DieError: height, bevel or depth out of range.
+        DieError: height, bevel or depth out of range, or no such face.
     """
+    face = Face(face)
     depth = default_depth_mm(height_mm) if depth_mm is None else float(depth_mm)
     check_height(height_mm)
     ratio = font.stroke_ratio if font is not None and font.stroke_ratio > 0.0 else DEFAULT_STROKE_RATIO

@@ -14,7 +14,7 @@ from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.variation import PlateVariation, StampingVariation, VariationError
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
-__all__ = ["PlateVariation", "StampedPart", "StampingVariation", "VariationError", "stamp"]
+__all__ = ["PlateVariation", "StampedPart", "StampingVariation", "VariationError", "stamp_line"]
 
 Box = tuple[float, float, float, float]
 
@@ -63,7 +63,7 @@ class _Blow:
     burr_fraction: float
 
 
-def stamp(
+def stamp_line(
     text: str,
     font: Font,
     die: Die,

@@ -164,15 +164,15 @@ class SynthParts:
         from pipeline.files import synth
 
         spec = self._spec(item.condition)
-        soiled = synth.make_soiled(spec, item.number)
-        stamped = soiled.part
+        part = synth.make_part(spec, item.number)
+        stamped = part.stamped
         boxes = [b for b, char in zip(stamped.boxes_mm, stamped.text, strict=True) if char != " "]
         return Specimen(
             part=item.part,
             truth="".join(stamped.text.split()),
-            height_map=soiled.height_map,
-            soil=soiled.soil,
-            take_photo=lambda: synth.make_photo(spec, item.number, soiled),
+            height_map=part.height_map,
+            soil=part.soil,
+            take_photo=lambda: spec.photograph(part),
             line_mm=_hull(boxes),
         )
 

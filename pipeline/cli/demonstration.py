@@ -9,11 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import Face, default_die
-from glyphs.stamping.stamp import StampedPart, stamp
+from glyphs.part import Part, stamp
+from glyphs.stamping.die import Face
 from pipeline.common.atomic import replacing
 from pipeline.files.lead_in import calibrate_scan
 from pipeline.files.npz import write_npz
@@ -97,20 +94,19 @@ def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None
     return DemoResult(tuple(done), overview, page)
 
 
-def _stamped(demo: DemoPart, number: int) -> StampedPart:
-    font = load_font(demo.font)
+def _stamped(demo: DemoPart, number: int) -> Part:
     return stamp(
         demo.text,
-        font,
-        default_die(demo.height_mm, font=font, face=demo.face),
+        font=demo.font,
         height_mm=demo.height_mm,
+        face=demo.face,
         line_rotation_deg=demo.rotation_deg,
         raised=demo.raised,
-        rng=np.random.default_rng([_SEED, number]),
+        seed=(_SEED, number),
     )
 
 
-def _recorded(part: StampedPart, path: Path, number: int) -> Scan:
+def _recorded(part: Part, path: Path, number: int) -> Scan:
     """Scan the part, record the raw moments, calibrate the recording and load it again."""
     plan, height = plan_for(part.height_map, height_mm=part.height_mm)
     scan = feel(part.height_map, plan=plan, height_mm=height, sensor_seed=_SEED + number, part_id=path.stem)

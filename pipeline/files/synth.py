@@ -1,8 +1,7 @@
 """Parts out of nothing: stamped plates, dirt on them, photographs, and the table of what was stamped.
 
-The truth stands in `truth.csv` alone; no part's own file tells its text. A part depends on the seed and its
-number only, so the first ten of fifty are the same as ten. Stamping, dirt and photograph draw from streams of
-their own: the same part clean and dirty, in this light and in that.
+The truth stands in `truth.csv` alone; no part's own file holds its text. A part depends on the seed and its
+number only, so the first ten of fifty are the same as ten.
 """
 
 from __future__ import annotations
@@ -14,15 +13,15 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.camera.appearance import draw_camera, draw_light, photograph
+from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera
-from glyphs.camera.shading import Light
-from glyphs.fonts.outlines import Font, load_font
-from glyphs.fonts.serials import allowed_characters, random_text
-from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
-from glyphs.stamping.die import Die, Face, default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from glyphs.fonts.outlines import load_font
+from glyphs.fonts.serials import allowed_characters
+from glyphs.part import Part, stamp
+from glyphs.soiling.dirty import Dirt
+from glyphs.stamping.die import Face, default_die
+from glyphs.stamping.stamp import StampingVariation
 from pipeline.common.atomic import replacing
 from pipeline.common.errors import FileProblem
 from pipeline.files.npz import write_npz
@@ -30,7 +29,6 @@ from pipeline.files.photos import write_photo
 
 TRUTH_FILE = "truth.csv"
 MAX_PARTS = 1_000_000
-_SOIL_STREAM, _PHOTO_STREAM = 1, 2
 
 
 @dataclass(frozen=True)
@@ -74,48 +72,43 @@ class SynthSpec:
         if self.seed < 0:
             raise ValueError(f"seed is {self.seed}; it cannot be negative")
         allowed_characters(self.mask)
-        self.light(np.random.default_rng(0))
+        draw_light(
+            np.random.default_rng(0),
+            azimuth_deg=self.light_azimuth_deg,
+            elevation_deg=self.light_elevation_deg,
+        )
         Camera(pitch_mm=self.pixel_mm)
-        self.die(load_font(self.font))
-
-    def die(self, font: Font) -> Die:
-        """The die that stamps them."""
-        return default_die(
-            self.height_mm, font=font, face=self.face, bevel_deg=self.bevel_deg, depth_mm=self.depth_mm
+        default_die(
+            self.height_mm,
+            font=load_font(self.font),
+            face=self.face,
+            bevel_deg=self.bevel_deg,
+            depth_mm=self.depth_mm,
         )
 
-    def light(self, rng: np.random.Generator) -> Light:
-        """The lamp: drawn, but for what is given."""
-        return draw_light(rng, azimuth_deg=self.light_azimuth_deg, elevation_deg=self.light_elevation_deg)
+    def photograph(self, part: Part) -> Photo:
+        """The photograph of one of its parts."""
+        return part.photograph(
+            light_azimuth_deg=self.light_azimuth_deg,
+            light_elevation_deg=self.light_elevation_deg,
+            pixel_mm=self.pixel_mm,
+        )
 
 
-def make_part(spec: SynthSpec, number: int) -> StampedPart:
+def make_part(spec: SynthSpec, number: int) -> Part:
     """The part of that number, the same whatever was made before it."""
-    rng = np.random.default_rng([spec.seed, number])
-    font = load_font(spec.font)
     return stamp(
-        random_text(spec.mask, rng=rng),
-        font,
-        spec.die(font),
+        format=spec.mask,
+        font=spec.font,
         height_mm=spec.height_mm,
-        variation=StampingVariation() if spec.variation else StampingVariation.none(),
+        depth_mm=spec.depth_mm,
+        face=spec.face,
+        bevel_deg=spec.bevel_deg,
         raised=spec.raised,
-        rng=rng,
+        variation=None if spec.variation else StampingVariation.none(),
+        dirt=spec.dirt,
+        seed=(spec.seed, number),
     )
-
-
-def make_soiled(spec: SynthSpec, number: int) -> SoiledPart:
-    """The same part with its dirt on it, or as it is where the spec has none."""
-    rng = np.random.default_rng([spec.seed, number, _SOIL_STREAM])
-    return soil_part(make_part(spec, number), spec.dirt, rng=rng)
-
-
-def make_photo(spec: SynthSpec, number: int, soiled: SoiledPart) -> Photo:
-    """The photograph of that part; light, camera and noise are the same whatever lies on it."""
-    rng = np.random.default_rng([spec.seed, number, _PHOTO_STREAM])
-    light = spec.light(rng)
-    camera = draw_camera(rng, pitch_mm=spec.pixel_mm)
-    return photograph(soiled, light, camera, rng=rng)
 
 
 def write_parts(
@@ -137,7 +130,7 @@ def write_parts(
         photos: whether photographs are taken.
         workers: processes; what is written does not depend on it.
         overwrite: write into a folder that is not empty.
-        on_part: told the name of every part when it is written, in order.
+        on_part: called with the name of every part when it is written, in order.
 
     Returns:
         (name, text) of each part.
@@ -183,24 +176,19 @@ def _written(spec: SynthSpec, folder: Path, names: list[str], photos: bool, work
 
 def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str:
     """Write one part as `stem`.npz and .png; a clean one as its surface alone. Returns its text."""
-    if spec.dirt.clean and not photos:
-        part = make_part(spec, number)
-        write_npz(stem.with_suffix(".npz"), part.height_map)
-        return part.text
-    soiled = make_soiled(spec, number)
+    part = make_part(spec, number)
     more = None
-    if not spec.dirt.clean:
-        soil = soiled.soil
+    if part.soil is not None:
         # half precision holds micrometres of a tenth of a millimetre, at half the size
         more = {
-            "friction": soil.friction.astype(np.float16),
-            "soft_mm": soil.thickness_mm.astype(np.float16),
-            "hardness_mpa": soil.hardness_mpa.astype(np.float16),
+            "friction": part.soil.friction.astype(np.float16),
+            "soft_mm": part.soil.thickness_mm.astype(np.float16),
+            "hardness_mpa": part.soil.hardness_mpa.astype(np.float16),
         }
-    write_npz(stem.with_suffix(".npz"), soiled.height_map, more=more)
+    write_npz(stem.with_suffix(".npz"), part.height_map, more=more)
     if photos:
-        write_photo(stem.with_suffix(".png"), make_photo(spec, number, soiled))
-    return soiled.part.text
+        write_photo(stem.with_suffix(".png"), spec.photograph(part))
+    return part.text
 
 
 def _prepare(folder: Path, *, overwrite: bool) -> None:

@@ -18,25 +18,22 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     Settings or fonts that cannot be used do not matter here: every job tells.
     """
     import cv2
-    import numpy as np
 
-    from glyphs.camera.appearance import photograph
     from glyphs.camera.pose import Camera
     from pipeline.common.errors import FileProblem
     from pipeline.files.npz import write_npz
     from pipeline.files.photos import write_photo
-    from pipeline.files.synth import SynthSpec, make_soiled
+    from pipeline.files.synth import SynthSpec, make_part
     from pipeline.reading.job_reading import read_job
     from pipeline.reading.jobs import Job
 
     cv2.setNumThreads(1)
     spec = SynthSpec("AA99", seed=1, height_mm=settings.height_mm or 5.0, variation=False)
-    soiled = make_soiled(spec, 0)
-    rng = np.random.default_rng(1)
-    photo = photograph(soiled, spec.light(rng), Camera(pitch_mm=spec.height_mm / 60.0), rng=rng)
+    part = make_part(spec, 0)
+    photo = part.photograph(camera=Camera(pitch_mm=spec.height_mm / 60.0))
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
         folder = Path(name)
-        write_npz(folder / "part.npz", soiled.height_map)
+        write_npz(folder / "part.npz", part.height_map)
         write_photo(folder / "part.png", photo)
         # with the format of the settings, of which this part is none: it is looked at all the same
         with contextlib.suppress(FileProblem):

@@ -20,11 +20,11 @@ from glyphs.fonts.outlines import load_font
 from glyphs.soiling.dirty import Dirt
 from glyphs.soiling.soil import Soil
 from glyphs.stamping.plate import plate_form, plate_texture
-from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp
+from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap
 from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
-from pipeline.files.synth import SynthSpec, make_part, make_soiled
+from pipeline.files.synth import SynthSpec, make_part
 from pipeline.reading.enrolment import ReviewedPart, enrol
 from recognition.reader import Reader, ReaderSettings
 from recognition.reading import Decision
@@ -56,7 +56,9 @@ def worn(number: int) -> Made:
     die = replace(spec.die(font), depth_mm=0.07)
     rng = np.random.default_rng([spec.seed, number])
     flat = StampingVariation(plate=PlateVariation.none())
-    part = stamp(make_part(spec, number).text, font, die, height_mm=spec.height_mm, variation=flat, rng=rng)
+    part = stamp_line(
+        make_part(spec, number).text, font, die, height_mm=spec.height_mm, variation=flat, rng=rng
+    )
     pitch = part.height_map.pitch_mm
     z = np.array(part.height_map.z_mm)
     for char, (x0, y0, x1, y1) in zip(part.text, part.boxes_mm, strict=True):
@@ -84,8 +86,8 @@ def harm(number: int) -> Made:
 
 def harm_dirty(number: int) -> Made:
     """A dirty part of the usual gothic."""
-    soiled = make_soiled(SynthSpec(mask=MASK, seed=300, dirt=Dirt.of(0.6)), number)
-    return soiled.part.text, soiled.height_map, soiled.soil
+    part = make_part(SynthSpec(mask=MASK, seed=300, dirt=Dirt.of(0.6)), number)
+    return part.text, part.height_map, part.soil
 
 
 CASES: dict[str, tuple[Callable[[int], Made], Callable[[int], Made]]] = {

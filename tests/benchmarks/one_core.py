@@ -14,7 +14,7 @@ import numpy as np
 
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, stamp
+from glyphs.stamping.stamp import StampedPart, stamp_line
 from recognition.reader import Reader, ReaderSettings
 from recognition.reading import Reading
 from whisker_array.estimation.edges import edge_map
@@ -30,7 +30,7 @@ HEIGHT_MM = 5.0
 def a_part(text: str, rng: np.random.Generator) -> StampedPart:
     """A stamped part with all its variation."""
     font = load_font("gothic")
-    return stamp(text, font, default_die(HEIGHT_MM, font=font), height_mm=HEIGHT_MM, rng=rng)
+    return stamp_line(text, font, default_die(HEIGHT_MM, font=font), height_mm=HEIGHT_MM, rng=rng)
 
 
 def a_scan(text: str, seed: int) -> Scan:

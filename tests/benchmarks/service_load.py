@@ -26,7 +26,7 @@ import httpx
 import numpy as np
 
 from glyphs.soiling.dirty import Dirt
-from pipeline.files.synth import SynthSpec, make_soiled, write_part
+from pipeline.files.synth import SynthSpec, make_part, write_part
 from pipeline.reading.simulated_scan import feel, plan_for
 from pipeline.service.process import service_process
 from whisker_array.scan.recording import save_scan
@@ -60,7 +60,7 @@ def make_supplies(folder: Path, *, parts: int, dirt: float, seed: int = 5) -> Su
         stem = folder / f"part-{number}"
         write_part(spec, stem, number, photos=True)
         photos.append(stem.with_suffix(".png").read_bytes())
-        soiled = make_soiled(spec, number)
+        soiled = make_part(spec, number)
         plan, height = plan_for(soiled.height_map, height_mm=HEIGHT_MM)
         scan = feel(soiled.height_map, plan=plan, height_mm=height, sensor_seed=number, soil=soiled.soil)
         save_scan(scan, stem.with_suffix(".h5"))

@@ -18,7 +18,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import stamp
+from glyphs.stamping.stamp import stamp_line
 from pipeline.batch.task import RunOrder, read_listed
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
@@ -53,7 +53,7 @@ def threads(count: int) -> Iterator[None]:
 def test_contact_samples(benchmark: BenchmarkFixture) -> None:
     """A stamped plate with all its texture, in the steps of the default plan, on two threads."""
     font = load_font("gothic")
-    part = stamp(TEXT, font, default_die(5.0, font=font), height_mm=5.0, rng=np.random.default_rng(1))
+    part = stamp_line(TEXT, font, default_die(5.0, font=font), height_mm=5.0, rng=np.random.default_rng(1))
     touch = default_touch(5.0)
     surface = prepare_surface(part.height_map, tip_radius_mm=touch.tip_radius_mm, friction=touch.friction)
     width, height = part.height_map.size_mm

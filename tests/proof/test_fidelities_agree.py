@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp
+from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap
 from whisker_array.simulation.contact import land_lag_mm, trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
@@ -69,7 +69,7 @@ def plate(rough: bool) -> HeightMap:
     """Two characters struck into a plate, with all that varies from blow to blow; a machined plate, or a perfect."""
     font = load_font("gothic")
     vary = StampingVariation(plate=PlateVariation() if rough else PlateVariation.none())
-    part = stamp(
+    part = stamp_line(
         "8A", font, default_die(5.0, font=font), height_mm=5.0, pitch_mm=PITCH, margin_mm=1.0,
         variation=vary, rng=np.random.default_rng(8),
     )  # fmt: skip

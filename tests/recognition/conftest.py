@@ -11,7 +11,7 @@ import pytest
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap
 from recognition.reader import Reader, ReaderSettings
 from recognition.templates import TemplateSet, predict_templates, template_key
@@ -42,7 +42,7 @@ def make_part(gothic: Font) -> Callable[..., StampedPart]:
     def made(text: str, height_mm: float, seed: int, calm: bool, face: str, options: tuple) -> StampedPart:
         given = {"pitch_mm": height_mm / 60, **dict(options)}
         die = default_die(height_mm, font=gothic, **({"face": face} if face else {}))
-        return stamp(
+        return stamp_line(
             text,
             gothic,
             die,

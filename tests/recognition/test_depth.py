@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.die import Face, default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap
 from recognition.decode import Placed
 from recognition.depth import mark_depths
@@ -55,7 +55,7 @@ def stamped(
 ) -> StampedPart:
     """A part whose characters differ in depth and in nothing else, each of one depth all along."""
     die = replace(default_die(height_mm, font=font, face=face), burr_height_mm=burr_mm)
-    return stamp(
+    return stamp_line(
         text,
         font,
         die,

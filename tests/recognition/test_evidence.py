@@ -10,7 +10,7 @@ import pytest
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap
 from recognition.decode import Placed, Spacing
 from recognition.evidence import (
@@ -61,7 +61,7 @@ def feel(gothic: Font, touch: Touch) -> Feel:
         text: str = TEXT, *, depth: float = 1.0, **options: object
     ) -> tuple[StampedPart, LineSearch, LineFit]:
         die = default_die(HEIGHT_MM, font=gothic)
-        part = stamp(
+        part = stamp_line(
             text,
             gothic,
             replace(die, depth_mm=die.depth_mm * depth),

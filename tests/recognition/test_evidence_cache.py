@@ -11,7 +11,7 @@ import pytest
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampingVariation, stamp
+from glyphs.stamping.stamp import StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap
 from recognition.evidence import LineEvidence, PlaceEvidence
 from recognition.evidence_cache import OWN_QUANTILE, OWN_SHARE, EvidenceCache
@@ -119,7 +119,7 @@ def test_another_font_is_not_of_its_own_shapes(
 ) -> None:
     font = load_font(name)
     text = "HS5W3M6G"
-    part = stamp(
+    part = stamp_line(
         text,
         font,
         default_die(5.0, font=font),

@@ -17,7 +17,7 @@ from glyphs.camera.pose import mapped
 from glyphs.fonts.outlines import load_font
 from glyphs.soiling.dirty import Dirt, SoiledPart
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from pipeline.files.synth import SynthSpec, make_soiled
+from pipeline.files.synth import SynthSpec, make_part
 from recognition.lattice import Lattice
 from recognition.reading import Box
 from recognition.register import RegisterFailure, Registration, matched_boxes, register, same_field
@@ -38,7 +38,7 @@ CHARS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 
 @lru_cache(maxsize=8)
 def soiled(severity: float, number: int) -> SoiledPart:
-    return make_soiled(SynthSpec(mask="AA9999", seed=4242, dirt=Dirt.of(severity)), number)
+    return make_part(SynthSpec(mask="AA9999", seed=4242, dirt=Dirt.of(severity)), number).soiled
 
 
 @lru_cache(maxsize=8)

@@ -12,7 +12,7 @@ from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.soiling.dirty import Dirt, soil_part
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, stamp
+from glyphs.stamping.stamp import StampedPart, stamp_line
 from glyphs.surface.maps import EdgeMap, HeightMap
 from recognition.acceptance import Decided, ScoredLine, decide
 from recognition.calibrate import Weights
@@ -351,7 +351,7 @@ FOREIGN = "plain letters of another font pass for the gothic's own where their s
 )
 def test_another_font_is_never_accepted_wrongly(name: str, text: str, seed: int, reader: Readers) -> None:
     font = load_font(name)
-    part = stamp(
+    part = stamp_line(
         text,
         font,
         default_die(5.0, font=font),

@@ -16,7 +16,7 @@ from glyphs.soiling.coat import Look
 from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
 from glyphs.soiling.soil import Soil
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap, MapError
 
 LAMP = Light(azimuth_deg=0.0, elevation_deg=40.0, ambient=0.0, shadows=False)
@@ -44,7 +44,7 @@ def _scene(z: np.ndarray, look: Look, pitch_mm: float = 0.1) -> SoiledPart:
 def _stamped() -> StampedPart:
     font = load_font("gothic")
     die = default_die(5.0, font=font)
-    return stamp(
+    return stamp_line(
         "A7", font, die, height_mm=5.0, variation=StampingVariation.none(), rng=np.random.default_rng(0)
     )
 

@@ -16,7 +16,7 @@ from glyphs.soiling.dirty import Dirt, DirtError, SoiledPart, soil_part
 from glyphs.soiling.films import OIL_FRICTION, PAINT_MPA
 from glyphs.soiling.grime import HARDEST_MPA, SOFTEST_MPA
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import share, smooth_noise
 
@@ -33,7 +33,7 @@ def _part(raised: bool = False) -> StampedPart:
 @cache
 def _stamped(raised: bool) -> StampedPart:
     font = load_font("gothic")
-    return stamp(
+    return stamp_line(
         "B4",
         font,
         default_die(5.0, font=font),

@@ -1,6 +1,3 @@
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -23,12 +20,3 @@ def test_sheet_shows_ink_and_relief_of_every_font():
 def test_sheet_needs_a_font():
     with pytest.raises(ValueError, match="at least one font"):
         sheet_figure([])
-
-
-def test_importing_the_package_is_cheap():
-    heavy = "{'numba', 'h5py', 'fontTools', 'HersheyFonts', 'matplotlib', 'scipy'}"
-    names = ("maps", "outlines", "die", "stamping", "serials", "database", "sheet")
-    modules = ", ".join(f"glyphs.{name}" for name in names)
-    code = f"import sys, {modules}; print(sorted({heavy} & set(sys.modules)))"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"

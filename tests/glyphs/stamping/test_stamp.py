@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from glyphs.fonts.outlines import SERIAL_CHARACTERS, FontError, load_font
 from glyphs.stamping.die import DieError, Face, default_die, glyph_relief_mm, to_plate
 from glyphs.stamping.plate import plate_form, plate_texture
-from glyphs.stamping.stamp import PlateVariation, StampedPart, StampingVariation, VariationError, stamp
+from glyphs.stamping.stamp import PlateVariation, StampedPart, StampingVariation, VariationError, stamp_line
 from glyphs.surface.maps import MapError
 
 GOTHIC = load_font("gothic")
@@ -25,7 +25,7 @@ def rng(seed=1):
 
 def part(text="AB12", **options):
     given_ = {"height_mm": 5.0, "pitch_mm": 0.1, "rng": rng(), **options}
-    return stamp(text, given_.pop("font", GOTHIC), given_.pop("die", DIE), **given_)
+    return stamp_line(text, given_.pop("font", GOTHIC), given_.pop("die", DIE), **given_)
 
 
 def test_same_seed_same_part_and_other_seed_another():
@@ -130,7 +130,7 @@ def test_raised_without_variation_is_sunk_turned_over():
 
 
 def test_default_pitch_and_margin_follow_the_height():
-    stamped = stamp("A", GOTHIC, DIE, height_mm=5.0, rng=rng())
+    stamped = stamp_line("A", GOTHIC, DIE, height_mm=5.0, rng=rng())
     assert stamped.height_map.pitch_mm == pytest.approx(0.05)
     assert stamped.height_map.size_mm[1] == pytest.approx(13.0, abs=0.06)
 

@@ -10,7 +10,7 @@ import pytest
 
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampingVariation, stamp
+from glyphs.stamping.stamp import StampingVariation, stamp_line
 from pipeline.cli.exit_status import USAGE, CommandError
 from pipeline.cli.inspect import inspect
 from pipeline.cli.read import read
@@ -22,7 +22,7 @@ def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
     font = load_font("gothic")
     die = default_die(5.0, font=font, depth_mm=0.15)
     how, rng = StampingVariation.none(), np.random.default_rng(1)
-    stamped = stamp("K7B1", font, die, height_mm=5.0, pitch_mm=0.08, variation=how, rng=rng)
+    stamped = stamp_line("K7B1", font, die, height_mm=5.0, pitch_mm=0.08, variation=how, rng=rng)
     path = tmp_path_factory.mktemp("parts") / "one.npz"
     write_npz(path, stamped.height_map)
     return path

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from glyphs.camera.appearance import draw_light
 from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face
 from pipeline.cli.main import main
 from pipeline.files.photos import read_photo
-from pipeline.files.synth import SynthSpec, make_part, make_photo, make_soiled, write_parts
+from pipeline.files.synth import SynthSpec, make_part, write_parts
 from pipeline.files.touch_file import FileProblem, read_height_map
 from pipeline.files.truth import load_truth
 
@@ -106,10 +107,11 @@ def test_a_number_of_parts_that_cannot_be_is_refused(parts: int, tmp_path: Path)
 def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
     clean, dirty = (SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(d)) for d in (0.0, 0.7))
     bare = make_part(clean, 1)
-    np.testing.assert_array_equal(make_soiled(clean, 1).height_map.z_mm, bare.height_map.z_mm)
-    soiled = make_soiled(dirty, 1)
-    assert soiled.part.text == bare.text
-    np.testing.assert_array_equal(soiled.part.height_map.z_mm, bare.height_map.z_mm)
+    assert bare.soil is None
+    np.testing.assert_array_equal(bare.soiled.height_map.z_mm, bare.height_map.z_mm)
+    soiled = make_part(dirty, 1)
+    assert soiled.text == bare.text
+    np.testing.assert_array_equal(soiled.stamped.height_map.z_mm, bare.height_map.z_mm)
     assert (soiled.height_map.z_mm != bare.height_map.z_mm).any()
     write_parts(clean, tmp_path / "with", parts=2)
     write_parts(clean, tmp_path / "without", parts=2, photos=False)
@@ -122,7 +124,8 @@ def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
 def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
     spec = SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(0.7))
     write_parts(spec, tmp_path / "out", parts=2)
-    soiled = make_soiled(spec, 1)
+    soiled = make_part(spec, 1)
+    assert soiled.soil is not None
     np.testing.assert_array_equal(
         read_height_map(tmp_path / "out" / "part-001.npz").z_mm, soiled.height_map.z_mm
     )
@@ -135,7 +138,7 @@ def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
             ("hardness_mpa", soiled.soil.hardness_mpa),
         ):
             np.testing.assert_allclose(content[name].astype(np.float32), kept, rtol=2**-11, atol=1e-7)
-    photo = make_photo(spec, 1, soiled)
+    photo = spec.photograph(soiled)
     back = read_photo(tmp_path / "out" / "part-001.png")
     np.testing.assert_array_equal(back.pixels, photo.pixels)
     assert photo.pitch_mm == 0.06
@@ -147,21 +150,21 @@ def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
 
 def test_workers_write_the_same(tmp_path: Path) -> None:
     spec = SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(0.5))
-    told: list[str] = []
+    named: list[str] = []
     one = write_parts(spec, tmp_path / "one", parts=2)
-    two = write_parts(spec, tmp_path / "two", parts=2, workers=2, on_part=told.append)
+    two = write_parts(spec, tmp_path / "two", parts=2, workers=2, on_part=named.append)
     assert one == two
-    assert told == ["part-000", "part-001"]
+    assert named == ["part-000", "part-001"]
     for path in sorted((tmp_path / "one").glob("*.png")):
         assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
 
 
-def test_the_light_may_be_told() -> None:
+def test_the_light_may_be_given() -> None:
     free = SynthSpec(mask="8", height_mm=3.0)
-    told = SynthSpec(mask="8", height_mm=3.0, light_azimuth_deg=10.0, light_elevation_deg=30.0)
-    soiled = make_soiled(free, 0)
-    assert (make_photo(told, 0, soiled).pixels != make_photo(free, 0, soiled).pixels).any()
-    light = told.light(np.random.default_rng(3))
+    given = SynthSpec(mask="8", height_mm=3.0, light_azimuth_deg=10.0, light_elevation_deg=30.0)
+    part = make_part(free, 0)
+    assert (given.photograph(part).pixels != free.photograph(part).pixels).any()
+    light = draw_light(np.random.default_rng(3), azimuth_deg=10.0, elevation_deg=30.0)
     assert (light.azimuth_deg, light.elevation_deg) == (10.0, 30.0)
 
 

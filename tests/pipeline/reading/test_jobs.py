@@ -13,7 +13,7 @@ from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
 from pipeline.files.photos import read_photo
-from pipeline.files.synth import SynthSpec, make_soiled, write_part
+from pipeline.files.synth import SynthSpec, make_part, write_part
 from pipeline.reading.job_reading import read_job
 from pipeline.reading.jobs import Done, Job, Limits
 from pipeline.reading.kept_readers import MOST_KEPT, readers_of
@@ -36,7 +36,7 @@ class Parts:
         spec = SynthSpec("AA99", seed=5)
         self.text = write_part(spec, folder / "part", 0, photos=True)
         self.photo, self.map = folder / "part.png", folder / "part.npz"
-        self.size_mm = make_soiled(spec, 0).height_map.size_mm
+        self.size_mm = make_part(spec, 0).height_map.size_mm
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampingVariation, stamp
+from glyphs.stamping.stamp import StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import calibrated_moments, edge_map
 from whisker_array.estimation.gridding import averaging
@@ -36,7 +36,7 @@ def plan_of(plate: HeightMap, directions: tuple[TraceDirection, ...] = ALL_DIREC
 def stamped() -> HeightMap:
     """A serial stamped without fault on a flat plate."""
     die = default_die(5.0, font=FONT)
-    return stamp(
+    return stamp_line(
         "K7R4", FONT, die, height_mm=5.0, pitch_mm=PITCH, rng=np.random.default_rng(1),
         variation=StampingVariation.none(),
     ).height_map  # fmt: skip

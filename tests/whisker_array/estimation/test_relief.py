@@ -12,7 +12,7 @@ from scipy.ndimage import map_coordinates
 
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp
+from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges
@@ -144,7 +144,7 @@ def part() -> HeightMap:
     font, rng = load_font("gothic"), np.random.default_rng(1)
     variation = StampingVariation(plate=PlateVariation(tilt_deg=0.0, waviness_um=0.0))
     die = default_die(HEIGHT, font=font)
-    return stamp("KR8", font, die, height_mm=HEIGHT, variation=variation, rng=rng).height_map
+    return stamp_line("KR8", font, die, height_mm=HEIGHT, variation=variation, rng=rng).height_map
 
 
 def stamped(

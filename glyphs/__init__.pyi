@@ -1,0 +1,64 @@
+from .camera.appearance import draw_camera, draw_light, photograph
+from .camera.photo import Photo
+from .camera.pose import Camera
+from .camera.shading import Light
+from .fonts.glyph import Font, FontError, Glyph
+from .fonts.outlines import BUILTIN_FONTS, load_font
+from .fonts.serials import MaskError, allowed_characters, random_text
+from .part import Part, stamp
+from .soiling.coat import Look
+from .soiling.dirty import Dirt, DirtError, SoiledPart, soil_part
+from .soiling.soil import Soil
+from .stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
+from .stamping.die import IdealGlyph, ideal_relief
+from .stamping.faces import Die, DieError, Face, default_die
+from .stamping.stamp import StampedPart, stamp_line
+from .stamping.variation import PlateVariation, StampingVariation, VariationError
+from .stamping.wedge import Wedge
+from .surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
+
+__all__ = [
+    "BUILTIN_FONTS",
+    "Camera",
+    "DatabaseError",
+    "Die",
+    "DieError",
+    "Dirt",
+    "DirtError",
+    "EdgeMap",
+    "Exemplar",
+    "Face",
+    "Font",
+    "FontError",
+    "Glyph",
+    "GlyphDatabase",
+    "HeightMap",
+    "IdealGlyph",
+    "Light",
+    "Look",
+    "MapError",
+    "MaskError",
+    "Part",
+    "Photo",
+    "PlateVariation",
+    "Soil",
+    "SoiledPart",
+    "StampedPart",
+    "StampingVariation",
+    "TraceDirection",
+    "VariationError",
+    "Wedge",
+    "allowed_characters",
+    "default_die",
+    "draw_camera",
+    "draw_light",
+    "ideal_relief",
+    "load_database",
+    "load_font",
+    "photograph",
+    "random_text",
+    "save_database",
+    "soil_part",
+    "stamp",
+    "stamp_line",
+]

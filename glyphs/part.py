@@ -1,0 +1,162 @@
+"""One stamped part, from its text to its photograph::
+
+    text, font, die --stamp_line--> StampedPart --soil_part--> SoiledPart --photograph--> Photo
+
+Stamping, dirt and photograph draw from streams of their own: the same part clean and dirty, in this light and
+in that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from glyphs.camera.appearance import draw_camera, draw_light, photograph
+from glyphs.camera.photo import Photo
+from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera
+from glyphs.camera.shading import Light
+from glyphs.fonts.glyph import Font
+from glyphs.fonts.outlines import load_font
+from glyphs.fonts.serials import random_text
+from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
+from glyphs.soiling.soil import Soil
+from glyphs.stamping.die import DieError, Face, default_die
+from glyphs.stamping.stamp import StampedPart, StampingVariation, VariationError, stamp_line
+from glyphs.surface.maps import HeightMap
+
+_SOIL_STREAM, _PHOTO_STREAM = 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A stamped part, clean or dirty, to be scanned and photographed.
+
+    Attributes:
+        stamped: the part when it was clean.
+        dirt: how much of what lies on it.
+        seed: of everything random; dirt draws from (*seed, 1), the photograph from (*seed, 2).
+    """
+
+    stamped: StampedPart
+    dirt: Dirt
+    seed: tuple[int, ...]
+
+    @property
+    def text(self) -> str:
+        """What was stamped."""
+        return self.stamped.text
+
+    @property
+    def height_mm(self) -> float:
+        """Character height."""
+        return self.stamped.height_mm
+
+    @property
+    def height_map(self) -> HeightMap:
+        """The surface as an instrument or a camera finds it: the top of the dirt."""
+        return self.stamped.height_map if self.dirt.clean else self.soiled.height_map
+
+    @property
+    def soil(self) -> Soil | None:
+        """What of the dirt yields, and its friction; None of a clean part."""
+        return None if self.dirt.clean else self.soiled.soil
+
+    @cached_property
+    def soiled(self) -> SoiledPart:
+        """The part with its dirt and its look, made when first asked for."""
+        return soil_part(self.stamped, self.dirt, rng=self._rng(_SOIL_STREAM))
+
+    def photograph(
+        self,
+        *,
+        light: Light | None = None,
+        camera: Camera | None = None,
+        light_azimuth_deg: float | None = None,
+        light_elevation_deg: float | None = None,
+        pixel_mm: float = DEFAULT_PIXEL_MM,
+    ) -> Photo:
+        """Take a picture of the part; what is not given is drawn, the same whatever lies on the part.
+
+        Args:
+            light: how it is lit.
+            camera: where it stands and what it does.
+            light_azimuth_deg: where the lamp stands, if the light is drawn.
+            light_elevation_deg: how high it stands, likewise.
+            pixel_mm: size of a pixel on the part, if the camera is drawn.
+
+        Raises:
+            MapError: a light, pixel or picture that cannot be.
+        """
+        rng = self._rng(_PHOTO_STREAM)
+        drawn = draw_light(rng, azimuth_deg=light_azimuth_deg, elevation_deg=light_elevation_deg)
+        camera_drawn = draw_camera(rng, pitch_mm=pixel_mm)
+        return photograph(self.soiled, light or drawn, camera or camera_drawn, rng=rng)
+
+    def _rng(self, stream: int) -> np.random.Generator:
+        return np.random.default_rng([*self.seed, stream])
+
+
+def stamp(
+    text: str | None = None,
+    *,
+    format: str | None = None,
+    font: str | Path | Font = "gothic",
+    height_mm: float = 5.0,
+    depth_mm: float | None = None,
+    face: Face | str = Face.FLAT,
+    bevel_deg: float = 45.0,
+    raised: bool = False,
+    line_rotation_deg: float = 0.0,
+    pitch_mm: float | None = None,
+    variation: StampingVariation | None = None,
+    dirt: float | Dirt = 0.0,
+    seed: int | Sequence[int] = 0,
+) -> Part:
+    """Stamp a serial on a plate.
+
+    Args:
+        text: the serial; or
+        format: its form (`A` a letter, `9` a digit, `*` either), and a serial is drawn.
+        font: built-in name, font file or font.
+        height_mm: character height.
+        depth_mm: depth of the mark, the usual one of that height unless given.
+        face: face of the die.
+        bevel_deg: slope of its walls.
+        raised: raised marks.
+        line_rotation_deg: of the line on the plate, clockwise as the picture shows it.
+        pitch_mm: sample pitch, a hundredth of the height unless given.
+        variation: how blows and plate differ; `StampingVariation.none()` for an ideal part.
+        dirt: severity 0 (clean) to 1, or how much of each kind.
+        seed: the same seed gives the same part; several numbers make one seed.
+
+    Raises:
+        DieError: neither text nor format, or both; a die that cannot be or cannot cut the glyphs.
+        FontError: no such font, or a character that it lacks.
+        MaskError: a format that no serial can obey.
+        DirtError: a severity outside 0..1.
+        MapError: a pitch not positive or too fine for the size.
+        VariationError: a negative seed.
+    """
+    if (text is None) == (format is None):
+        raise DieError("give the text to stamp, or the format of a serial to draw")
+    key = tuple(int(number) for number in np.atleast_1d(seed))
+    if min(key, default=-1) < 0:
+        raise VariationError(f"seed is {seed}; give a number that is not negative, or several")
+    rng = np.random.default_rng(key)
+    letters = font if isinstance(font, Font) else load_font(font)
+    stamped = stamp_line(
+        random_text(format, rng=rng) if format is not None else text or "",
+        letters,
+        default_die(height_mm, font=letters, face=face, bevel_deg=bevel_deg, depth_mm=depth_mm),
+        height_mm=height_mm,
+        pitch_mm=pitch_mm,
+        line_rotation_deg=line_rotation_deg,
+        variation=variation,
+        raised=raised,
+        rng=rng,
+    )
+    return Part(stamped, dirt if isinstance(dirt, Dirt) else Dirt.of(dirt), key)
