@@ -130,11 +130,11 @@ def test_positions_stand_for_start_and_step(scan: Scan, recording: Path) -> None
 def test_the_example_of_the_documentation_runs_and_reads(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = (ROOT / "docs" / "recording.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "pages" / "reference" / "recordings.md").read_text(encoding="utf-8")
     example = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     assert len(example) == 1
     monkeypatch.chdir(tmp_path)
-    exec(compile(example[0], "docs/recording.md", "exec"), {})
+    exec(compile(example[0], "docs/pages/reference/recordings.md", "exec"), {})
     path = tmp_path / "scan.h5"
     with pytest.raises(RecordingError, match="calibrate"):
         load_scan(path)

@@ -1,0 +1,87 @@
+"""The documentation: every script in it runs, every command in it exists, and the site builds without a warning."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipeline.cli.main import app
+
+ROOT = Path(__file__).parents[2]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs" / "pages").rglob("*.md")))
+COMMAND = re.compile(r"^ *tactile-marks ([a-z][^|\n]*)$|`tactile-marks ([a-z][^`|]*)`", re.MULTILINE)
+SCRIPT = re.compile(r"(<!-- not run: [^\n]+ -->\n+)?^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def _scripts() -> list[object]:
+    return [
+        pytest.param(
+            found[2], id=f"{page.relative_to(ROOT)}:{page.read_text()[: found.start()].count(chr(10)) + 1}"
+        )
+        for page in PAGES
+        for found in SCRIPT.finditer(page.read_text(encoding="utf-8"))
+        if not found[1]
+    ]
+
+
+@pytest.mark.parametrize("script", _scripts())
+def test_scripts_of_the_documentation_run(script: str, tmp_path: Path) -> None:
+    path = tmp_path / "script.py"
+    path.write_text(script, encoding="utf-8")
+    tree = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    ran = subprocess.run(
+        [sys.executable, str(path)],
+        cwd=tmp_path,
+        env={**os.environ, "MPLBACKEND": "agg", "PYTHONPATH": tree},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_and_flags_of_the_documentation_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    for line in map("".join, COMMAND.findall(text)):
+        words = shlex.split(line.split("  #")[0].rstrip("&"))
+        command = app[words[0]]
+        if words[1:] and words[1] in list(command):
+            command = command[words[1]]
+        flags = {name for argument in command.assemble_argument_collection() for name in argument.names}
+        named = {word.partition("=")[0] for word in words if word.startswith("--")}
+        assert named <= flags | {"--help", "--version"}, f"{page.name}: {line}"
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason="the extra docs is not installed")
+def test_the_site_builds_strictly(tmp_path: Path) -> None:
+    ran = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "mkdocs",
+            "build",
+            "--strict",
+            "-f",
+            "docs/mkdocs.yml",
+            "-d",
+            str(tmp_path / "site"),
+        ],
+        cwd=ROOT,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1", "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    library = (tmp_path / "site" / "reference" / "library.html").read_text(encoding="utf-8")
+    assert "Reader" in library
