@@ -23,7 +23,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES = PROJECT["tool"]["setuptools"]["packages"]
+PACKAGES = ("glyphs", "whisker_array", "recognition", "pipeline")
 SETUPTOOLS = 77
 """The first that knows a licence by its SPDX name."""
 SCRAPS = shutil.ignore_patterns("__pycache__", ".*", "*~")
@@ -197,12 +197,12 @@ Path("bench").mkdir()
 print(report.write_report(benchmark, trials, Path("bench")).page.stat().st_size)
 for name in ("page.css", "page.js", "review.js", "page_icon.svg"):
     print(StaticFiles().address(name))
-loader = jinja2.PackageLoader("pipeline", "templates")
+loader = jinja2.PackageLoader("pipeline.service.pages", "templates")
 print(len(loader.list_templates()))
 """
     said = installed.python(program).split()
     assert int(said[0]) > 10_000
-    assert int(said[-1]) == len(list((ROOT / "pipeline" / "templates").glob("*.j2")))
+    assert int(said[-1]) == len(list((ROOT / "pipeline" / "service" / "pages" / "templates").glob("*.j2")))
     assert "</html>" in (installed.work / "bench" / "report.html").read_text(encoding="utf-8")
 
 
