@@ -107,7 +107,9 @@ def check_hdf5(path: Path, *, most: int) -> None:
             group, depth = groups.pop()
             objects += len(group)
             if objects > MOST_OBJECTS or depth > MOST_DEPTH:
-                raise FileProblem(path, "holds far more groups than a recording", "see docs/pages/reference/recordings.md")
+                raise FileProblem(
+                    path, "holds far more groups than a recording", "see docs/pages/reference/recordings.md"
+                )
             for name in group:
                 link = group.get(name, getlink=True)
                 if isinstance(link, h5py.ExternalLink):

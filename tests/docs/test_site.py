@@ -84,4 +84,4 @@ def test_the_site_builds_strictly(tmp_path: Path) -> None:
     )
     assert ran.returncode == 0, ran.stderr
     library = (tmp_path / "site" / "reference" / "library.html").read_text(encoding="utf-8")
-    assert "Reader" in library
+    assert "enhancement_factor" in library

@@ -44,7 +44,9 @@ class CheckedFile:
         self.path = path
         self.file = file
 
-    def fail(self, problem: str, hint: str = "see docs/pages/reference/recordings.md for the layout") -> RecordingError:
+    def fail(
+        self, problem: str, hint: str = "see docs/pages/reference/recordings.md for the layout"
+    ) -> RecordingError:
         """The error for this file."""
         return RecordingError(self.path, problem, hint)
 
