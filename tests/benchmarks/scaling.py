@@ -1,6 +1,6 @@
 """How the time of reading grows: with the characters of a line, the parts of a run, and the fonts that compete.
 
-    python tests/benchmarks/scaling.py [--axes characters parts fonts] [--figure docs/pages/figures/scaling.svg] [--rounds 3]
+    python tests/benchmarks/scaling.py [--axes characters parts fonts] [--figure scaling.svg] [--rounds 3]
 
 One core, character height and format told, clean parts in gothic, scans by sensors as from the bench; their simulation
 is not counted. Of every part the fastest round, since other work on a machine only adds; then the mean over the parts.

@@ -1,4 +1,4 @@
-"""Scans on disk: HDF5 that a laboratory with a whisker and a converter can write by hand (docs/pages/reference/recordings.md).
+"""Scans on disk: HDF5 that a laboratory can write by hand (docs/pages/reference/recordings.md).
 
 One row of `/scan/signal` is one sampling instant, one column one whisker; pass follows pass in time order,
 and each pass begins with its air samples. A star marks what a file must have; the rest has the default
