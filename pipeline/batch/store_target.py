@@ -69,7 +69,7 @@ class RunStore:
         from pipeline.common.records import PartState
         from pipeline.reading.triage import state_after
         from pipeline.store.errors import MAX_TEXT, cleaned
-        from pipeline.store.store import AlreadyDoneError, Idempotency
+        from pipeline.store.store import AlreadyDoneError, IdempotencyKey
 
         if read.record is None:
             return
@@ -77,7 +77,7 @@ class RunStore:
         if state is PartState.TOUCH_NEEDED:
             state = PartState.REVIEW  # there is no stage to feel it any more
         name = read.listed.name
-        key = Idempotency(f"run {self._run} {name}", sha256(name.encode("utf-8", "replace")).hexdigest())
+        key = IdempotencyKey(f"run {self._run} {name}", sha256(name.encode("utf-8", "replace")).hexdigest())
         # done already where the run was broken off between the store and its table
         with contextlib.suppress(AlreadyDoneError):
             self._store.add_part(

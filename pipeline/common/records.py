@@ -288,8 +288,8 @@ class Delivery:
 
 
 @dataclass(frozen=True)
-class Figures:
-    """The dashboard's figures of a stretch of time.
+class Statistics:
+    """The dashboard's numbers of a stretch of time.
 
     Attributes:
         since: its beginning.

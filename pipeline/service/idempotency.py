@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from pipeline.common.records import PartRecord
 from pipeline.service.problem import Problem
-from pipeline.store.store import AlreadyDoneError, Idempotency, Store
+from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Once:
         self._running: dict[str, asyncio.Future[PartRecord]] = {}
 
     async def done(
-        self, idempotency: Idempotency | None, work: Callable[[], Awaitable[PartRecord]]
+        self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
     ) -> Received:
         """Do the work, or find what came of it before.
 
@@ -75,7 +75,7 @@ class Once:
             if self._running.get(idempotency.key) is future:
                 del self._running[idempotency.key]
 
-    async def _replayed(self, asked: Idempotency, fingerprint: str, part_id: str) -> PartRecord:
+    async def _replayed(self, asked: IdempotencyKey, fingerprint: str, part_id: str) -> PartRecord:
         if fingerprint != asked.fingerprint:
             raise Problem(
                 422, "this Idempotency-Key was used for another request; make a new one for every part"

@@ -33,7 +33,7 @@ from pipeline.service.idempotency import Once, Received
 from pipeline.service.problem import Problem
 from pipeline.service.stage import Camera, ScanOrder, SimulatedStage, Stage, StageError
 from pipeline.service.uploads import Upload
-from pipeline.store.store import Idempotency, Store
+from pipeline.store.store import IdempotencyKey, Store
 from pipeline.workers.pool import BusyError, WorkerLostError
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ class PartService:
         *,
         photo: Upload | None = None,
         scan: Upload | None = None,
-        idempotency: Idempotency | None = None,
+        idempotency: IdempotencyKey | None = None,
     ) -> Received:
         """Read a new part.
 
@@ -157,7 +157,7 @@ class PartService:
         return await self._once.done(idempotency, work)
 
     async def add_scan(
-        self, part_id: str, scan: Upload, *, idempotency: Idempotency | None = None
+        self, part_id: str, scan: Upload, *, idempotency: IdempotencyKey | None = None
     ) -> Received:
         """Read a part again with what was felt of it, fused with what the camera saw.
 
@@ -230,7 +230,9 @@ class PartService:
         async with self._one_at_the_stage:
             return await asyncio.to_thread(self.stage.feel, order, folder)
 
-    async def _read_felt(self, part: PartRecord, scan: Upload, idempotency: Idempotency | None) -> PartRecord:
+    async def _read_felt(
+        self, part: PartRecord, scan: Upload, idempotency: IdempotencyKey | None
+    ) -> PartRecord:
         records = await self._stored(self.store.evidence, part.id)
         before: dict[EvidenceKind, Path] = {}
         for record in records:

@@ -9,12 +9,15 @@ from __future__ import annotations
 import contextlib
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import sqlalchemy as sa
 from sqlalchemy import exc
+from sqlalchemy.dialects import postgresql, sqlite
 
 from pipeline.common.file_lock import exclusively
 from pipeline.store.errors import StoreError, UnfitError, cleaned
@@ -29,43 +32,78 @@ VERSION_TABLE = "tactile_marks_version"
 _WAIT_S = 30.0
 _ADVISORY_LOCK = 0x7AC71E
 _POOL = 16
-_MEND = "check that the database runs, that it may be written, and its address"
+_HINT = "check that the database runs, that it may be written, and its address"
 
 # Alembic keeps what it runs in variables of its modules
 _migrating = threading.Lock()
 
 
+@dataclass(frozen=True)
+class Transaction:
+    """What an operation of the store works in.
+
+    Attributes:
+        connection: to the database.
+        now: time of all that the operation writes.
+    """
+
+    connection: Connection
+    now: datetime
+
+    def execute(
+        self, statement: sa.Executable, rows: Sequence[Mapping[str, Any]] | None = None
+    ) -> sa.CursorResult[Any]:
+        """Execute one statement."""
+        return self.connection.execute(statement, rows)
+
+    @property
+    def postgresql(self) -> bool:
+        """Whether it is PostgreSQL; else it is SQLite."""
+        return self.connection.dialect.name == "postgresql"
+
+    def insert_if_new(self, table: sa.Table, row: Mapping[str, Any]) -> bool:
+        """Insert a row, unless there is one with its key; waits for a racing transaction with that key."""
+        insert = postgresql.insert if self.postgresql else sqlite.insert
+        asked = insert(table).values(**row).on_conflict_do_nothing().returning(*table.primary_key)
+        return self.execute(asked).one_or_none() is not None
+
+
 class Database:
     """A database that has the tables of this version.
+
+    * A transaction of `reading` changes nothing; one of `writing` is on the disk when its block has ended, and undone
+      where the block raises.
+    * SQLite: one writer at a time; threads queue here, processes at the file's own lock.
+    * Threads may share it; a connection belongs to one transaction at a time.
 
     Attributes:
         shown: its address without the password.
     """
 
-    def __init__(self, engine: Engine, shown: str) -> None:
+    def __init__(self, engine: Engine, shown: str, now: Callable[[], datetime]) -> None:
         self.shown = shown
-        self._engine = engine
+        self._engine, self._now = engine, now
         # threads queue here, not in SQLite's own wait, which polls and may starve one of many
         self._writer = threading.Lock() if engine.dialect.name == "sqlite" else None
 
     @contextlib.contextmanager
-    def reading(self) -> Iterator[Connection]:
+    def reading(self) -> Iterator[Transaction]:
         """A transaction that only looks.
 
         Raises:
             StoreError: the database cannot be reached.
         """
-        with self._failures_told(), self._engine.connect() as connection:
-            yield connection
+        with self._store_errors(), self._engine.connect() as connection:
+            yield Transaction(connection, self._now())
 
     @contextlib.contextmanager
-    def writing(self) -> Iterator[Connection]:
+    def writing(self) -> Iterator[Transaction]:
         """A transaction: durable when the block has ended, undone where it raises.
 
         Raises:
             StoreError: the database cannot be reached, or is busy for too long.
         """
-        with self._failures_told(), contextlib.ExitStack() as held:
+        with self._store_errors(), contextlib.ExitStack() as held:
             if self._writer is not None:
                 if not self._writer.acquire(timeout=_WAIT_S):
                     raise StoreError(f"the store {self.shown} is busy; try again")
@@ -73,29 +111,35 @@ class Database:
             connection = held.enter_context(self._engine.connect())
             connection = connection.execution_options(tactile_marks_writes=True)
             held.enter_context(connection.begin())
-            yield connection
+            yield Transaction(connection, self._now())
 
     def close(self) -> None:
         """Let go of every connection."""
         self._engine.dispose()
 
     @contextlib.contextmanager
-    def _failures_told(self) -> Iterator[None]:
+    def _store_errors(self) -> Iterator[None]:
         try:
             yield
         except exc.StatementError as error:
             if isinstance(error.orig, UnfitError):
                 raise error.orig from error
-            raise StoreError(_told(self.shown, error)) from error
+            raise StoreError(_no_answer(self.shown, error)) from error
         except exc.SQLAlchemyError as error:
-            raise StoreError(_told(self.shown, error)) from error
+            raise StoreError(_no_answer(self.shown, error)) from error
 
 
-def open_database(url: str) -> Database:
+def utc_now() -> datetime:
+    """The usual clock."""
+    return datetime.now(UTC)
+
+
+def open_database(url: str, *, now: Callable[[], datetime] = utc_now) -> Database:
     """Open a database and bring its tables up to date.
 
     Args:
         url: sqlite:///file.db or postgresql://user:password@host/name.
+        now: the clock.
 
     Raises:
         StoreError: it cannot be opened, or was made by a newer version.
@@ -118,11 +162,11 @@ def open_database(url: str) -> Database:
             failed.pop_all()
     except OSError as error:
         raise StoreError(
-            f"the store {shown} cannot be opened ({error.strerror or error}); {_MEND}"
+            f"the store {shown} cannot be opened ({error.strerror or error}); {_HINT}"
         ) from error
     except exc.SQLAlchemyError as error:
-        raise StoreError(_told(shown, error)) from error
-    return Database(engine, shown)
+        raise StoreError(_no_answer(shown, error)) from error
+    return Database(engine, shown, now)
 
 
 def _checked(url: str) -> URL:
@@ -246,7 +290,7 @@ def _bring_up_to_date(engine: Engine, shown: str) -> None:
         command.upgrade(config, "head")
 
 
-def _told(shown: str, error: Exception) -> str:
+def _no_answer(shown: str, error: Exception) -> str:
     orig = getattr(error, "orig", None) or error
     reason = " ".join(str(orig).split())[:300]
-    return f"the store {shown} does not answer ({reason}); {_MEND}"
+    return f"the store {shown} does not answer ({reason}); {_HINT}"

@@ -6,25 +6,34 @@ from datetime import datetime
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Connection
 
 from pipeline.common.part_id import is_part_id
 from pipeline.common.records import PartRecord, PartState
+from pipeline.store.database import Transaction
 from pipeline.store.errors import UnfitError, fit, fit_limit
 from pipeline.store.rows import part_of, select_parts
 from pipeline.store.tables import parts, reviews
 
 
 def find_parts(
-    connection: Connection,
+    tx: Transaction,
     *,
-    state: PartState | None,
-    text: str,
-    name: str,
-    before: str | None,
-    limit: int,
+    state: PartState | None = None,
+    text: str = "",
+    name: str = "",
+    before: str | None = None,
+    limit: int = 50,
 ) -> tuple[PartRecord, ...]:
-    """Parts, newest first."""
+    """Parts, newest first.
+
+    Args:
+        tx: the transaction.
+        state: they are in.
+        text: that theirs holds, in upper or lower case.
+        name: that theirs holds, likewise.
+        before: id of the last part of the page before.
+        limit: most of them.
+    """
     query = select_parts()
     if state is not None:
         query = query.where(parts.c.state == state)
@@ -32,37 +41,44 @@ def find_parts(
         query = query.where(parts.c.id < _id(before))
     for column, wanted in ((parts.c.text_folded, text), (parts.c.name_folded, name)):
         if wanted:
-            query = query.where(_holds(connection, column, fit(wanted, "what is sought").casefold()))
-    return _listed(connection, query.order_by(parts.c.id.desc()).limit(fit_limit(limit)))
+            query = query.where(_holds(tx, column, fit(wanted, "what is sought").casefold()))
+    return _listed(tx, query.order_by(parts.c.id.desc()).limit(fit_limit(limit)))
 
 
-def _holds(connection: Connection, column: sa.Column[str], wanted: str) -> sa.ColumnElement[bool]:
+def _holds(tx: Transaction, column: sa.Column[str], wanted: str) -> sa.ColumnElement[bool]:
     # not LIKE: nothing in what is sought has a meaning of its own
-    find = sa.func.strpos if connection.dialect.name == "postgresql" else sa.func.instr
+    find = sa.func.strpos if tx.postgresql else sa.func.instr
     return find(column, wanted) > 0
 
 
-def queue(connection: Connection, *, limit: int) -> tuple[PartRecord, ...]:
-    """Parts to be reviewed, oldest first."""
-    return _listed(connection, _awaiting().limit(fit_limit(limit)))
+def queue(tx: Transaction, *, limit: int = 50) -> tuple[PartRecord, ...]:
+    """Parts that a person is to look at, oldest first."""
+    return _listed(tx, _awaiting().limit(fit_limit(limit)))
 
 
-def next_in_queue(connection: Connection, after: str | None) -> PartRecord | None:
-    """The oldest part to be reviewed that is younger than another; the oldest of all where none is."""
-    found = () if after is None else _listed(connection, _awaiting().where(parts.c.id > _id(after)).limit(1))
-    return next(iter(found or queue(connection, limit=1)), None)
+def next_in_queue(tx: Transaction, after: str | None = None) -> PartRecord | None:
+    """The oldest part to look at after that one, else the oldest, else None."""
+    found = () if after is None else _listed(tx, _awaiting().where(parts.c.id > _id(after)).limit(1))
+    return next(iter(found or queue(tx, limit=1)), None)
 
 
 def reviewed(
-    connection: Connection, *, since: datetime | None, after: str | None, limit: int
+    tx: Transaction, *, since: datetime | None = None, after: str | None = None, limit: int = 1000
 ) -> tuple[PartRecord, ...]:
-    """Parts whose last review is not older than a time, the part received first first."""
+    """Parts that a person has looked at, by their ids, oldest first.
+
+    Args:
+        tx: the transaction.
+        since: earliest time of their last review.
+        after: id of the last part of the page before.
+        limit: most of them.
+    """
     query = select_parts().where(parts.c.state == PartState.REVIEWED)
     if since is not None:
         query = query.where(reviews.c.at >= since)
     if after is not None:
         query = query.where(parts.c.id > _id(after))
-    return _listed(connection, query.order_by(parts.c.id).limit(fit_limit(limit)))
+    return _listed(tx, query.order_by(parts.c.id).limit(fit_limit(limit)))
 
 
 def _id(part_id: str) -> str:
@@ -75,5 +91,5 @@ def _awaiting() -> sa.Select[Any]:
     return select_parts().where(parts.c.state == PartState.REVIEW).order_by(parts.c.id)
 
 
-def _listed(connection: Connection, query: sa.Select[Any]) -> tuple[PartRecord, ...]:
-    return tuple(part_of(row) for row in connection.execute(query))
+def _listed(tx: Transaction, query: sa.Select[Any]) -> tuple[PartRecord, ...]:
+    return tuple(part_of(row) for row in tx.execute(query))

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Connection
 
-from pipeline.common.records import PartRecord, PartState, ReviewAction, ReviewRecord
+from pipeline.common.records import PartRecord, PartState, ReviewAction
+from pipeline.store.database import Transaction
 from pipeline.store.errors import MAX_NOTE, MAX_TEXT, ConflictError, UnfitError, fit
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.parts import add_events, lock_part
@@ -18,47 +17,56 @@ from pipeline.store.tables import parts, reviews
 
 
 def add_review(
-    connection: Connection,
-    now: datetime,
+    tx: Transaction,
     part_id: str,
     *,
-    said: ReviewRecord,
-    seen: str | None,
-    targets: Sequence[str],
+    action: ReviewAction,
+    text: str,
+    who: str,
+    token: str = "",
+    note: str = "",
+    before: str | None = None,
+    targets: Sequence[str] = (),
 ) -> PartRecord:
-    """Write down a review; see `pipeline.store.store.Store.review`.
+    """Write down what a person says of a part; it may be said anew, and what was said before stays.
 
     Args:
-        connection: in a transaction.
-        now: time of it.
+        tx: the transaction.
         part_id: of which part.
-        said: with any `before`, for that is found here.
-        seen: the text that the person saw; None if unknown.
-        targets: where to publish.
+        action: what the person did; an unreadable part has no text, whatever is given.
+        text: right one; to confirm, the text as it stands or none.
+        who: the person.
+        token: name of the token used.
+        note: anything.
+        before: the text that the person looked at.
+        targets: where the part is published.
+
+    Raises:
+        ConflictError: the text is no longer what the person looked at.
     """
-    lock_part(connection, part_id)
-    part = part_by_id(connection, part_id)
-    if seen is not None and seen != part.text:
-        who = part.review.who if part.review is not None else "a reader"
+    lock_part(tx, part_id)
+    part = part_by_id(tx, part_id)
+    if before is not None and before != part.text:
+        quicker = part.review.who if part.review is not None else "a reader"
         raise ConflictError(
-            f"part {part_id} was {part.text!r} by {who} meanwhile, no longer {seen!r}; look at it again"
+            f"part {part_id} was {part.text!r} by {quicker} meanwhile, no longer {before!r}; look at it again"
         )
-    after = _text_after(part, said)
+    after = _text_after(part, action, text)
     row = {
         "part_id": part_id,
-        "at": now,
-        "action": said.action,
+        "at": tx.now,
+        "action": action,
         "before": part.text,
         "after": after,
-        "who": fit(said.who, "the person's name"),
-        "token": fit(said.token, "the token's name"),
-        "note": fit(said.note, "the note", limit=MAX_NOTE),
+        "who": fit(who, "the person's name"),
+        "token": fit(token, "the token's name"),
+        "note": fit(note, "the note", limit=MAX_NOTE),
     }
-    if not said.who.strip():
+    if not who.strip():
         raise UnfitError("nobody is named; say who reviews the part")
-    key = connection.execute(sa.insert(reviews).values(**row)).inserted_primary_key
+    key = tx.execute(sa.insert(reviews).values(**row)).inserted_primary_key
     assert key is not None
-    connection.execute(
+    tx.execute(
         sa.update(parts)
         .where(parts.c.id == part_id)
         .values(
@@ -67,29 +75,29 @@ def add_review(
             text_folded=after.casefold(),
             plan=None,
             review_id=int(key[0]),
-            changed_at=now,
-            **_how_right(part, said.action, after),
+            changed_at=tx.now,
+            **_how_right(part, action, after),
         )
     )
-    event = {"action": said.action.value, "before": part.text, "after": after, "who": said.who}
-    add_events(connection, now, part_id, [("reviewed", event)])
-    made = part_by_id(connection, part_id)
-    put_in_outbox(connection, now, made, targets)
+    event = {"action": action.value, "before": part.text, "after": after, "who": who}
+    add_events(tx, part_id, [("reviewed", event)])
+    made = part_by_id(tx, part_id)
+    put_in_outbox(tx, made, targets)
     return made
 
 
-def _text_after(part: PartRecord, said: ReviewRecord) -> str:
-    if said.action is ReviewAction.UNREADABLE:
+def _text_after(part: PartRecord, action: ReviewAction, text: str) -> str:
+    if action is ReviewAction.UNREADABLE:
         return ""
-    if said.action is ReviewAction.CORRECT:
-        if not said.after:
+    if action is ReviewAction.CORRECT:
+        if not text:
             raise UnfitError("the correction has no text; give it, or say that the part is unreadable")
-        return fit(said.after, "the text")
+        return fit(text, "the text")
     if not part.text:
         raise UnfitError("there is no text to confirm; correct it, or say that the part is unreadable")
-    if said.after not in ("", part.text):
+    if text not in ("", part.text):
         raise ConflictError(
-            f"{said.after[:MAX_TEXT]!r} cannot be confirmed, for the text is {part.text!r}; correct it instead"
+            f"{text[:MAX_TEXT]!r} cannot be confirmed, for the text is {part.text!r}; correct it instead"
         )
     return part.text
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Connection, Row
+from sqlalchemy.engine import Row
 
 from pipeline.common.part_id import is_part_id
 from pipeline.common.record_json import from_json
@@ -21,6 +21,7 @@ from pipeline.common.records import (
     ReviewRecord,
     ScanPlanRecord,
 )
+from pipeline.store.database import Transaction
 from pipeline.store.errors import NotFoundError
 from pipeline.store.tables import events, evidence, parts, readings, reviews
 
@@ -32,23 +33,15 @@ def select_parts() -> sa.Select[Any]:
         parts,
         readings.c.record.label("read_record"),
         readings.c.at.label("read_at"),
-        reviews.c.at.label("review_at"),
         *(reviews.c[name].label(f"review_{name}") for name in _REVIEW),
     ).select_from(read.outerjoin(reviews, parts.c.review_id == reviews.c.id))
 
 
-_REVIEW = ("action", "before", "after", "who", "token", "note")
+_REVIEW = ("action", "before", "after", "who", "token", "note", "at")
 
 
 def part_of(row: Row[Any]) -> PartRecord:
     """The part of a row of `select_parts`."""
-    review = None
-    if row.review_id is not None:
-        review = ReviewRecord(
-            action=ReviewAction(row.review_action),
-            **{name: getattr(row, f"review_{name}") for name in _REVIEW[1:]},
-            at=row.review_at,
-        )
     return PartRecord(
         id=row.id,
         name=row.name,
@@ -60,18 +53,18 @@ def part_of(row: Row[Any]) -> PartRecord:
         expected=row.expected,
         database=row.database,
         plan=None if row.plan is None else from_json(ScanPlanRecord, row.plan),
-        review=review,
+        review=None if row.review_id is None else _review(row, "review_"),
     )
 
 
-def part_by_id(connection: Connection, part_id: str) -> PartRecord:
-    """A part.
+def part_by_id(tx: Transaction, part_id: str) -> PartRecord:
+    """A part as it stands.
 
     Raises:
         NotFoundError: there is none of that id.
     """
     check_id(part_id)
-    row = connection.execute(select_parts().where(parts.c.id == part_id)).one_or_none()
+    row = tx.execute(select_parts().where(parts.c.id == part_id)).one_or_none()
     if row is None:
         raise no_part(part_id)
     return part_of(row)
@@ -92,71 +85,49 @@ def no_part(part_id: str) -> NotFoundError:
     return NotFoundError(f"there is no part {part_id[:40]!r}; check the id")
 
 
-def check_part(connection: Connection, part_id: str) -> None:
-    """Check that there is a part.
+def readings_of(tx: Transaction, part_id: str) -> tuple[ReadingRecord, ...]:
+    """A part's readings, the first one first."""
+    return tuple(_reading(row.record, row.at) for row in _rows_of(tx, part_id, readings))
+
+
+def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
+    """A part's files, the first one first, also those that are gone."""
+    return tuple(evidence_record(row) for row in _rows_of(tx, part_id, evidence))
+
+
+def reviews_of(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
+    """What people said of a part, the first one first."""
+    return tuple(_review(row) for row in _rows_of(tx, part_id, reviews))
+
+
+def events_of(tx: Transaction, part_id: str) -> tuple[EventRecord, ...]:
+    """What happened to a part, in order."""
+    return tuple(EventRecord(row.at, row.kind, row.data) for row in _rows_of(tx, part_id, events))
+
+
+def _rows_of(tx: Transaction, part_id: str, table: sa.Table) -> list[Row[Any]]:
+    """A part's rows in a table, in the order they were written.
 
     Raises:
-        NotFoundError: there is none.
+        NotFoundError: there is no such part.
     """
     check_id(part_id)
-    if connection.execute(sa.select(parts.c.id).where(parts.c.id == part_id)).one_or_none() is None:
+    if tx.execute(sa.select(parts.c.id).where(parts.c.id == part_id)).one_or_none() is None:
         raise no_part(part_id)
-
-
-def readings_of(connection: Connection, part_id: str) -> tuple[ReadingRecord, ...]:
-    """A part's readings, the first one first."""
-    rows = connection.execute(
-        sa.select(readings.c.record, readings.c.at)
-        .where(readings.c.part_id == part_id)
-        .order_by(readings.c.id)
-    )
-    return tuple(_reading(row.record, row.at) for row in rows)
+    return list(tx.execute(sa.select(table).where(table.c.part_id == part_id).order_by(table.c.id)))
 
 
 def _reading(record: Any, at: Any) -> ReadingRecord:
     return replace(from_json(ReadingRecord, record), at=at)
 
 
-def evidence_of(row: Row[Any]) -> EvidenceRecord:
-    """The evidence of a row of its table."""
-    return EvidenceRecord(
-        kind=EvidenceKind(row.kind),
-        sha256=row.sha256,
-        n_bytes=row.n_bytes,
-        name=row.name,
-        media_type=row.media_type,
-        meta=row.meta,
-        at=row.at,
-        gone=row.gone,
-    )
+def _review(row: Row[Any], prefix: str = "") -> ReviewRecord:
+    """The review of a row whose columns bear that prefix."""
+    values = {name: getattr(row, prefix + name) for name in _REVIEW}
+    return ReviewRecord(**{**values, "action": ReviewAction(values["action"])})
 
 
-def evidence_of_part(connection: Connection, part_id: str) -> tuple[EvidenceRecord, ...]:
-    """A part's evidence, the first one first."""
-    rows = connection.execute(
-        sa.select(evidence).where(evidence.c.part_id == part_id).order_by(evidence.c.id)
-    )
-    return tuple(evidence_of(row) for row in rows)
-
-
-def reviews_of(connection: Connection, part_id: str) -> tuple[ReviewRecord, ...]:
-    """What people said of a part, the first one first."""
-    rows = connection.execute(sa.select(reviews).where(reviews.c.part_id == part_id).order_by(reviews.c.id))
-    return tuple(
-        ReviewRecord(
-            action=ReviewAction(row.action),
-            before=row.before,
-            after=row.after,
-            who=row.who,
-            token=row.token,
-            note=row.note,
-            at=row.at,
-        )
-        for row in rows
-    )
-
-
-def events_of(connection: Connection, part_id: str) -> tuple[EventRecord, ...]:
-    """What happened to a part, in order."""
-    rows = connection.execute(sa.select(events).where(events.c.part_id == part_id).order_by(events.c.id))
-    return tuple(EventRecord(at=row.at, kind=row.kind, data=row.data) for row in rows)
+def evidence_record(row: Row[Any]) -> EvidenceRecord:
+    """The file of a row of its table."""
+    values = {field.name: getattr(row, field.name) for field in fields(EvidenceRecord)}
+    return EvidenceRecord(**{**values, "kind": EvidenceKind(row.kind)})

@@ -1,4 +1,4 @@
-"""The dashboard's figures, counted by the database over its indexes."""
+"""The dashboard's numbers, counted by the database over its indexes."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Connection
 
-from pipeline.common.records import Figures, PartState
+from pipeline.common.records import PartState, Statistics
+from pipeline.store.database import Transaction
 from pipeline.store.errors import UnfitError
 from pipeline.store.tables import parts, readings
 
@@ -17,19 +17,21 @@ _HOUR = timedelta(hours=1)
 _LONGEST = timedelta(days=3660)
 
 
-def figures(connection: Connection, now: datetime, since: datetime) -> Figures:
-    """Figures of the parts received, and the readings made, since a time.
+def statistics(tx: Transaction, since: datetime) -> Statistics:
+    """Of the parts received, and the readings made, since a time.
 
     Raises:
         UnfitError: the time has no zone, or is more than ten years ago.
     """
-    if since.tzinfo is None or now - since > _LONGEST:
-        raise UnfitError("figures cannot begin there; give a time with its zone, within the last ten years")
+    if since.tzinfo is None or tx.now - since > _LONGEST:
+        raise UnfitError(
+            "statistics cannot begin there; give a time with its zone, within the last ten years"
+        )
     since = since.astimezone(UTC)
-    row = connection.execute(_counts(since)).one()._mapping
+    row = tx.execute(_counts(since)).one()._mapping
     total = {name: int(value or 0) for name, value in row.items()}
     awaiting = sa.select(sa.func.count()).select_from(parts).where(parts.c.state == PartState.REVIEW)
-    return Figures(
+    return Statistics(
         since=since,
         parts=total["n"],
         by_camera=total["by_camera"],
@@ -40,9 +42,9 @@ def figures(connection: Connection, now: datetime, since: datetime) -> Figures:
         right_before_review=total["was_right"],
         characters_reviewed=total["characters"],
         characters_right=total["characters_right"],
-        seconds=_seconds(connection, since),
-        per_hour=_per_hour(connection, now, since),
-        awaiting=connection.execute(awaiting).scalar_one(),
+        seconds=_seconds(tx, since),
+        per_hour=_per_hour(tx, since),
+        awaiting=tx.execute(awaiting).scalar_one(),
     )
 
 
@@ -60,14 +62,14 @@ def _counts(since: datetime) -> sa.Select[Any]:
     return sa.select(*columns).where(parts.c.created_at >= since)
 
 
-def _seconds(connection: Connection, since: datetime) -> Mapping[str, tuple[float, float]]:
+def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, float]]:
     # counted by the millisecond, which is several times quicker than to sort them
     counted = (
         sa.select(readings.c.source, sa.func.round(readings.c.seconds * 1000.0).label("ms"))
         .where(readings.c.at >= since)
         .subquery()
     )
-    rows = connection.execute(
+    rows = tx.execute(
         sa.select(counted.c.source, counted.c.ms, sa.func.count().label("n")).group_by(
             counted.c.source, counted.c.ms
         )
@@ -92,9 +94,9 @@ def _nearest_rank(counts: Mapping[float, int], percent: int) -> float:
     raise AssertionError("no values")
 
 
-def _per_hour(connection: Connection, now: datetime, since: datetime) -> tuple[tuple[datetime, int], ...]:
+def _per_hour(tx: Transaction, since: datetime) -> tuple[tuple[datetime, int], ...]:
     hour: sa.ColumnElement[str]
-    if connection.dialect.name == "postgresql":
+    if tx.postgresql:
         utc = sa.func.timezone("UTC", parts.c.created_at)
         hour = sa.func.to_char(sa.func.date_trunc("hour", utc), "YYYY-MM-DD HH24")
     else:
@@ -104,11 +106,9 @@ def _per_hour(connection: Connection, now: datetime, since: datetime) -> tuple[t
     )  # once, for PostgreSQL takes the same function with other parameters for another one
     counted = {
         row.hour: row.n
-        for row in connection.execute(
-            sa.select(named.c.hour, sa.func.count().label("n")).group_by(named.c.hour)
-        )
+        for row in tx.execute(sa.select(named.c.hour, sa.func.count().label("n")).group_by(named.c.hour))
     }
     first = since.replace(minute=0, second=0, microsecond=0)
-    n_hours = max(0, int((now - first) / _HOUR) + 1)
+    n_hours = max(0, int((tx.now - first) / _HOUR) + 1)
     hours = (first + k * _HOUR for k in range(n_hours))
     return tuple((h, counted.get(h.strftime("%Y-%m-%d %H"), 0)) for h in hours)

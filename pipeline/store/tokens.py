@@ -7,72 +7,77 @@ from datetime import datetime
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.engine import Connection, Row
+from sqlalchemy.engine import Row
 
 from pipeline.common.records import Scope, TokenRecord
+from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError, NotFoundError, UnfitError, fit
 from pipeline.store.tables import tokens
 from pipeline.store.token_secrets import new_token, token_hash
 
 
 def add_token(
-    connection: Connection,
-    now: datetime,
+    tx: Transaction,
     name: str,
     scopes: Iterable[Scope],
     *,
-    expires_at: datetime | None,
+    expires_at: datetime | None = None,
 ) -> str:
-    """Make a token and give its secret, which is kept nowhere."""
+    """Make a token.
+
+    Returns:
+        Its secret, which is kept nowhere.
+
+    Raises:
+        ConflictError: the name was given before.
+    """
     granted = sorted({Scope(scope) for scope in scopes})
     if not granted:
         raise UnfitError(f"a token without a scope allows nothing; give {', '.join(Scope)} or some of them")
     if not name.strip() or not name.isprintable():
         raise UnfitError("a token needs a name of printable characters; give one, such as line-3")
-    if expires_at is not None and (expires_at.tzinfo is None or expires_at <= now):
+    if expires_at is not None and (expires_at.tzinfo is None or expires_at <= tx.now):
         raise UnfitError(
             "the token would have expired already or has no time zone; give a time to come in UTC"
         )
     known = sa.select(tokens.c.name).where(tokens.c.name == fit(name, "the token's name"))
-    if connection.execute(known).one_or_none() is not None:
+    if tx.execute(known).one_or_none() is not None:
         raise ConflictError(
             f"there is or was a token {name!r}, and reviews are signed with it; choose another name"
         )
     secret = new_token()
-    connection.execute(
+    tx.execute(
         sa.insert(tokens).values(
             name=name,
             secret_hash=token_hash(secret),
             scopes=granted,
-            created_at=now,
+            created_at=tx.now,
             expires_at=expires_at,
         )
     )
     return secret
 
 
-def token(connection: Connection, now: datetime, secret: str) -> TokenRecord | None:
-    """The token with that secret; None if there is none, or not any more."""
-    row = connection.execute(
-        sa.select(tokens).where(tokens.c.secret_hash == token_hash(secret))
-    ).one_or_none()
-    if row is None or row.revoked_at is not None or (row.expires_at is not None and row.expires_at <= now):
+def token(tx: Transaction, secret: str) -> TokenRecord | None:
+    """The token with that secret; None if it is unknown, expired or revoked."""
+    row = tx.execute(sa.select(tokens).where(tokens.c.secret_hash == token_hash(secret))).one_or_none()
+    if row is None or row.revoked_at is not None or (row.expires_at is not None and row.expires_at <= tx.now):
         return None
     return _record(row)
 
 
-def all_tokens(connection: Connection) -> tuple[TokenRecord, ...]:
-    """Every token, also those that are no longer good, oldest first."""
-    rows = connection.execute(sa.select(tokens).order_by(tokens.c.created_at, tokens.c.name))
+def all_tokens(tx: Transaction) -> tuple[TokenRecord, ...]:
+    """Every token, oldest first, also those that are refused."""
+    rows = tx.execute(sa.select(tokens).order_by(tokens.c.created_at, tokens.c.name))
     return tuple(_record(row) for row in rows)
 
 
-def revoke(connection: Connection, now: datetime, name: str) -> None:
+def revoke(tx: Transaction, name: str) -> None:
     """Refuse a token from now on; nothing happens where it was revoked before."""
     known = tokens.c.name == fit(name, "the token's name")
-    if connection.execute(sa.select(tokens.c.name).where(known)).one_or_none() is None:
+    if tx.execute(sa.select(tokens.c.name).where(known)).one_or_none() is None:
         raise NotFoundError(f"there is no token {name[:40]!r}; `tactile-marks tokens list` names them")
-    connection.execute(sa.update(tokens).where(known, tokens.c.revoked_at.is_(None)).values(revoked_at=now))
+    tx.execute(sa.update(tokens).where(known, tokens.c.revoked_at.is_(None)).values(revoked_at=tx.now))
 
 
 def _record(row: Row[Any]) -> TokenRecord:

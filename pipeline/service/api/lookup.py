@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import FileResponse, Response
 
-from pipeline.common.records import EvidenceKind, EvidenceRecord, Figures, PartRecord, PartState, Scope
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope, Statistics
 from pipeline.plots.boxes_picture import boxes_picture
 from pipeline.service.access import Access, Caller
 from pipeline.service.api.answers import (
@@ -112,7 +112,7 @@ def lookup_router(desk: PartService, access: Access) -> APIRouter:
 
     @router.get(
         "/figures",
-        response_model=Figures,
+        response_model=Statistics,
         summary="Reads, fallbacks, rejects, accuracy and times of the last hours",
         responses=problems(401, 403, 422),
         tags=["service"],
@@ -121,7 +121,7 @@ def lookup_router(desk: PartService, access: Access) -> APIRouter:
         hours: Annotated[float, Query(gt=0.0, le=24.0 * 366, allow_inf_nan=False)] = 24.0,
         caller: Caller = Reads,
     ) -> Any:
-        return desk.store.figures(datetime.now(UTC) - timedelta(hours=hours))
+        return desk.store.statistics(datetime.now(UTC) - timedelta(hours=hours))
 
     return router
 

@@ -28,7 +28,7 @@ from pipeline.service.idempotency import Received
 from pipeline.service.part_service import NewPart, PartService
 from pipeline.service.problem import Problem
 from pipeline.service.uploads import Upload, receive
-from pipeline.store.store import Idempotency
+from pipeline.store.store import IdempotencyKey
 
 
 def parts_router(desk: PartService, access: Access) -> APIRouter:
@@ -163,14 +163,14 @@ def _idempotency(
     key: str | None,
     uploads: tuple[Upload | None, ...],
     fields: tuple[str, ...],
-) -> Idempotency | None:
+) -> IdempotencyKey | None:
     """The key with whose it is, and a digest of all that was asked."""
     if key is None:
         return None
     digest = hashlib.sha256(request.url.path.encode())
     for part in (*(u.sha256 if u is not None else "-" for u in uploads), *fields):
         digest.update(b"\0" + part.encode())
-    return Idempotency(f"{caller.name}:{key}", digest.hexdigest())
+    return IdempotencyKey(f"{caller.name}:{key}", digest.hexdigest())
 
 
 def _answered(done: Received, response: Response) -> PartAnswer:

@@ -11,7 +11,7 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
-from pipeline.common.records import Figures, PartState
+from pipeline.common.records import PartState, Statistics
 from pipeline.service.pages.frame import Frame, PageError
 
 SPANS = {"hour": timedelta(hours=1), "day": timedelta(days=1), "week": timedelta(weeks=1)}
@@ -136,7 +136,7 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
         caller = frame.reader(request)
         if span not in SPANS:
             raise PageError(422, f"There is no span {span!r}; choose hour, day or week.")
-        figures = frame.store.figures(datetime.now(UTC) - SPANS[span])
+        figures = frame.store.statistics(datetime.now(UTC) - SPANS[span])
         return frame.page(
             request,
             "dashboard.html.j2",
@@ -155,5 +155,5 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
         )
 
 
-def _states(figures: Figures) -> list[tuple[PartState, int]]:
+def _states(figures: Statistics) -> list[tuple[PartState, int]]:
     return [(state, figures.by_state.get(state, 0)) for state in PartState]

@@ -15,7 +15,7 @@ from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, Rev
 from pipeline.store.store import (
     AlreadyDoneError,
     ConflictError,
-    Idempotency,
+    IdempotencyKey,
     NotFoundError,
     Store,
     StoreError,
@@ -116,7 +116,7 @@ def test_felt_within_the_same_request(store: Store) -> None:
     part = received(store, readings=both, plan=PLAN)
     assert part.plan is None
     assert _kinds(store, part.id) == ["received", "read", "touch_needed", "read"]
-    assert store.figures(START).fell_back == 1
+    assert store.statistics(START).fell_back == 1
 
 
 def test_reviews_are_added_never_replaced(store: Store, clock: Clock) -> None:
@@ -184,7 +184,7 @@ def test_nothing_read_cannot_be_confirmed(store: Store) -> None:
 
 
 def test_a_request_is_done_once(store: Store) -> None:
-    request = Idempotency("line-3:" + "k" * 5000 + "\x00\ud800", "photo a")
+    request = IdempotencyKey("line-3:" + "k" * 5000 + "\x00\ud800", "photo a")
     assert store.remembered(request.key) is None
     part = received(store, idempotency=request)
     assert store.remembered(request.key) == ("photo a", part.id)
@@ -197,9 +197,9 @@ def test_a_request_is_done_once(store: Store) -> None:
 
 
 def test_keys_are_forgotten_in_time(store: Store, clock: Clock) -> None:
-    part = received(store, idempotency=Idempotency("old", "f"))
+    part = received(store, idempotency=IdempotencyKey("old", "f"))
     clock.go_on(days=2)
-    received(store, idempotency=Idempotency("new", "f"))
+    received(store, idempotency=IdempotencyKey("new", "f"))
     assert store.forget_keys(clock.at) == 1
     assert store.remembered("old") is None
     assert store.remembered("new") is not None
@@ -210,7 +210,7 @@ def test_an_id_is_given_once(store: Store) -> None:
     part = received(store)
     with pytest.raises(ConflictError, match="already; take a new id"):
         store.add_part(
-            part_id=part.id, name="", state=PartState.REVIEW, idempotency=Idempotency("another", "f")
+            part_id=part.id, name="", state=PartState.REVIEW, idempotency=IdempotencyKey("another", "f")
         )
     assert store.remembered("another") is None
     assert store.part(part.id) == part
@@ -250,7 +250,7 @@ def test_values_that_no_database_holds(store: Store) -> None:
         store.add_part(part_id="7", name="", state=PartState.REVIEW)
     # half a part was written before the reading or the file was refused
     assert store.parts() == ()
-    assert store.figures(START).parts == 0
+    assert store.statistics(START).parts == 0
 
 
 def test_names_of_files_are_mended_not_refused(store: Store) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState, ReviewAction
-from pipeline.store.store import AlreadyDoneError, ConflictError, Idempotency, Store
+from pipeline.store.store import AlreadyDoneError, ConflictError, IdempotencyKey, Store
 from tests.support.store_samples import PHOTO, reading, received
 
 _N_RACERS = 12
@@ -38,7 +38,7 @@ def _race(run: Callable[[int], Any]) -> list[Any]:
 def test_one_of_many_equal_requests_makes_a_part(store_url: str) -> None:
     with contextlib.closing(Store.open(store_url)) as store:
         for k in range(5):
-            request = Idempotency(f"line-3:{k}", "f")
+            request = IdempotencyKey(f"line-3:{k}", "f")
             made = _race(
                 lambda _, request=request: received(
                     store, evidence=(PHOTO,), targets=("mqtt",), idempotency=request
@@ -123,14 +123,14 @@ _WRITER = """
 import sys
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState, ReadingRecord
-from pipeline.store.store import AlreadyDoneError, Idempotency, Store
+from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store
 store = Store.open(sys.argv[1])
 who = sys.argv[2]
 for k in range(10_000):
     part = store.add_part(
         part_id=new_part_id(), name=f"{who}-{k}", state=PartState.ACCEPTED,
         readings=(ReadingRecord("vision", "KX4", "accept", 0.9),), targets=("mqtt",),
-        idempotency=Idempotency(f"{who}-{k}", "f"),
+        idempotency=IdempotencyKey(f"{who}-{k}", "f"),
     )
     print(part.id, flush=True)
 """

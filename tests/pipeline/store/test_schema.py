@@ -158,15 +158,15 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     """SQLite's own word on how it would do every statement."""
     store = Store.open(f"sqlite:///{tmp_path}/store.db")
     asked: list[tuple[str, Any]] = []
-    with store._database.reading() as connection:
-        engine = connection.engine
+    with store.database.reading() as tx:
+        engine = tx.connection.engine
 
     @sa.event.listens_for(engine, "before_cursor_execute")
     def _note(_c: object, _u: object, statement: str, parameters: Any, _x: object, _m: object) -> None:
         if statement.startswith("SELECT"):
             asked.append((statement, parameters))
 
-    store.figures(START)
+    store.statistics(START)
     store.queue()
     store.next_in_queue(new_part_id())
     store.parts(state=PartState.REVIEW, before=new_part_id())
@@ -193,9 +193,9 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
 
 def test_sqlite_is_durable_and_checks_its_keys(tmp_path: Path) -> None:
     store = Store.open(f"sqlite:///{tmp_path}/new/folder/store.db")
-    with store._database.reading() as connection:
+    with store.database.reading() as tx:
         told = {
-            name: connection.exec_driver_sql(f"PRAGMA {name}").scalar_one()
+            name: tx.connection.exec_driver_sql(f"PRAGMA {name}").scalar_one()
             for name in ("journal_mode", "synchronous", "foreign_keys", "recursive_triggers", "busy_timeout")
         }
     store.close()
@@ -214,8 +214,8 @@ def test_postgresql_may_not_put_off_writing(
 ) -> None:
     lazy = empty_stores("postgresql", request) + "&options=-c%20synchronous_commit%3Doff"
     store = Store.open(lazy)
-    with store._database.reading() as connection:
-        assert connection.exec_driver_sql("SHOW synchronous_commit").scalar_one() == "on"
+    with store.database.reading() as tx:
+        assert tx.connection.exec_driver_sql("SHOW synchronous_commit").scalar_one() == "on"
     store.close()
 
 

@@ -15,7 +15,7 @@ from tests.support.store_samples import PLAN, START, Clock, reading, received
 
 
 def test_nothing_yet(store: Store) -> None:
-    figures = store.figures(START - timedelta(hours=1))
+    figures = store.statistics(START - timedelta(hours=1))
     assert (figures.parts, figures.reviewed, figures.awaiting, figures.rejects) == (0, 0, 0, 0)
     assert (figures.by_state, figures.seconds) == ({}, {})
     assert [n for _, n in figures.per_hour] == [0, 0]
@@ -69,7 +69,7 @@ def test_a_line_of_parts(store: Store, clock: Clock) -> None:
             # KX40725 was read with a character too many: 6 of 7
             counts["ok"] += (6 if truth == "KX40725" else n_right) if looked_at else 0
             hours[received_at.strftime("%d %H")] = hours.get(received_at.strftime("%d %H"), 0) + 1
-    figures = store.figures(since)
+    figures = store.statistics(since)
     assert {
         "parts": figures.parts,
         "camera": figures.by_camera,
@@ -102,26 +102,26 @@ def test_a_line_of_parts(store: Store, clock: Clock) -> None:
 def test_percentiles_are_nearest_ranks(store: Store, n: int) -> None:
     readings = tuple(replace(reading("K"), seconds=float(k)) for k in range(n, 0, -1))
     received(store, readings=readings)
-    assert store.figures(START).seconds == {"vision": (math.ceil(n / 2), math.ceil(99 * n / 100))}
+    assert store.statistics(START).seconds == {"vision": (math.ceil(n / 2), math.ceil(99 * n / 100))}
 
 
 def test_photo_and_scan_at_once_is_no_fallback(store: Store) -> None:
     both = (reading("KX4", "vision", "review"), reading("KX4", "fused"))
     received(store, readings=both)
-    figures = store.figures(START)
+    figures = store.statistics(START)
     assert (figures.parts, figures.fell_back, figures.by_camera) == (1, 0, 0)
 
 
 def test_other_zones_are_the_same_instants(store: Store) -> None:
     received(store)
-    told = store.figures(START.astimezone().replace(microsecond=0))
-    assert told == store.figures(START)
+    told = store.statistics(START.astimezone().replace(microsecond=0))
+    assert told == store.statistics(START)
     assert told.parts == 1
 
 
 def test_times_that_cannot_be(store: Store) -> None:
     for wrong in (START.replace(tzinfo=None), START - timedelta(days=4000)):
         with pytest.raises(UnfitError, match="give a time"):
-            store.figures(wrong)
+            store.statistics(wrong)
     # nothing has happened in time to come
-    assert store.figures(START + timedelta(days=1)).per_hour == ()
+    assert store.statistics(START + timedelta(days=1)).per_hour == ()
