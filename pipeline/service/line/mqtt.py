@@ -3,23 +3,21 @@
 {prefix}/parts/{part id}/result     the part as JSON, with the delivery's number; not retained
 {prefix}/status                     online or offline; retained, and the last will of the connection
 
-Every connection has a client object of its own. paho keeps what a broker has not acknowledged and sends it again by
-itself after it has connected again; an old result could so overtake a newer one. What is sent again is for the
-outbox alone to say, so a client that has lost its broker is thrown away with all it holds.
-
-asyncio loop                                paho's thread
-  send: publish, wait for the future  --->    socket
-  future done  <--- call_soon_threadsafe ---  on_connect, on_publish, on_disconnect
+* A delivery has arrived when the broker has acknowledged it; one that it has not is for the outbox to send again.
+* Every connection has a client object of its own, thrown away with all it holds once the connection is lost or an
+  acknowledgement is missing: an old result that the client sent again by itself could overtake a newer one.
+* There is one connection at a time, made anew when it is next needed, and every few seconds once `start` was called.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import secrets
 import ssl
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
 from pipeline.common.missing_extra import MissingExtraError
@@ -27,13 +25,14 @@ from pipeline.common.records import Delivery
 from pipeline.service.line.dispatch import DeliveryError, body_of
 
 if TYPE_CHECKING:
-    from paho.mqtt.client import Client
+    import aiomqtt
 
 ONLINE, OFFLINE = "online", "offline"
 _QOS = 1
-_LOOK_S = 2.0
+_LOOK_S, _LEAVE_S = 2.0, 2.0
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
 _NO_TOPIC = frozenset("+#\0")
+_log = logging.getLogger(__name__)
 
 
 class MqttSender:
@@ -62,13 +61,13 @@ class MqttSender:
             keepalive_s: between signs of life; a silent broker is noticed after one and a half of it.
 
         Raises:
-            MissingExtraError: paho-mqtt is not installed.
+            MissingExtraError: aiomqtt is not installed.
             ValueError: no such address, topic or certificate.
         """
         try:
-            import paho.mqtt.client  # noqa: F401 - said at the start, not with the first result
+            import aiomqtt  # noqa: F401 - asked for at the start, not with the first result
         except ImportError as error:
-            raise MissingExtraError("MQTT", "paho-mqtt", "mqtt") from error
+            raise MissingExtraError("MQTT", "aiomqtt", "mqtt") from error
         parts = urlsplit(url)
         if parts.scheme not in _PORTS or not parts.hostname:
             raise ValueError("a broker's address is mqtt://host:1883 or mqtts://host:8883")
@@ -98,7 +97,7 @@ class MqttSender:
 
     async def _keep_connected(self) -> None:
         while not self._closed:
-            with contextlib.suppress(DeliveryError):  # told by the next delivery
+            with contextlib.suppress(DeliveryError):  # the next delivery says so
                 await self._connected()
             await asyncio.sleep(_LOOK_S)
 
@@ -110,19 +109,14 @@ class MqttSender:
         """
         if not _NO_TOPIC.isdisjoint(delivery.part_id) or "/" in delivery.part_id:
             raise DeliveryError(f"the part {delivery.part_id!r} makes no topic", lasting=True)
-        topic = f"{self._prefix}/parts/{delivery.part_id}/result"
         connection = await self._connected()
         try:
-            async with asyncio.timeout(self._timeout_s):
-                await connection.publish(topic, body_of(delivery))
-        except TimeoutError:
-            # whatever the client still holds must not arrive later, behind newer results
-            await self._drop(connection)
-            raise DeliveryError(
-                f"the broker has acknowledged nothing within {self._timeout_s:g} s", away=True
-            ) from None
+            await connection.publish(f"{self._prefix}/parts/{delivery.part_id}/result", body_of(delivery))
         except DeliveryError:
-            await self._drop(connection)
+            async with self._connecting:
+                if self._connection is connection:
+                    self._connection = None
+            await connection.end()
             raise
 
     async def close(self) -> None:
@@ -135,7 +129,7 @@ class MqttSender:
             connection, self._connection = self._connection, None
             if connection is not None:
                 with contextlib.suppress(DeliveryError, TimeoutError):
-                    async with asyncio.timeout(min(self._timeout_s, 2.0)):
+                    async with asyncio.timeout(_LEAVE_S):
                         await connection.publish(f"{self._prefix}/status", OFFLINE.encode(), retain=True)
                 await connection.end()
 
@@ -143,138 +137,99 @@ class MqttSender:
         async with self._connecting:
             if self._closed:
                 raise DeliveryError("closed", away=True)
-            if self._connection is not None and not self._connection.lost:
+            if self._connection is not None and not self._connection.lost.done():
                 return self._connection
             if self._connection is not None:
                 await self._connection.end()
                 self._connection = None
-            connection = _Connection(self._client())
+            connection = _Connection(await self._opened())
             try:
-                async with asyncio.timeout(self._timeout_s):
-                    await connection.open(self._host, self._port, self._keepalive_s)
-                    await connection.publish(f"{self._prefix}/status", ONLINE.encode(), retain=True)
-            except TimeoutError:
-                await connection.end()
-                raise DeliveryError(
-                    f"the broker {self._host}:{self._port} does not answer", away=True
-                ) from None
+                await connection.publish(f"{self._prefix}/status", ONLINE.encode(), retain=True)
             except BaseException:
                 await connection.end()
                 raise
             self._connection = connection
             return connection
 
-    async def _drop(self, connection: _Connection) -> None:
-        async with self._connecting:
-            if self._connection is connection:
-                self._connection = None
-        await connection.end()
+    async def _opened(self) -> aiomqtt.Client:
+        import aiomqtt
 
-    def _client(self) -> Client:
-        from paho.mqtt.client import Client, MQTTv311
-        from paho.mqtt.enums import CallbackAPIVersion
-
-        client = Client(
-            CallbackAPIVersion.VERSION2,
-            client_id=self._client_id,
+        client = aiomqtt.Client(
+            self._host,
+            self._port,
+            username=self._user,
+            password=self._password,
+            logger=_log,
+            identifier=self._client_id,
             clean_session=True,
-            protocol=MQTTv311,
-            reconnect_on_failure=False,
+            will=aiomqtt.Will(f"{self._prefix}/status", OFFLINE, _QOS, retain=True),
+            timeout=self._timeout_s,
+            keepalive=self._keepalive_s,
+            tls_context=self._tls,
         )
-        client.connect_timeout = self._timeout_s
-        if self._user is not None:
-            client.username_pw_set(self._user, self._password)
-        if self._tls is not None:
-            client.tls_set_context(self._tls)
-        client.will_set(f"{self._prefix}/status", OFFLINE, qos=_QOS, retain=True)
-        return client
+        try:
+            return await client.__aenter__()
+        except aiomqtt.MqttCodeError as error:
+            raise DeliveryError(f"the broker refuses the connection: {error}", away=True) from error
+        except (aiomqtt.MqttError, ValueError) as error:
+            await _leave(client)
+            where = f"{self._host}:{self._port}"
+            raise DeliveryError(f"the broker {where} cannot be reached: {error}", away=True) from error
 
 
 class _Connection:
     """One connection, for as long as it lasts.
 
-    paho calls back in its own thread; nothing is done there but to hand it to the loop's.
+    Attributes:
+        lost: done once the broker is gone; aiomqtt says so only to those who wait for messages.
     """
 
-    def __init__(self, client: Client) -> None:
-        self.lost = False
+    def __init__(self, client: aiomqtt.Client) -> None:
         self._client = client
-        self._loop = asyncio.get_running_loop()
-        self._opened: asyncio.Future[None] = self._loop.create_future()
-        self._waiting: dict[int, asyncio.Future[None]] = {}
-        client.on_connect = self._on_connect
-        client.on_disconnect = self._on_disconnect
-        client.on_publish = self._on_publish
-
-    async def open(self, host: str, port: int, keepalive_s: int) -> None:
-        try:
-            await asyncio.to_thread(self._client.connect, host, port, keepalive_s)
-        except (OSError, ValueError) as error:
-            raise DeliveryError(f"the broker {host}:{port} cannot be reached: {error}", away=True) from error
-        self._client.loop_start()
-        await self._opened
+        self.lost = asyncio.create_task(_until_lost(client))
 
     async def publish(self, topic: str, payload: bytes, *, retain: bool = False) -> None:
-        """Publish and wait for the acknowledgement."""
-        if self.lost:
-            raise _gone()
-        arrived: asyncio.Future[None] = self._loop.create_future()
+        """Publish and wait for the acknowledgement.
+
+        Raises:
+            DeliveryError: the broker is gone, or has acknowledged nothing in time.
+        """
+        import aiomqtt
+
+        publishing = asyncio.create_task(self._client.publish(topic, payload, _QOS, retain))
         try:
-            info = self._client.publish(topic, payload, qos=_QOS, retain=retain)
+            await asyncio.wait({publishing, self.lost}, return_when=asyncio.FIRST_COMPLETED)
+            if not publishing.done():
+                raise DeliveryError("the broker has gone", away=True)
+            await publishing
+        except aiomqtt.MqttError as error:
+            raise DeliveryError(f"the broker has not acknowledged it: {error}", away=True) from error
         except ValueError as error:
             raise DeliveryError(f"cannot be published: {error}", lasting=True) from error
-        # an acknowledgement that is quicker than this line waits for the loop, so it is not missed
-        self._waiting[info.mid] = arrived
-        try:
-            await arrived
         finally:
-            self._waiting.pop(info.mid, None)
+            publishing.cancel()
 
     async def end(self) -> None:
-        """Disconnect and end paho's thread."""
-        self._lose(_gone())
-        self._client.on_connect = self._client.on_disconnect = self._client.on_publish = None
-        await asyncio.shield(asyncio.to_thread(self._end))
-
-    def _end(self) -> None:
-        with contextlib.suppress(Exception):
-            self._client.disconnect()
-        self._client.loop_stop()
-
-    def _on_connect(self, _client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
-        self._hand(self._connected, bool(reason.is_failure), str(reason))
-
-    def _on_disconnect(self, _client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
-        self._hand(self._lose, DeliveryError(f"the broker has gone: {reason}", away=True))
-
-    def _on_publish(self, _client: Client, _data: Any, mid: int, _reason: Any, _properties: Any) -> None:
-        self._hand(self._acknowledged, mid)
-
-    def _hand(self, function: Any, *args: Any) -> None:
-        with contextlib.suppress(RuntimeError):  # the loop is closed already
-            self._loop.call_soon_threadsafe(function, *args)
-
-    def _connected(self, refused: bool, reason: str) -> None:
-        if refused:
-            self._lose(DeliveryError(f"the broker refuses the connection: {reason}", away=True))
-        elif not self._opened.done():
-            self._opened.set_result(None)
-
-    def _acknowledged(self, mid: int) -> None:
-        arrived = self._waiting.get(mid)
-        if arrived is not None and not arrived.done():
-            arrived.set_result(None)
-
-    def _lose(self, error: DeliveryError) -> None:
-        self.lost = True
-        for future in (self._opened, *self._waiting.values()):
-            if not future.done():
-                future.set_exception(error)
-                future.exception()  # looked at here, should nobody wait for it
+        """Disconnect."""
+        await _leave(self._client)
+        await self.lost
 
 
-def _gone() -> DeliveryError:
-    return DeliveryError("the connection to the broker is closed", away=True)
+async def _until_lost(client: aiomqtt.Client) -> None:
+    import aiomqtt
+
+    with contextlib.suppress(aiomqtt.MqttError):
+        async for _ in client.messages:
+            pass
+
+
+async def _leave(client: aiomqtt.Client) -> None:
+    """Close the socket; also that of a client that never got connected, which aiomqtt would leave open."""
+    import aiomqtt
+
+    with contextlib.suppress(aiomqtt.MqttError, TimeoutError):
+        async with asyncio.timeout(_LEAVE_S):
+            await client.__aexit__(None, None, None)
 
 
 def _tls(ca_file: Path | None, certificate: Path | None, private_key: Path | None) -> ssl.SSLContext:
