@@ -26,6 +26,7 @@ from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
 from glyphs.soiling.soil import Soil
 from glyphs.stamping.die import DieError, Face, default_die
 from glyphs.stamping.stamp import StampedPart, StampingVariation, VariationError, stamp_line
+from glyphs.surface.display import picture_html
 from glyphs.surface.maps import HeightMap
 
 _SOIL_STREAM, _PHOTO_STREAM = 1, 2
@@ -44,6 +45,12 @@ class Part:
     stamped: StampedPart
     dirt: Dirt
     seed: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        return f"Part({self.text!r}, {self.stamped.font_name!r}, {self.height_mm:g} mm, {self.dirt}, seed={self.seed})"
+
+    def _repr_html_(self) -> str:
+        return picture_html(self, self.height_map.z_mm)
 
     @property
     def text(self) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import MAX_PIXELS, MapError
 
 
@@ -26,6 +27,11 @@ class Photo:
     pixels: NDArray[np.uint8]
     pitch_mm: float | None = None
     centre_mm: tuple[float, float] | None = None
+
+    __repr__ = one_line
+
+    def _repr_html_(self) -> str:
+        return picture_html(self, self.grey())
 
     def __post_init__(self) -> None:
         p = np.ascontiguousarray(self.pixels)

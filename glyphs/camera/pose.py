@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError
 
 DEFAULT_PIXEL_MM = 0.06
@@ -49,6 +50,8 @@ class Camera:
     dark_noise: float = 0.004
     vignetting: float = 0.15
     bloom: float = 0.04
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for item in fields(self):

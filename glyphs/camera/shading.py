@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Look
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import Field
 
@@ -47,6 +48,8 @@ class Light:
     gradient: float = 0.4
     shadows: bool = True
     colour: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         ranges = {

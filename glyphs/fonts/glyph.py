@@ -17,6 +17,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glyphs.surface.display import one_line
+
 Points = NDArray[np.float64]
 
 FELT_PIXELS = 40
@@ -80,6 +82,8 @@ class Glyph:
     stroke: float = 0.0
     felt: NDArray[np.float32] | None = None
     guessed: bool = False
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if len(self.char) != 1:
@@ -149,6 +153,8 @@ class Font:
     glyphs: Mapping[str, Glyph]
     stroke_ratio: float
     source: str
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not self.name:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.stamping.stamp import StampedPart
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import MapError
 from glyphs.surface.noise import Field, smooth_noise
 
@@ -38,6 +39,8 @@ class Look:
     albedo: NDArray[np.float32]
     roughness: NDArray[np.float32]
     reflectance: NDArray[np.float32]
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         shape = np.shape(self.roughness)
@@ -83,6 +86,8 @@ class Coat:
     albedo: NDArray[np.float32]
     roughness: Field
     reflectance: Field
+
+    __repr__ = one_line
 
     @property
     def shape(self) -> tuple[int, int]:

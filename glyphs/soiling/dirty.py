@@ -23,6 +23,7 @@ from glyphs.soiling.grime import add_grime
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.wear import add_burr, add_pits, add_scratches
 from glyphs.stamping.stamp import StampedPart
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap
 
 __all__ = ["Dirt", "DirtError", "Look", "SoiledPart", "soil_part"]
@@ -68,6 +69,8 @@ class Dirt:
     pits: float = 0.0
     paint: float = 0.0
     burr: float = 0.0
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -119,6 +122,8 @@ class SoiledPart:
     height_map: HeightMap
     soil: Soil
     look: Look
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         shapes = {self.part.height_map.shape, self.height_map.shape, self.soil.shape}

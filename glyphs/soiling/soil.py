@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import MapError
 
 
@@ -34,6 +35,8 @@ class Soil:
     thickness_mm: NDArray[np.float32]
     hardness_mpa: NDArray[np.float32]
     friction: NDArray[np.float32]
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         shape = np.shape(self.thickness_mm)

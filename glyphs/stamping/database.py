@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.stamping.die import Die
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, TraceDirection
 
 FORMAT_NAME = "tactile-marks glyph database"
@@ -73,6 +74,8 @@ class Exemplar:
     part: str = ""
     evidence: str = ""
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         if self.relief is not None and np.shape(self.relief) != self.edge_map.shape:
             raise DatabaseError(
@@ -105,6 +108,8 @@ class GlyphDatabase:
     fonts: Mapping[str, Font] = field(default_factory=dict)
     dies: Mapping[str, Die] = field(default_factory=dict)
     exemplars: tuple[Exemplar, ...] = ()
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for name, font in self.fonts.items():

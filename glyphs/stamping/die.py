@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from glyphs.fonts.glyph import Glyph, Points, signed_distance, transformed, with_stroke
 from glyphs.stamping.faces import Die, DieError, Face, check_height, default_depth_mm, default_die, relief_mm
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
 __all__ = [
@@ -45,6 +46,8 @@ class IdealGlyph:
     height_map: HeightMap
     centre_mm: tuple[float, float]
     ink_box_mm: tuple[float, float, float, float]
+
+    __repr__ = one_line
 
 
 def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.profile import Number, round_radius, sunk_depth
+from glyphs.surface.display import one_line
 
 DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
     (3.2, 0.15),
@@ -76,6 +77,8 @@ class Die:
     burr_height_mm: float = 0.0
     burr_width_mm: float = 0.2
     dot_pitch_mm: float = 0.6
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "face", Face(self.face))

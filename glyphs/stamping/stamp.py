@@ -12,6 +12,7 @@ from glyphs.fonts.glyph import Font, Glyph
 from glyphs.stamping.die import Die, DieError, die_glyph, ink_points_mm, shape_relief_mm, to_plate
 from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.variation import PlateVariation, StampingVariation, VariationError
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
 __all__ = ["PlateVariation", "StampedPart", "StampingVariation", "VariationError", "stamp_line"]
@@ -39,6 +40,8 @@ class StampedPart:
     height_mm: float
     boxes_mm: tuple[Box, ...]
     font_name: str
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if len(self.boxes_mm) != len(self.text):

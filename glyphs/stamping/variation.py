@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 
+from glyphs.surface.display import one_line
+
 
 class VariationError(ValueError):
     """A variation that cannot be: the message names the field and its range."""
@@ -59,6 +61,8 @@ class PlateVariation:
     roughness_length_mm: float = 0.06
     ironing: float = 0.7
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         check_amounts(
             self,
@@ -106,6 +110,8 @@ class StampingVariation:
     double_strike_fraction: float = 0.05
     burr_fraction: float = 0.08
     plate: PlateVariation = field(default_factory=PlateVariation)
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         check_amounts(self)

@@ -21,6 +21,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line, picture_html
+
 MAX_PIXELS = 64_000_000
 """Largest map accepted anywhere: 8000 x 8000, a quarter of a gigabyte as float32."""
 
@@ -79,6 +81,11 @@ class HeightMap:
     z_mm: NDArray[np.float32]
     pitch_mm: float
 
+    __repr__ = one_line
+
+    def _repr_html_(self) -> str:
+        return picture_html(self, self.z_mm)
+
     def __post_init__(self) -> None:
         array = np.asarray(self.z_mm)
         if array.dtype.kind not in "fiu":
@@ -132,6 +139,11 @@ class EdgeMap:
     valid: NDArray[np.bool_]
     pitch_mm: float
     origin_mm: tuple[float, float] = (0.0, 0.0)
+
+    __repr__ = one_line
+
+    def _repr_html_(self) -> str:
+        return picture_html(self, self.enhancement[0])
 
     def __post_init__(self) -> None:
         e = _read_only(np.asarray(self.enhancement), np.float32)

@@ -20,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from glyphs.surface.display import one_line
 from whisker_array.design.checks import (
     FINEST_WAVELENGTH_LINES,
     check,
@@ -112,6 +113,8 @@ class Design:
     linear_error: float
     frequency_hz: float
     land_force_n: float
+
+    __repr__ = one_line
 
     @property
     def contrast(self) -> float:

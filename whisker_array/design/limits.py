@@ -17,6 +17,7 @@ import enum
 import math
 from dataclasses import dataclass, replace
 
+from glyphs.surface.display import one_line
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material
 from whisker_array.whisker.validity import LINEAR_ERROR_LIMIT
@@ -89,6 +90,8 @@ class Request:
     character_height_mm: float
     speed_mm_s: float | None = None
     material: Material = MUSIC_WIRE
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         low, high = self.alpha_rad
@@ -179,6 +182,8 @@ class Limits:
     strain: float = 200e-6
     clearance_depths: float = 1.0
     axis_raise: float = 0.0
+
+    __repr__ = one_line
 
     def scaled(self, factor: float) -> Limits:
         """The same limits for everything so many times larger: lengths times the factor, force its square."""

@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from glyphs.surface.display import one_line
 from whisker_array.design.checks import FINEST_WAVELENGTH_LINES, Checked, Values, check, first_frequency_hz
 from whisker_array.design.limits import Bound, Limits, Request
 from whisker_array.whisker.sections import Rectangle, Round
@@ -51,6 +52,8 @@ class Candidate:
     worth: float
     reserve: float
 
+    __repr__ = one_line
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -72,6 +75,8 @@ class Problem:
     error_scale: float = 1.0
     objective: Objective | None = None
     axis_lean_rad: float | None = None
+
+    __repr__ = one_line
 
     def box(self) -> Values:
         """(7, 2) bounds of the variables."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
+from glyphs.surface.display import one_line
 from whisker_array.design.checks import check
 from whisker_array.design.design import Design
 from whisker_array.design.limits import Bound, Limits, Request
@@ -35,6 +36,8 @@ class TradeOff:
     allowed: tuple[float, ...]
     contrast: tuple[float | None, ...]
     at: float
+
+    __repr__ = one_line
 
 
 def slide_trade_off(design: Design, factors: Iterable[float] = SLIDE_FACTORS) -> TradeOff:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import MapError, TraceDirection
 from whisker_array.estimation.spreading import spread, triangles
 
@@ -31,6 +32,8 @@ class FeltLines:
     along_mm: Lines
     direction: TraceDirection
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         if self.values.shape != (self.place_mm.size, self.along_mm.size):
             raise MapError(
@@ -51,6 +54,8 @@ class PlateGrid:
     x_mm: Lines
     y_mm: Lines
     pitch_mm: float
+
+    __repr__ = one_line
 
     @property
     def origin_mm(self) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.both_ways import both_ways
 from whisker_array.estimation.estimate import is_profiler, moment_per_lift, tip_shift_mm
@@ -78,6 +79,11 @@ class Relief:
     friction_sd: float | None
     route: Route
     friction_map: NDArray[np.float32] | None = None
+
+    __repr__ = one_line
+
+    def _repr_html_(self) -> str:
+        return picture_html(self, self.height_mm)
 
     def __post_init__(self) -> None:
         for slope in (self.slope_x, self.slope_y, self.friction_map):

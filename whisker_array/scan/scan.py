@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.soiling.soil import Soil
+from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.sensor import Calibration, SensorChain, measure
 from whisker_array.simulation.regrid import fit_pitch, fit_soil, pad_soil
@@ -39,6 +40,8 @@ class Sweep:
     moment_n_mm: NDArray[np.float32]
     flags: NDArray[np.uint8]
     air_n_mm: NDArray[np.float32]
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         shape = (*self.plan.line_mm.shape, self.plan.n_samples)
@@ -79,6 +82,11 @@ class Scan:
     others: tuple[Touch, ...] = ()
     kind: tuple[int, ...] = ()
 
+    __repr__ = one_line
+
+    def _repr_html_(self) -> str:
+        return picture_html(self, _overview(self))
+
     def __post_init__(self) -> None:
         if not self.sweeps:
             raise MapError("a scan has at least one sweep")
@@ -115,6 +123,16 @@ class Scan:
     def directions(self) -> tuple[TraceDirection, ...]:
         """Trace directions, in the order of the sweeps."""
         return tuple(s.plan.direction for s in self.sweeps)
+
+
+def _overview(scan: Scan) -> NDArray[np.float32]:
+    """Moments of the first sweep as they lie on the plate, each line about its median, less of them darker."""
+    plan, moment = scan.sweeps[0].plan, scan.sweeps[0].moment_n_mm
+    lines = -moment.reshape(-1, plan.n_samples)[np.argsort(plan.line_mm, axis=None)]
+    lines = lines - np.nanmedian(lines, axis=1, keepdims=True)
+    lines = np.repeat(lines, max(1, round(scan.line_pitch_mm / plan.step_mm)), axis=0)
+    lines = lines[:, ::-1] if plan.direction.backward else lines
+    return lines if plan.direction.along_x else lines.T
 
 
 def trace_scan(

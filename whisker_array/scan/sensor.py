@@ -24,6 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glyphs.surface.display import one_line
+
 MIN_LEAD_IN_SAMPLES = 16
 """Fewest samples of air, and of land, from which a calibration is taken."""
 MAX_GAIN_UNCERTAINTY = 0.01
@@ -81,6 +83,8 @@ class SensorChain:
     vibration: float = 0.0
     adc_range_n_mm: float = math.inf
     adc_bits: int | None = None
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         gain, offset = _per_whisker("gain", self.gain), _per_whisker("offset_n_mm", self.offset_n_mm)
@@ -262,6 +266,8 @@ class Calibration:
     gain: NDArray[np.float64]
     offset_n_mm: NDArray[np.float64]
     from_land: bool = False
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         gain, offset = _per_whisker("gain", self.gain), _per_whisker("offset_n_mm", self.offset_n_mm)

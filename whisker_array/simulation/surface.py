@@ -20,6 +20,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from glyphs.soiling.soil import Soil
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
 
@@ -44,6 +45,8 @@ class TouchSurface:
     dropout: NDArray[np.bool_]
     pitch_mm: float
     yielding: NDArray[np.float32] | None = None
+
+    __repr__ = one_line
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -8,6 +8,8 @@ from enum import IntFlag, StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
+
 
 class Fidelity(StrEnum):
     """How the touch is simulated (physics.md)."""
@@ -52,3 +54,5 @@ class Traces:
 
     moment_n_mm: NDArray[np.float32]
     flags: NDArray[np.uint8]
+
+    __repr__ = one_line

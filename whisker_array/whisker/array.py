@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import TraceDirection
 
 ALL_DIRECTIONS = (
@@ -86,6 +87,8 @@ class SweepPlan:
     n_lead: int
     pushed: bool = False
 
+    __repr__ = one_line
+
     def position_mm(self) -> NDArray[np.float64]:
         """(samples,) plate coordinate along the trace of each touching sample."""
         sign = -1.0 if self.direction.backward else 1.0
@@ -119,6 +122,8 @@ class RasterPlan:
     air_samples: int = 16
     turnaround_s: float = 0.25
     two_way: bool = False
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for name in ("line_pitch_mm", "sample_pitch_mm", "speed_mm_s"):

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from whisker_array.whisker.sections import Material, Section, SectionLike, Taper
 
 Vector = NDArray[np.float64]
@@ -69,6 +70,8 @@ class Segment:
     end_mm: Vector
     section: SectionLike
     material: Material
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for name in ("start_mm", "end_mm"):

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import Taper
@@ -62,6 +63,8 @@ class LargeDeflection:
     moment_n_mm: float
     tip_shift_mm: Vector
     shape_mm: Matrix
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         for name, shape in (("force_n", (3,)), ("tip_shift_mm", (3,)), ("shape_mm", (len(self.shape_mm), 2))):

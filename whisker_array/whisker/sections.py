@@ -17,6 +17,8 @@ import math
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
+from glyphs.surface.display import one_line
+
 _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
 """1 + 1/3^5 + 1/5^5 + ... = 31/32 zeta(5)."""
 
@@ -316,6 +318,8 @@ class Taper:
 
     start: Section
     end: Section
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         self.start.blend(self.end, 0.5)

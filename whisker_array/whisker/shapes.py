@@ -24,6 +24,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from whisker_array.whisker.beam import BeamError, Segment, chain_compliance, cross_matrix
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, SectionLike
 
@@ -66,6 +67,8 @@ class TipModel:
 
     compliance_mm_per_n: Matrix
     moment_arm_mm: Vector
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         d = np.array(self.compliance_mm_per_n, dtype=np.float64)
@@ -128,6 +131,8 @@ class Straight:
     section: SectionLike
     material: Material = MUSIC_WIRE
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "length_mm", require_positive("length_mm", self.length_mm))
         _check_beta(self.beta_rad)
@@ -181,6 +186,8 @@ class LShaped:
     beta_rad: float
     section: SectionLike
     material: Material = MUSIC_WIRE
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "l1_mm", require_positive("l1_mm", self.l1_mm))
@@ -245,6 +252,8 @@ class Chain:
     sections: SectionLike | tuple[SectionLike, ...]
     material: Material = MUSIC_WIRE
     l3_mm: float = 0.0
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         points = np.array(self.points_mm, dtype=np.float64)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from glyphs.surface.display import one_line
 from whisker_array.whisker.defaults import (
     NOMINAL_FRICTION,
     TIP_RADIUS_HEIGHTS,
@@ -33,6 +34,8 @@ class Touch:
     tip_radius_mm: float
     friction: float = NOMINAL_FRICTION
     whisker: str = ""
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not (self.preload_mm > 0.0 and np.isfinite(self.preload_mm)):
