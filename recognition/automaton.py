@@ -21,14 +21,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.fonts.serials import FormatError
+
 Places = NDArray[np.int64]
 Beliefs = NDArray[np.float64]
 MOST_STATES = 100_000
 """States in a layer, at most."""
-
-
-class AutomatonError(ValueError):
-    """Rules that together need too many states."""
 
 
 class Machine(Protocol):
@@ -212,7 +210,7 @@ def unrolled(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...])
     """All strings of a length that every machine allows.
 
     Raises:
-        AutomatonError: the rules together need more than `MOST_STATES` states at a place.
+        FormatError: the rules together need more than `MOST_STATES` states at a place.
     """
     none = Automaton(chars, (np.empty((0, len(chars)), dtype=np.int64),) * n_places)
     here = np.array([[m.start(n_places) for m in machines]], dtype=np.int64)
@@ -229,7 +227,7 @@ def unrolled(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...])
         pairs = np.stack([to[allowed] for to in parts], axis=1) if parts else np.zeros((allowed.sum(), 0))
         here, which = _distinct(pairs.astype(np.int64))
         if here.shape[0] > MOST_STATES:
-            raise AutomatonError("the rules of this format together are too involved; leave one out")
+            raise FormatError("the rules of this format together are too involved", hint="leave one out")
         step = np.full(allowed.shape, -1, dtype=np.int64)
         step[allowed] = which
         steps.append(step)

@@ -59,7 +59,7 @@ def centre_line(font: Font, char: str, *, face: Face = Face.FLAT, grow: float = 
 
     Raises:
         FontError: the font lacks the character.
-        DieError: dots of an outline.
+        StampError: dots of an outline.
     """
     die = default_die(CANONICAL_HEIGHT_MM, font=font, face=face)
     shape = die_glyph(font.glyph(char), die, height_mm=CANONICAL_HEIGHT_MM)

@@ -29,12 +29,8 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.fonts.serials import FormatError
 from recognition.remainders import REMAINDERS, Remainder
-
-
-class CheckDigitError(ValueError):
-    """A check-digit rule that is not known or cannot be used: the message says why and how to mend it."""
-
 
 CHECK_DIGITS = (*REMAINDERS, "stdnum:NAME")
 """The rules known by name."""
@@ -51,7 +47,7 @@ class CheckDigit:
         last_place: counted from 1; None for the last of the text.
 
     Raises:
-        CheckDigitError: a name that is not known, python-stdnum missing, places that run backwards.
+        FormatError: a name that is not known, python-stdnum missing, places that run backwards.
     """
 
     name: str
@@ -62,23 +58,25 @@ class CheckDigit:
         if self.name.startswith("stdnum:"):
             _stdnum_module(self.name)
         elif self.name not in REMAINDERS:
-            raise CheckDigitError(
-                f"unknown check digit {self.name!r}; known are {', '.join(CHECK_DIGITS)} "
-                "(NAME: a module of python-stdnum, such as imei)"
+            raise FormatError(
+                f"unknown check digit {self.name!r}",
+                hint=f"known are {', '.join(CHECK_DIGITS)} (NAME: a module of python-stdnum, such as imei)",
             )
         if self.first_place < 1 or (self.last_place is not None and self.last_place < self.first_place):
-            raise CheckDigitError(f"{self} looks at no place; places count from 1: {self.name}@3-8")
+            raise FormatError(f"{self} looks at no place", hint=f"places count from 1: {self.name}@3-8")
 
     @classmethod
     def parse(cls, text: str) -> CheckDigit:
         """From a text such as `vin`, `ISO 7064 mod 37-2`, `luhn@3-8` or `stdnum:imei`.
 
         Raises:
-            CheckDigitError: as the class.
+            FormatError: as the class.
         """
         match = _FORM.fullmatch(text.strip())
         if match is None:
-            raise CheckDigitError(f"{text!r} is no check digit; write {', '.join(CHECK_DIGITS)} or luhn@3-8")
+            raise FormatError(
+                f"{text!r} is no check digit", hint=f"write {', '.join(CHECK_DIGITS)} or luhn@3-8"
+            )
         name = match["name"].strip().lower()
         if not name.startswith("stdnum:"):
             plain = re.sub(r"[^a-z0-9]", "", name)
@@ -148,7 +146,7 @@ class CheckDigit:
     def _rule(self) -> Remainder:
         rule = self.remainder
         if rule is None:
-            raise CheckDigitError(f"{self} can only be asked about a whole text")
+            raise FormatError(f"{self} can only be asked about a whole text")
         return rule
 
 
@@ -172,21 +170,25 @@ def _table(check: CheckDigit, place: int, n_places: int, chars: tuple[str, ...])
 def _stdnum_module(name: str) -> ModuleType:
     module = name.removeprefix("stdnum:")
     if not re.fullmatch(r"[a-z0-9_]+(\.[a-z0-9_]+)*", module):
-        raise CheckDigitError(f"{module!r} is no module of python-stdnum; write stdnum:imei or stdnum:us.ssn")
+        raise FormatError(
+            f"{module!r} is no module of python-stdnum", hint="write stdnum:imei or stdnum:us.ssn"
+        )
     try:
         importlib.import_module("stdnum")
     except ImportError as error:
-        raise CheckDigitError(
+        raise FormatError(
             f"the check digit {name} needs python-stdnum: pip install 'tactile-marks[checkdigits]'"
         ) from error
     try:
         found = importlib.import_module(f"stdnum.{module}")
     except ImportError as error:
-        raise CheckDigitError(
-            f"python-stdnum has no {module!r}; its modules stand in its documentation"
+        raise FormatError(
+            f"python-stdnum has no {module!r}", hint="its modules stand in its documentation"
         ) from error
     if not hasattr(found, "is_valid"):
-        raise CheckDigitError(f"stdnum.{module} tells no numbers good from bad; name one that has is_valid()")
+        raise FormatError(
+            f"stdnum.{module} tells no numbers good from bad", hint="name one that has is_valid()"
+        )
     return found
 
 
@@ -207,7 +209,7 @@ def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> tuple[BlindPair, .
         allowed: the characters that may stand at each place.
 
     Raises:
-        CheckDigitError: a rule that can only be asked about a whole text.
+        FormatError: a rule that can only be asked about a whole text.
     """
     check._rule()
     chars = tuple(sorted(set("".join(allowed))))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from glyphs.errors import MarksError
 from recognition.reading import CharacterReading, Reading, ReadingFlag
 
 INCH_MM = 25.4
@@ -13,7 +14,7 @@ WALL_BEVEL_DEG = 45.0
 """Slope of a stamp's walls: a mark is smaller at its bottom than at the surface by one wall at either end."""
 
 
-class DepthRuleError(ValueError):
+class DepthRuleError(MarksError, ValueError):
     """A rule that is not known, or that cannot be one."""
 
 
@@ -39,11 +40,12 @@ class DepthRule:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.least_depth_mm) and self.least_depth_mm > 0.0):
             raise DepthRuleError(
-                f"least_depth_mm of {self.name} is {self.least_depth_mm}; it must be positive"
+                f"least_depth_mm of {self.name} is {self.least_depth_mm}", hint="it must be positive"
             )
         if not (math.isfinite(self.least_height_mm) and self.least_height_mm >= 0.0):
             raise DepthRuleError(
-                f"least_height_mm of {self.name} is {self.least_height_mm}; it must be zero or positive"
+                f"least_height_mm of {self.name} is {self.least_height_mm}",
+                hint="it must be zero or positive",
             )
 
 
@@ -70,7 +72,9 @@ def depth_rule(name: str) -> DepthRule:
         if rule.name.upper() == wanted:
             return rule
     known = ", ".join(rule.name for rule in DEPTH_RULES)
-    raise DepthRuleError(f"unknown depth rule {name!r}; known are {known}; or give a depth, min_depth_mm")
+    raise DepthRuleError(
+        f"unknown depth rule {name!r}", hint=f"known are {known}; or give a depth, min_depth_mm"
+    )
 
 
 def least_depth(min_depth_mm: float) -> DepthRule:

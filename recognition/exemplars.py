@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import MarksError
 from glyphs.fonts.glyph import FELT_PIXELS, Font
 from glyphs.surface.maps import EdgeMap
 from recognition.evidence_cache import EvidenceCache
@@ -41,8 +42,8 @@ LEAST_KNOWN = 0.7
 """Share of a cut's middle that must have been felt."""
 
 
-class ExemplarError(ValueError):
-    """A part of which nothing can be cut: says what is wrong and how to mend it."""
+class ExemplarError(MarksError):
+    """A part of which nothing can be cut."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +100,11 @@ def cut_line(
     """
     plain = "".join(text.split())
     if not plain:
-        raise ExemplarError("the text is empty; only parts whose text is known can be enrolled")
+        raise ExemplarError("the text is empty", hint="only parts whose text is known can be enrolled")
     able = [font for font in fonts if all(c in font.glyphs for c in plain)]
     if not able:
         lacking = "".join(sorted({c for c in plain if not any(c in f.glyphs for f in fonts)})) or plain
-        raise ExemplarError(f"no font has {lacking!r}, so its place cannot be found; correct the text")
+        raise ExemplarError(f"no font has {lacking!r}, so its place cannot be found", hint="correct the text")
     line, cells, image, scores = _forced(edges, touch, plain, able, cache=cache, height_mm=height_mm)
     line, places = _sized(relief, line, cells, image)
     bounds = _bounds(relief, image, places, line.hypothesis.height_mm, raised=line.raised)
@@ -144,10 +145,12 @@ def _forced(
         if best is None or mean > best[0]:
             best = (mean, settled, cells, image, scores)
     if best is None:
-        raise ExemplarError("no line of marks as long as the text was found; look at the part and its text")
+        raise ExemplarError(
+            "no line of marks as long as the text was found", hint="look at the part and its text"
+        )
     if best[0] < LEAST_SCORE:
         raise ExemplarError(
-            f"the text does not fit the marks (correlation {best[0]:.2f}); see that it is right"
+            f"the text does not fit the marks (correlation {best[0]:.2f})", hint="see that it is right"
         )
     return best[1:]
 
@@ -167,7 +170,9 @@ def _sized(
         ]
         known = [box for box in boxes if box is not None]
         if not known:
-            raise ExemplarError("nothing is sunk or raised where the text should stand; look at the scan")
+            raise ExemplarError(
+                "nothing is sunk or raised where the text should stand", hint="look at the scan"
+            )
         tall = [box[3] - box[1] for box in known]
         typical = float(np.median(tall))
         full = [

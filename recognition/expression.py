@@ -14,9 +14,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.expression_tree import Choices, ExpressionError, Kind, Repeated, expression_tree
+from glyphs.fonts.serials import FormatError
+from recognition.expression_tree import Choices, Kind, Repeated, expression_tree
 
-__all__ = ["MOST_PLACES", "ExpressionError", "ExpressionMachine", "expression_machine"]
+__all__ = ["MOST_PLACES", "ExpressionMachine", "FormatError", "expression_machine"]
 
 MOST_PLACES = 64
 """Longest serial that is thought of."""
@@ -72,7 +73,7 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
         chars: characters that stand at places, without blanks.
 
     Raises:
-        ExpressionError: not an expression, one that uses look-around, references or options, or one whose
+        FormatError: not an expression, one that uses look-around, references or options, or one whose
             machine would be too large.
     """
     net = _Net(pattern)
@@ -103,7 +104,9 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
             state = reached[key]
             if state not in numbers:
                 if len(numbers) >= MOST_STATES:
-                    raise ExpressionError(f"{pattern!r} is too involved; give a mask or sets a place instead")
+                    raise FormatError(
+                        f"{pattern!r} is too involved", hint="give a mask or sets a place instead"
+                    )
                 numbers[state] = len(numbers)
                 waiting.append(state)
             row[k] = numbers[state]
@@ -121,7 +124,7 @@ class _Net:
 
     def node(self, *free: int) -> int:
         if len(self.free) >= MOST_NODES:
-            raise ExpressionError(f"{self.text!r} repeats too much; give a mask or sets a place instead")
+            raise FormatError(f"{self.text!r} repeats too much", hint="give a mask or sets a place instead")
         self.free.append(list(free))
         return len(self.free) - 1
 

@@ -15,12 +15,10 @@ import string
 from dataclasses import dataclass
 from functools import lru_cache
 
+from glyphs.fonts.serials import FormatError
+
 MOST_LENGTH = 500
 """Characters of an expression."""
-
-
-class ExpressionError(ValueError):
-    """A regular expression that cannot be used: the message says why and how to mend it."""
 
 
 @dataclass(frozen=True)
@@ -95,14 +93,16 @@ def expression_tree(pattern: str) -> Choices:
     """The tree of an expression that must match a whole text; `^` in front and `$` at the end change nothing.
 
     Raises:
-        ExpressionError: not a regular expression, or one that says more than which characters follow each other.
+        FormatError: not a regular expression, or one that says more than which characters follow each other.
     """
     if not pattern or len(pattern) > MOST_LENGTH:
-        raise ExpressionError(f"an expression has 1 to {MOST_LENGTH} characters; this one has {len(pattern)}")
+        raise FormatError(
+            f"an expression has 1 to {MOST_LENGTH} characters", hint=f"this one has {len(pattern)}"
+        )
     try:
         re.compile(pattern)
     except (re.error, OverflowError) as error:
-        raise ExpressionError(f"{pattern!r} is no regular expression: {error}") from error
+        raise FormatError(f"{pattern!r} is no regular expression: {error}") from error
     return _Parser(pattern).whole()
 
 
@@ -197,8 +197,8 @@ class _Parser:
         self.at += 1
         return self.text[self.at - 1]
 
-    def _more_than_characters(self) -> ExpressionError:
-        return ExpressionError(
+    def _more_than_characters(self) -> FormatError:
+        return FormatError(
             f"{self.text!r} says more at character {self.at} than which characters follow each other; write it "
             r"with characters, [sets], \d, \w, ., |, (groups), ?, *, + and {m,n} only: no look-ahead, reference or "
             "option, and ^ and $ at the ends or not at all (the whole text is matched anyway)"

@@ -17,12 +17,9 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from recognition.check_digits import CheckDigit, CheckDigitError
+from glyphs.fonts.serials import FormatError
+from recognition.check_digits import CheckDigit
 from recognition.remainders import FIGURES, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
-
-
-class GrammarError(ValueError):
-    """A format that cannot be used, or that no serial can meet: the message says why and how to mend it."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +37,7 @@ def said_by(texts: Iterable[str]) -> Said:
     """What several texts say together.
 
     Raises:
-        GrammarError: a text that cannot be understood, or two of one kind.
+        FormatError: a text that cannot be understood, or two of one kind.
     """
     given: dict[str, str] = {}
     checks: list[CheckDigit] = []
@@ -51,12 +48,12 @@ def said_by(texts: Iterable[str]) -> Said:
         if kind == "vin":
             checks.append(CheckDigit("vin"))
         if kind == "check":
-            checks.append(_check(rest))
+            checks.append(CheckDigit.parse(rest))
         elif (slot := "sets" if kind == "vin" else kind) in given:
-            raise GrammarError(f"the format has two of {slot}; give each kind once")
+            raise FormatError(f"the format has two of {slot}", hint="give each kind once")
         else:
             given[slot] = rest
-        checks.extend(_check(value) for key, value in options if key == "check")
+        checks.extend(CheckDigit.parse(value) for key, value in options if key == "check")
         exclude += "".join(value for key, value in options if key == "exclude")
     sets = _sets(given["sets"]) if "sets" in given else None
     return Said(given.get("mask"), given.get("re"), sets, tuple(checks), exclude)
@@ -83,12 +80,12 @@ def _kind(body: str) -> tuple[str, str]:
         )
     if not colon or kind not in ("mask", "re", "sets", "check"):
         if not body:
-            raise GrammarError(
-                "the format is empty; write a mask such as AA999999, or re:, sets:, vin or check:"
+            raise FormatError(
+                "the format is empty", hint="write a mask such as AA999999, or re:, sets:, vin or check:"
             )
         return "mask", body
     if not rest:
-        raise GrammarError(f"nothing follows {body!r}; write what the serial must be, or leave it out")
+        raise FormatError(f"nothing follows {body!r}", hint="write what the serial must be, or leave it out")
     return kind, rest
 
 
@@ -102,21 +99,15 @@ def _sets(text: str) -> tuple[str, ...]:
             here = ""
         elif len(token) == 3:
             if token[0] > token[2]:
-                raise GrammarError(f"the range {token} in {text!r} runs backwards; turn it round")
+                raise FormatError(f"the range {token} in {text!r} runs backwards", hint="turn it round")
             here += "".join(chr(k) for k in range(ord(token[0]), ord(token[2]) + 1))
         else:
             here += token[-1]
     sets.append(here)
     for k, chars in enumerate(sets, start=1):
         if not chars or not chars.isprintable() or " " in chars:
-            raise GrammarError(
-                f"place {k} of {text!r} has no character, or a blank; write one set a place with commas between"
+            raise FormatError(
+                f"place {k} of {text!r} has no character, or a blank",
+                hint="write one set a place with commas between",
             )
     return tuple("".join(dict.fromkeys(chars)) for chars in sets)
-
-
-def _check(text: str) -> CheckDigit:
-    try:
-        return CheckDigit.parse(text)
-    except CheckDigitError as error:
-        raise GrammarError(str(error)) from error

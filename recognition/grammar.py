@@ -12,19 +12,15 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.fonts.serials import MaskError, allowed_characters
-from recognition.automaton import Automaton, AutomatonError, Machine, Strings, WordList, coded, unrolled
-from recognition.check_digits import CheckDigit, CheckDigitError
-from recognition.expression import (
-    MOST_PLACES,
-    ExpressionError,
-    expression_machine,
-)
+from glyphs.fonts.serials import FormatError, allowed_characters
+from recognition.automaton import Automaton, Machine, Strings, WordList, coded, unrolled
+from recognition.check_digits import CheckDigit
+from recognition.expression import MOST_PLACES, expression_machine
 from recognition.expression_tree import expression_tree
-from recognition.format_text import GrammarError, said_by
+from recognition.format_text import said_by
 from recognition.remainders import ALPHANUMERIC
 
-__all__ = ["Grammar", "GrammarError"]
+__all__ = ["FormatError", "Grammar"]
 
 MOST_WORDS = 100_000
 
@@ -43,7 +39,7 @@ class Grammar:
         alphabet: characters that stand where nothing else says so (`.` in an expression).
 
     Raises:
-        GrammarError: a part that cannot be used, or parts that no serial meets together.
+        FormatError: a part that cannot be used, or parts that no serial meets together.
     """
 
     mask: str | None = None
@@ -58,17 +54,17 @@ class Grammar:
         if self.lexicon is not None:
             words = frozenset("".join(word.split()) for word in self.lexicon) - {""}
             if not words or len(words) > MOST_WORDS:
-                raise GrammarError(f"a lexicon holds 1 to {MOST_WORDS} serials; this one has {len(words)}")
+                raise FormatError(f"the lexicon has {len(words)} serials", hint=f"give 1 to {MOST_WORDS}")
             object.__setattr__(self, "lexicon", words)
-        try:
-            lengths = self.lengths()
-            if lengths is None or any(not self.strings(n).empty for n in sorted(lengths)):
-                return
-        except (MaskError, ExpressionError, CheckDigitError, AutomatonError) as error:
-            raise GrammarError(str(error)) from error
-        raise GrammarError(
-            f"no serial meets {self}; see that its parts agree in length and characters"
-            f" (serials have at most {MOST_PLACES} characters; an expression says nothing of blanks, a mask does)"
+        lengths = self.lengths()
+        if lengths is None or any(not self.strings(n).empty for n in sorted(lengths)):
+            return
+        raise FormatError(
+            f"no serial meets {self}",
+            hint=(
+                "see that its parts agree in length and characters (serials have at most "
+                f"{MOST_PLACES} characters; an expression says nothing of blanks, a mask does)"
+            ),
         )
 
     @classmethod
@@ -76,7 +72,7 @@ class Grammar:
         """From texts as in `recognition.format_text`; all of them must hold.
 
         Raises:
-            GrammarError: a text that cannot be understood, or two of one kind.
+            FormatError: a text that cannot be understood, or two of one kind.
         """
         said = said_by(texts)
         words = None if lexicon is None else frozenset(lexicon)
@@ -93,7 +89,7 @@ class Grammar:
         """The same format, and the serial is one of these.
 
         Raises:
-            GrammarError: no word, too many, or none that the rest allows.
+            FormatError: no word, too many, or none that the rest allows.
         """
         return replace(self, lexicon=frozenset(words))
 

@@ -12,9 +12,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from glyphs.errors import MarksError
 from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
-from glyphs.fonts.serials import MaskError
+from glyphs.fonts.serials import FormatError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from recognition.acceptance import Decided, ScoredLine, decide
@@ -23,7 +24,7 @@ from recognition.depth import mark_depths
 from recognition.depth_rules import judged_by
 from recognition.evidence_cache import EvidenceCache
 from recognition.grading import graded
-from recognition.grammar import Grammar, GrammarError
+from recognition.grammar import Grammar
 from recognition.lattice import Lattice
 from recognition.levelling import first_look, level
 from recognition.lines import find_lines, hypotheses
@@ -89,7 +90,7 @@ class Reader:
 
         Raises:
             FontError: a font that cannot be loaded, or that lacks what the format needs.
-            MaskError: a format that cannot be met.
+            FormatError: a format that cannot be met.
         """
         self.settings = settings if settings is not None else ReaderSettings()
         names = self.settings.fonts if self.settings.fonts or fonts else BUILTIN_FONTS
@@ -98,13 +99,10 @@ class Reader:
         self.grammar = self.settings.grammar
         if self.grammar is None and mask is not None:
             if not mask.strip():
-                raise MaskError(
-                    f"the mask {mask!r} is blank; write one character a position: A, 9, * or itself"
+                raise FormatError(
+                    f"the mask {mask!r} is blank", hint="write one character a position: A, 9, * or itself"
                 )
-            try:
-                self.grammar = Grammar(mask=mask)
-            except GrammarError as error:
-                raise MaskError(str(error)) from error
+            self.grammar = Grammar(mask=mask)
         self.places: tuple[str, ...] | None = None
         self.gaps: frozenset[int] = frozenset()
         chars = ALPHABET
@@ -281,7 +279,7 @@ def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
         if scan.others or any(s.plan.pushed for s in scan.sweeps):
             return estimate_relief(scan, edges)
         return relief_from_edges(edges, scan.touch)
-    except ValueError:
+    except MarksError:
         return None
 
 

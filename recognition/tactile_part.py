@@ -39,7 +39,9 @@ def cut_scan(
     edges = edge_map(scan)
     relief = relief_of(scan, edges)
     if relief is None:
-        raise ExemplarError("the scan tells no heights; record it with the default whisker, all directions")
+        raise ExemplarError(
+            "the scan tells no heights", hint="record it with the default whisker, all directions"
+        )
     return cut_line(edges, scan.touch, relief, text, fonts, cache=cache, height_mm=height_mm)
 
 
@@ -76,5 +78,7 @@ def cut_height_map(
         if mean > GOOD_SCORE:
             break
     if best is None:
-        raise problem or ExemplarError("no characters are to be seen; look at the part, or give its height")
+        raise problem or ExemplarError(
+            "no characters are to be seen", hint="look at the part, or give its height"
+        )
     return best[1]

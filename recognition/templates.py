@@ -145,7 +145,7 @@ def predict_templates(font: Font, chars: str, key: TemplateKey) -> TemplateSet:
 
     Raises:
         FontError: a character that the font has not got.
-        DieError, MapError: a die or a scale that cannot be.
+        StampError, MapError: a die or a scale that cannot be.
     """
     height, pitch = CANONICAL_HEIGHT_MM, CANONICAL_HEIGHT_MM / PIXELS
     shapes = [die_glyph(font.glyph(c), key.die, height_mm=height) for c in chars]

@@ -17,6 +17,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from glyphs.errors import MarksError
 from recognition.confusions import CharacterState, PlaceState, state_of
 from recognition.constrained_decoding import choose
 from recognition.grammar import Grammar
@@ -28,8 +29,8 @@ MISSING_COST = math.log(1e-3)
 """Log-belief that pays for a place or an expected character left over, when their numbers differ."""
 
 
-class VerifyError(ValueError):
-    """An expected text that cannot be looked for: the message says why and how to mend it."""
+class VerifyError(MarksError):
+    """An expected text that cannot be looked for."""
 
 
 class Verdict(StrEnum):
@@ -186,21 +187,21 @@ def _check(
     lattice: Lattice, text: str, prior: float, grammar: Grammar | None, confirm: float, refute: float
 ) -> None:
     if not text:
-        raise VerifyError("the expected text is empty; give the serial that the part should bear")
+        raise VerifyError("the expected text is empty", hint="give the serial that the part should bear")
     if not 0.0 < prior < 1.0:
-        raise VerifyError(f"prior is {prior}; it lies between 0 and 1, both left out")
+        raise VerifyError(f"prior is {prior}", hint="it lies between 0 and 1, both left out")
     for name, limit in (("confirm", confirm), ("refute", refute)):
         if not 0.5 < limit <= 1.0:
-            raise VerifyError(f"{name} is {limit}; it lies above 0.5 and is at most 1")
+            raise VerifyError(f"{name} is {limit}", hint="it lies above 0.5 and is at most 1")
     unknown = sorted(set(text) - set(lattice.chars))
     if unknown and lattice.n_places:
         raise VerifyError(
-            f"the expected text {text!r} has {' '.join(unknown)}, which was not looked for; "
-            "read with a font and a format that have it"
+            f"the expected text {text!r} has {' '.join(unknown)}, which was not looked for",
+            hint="read with a font and a format that have it",
         )
     if grammar is not None and (broken := grammar.objections(text)):
         raise VerifyError(
-            f"the expected text {text!r} is none of the format: {'; '.join(broken)}; mend one of them"
+            f"the expected text {text!r} is none of the format: {'; '.join(broken)}", hint="mend one of them"
         )
 
 

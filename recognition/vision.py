@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 
 from glyphs.camera.photo import Photo
+from glyphs.errors import MarksError
 from glyphs.fonts.glyph import Font
 from glyphs.surface.maps import EdgeMap
 from recognition.lattice import Lattice
@@ -90,7 +91,7 @@ class VisionReader:
 
         Raises:
             EngineMissingError: "rapidocr" asked for and not installed.
-            FontError, MaskError: as of the reader by touch.
+            FontError, FormatError: as of the reader by touch.
         """
         # format and fonts are checked and prepared as for touch
         told = Reader(settings, fonts=fonts)
@@ -254,7 +255,7 @@ class VisionReader:
         for place in places:
             try:
                 crop = line_crop(photo, place)
-            except ValueError:
+            except MarksError:
                 continue
             # of equal crops the first one would be chosen
             if not any(np.array_equal(crop.photo.pixels, c.photo.pixels) for c, _ in crops):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
-from glyphs.surface.maps import EdgeMap, TraceDirection
+from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
 from recognition.vision_pixels import all_beyond, cut_and_scaled, mean_of_table, sizes
 
@@ -111,16 +111,16 @@ def vision_edges(
         Two layers, FORWARD_X and FORWARD_Y; `valid` is cleared where the sensor clipped.
 
     Raises:
-        ValueError: a height of less than eight pixels.
+        MapError: a height of less than eight pixels.
     """
     import cv2
     from scipy import ndimage
 
     pitch = photo_pitch_mm(photo)
     if not height_mm >= 8.0 * pitch:
-        raise ValueError(
-            f"characters of {height_mm} mm are less than 8 pixels of {pitch} mm high; "
-            "take the photograph closer, or say how high they are"
+        raise MapError(
+            f"characters of {height_mm} mm are less than 8 pixels of {pitch} mm high",
+            hint="take the photograph closer, or say how high they are",
         )
     scale = max(0.7, SCALE_HEIGHTS * height_mm / pitch)
     layers = derivatives(log_brightness(photo, contrast=contrast), scale_px=scale)

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from glyphs.camera.photo import Photo
+from glyphs.errors import MarksError
 from recognition.lattice import Lattice
 
 
-class EngineMissingError(ValueError):
+class EngineMissingError(MarksError):
     """An engine that is not installed: the message says how to install it."""
 
 

@@ -68,9 +68,11 @@ class LinePlace:
     def __post_init__(self) -> None:
         numbers = (*self.middle_mm, self.width_mm, self.height_mm, self.rotation_deg, self.shear, self.taper)
         if not np.isfinite(numbers).all() or min(self.width_mm, self.height_mm) <= 0.0:
-            raise MapError(f"{self} is no place of a line; width and height must be positive, all finite")
+            raise MapError(
+                f"{self} is no place of a line", hint="width and height must be positive, all finite"
+            )
         if abs(self.taper) >= 1.0:
-            raise MapError(f"taper {self.taper} folds the line over; it lies between -1 and 1")
+            raise MapError(f"taper {self.taper} folds the line over", hint="it lies between -1 and 1")
 
     def corners(self, *, margin_heights: float = 0.0) -> NDArray[np.float64]:
         """(4, 2) photo frame corners, from the top left clockwise, with a margin all round."""
@@ -165,12 +167,12 @@ def rectify(photo: Photo, corners: ArrayLike, *, shape: tuple[int, int] | None =
     on, back = np.roll(nxt, -1, axis=0) - nxt, nxt - c
     turn = on[:, 0] * back[:, 1] - on[:, 1] * back[:, 0]
     if not ((turn < 0).all() or (turn > 0).all()):
-        raise MapError("the corners bound no convex area; give them in order, clockwise")
+        raise MapError("the corners bound no convex area", hint="give them in order, clockwise")
     side = np.hypot(*(nxt - c).T)
     if shape is None:
         shape = (round(0.5 * (side[1] + side[3])), round(0.5 * (side[0] + side[2])))
     if min(shape) < 8:
-        raise MapError(f"the area is {shape[0]} x {shape[1]} pixels; that shows no characters")
+        raise MapError(f"the area is {shape[0]} x {shape[1]} pixels", hint="that shows no characters")
     rim = np.array([(0.0, 0.0), (shape[1], 0.0), (shape[1], shape[0]), (0.0, shape[0])]) - 0.5
     to_photo = _homography(rim, c)
     # averaging beforehand, where the outcome is coarser than the picture

@@ -87,7 +87,7 @@ def predict_basis(font: Font, chars: str, *, look: Look = CLOSE_LOOK, face: Face
 
     Raises:
         FontError: a character that the font has not got.
-        DieError: a die that cannot be.
+        StampError: a die that cannot be.
     """
     height = _NOMINAL_MM
     die = default_die(height, font=font, face=face)

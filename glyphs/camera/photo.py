@@ -36,13 +36,19 @@ class Photo:
     def __post_init__(self) -> None:
         p = np.ascontiguousarray(self.pixels)
         if p.dtype != np.uint8 or not (p.ndim == 2 or (p.ndim == 3 and p.shape[2] == 3)):
-            raise MapError(f"pixels are {p.dtype} of shape {p.shape}; give 8 bit grey or red, green, blue")
+            raise MapError(
+                f"pixels are {p.dtype} of shape {p.shape}", hint="give 8 bit grey or red, green, blue"
+            )
         if min(p.shape[:2]) < 8:
-            raise MapError(f"the photograph is {p.shape[0]} x {p.shape[1]} pixels; that shows no characters")
+            raise MapError(
+                f"the photograph is {p.shape[0]} x {p.shape[1]} pixels", hint="that shows no characters"
+            )
         if p.shape[0] * p.shape[1] > MAX_PIXELS:
-            raise MapError(f"{p.shape[0]} x {p.shape[1]} pixels exceed the limit of {MAX_PIXELS:,}; crop it")
+            raise MapError(
+                f"{p.shape[0]} x {p.shape[1]} pixels exceed the limit of {MAX_PIXELS:,}", hint="crop it"
+            )
         if self.pitch_mm is not None and not (np.isfinite(self.pitch_mm) and self.pitch_mm > 0.0):
-            raise MapError(f"pitch_mm is {self.pitch_mm}; it must be a positive number of millimetres")
+            raise MapError(f"pitch_mm is {self.pitch_mm}", hint="it must be a positive number of millimetres")
         if p is self.pixels and p.flags.writeable:
             p = p.copy()
         p.flags.writeable = False

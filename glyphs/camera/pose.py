@@ -57,11 +57,13 @@ class Camera:
         for item in fields(self):
             value = np.asarray(getattr(self, item.name), dtype=np.float64)
             if not np.isfinite(value).all():
-                raise MapError(f"{item.name} of the camera is {getattr(self, item.name)}; it must be finite")
+                raise MapError(
+                    f"{item.name} of the camera is {getattr(self, item.name)}", hint="it must be finite"
+                )
             if item.name not in _SIGNED and (value < 0.0).any():
-                raise MapError(f"{item.name} of the camera is {value}; it must be zero or positive")
+                raise MapError(f"{item.name} of the camera is {value}", hint="it must be zero or positive")
         if self.pitch_mm <= 0.0:
-            raise MapError(f"pitch_mm of the camera is {self.pitch_mm}; it must be positive")
+            raise MapError(f"pitch_mm of the camera is {self.pitch_mm}", hint="it must be positive")
         if max(self.vignetting, self.bloom) > 1.0:
             raise MapError("vignetting and bloom of the camera are shares, at most 1")
         if max(abs(p) for p in self.perspective_per_mm) > 0.01:

@@ -62,7 +62,9 @@ class Light:
         }
         for name, (value, least, most) in ranges.items():
             if not (math.isfinite(value) and least <= value <= most):
-                raise MapError(f"{name} of the light is {value}; it lies between {least:g} and {most:g}")
+                raise MapError(
+                    f"{name} of the light is {value}", hint=f"it lies between {least:g} and {most:g}"
+                )
 
     @property
     def towards(self) -> tuple[float, float, float]:
@@ -81,7 +83,7 @@ def radiance(height_map: HeightMap, look: Look, light: Light) -> NDArray[np.floa
     if look.roughness.shape != z.shape:
         raise MapError(f"a look of {look.roughness.shape} does not fit heights of {z.shape}")
     if np.isnan(z).any():
-        raise MapError("the height map has dropouts; fill them before taking its picture")
+        raise MapError("the height map has dropouts", hint="fill them before taking its picture")
     nx, ny, nz = _normals(z, pitch)
     lx, ly, lz = light.towards
     facing = np.maximum(nx * lx + ny * ly + nz * lz, 0.0)

@@ -55,7 +55,7 @@ def read_outlines(file: Any, characters: str, *, flatness: float) -> tuple[str, 
     """
     cmap = file.getBestCmap()
     if not cmap:
-        raise FontError("the font has no Unicode character map; use another font")
+        raise FontError("the font has no Unicode character map", hint="use another font")
     glyph_set = file.getGlyphSet()
     cap = _cap_height(file, cmap, glyph_set)
     out: dict[str, _Outline] = {}
@@ -92,4 +92,4 @@ def _cap_height(file: Any, cmap: dict[int, str], glyph_set: Any) -> float:
         return float(file["OS/2"].sCapHeight)
     if "hhea" in file and file["hhea"].ascent > 0:
         return float(file["hhea"].ascent)
-    raise FontError("the font tells no cap height (no H, OS/2 or hhea table); use another font")
+    raise FontError("the font tells no cap height (no H, OS/2 or hhea table)", hint="use another font")

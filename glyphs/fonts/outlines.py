@@ -58,12 +58,16 @@ def load_font(name_or_path: str | Path) -> Font:
     path = Path(name_or_path)
     if isinstance(name_or_path, str) and path.suffix.lower() not in _FONT_SUFFIXES and path.name == name:
         raise FontError(
-            f"unknown font {name!r}; the built-in fonts are {', '.join(BUILTIN_FONTS)}, "
-            "anything else must be the path of a .ttf, .otf or .ttc file"
+            f"unknown font {name!r}",
+            hint=(
+                f"the built-in fonts are {', '.join(BUILTIN_FONTS)}, anything else must be the path "
+                "of a .ttf, .otf or .ttc file"
+            ),
         )
     if not path.is_file():
         raise FontError(
-            f"font file {name!r} is missing; check the path or use a built-in: {', '.join(BUILTIN_FONTS)}"
+            f"font file {name!r} is missing",
+            hint=f"check the path or use a built-in: {', '.join(BUILTIN_FONTS)}",
         )
     stat = path.stat()
     return _from_file(str(path.resolve()), stat.st_mtime_ns, stat.st_size)
@@ -135,8 +139,8 @@ def _from_file(path: str, mtime_ns: int, size: int) -> Font:
         raise
     except Exception as error:  # fontTools meets damage with whatever its parser tripped over
         raise FontError(
-            f"font file {path!r} cannot be read ({type(error).__name__}: {error}); "
-            "it is damaged or not a TrueType or OpenType font, get a fresh copy"
+            f"font file {path!r} cannot be read ({type(error).__name__}: {error})",
+            hint="it is damaged or not a TrueType or OpenType font, get a fresh copy",
         ) from error
 
 
@@ -150,5 +154,5 @@ def _outlined_font(file: object, path: str) -> Font:
         if contours or char == " "
     }
     if not set(SERIAL_CHARACTERS) & set(glyphs):
-        raise FontError(f"font file {path!r} has none of A-Z and 0-9; use a Latin font")
+        raise FontError(f"font file {path!r} has none of A-Z and 0-9", hint="use a Latin font")
     return Font(face or Path(path).stem, glyphs, 0.0, path)

@@ -6,6 +6,8 @@ import string
 
 import numpy as np
 
+from glyphs.errors import MarksError
+
 _CLASSES = {
     "A": string.ascii_uppercase,
     "9": string.digits,
@@ -13,8 +15,8 @@ _CLASSES = {
 }
 
 
-class MaskError(ValueError):
-    """A mask that no serial can obey: the message says what is wrong and how to mend it."""
+class FormatError(MarksError, ValueError):
+    """A format that cannot be understood, or that no serial can meet. A ValueError, so that settings can be checked."""
 
 
 def allowed_characters(mask: str, *, exclude: str = "") -> tuple[str, ...]:
@@ -28,21 +30,23 @@ def allowed_characters(mask: str, *, exclude: str = "") -> tuple[str, ...]:
         One string of characters per position, in order.
 
     Raises:
-        MaskError: the mask is empty, holds a control character, or exclusion leaves a position without any.
+        FormatError: the mask is empty, holds a control character, or exclusion leaves a position without any.
     """
     if not mask:
-        raise MaskError("the mask is empty; write one character a position: A letter, 9 figure, * either")
+        raise FormatError(
+            "the mask is empty", hint="write one character a position: A letter, 9 figure, * either"
+        )
     if not mask.isprintable():
-        raise MaskError(f"mask {mask!r} holds characters that cannot be printed; remove them")
+        raise FormatError(f"mask {mask!r} holds characters that cannot be printed", hint="remove them")
     allowed = tuple(
         "".join(c for c in _CLASSES[place] if c not in exclude) if place in _CLASSES else place
         for place in mask
     )
     for k, characters in enumerate(allowed):
         if not characters:
-            raise MaskError(
-                f"nothing is left for {mask[k]!r} at position {k + 1} of {mask!r}; "
-                f"exclude less than {exclude!r}"
+            raise FormatError(
+                f"nothing is left for {mask[k]!r} at position {k + 1} of {mask!r}",
+                hint=f"exclude less than {exclude!r}",
             )
     return allowed
 
@@ -56,6 +60,6 @@ def random_text(mask: str, *, rng: np.random.Generator, exclude: str = "") -> st
         exclude: as `allowed_characters`.
 
     Raises:
-        MaskError: as `allowed_characters`.
+        FormatError: as `allowed_characters`.
     """
     return "".join(c[int(rng.integers(len(c)))] for c in allowed_characters(mask, exclude=exclude))

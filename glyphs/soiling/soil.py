@@ -41,12 +41,12 @@ class Soil:
     def __post_init__(self) -> None:
         shape = np.shape(self.thickness_mm)
         if len(shape) != 2:
-            raise MapError(f"thickness_mm has shape {shape}; it must be rows x columns")
+            raise MapError(f"thickness_mm has shape {shape}", hint="it must be rows x columns")
         for name, least in (("thickness_mm", 0.0), ("hardness_mpa", 1e-6), ("friction", 0.0)):
             given = np.asarray(getattr(self, name), dtype=np.float32)
             if given.ndim and given.shape != shape:
                 raise MapError(
-                    f"{name} {given.shape} does not fit thickness_mm {shape}; give one grid for all"
+                    f"{name} {given.shape} does not fit thickness_mm {shape}", hint="give one grid for all"
                 )
             values = np.array(np.broadcast_to(given, shape), dtype=np.float32)
             if not np.isfinite(values).all() or float(values.min()) < least:

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import MarksError
 from glyphs.fonts.glyph import Font, Glyph
 from glyphs.stamping.die import Die
 from glyphs.surface.display import one_line
@@ -36,8 +37,8 @@ _EXEMPLAR_TEXTS = ("char", "font_name", "note", "enrolled_at", "part", "evidence
 _EXEMPLAR_NUMBERS = ("height_mm", "rotation_deg", "raised")
 
 
-class DatabaseError(ValueError):
-    """A database that cannot be read, written or made: names the file, what is wrong and how to mend it."""
+class DatabaseError(MarksError):
+    """A database that cannot be read, written or made."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +88,8 @@ class Exemplar:
             datetime.fromisoformat(self.enrolled_at)
         except ValueError:
             raise DatabaseError(
-                f"enrolled_at is {self.enrolled_at!r}; give an ISO 8601 time, "
-                "2024-05-17T09:30:00+00:00 for example"
+                f"enrolled_at is {self.enrolled_at!r}",
+                hint="give an ISO 8601 time, 2024-05-17T09:30:00+00:00 for example",
             ) from None
 
 
@@ -114,9 +115,11 @@ class GlyphDatabase:
     def __post_init__(self) -> None:
         for name, font in self.fonts.items():
             if name != font.name:
-                raise DatabaseError(f"font {font.name!r} is filed under {name!r}; file it under its own name")
+                raise DatabaseError(
+                    f"font {font.name!r} is filed under {name!r}", hint="file it under its own name"
+                )
         if any(not name for name in self.dies):
-            raise DatabaseError("a die has no name; give every die one")
+            raise DatabaseError("a die has no name", hint="give every die one")
         object.__setattr__(self, "fonts", MappingProxyType(dict(self.fonts)))
         object.__setattr__(self, "dies", MappingProxyType(dict(self.dies)))
         object.__setattr__(self, "exemplars", tuple(self.exemplars))
@@ -143,7 +146,7 @@ def save_database(database: GlyphDatabase, path: str | Path) -> None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
         raise DatabaseError(
-            f"{str(target)!r} cannot be written ({error.strerror or error}); check the folder"
+            f"{str(target)!r} cannot be written ({error.strerror or error})", hint="check the folder"
         ) from error
 
 
@@ -158,11 +161,11 @@ def load_database(path: str | Path) -> GlyphDatabase:
         data = Path(path).read_bytes()
     except FileNotFoundError:
         raise DatabaseError(
-            f"{name!r} does not exist; check the path, or make one with save_database"
+            f"{name!r} does not exist", hint="check the path, or make one with save_database"
         ) from None
     except OSError as error:
         raise DatabaseError(
-            f"{name!r} cannot be read ({error.strerror or error}); check its permissions"
+            f"{name!r} cannot be read ({error.strerror or error})", hint="check its permissions"
         ) from error
     body = _checked_body(data, name)
     try:
@@ -171,7 +174,8 @@ def load_database(path: str | Path) -> GlyphDatabase:
         Exception
     ) as error:  # the digest fits, so another program wrote nonsense: one message for all of it
         raise DatabaseError(
-            f"{name!r} holds something that is no glyph database ({error}); write it again with save_database"
+            f"{name!r} holds something that is no glyph database ({error})",
+            hint="write it again with save_database",
         ) from error
 
 
@@ -186,18 +190,18 @@ def _checked_body(data: bytes, name: str) -> bytes:
     head = data[:_BLOCK_BYTES].split(b"\n")
     if head[0] != FORMAT_NAME.encode("ascii"):
         raise DatabaseError(
-            f"{name!r} is not a glyph database, or its first bytes are damaged; restore it from a copy"
+            f"{name!r} is not a glyph database, or its first bytes are damaged", hint="restore it from a copy"
         )
     version = head[1].removeprefix(b"format_version ") if len(head) > 1 else b""
     if version.isdigit() and len(version) < 6 and int(version) > FORMAT_VERSION:
         raise DatabaseError(
-            f"{name!r} has format version {int(version)}, newer than {FORMAT_VERSION}; "
-            "update this program to read it"
+            f"{name!r} has format version {int(version)}, newer than {FORMAT_VERSION}",
+            hint="update this program to read it",
         )
     body = data[_BLOCK_BYTES:]
     if not any(data[:_BLOCK_BYTES] == _block(body, version) for version in _READABLE_VERSIONS):
         raise DatabaseError(
-            f"{name!r} is damaged or cut short (its digest does not fit); restore it from a copy"
+            f"{name!r} is damaged or cut short (its digest does not fit)", hint="restore it from a copy"
         )
     return body
 
@@ -321,5 +325,7 @@ def _numbers(group: Any, key: str) -> Any:
     """A dataset as an array; anything but plain numbers is refused."""
     dataset = group[key]
     if dataset.dtype.kind not in "fiub":
-        raise DatabaseError(f"{group.name}/{key} is of type {dataset.dtype}; only plain numbers are read")
+        raise DatabaseError(
+            f"{group.name}/{key} is of type {dataset.dtype}", hint="only plain numbers are read"
+        )
     return dataset[()]

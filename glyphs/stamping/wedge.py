@@ -40,12 +40,12 @@ class Wedge:
     def __post_init__(self) -> None:
         if not 0.0 < self.alpha_rad < math.pi / 2.0:
             raise MapError(
-                f"alpha_rad is {self.alpha_rad}; it must lie between 0 and pi/2 (radians, not degrees)"
+                f"alpha_rad is {self.alpha_rad}", hint="it must lie between 0 and pi/2 (radians, not degrees)"
             )
         for name in ("depth_mm", "land_mm", "floor_mm"):
             value = float(getattr(self, name))
             if not (math.isfinite(value) and value > 0.0):
-                raise MapError(f"{name} is {value}; it must be a positive number of millimetres")
+                raise MapError(f"{name} is {value}", hint="it must be a positive number of millimetres")
 
     @property
     def run_mm(self) -> float:
@@ -68,7 +68,7 @@ class Wedge:
             MapError: a pitch not positive or too fine, fewer than two rows.
         """
         if not (math.isfinite(pitch_mm) and pitch_mm > 0.0):
-            raise MapError(f"pitch_mm is {pitch_mm}; it must be a positive number of millimetres")
+            raise MapError(f"pitch_mm is {pitch_mm}", hint="it must be a positive number of millimetres")
         columns = round(self.length_mm / pitch_mm) + 1
         x = np.arange(columns, dtype=np.float64) * pitch_mm
         line = self.height_mm(np.asarray(x - self.land_mm, dtype=np.float64))

@@ -61,7 +61,7 @@ def produce(asked: Asked, settings: ReadSettings, target: Target, means: Executo
         0; 1 where a part could not be read, or is not confirmed to bear the text expected of it.
 
     Raises:
-        FileProblem: a table, list or lexicon that cannot be used.
+        FileError: a table, list or lexicon that cannot be used.
         NothingFoundError: no part.
         ClusterError: a cluster that cannot be used.
         ValueError: settings, a font, format or database that cannot be used.

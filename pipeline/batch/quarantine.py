@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.files.listed import ListedPart, absolute
 from pipeline.files.manifest import COLUMNS, FILES
 
@@ -35,7 +35,7 @@ class Quarantine:
                 that is there is moved to the same name with a ~.
 
         Raises:
-            FileProblem: what is there is no such list, or cannot be moved or read.
+            FileError: what is there is no such list, or cannot be moved or read.
         """
         self.path, self.kept = path, None
         self._stream: IO[str] | None = None
@@ -58,7 +58,7 @@ class Quarantine:
         """Append a part, once; it is the kernel's before this returns.
 
         Raises:
-            FileProblem: it cannot be written.
+            FileError: it cannot be written.
         """
         name = _one_line(listed.name)
         if name in self._names:
@@ -92,7 +92,7 @@ class Quarantine:
         if head == _HEAD.encode():
             return True
         if not _HEAD.encode().startswith(head):
-            raise FileProblem(self.path, "is no list of bad parts", "name another file for it")
+            raise FileError(self.path, "is no list of bad parts", "name another file for it")
         self.path.unlink()
         return False
 
@@ -110,7 +110,7 @@ class Quarantine:
             with self.path.open(encoding="utf-8", newline="") as text:
                 return {row["part"] for row in csv.DictReader(text, strict=True)}
         except (UnicodeDecodeError, csv.Error) as error:
-            raise FileProblem(
+            raise FileError(
                 self.path, f"is damaged ({error})", "remove it and start the same command again"
             ) from error
 
@@ -119,7 +119,7 @@ class Quarantine:
         try:
             yield
         except OSError as error:
-            raise FileProblem(
+            raise FileError(
                 self.path,
                 f"cannot be written ({error.strerror or error})",
                 "make room or check its permissions, and start the same command again",

@@ -11,8 +11,8 @@ from io import FileIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from glyphs.errors import FileError
 from pipeline.batch.tables import LINE_FORMS, LineForm, parquet_rows
-from pipeline.common.errors import FileProblem
 from pipeline.common.row import Row
 
 _MOST_RECORD_BYTES = 1 << 24  # more than all texts of a row take, escaped
@@ -48,7 +48,7 @@ class RowFile:
         """Take up the file, or make it.
 
         Raises:
-            FileProblem: it is damaged before its last record; tells the line.
+            FileError: it is damaged before its last record; tells the line.
             OSError: it cannot be written.
         """
         self.path = path
@@ -78,7 +78,7 @@ class RowFile:
         """Keep a row, unless there is one of its part.
 
         Raises:
-            FileProblem: another program replaced the file.
+            FileError: another program replaced the file.
             OSError: it cannot be written; nothing of it stays.
             ValueError: a row that no table holds, see `pipeline.batch.tables.kept_values`.
         """
@@ -96,7 +96,7 @@ class RowFile:
         """The rows kept when it begins, in the order of the file, streamed.
 
         Raises:
-            FileProblem: the file was damaged or replaced meanwhile.
+            FileError: the file was damaged or replaced meanwhile.
         """
         number, kept = 0, len(self._starts)
         with self._reading() as stream:
@@ -128,7 +128,7 @@ class RowFile:
         """The records of the rows at these places, without their head.
 
         Raises:
-            FileProblem: the file was replaced or shortened meanwhile.
+            FileError: the file was replaced or shortened meanwhile.
         """
         with self._reading() as stream:
             for number in numbers:
@@ -142,7 +142,7 @@ class RowFile:
         """Have the disk write what it was given.
 
         Raises:
-            FileProblem: another program replaced the file.
+            FileError: another program replaced the file.
             OSError: it cannot be written.
         """
         os.fsync(self._stream.fileno())
@@ -197,8 +197,8 @@ class RowFile:
                 return
         raise self._taken()
 
-    def _taken(self) -> FileProblem:
-        return FileProblem(
+    def _taken(self) -> FileError:
+        return FileError(
             self.path,
             "was replaced, shortened or removed by another program",
             "close what has it open and start the same command again",
@@ -209,7 +209,7 @@ def read_rows(path: Path) -> Iterator[Row]:
     """The rows of a table that `pipeline.batch.tables.write_rows` or a finished run wrote, streamed.
 
     Raises:
-        FileProblem: the table is damaged.
+        FileError: the table is damaged.
     """
     form = LINE_FORMS.get(path.suffix.lower())
     if form is None:
@@ -238,7 +238,7 @@ def whole_records(stream: BinaryIO, form: LineForm, path: Path) -> Iterator[Reco
     """The records of a file from its start, its head among them; a last one that does not end is left out.
 
     Raises:
-        FileProblem: what does not end is no last record: later lines are rows.
+        FileError: what does not end is no last record: later lines are rows.
     """
     start, line = 0, 1
     while data := read_record(stream, form):
@@ -257,11 +257,11 @@ def row_of_record(record: Record, form: LineForm, path: Path) -> Row | None:
     """The row of a record; None for the head.
 
     Raises:
-        FileProblem: the record is neither; tells the line.
+        FileError: the record is neither; tells the line.
     """
     if form.head and record.start == 0:
         if record.data.rstrip() != form.head.rstrip():
-            raise FileProblem(path, "line 1 does not name the columns of this version", "name another file")
+            raise FileError(path, "line 1 does not name the columns of this version", "name another file")
         return None
     try:
         return form.decode(record.data)
@@ -277,5 +277,5 @@ def _is_row(data: bytes, form: LineForm) -> bool:
     return True
 
 
-def _damaged(path: Path, line: int, reason: str) -> FileProblem:
-    return FileProblem(path, f"line {line} is damaged ({reason})", "remove that line; its part is read again")
+def _damaged(path: Path, line: int, reason: str) -> FileError:
+    return FileError(path, f"line {line} is damaged ({reason})", "remove that line; its part is read again")

@@ -16,6 +16,7 @@ from pipeline.batch.summary import Summary
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.common.row import Row
 from pipeline.files.listed import ListedPart
+from pipeline.store.errors import UnfitError
 from pipeline.workers.executors import Executor, Outcome
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class Run:
         """Read every part whose row the book does not hold, and put the table in the order of the parts.
 
         Raises:
-            FileProblem: the table cannot be written.
+            FileError: the table cannot be written.
             ClusterError: the cluster is lost.
         """
         if self.book is not None:
@@ -84,7 +85,7 @@ class Run:
             try:
                 self.store.add(read)
             except (
-                ValueError
+                UnfitError
             ) as error:  # what no store holds may not end the run, now and whenever it goes on
                 told = f"{read.row.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
                 read = ReadPart(read.listed, Row(read.row.part, error=told))

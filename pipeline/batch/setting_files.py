@@ -11,7 +11,7 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
-from pipeline.common.errors import require_file
+from glyphs.errors import require_file
 from pipeline.common.settings import ReadSettings
 
 _MOST_BYTES = 200_000_000
@@ -21,7 +21,7 @@ def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
     """Contents of the files that the settings name, by the name there.
 
     Raises:
-        FileProblem: one is missing or too large.
+        FileError: one is missing or too large.
     """
     named = [str(path) for path in (settings.database, settings.lexicon) if path is not None]
     named += [font for font in settings.font if Path(font).is_file()]

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from glyphs.errors import FileError
 from pipeline.batch.run import Run
 from pipeline.batch.task import RunOrder
-from pipeline.common.errors import FileProblem
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
 from pipeline.workers.executors import PART_TIMEOUT_S, Executor, InlineExecutor, PoolExecutor, cores
@@ -47,7 +47,7 @@ class Target:
         """Refuse, before the work starts, a table that could not be written.
 
         Raises:
-            FileProblem: unknown suffix, or a place that cannot be written.
+            FileError: unknown suffix, or a place that cannot be written.
             ValueError: pictures without a store.
         """
         from pipeline.batch.tables import check_output
@@ -104,7 +104,7 @@ def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
         description: what the answers depend on, in plain JSON values.
 
     Raises:
-        FileProblem: the table holds another run, is being written, or cannot be.
+        FileError: the table holds another run, is being written, or cannot be.
         StoreError: a store that cannot be opened.
     """
     from pipeline.batch.journal import RunJournal
@@ -137,7 +137,7 @@ def order_for(settings: ReadSettings, target: Target, means: ExecutorOptions, *,
     """How the parts are read, ready to be sent to the crew.
 
     Raises:
-        FileProblem: a file of the settings that cannot be sent.
+        FileError: a file of the settings that cannot be sent.
     """
     from pipeline.batch.setting_files import files_to_send
 
@@ -157,7 +157,7 @@ def open_readers(readers: SenseReaders, parts: Sequence[ListedPart], *, mode: Mo
     needed: set[Sense] = set()
     for part in parts:
         if part.problem is None and not (part.font or part.format):
-            with suppress(FileProblem):  # told in its row
+            with suppress(FileError):  # told in its row
                 needed.update(senses_of(part, mode))
         if len(needed) == len(Sense):
             break

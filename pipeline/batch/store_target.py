@@ -35,10 +35,10 @@ class RunStore:
 
         Raises:
             StoreError: it cannot be opened.
-            FileProblem: a folder that cannot be made.
+            FileError: a folder that cannot be made.
             MissingExtraError: the extra `service` is not installed.
         """
-        from pipeline.common.missing_extra import MissingExtraError
+        from glyphs.errors import MissingExtraError
 
         try:
             from pipeline.store.evidence_folder import EvidenceFolder
@@ -63,7 +63,7 @@ class RunStore:
         Raises:
             StoreError: the database does not answer.
             ValueError: a text that no store can hold.
-            FileProblem: a picture cannot be kept.
+            FileError: a picture cannot be kept.
         """
         from pipeline.common.part_id import new_part_id
         from pipeline.common.records import PartState

@@ -22,8 +22,8 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from glyphs.errors import FileError, damage_reported
 from pipeline.common.atomic import check_writable, replacing
-from pipeline.common.errors import FileProblem, damage_reported
 from pipeline.common.row import Row
 
 COLUMNS = tuple(f.name for f in fields(Row))
@@ -39,10 +39,10 @@ def check_output(path: Path) -> None:
     """Refuse, before the work starts, a file that could not be written at its end.
 
     Raises:
-        FileProblem: unknown suffix, or a place that cannot be written.
+        FileError: unknown suffix, or a place that cannot be written.
     """
     if path.suffix.lower() not in SUFFIXES:
-        raise FileProblem(path, "is no table that can be written", f"end it in {', '.join(SUFFIXES)}")
+        raise FileError(path, "is no table that can be written", f"end it in {', '.join(SUFFIXES)}")
     check_writable(path)
 
 
@@ -50,7 +50,7 @@ def write_rows(rows: Iterable[Row], path: Path) -> None:
     """Write the rows as they come; the file appears whole or not at all.
 
     Raises:
-        FileProblem: unknown suffix, or it cannot be written.
+        FileError: unknown suffix, or it cannot be written.
         ValueError: a row that no table holds, see `kept_values`.
     """
     check_output(path)
@@ -234,13 +234,13 @@ def parquet_rows(path: Path) -> Iterator[Row]:
     """The rows of a Parquet file, a group in memory at a time.
 
     Raises:
-        FileProblem: the file is damaged or none of rows.
+        FileError: the file is damaged or none of rows.
     """
     with damage_reported(path, kind="Parquet"):
         import pyarrow.parquet
 
         with pyarrow.parquet.ParquetFile(path) as file:
             if tuple(file.schema_arrow.names) != COLUMNS:
-                raise FileProblem(path, "has not the columns of this version", "name another file")
+                raise FileError(path, "has not the columns of this version", "name another file")
             for batch in file.iter_batches(batch_size=_GROUP_ROWS):
                 yield from map(row_of_values, zip(*(c.to_pylist() for c in batch.columns), strict=True))

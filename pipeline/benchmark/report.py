@@ -17,6 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from glyphs.errors import MarksError
 from pipeline.benchmark import charts as report_pictures
 from pipeline.benchmark import curves as report_curves
 from pipeline.benchmark.charts import inlined, modes_in, severities_in, severity_name
@@ -37,7 +38,7 @@ _MOST_MISTAKES = 12
 _TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
 
 
-class ReportError(ValueError):
+class ReportError(MarksError):
     """The report cannot be drawn here; the message says what is missing."""
 
 
@@ -70,7 +71,7 @@ def check_report() -> None:
         import jinja2  # noqa: F401
     except ImportError as error:
         raise ReportError(
-            'the report needs Jinja2; install it with: pip install "tactile-marks[report]"'
+            "the report needs Jinja2", hint='install it with: pip install "tactile-marks[report]"'
         ) from error
 
 
@@ -92,7 +93,7 @@ def write_report(
         jobs: worker processes that draw the worst parts.
 
     Raises:
-        FileProblem: the folder cannot be written.
+        FileError: the folder cannot be written.
         ReportError: Jinja2 is not there.
     """
     check_report()

@@ -17,6 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+from glyphs.errors import MarksError
 from pipeline.benchmark.mode import ModeReader, ModeSettings, Readers, Senses
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Condition, Item, Parts
@@ -29,7 +30,7 @@ Result = TypeVar("Result")
 _AGAIN = "what is done is kept, the same command goes on from there; try fewer --jobs"
 
 
-class WorkerDiedError(RuntimeError):
+class WorkerDiedError(MarksError):
     """A worker process was killed from outside."""
 
 
@@ -96,7 +97,7 @@ def run_benchmark(
         The trials in the order of the parts, then of the modes.
 
     Raises:
-        FileProblem: the folder holds another benchmark or cannot be written.
+        FileError: the folder holds another benchmark or cannot be written.
         ModeUnavailableError: a mode that cannot run here.
         ValueError: a mode, font or format that cannot be used.
     """
@@ -156,7 +157,7 @@ def in_workers(
         try:
             yield from pool(joblib.delayed(_alone)(act, task) for task in tasks)
         except BrokenExecutor as error:
-            raise WorkerDiedError(f"a worker died, perhaps for want of memory; {_AGAIN}") from error
+            raise WorkerDiedError("a worker died, perhaps for want of memory", hint=_AGAIN) from error
 
 
 def _alone(act: Callable[..., Result], task: tuple[Any, ...]) -> Result:

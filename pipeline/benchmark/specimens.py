@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from glyphs.errors import FileError
 from glyphs.fonts.serials import allowed_characters
 from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face
-from pipeline.common.errors import FileProblem
 from pipeline.files.parts import Part, discover
 from pipeline.files.synth import MAX_PARTS, SynthSpec
 from pipeline.files.truth import load_truth
@@ -228,7 +228,7 @@ class FolderParts:
             condition: what the parts have in common, as far as known.
 
         Raises:
-            FileProblem: no such table, or none of its parts is there.
+            FileError: no such table, or none of its parts is there.
             NothingFoundError: no part at all.
             ValueError: a format or severity that cannot be.
         """
@@ -238,7 +238,7 @@ class FolderParts:
         told = load_truth(truth)
         parts = tuple(p for p in discover(inputs) if p.name in told)
         if not parts:
-            raise FileProblem(truth, "tells the truth of none of the parts", "name the parts as their files")
+            raise FileError(truth, "tells the truth of none of the parts", "name the parts as their files")
         return cls(parts, {p.name: told[p.name] for p in parts}, condition)
 
     def items(self) -> list[Item]:
@@ -258,7 +258,7 @@ class FolderParts:
         if files is None or files.problem is not None:
             raise (files.problem if files and files.problem else ValueError(f"{item.part} has no files"))
         if files.height_map is None:
-            raise FileProblem(files.scan or item.part, "has no height map", "add one")
+            raise FileError(files.scan or item.part, "has no height map", "add one")
         photo = files.photo
         return Specimen(
             part=item.part,

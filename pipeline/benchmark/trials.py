@@ -15,8 +15,8 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from glyphs.errors import FileError, require_file
 from pipeline.common.atomic import replacing
-from pipeline.common.errors import FileProblem, require_file
 from pipeline.common.run_description import differences, in_short, key_of
 
 if TYPE_CHECKING:
@@ -136,7 +136,7 @@ class TrialJournal:
         done: trials by the part's name.
 
     Raises:
-        FileProblem: the folder holds another benchmark, or a file that is damaged before its last line.
+        FileError: the folder holds another benchmark, or a file that is damaged before its last line.
     """
 
     path: Path
@@ -148,12 +148,12 @@ class TrialJournal:
         """Take up the book in a folder, or begin one.
 
         Raises:
-            FileProblem: see the class; or the folder cannot be written.
+            FileError: see the class; or the folder cannot be written.
         """
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise FileProblem(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+            raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
         book = cls(folder / TRIALS_FILE, description)
         lines, whole_bytes = _whole_lines(book.path) if book.path.exists() else ([], 0)
         if not lines:
@@ -172,7 +172,7 @@ class TrialJournal:
         """Append one part and keep it.
 
         Raises:
-            FileProblem: it cannot be written.
+            FileError: it cannot be written.
         """
         kept = tuple(trials)
         line = json.dumps({"part": part, "trials": [asdict(t) for t in kept]}, ensure_ascii=False)
@@ -180,7 +180,7 @@ class TrialJournal:
             with self.path.open("a", encoding="utf-8") as stream:
                 stream.write(line + "\n")
         except OSError as error:
-            raise FileProblem(
+            raise FileError(
                 self.path, f"cannot be written ({error.strerror or error})", "make room and start it again"
             ) from error
         self.done[part] = kept
@@ -197,18 +197,18 @@ class TrialJournal:
         heading = _parsed(line)
         held = heading.get("benchmark") if heading else None
         if heading is None or not isinstance(held, dict):
-            raise FileProblem(self.path, "is no book of trials", "name another folder")
+            raise FileError(self.path, "is no book of trials", "name another folder")
         version = heading.get("format_version", 1)
         if version != FORMAT_VERSION:
             newer = isinstance(version, int) and version > FORMAT_VERSION
-            raise FileProblem(
+            raise FileError(
                 self.path,
                 f"has format version {in_short(version)}; this program writes {FORMAT_VERSION}",
                 "update this program, or name another folder" if newer else "name another folder",
             )
         if heading.get("key") != key_of(self.description):
             told = differences(held, self.description)
-            raise FileProblem(
+            raise FileError(
                 self.path, f"holds another benchmark ({told})", "name another folder or remove that one"
             )
 
@@ -219,7 +219,7 @@ class TrialJournal:
                 raise ValueError("no JSON")
             self.done[record["part"]] = tuple(_trial(values) for values in record["trials"])
         except (KeyError, TypeError, ValueError) as error:
-            raise FileProblem(
+            raise FileError(
                 self.path, f"line {number} is damaged ({error})", "remove that line; its part is tried again"
             ) from error
 
@@ -234,7 +234,7 @@ def _whole_lines(path: Path) -> tuple[list[str], int]:
     try:
         return whole.decode("utf-8").split("\n")[:-1], len(whole)
     except UnicodeDecodeError as error:
-        raise FileProblem(path, "is no UTF-8 text", "name another folder") from error
+        raise FileError(path, "is no UTF-8 text", "name another folder") from error
 
 
 def _parsed(line: str) -> dict[str, Any] | None:

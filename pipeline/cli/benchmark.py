@@ -94,7 +94,7 @@ def benchmark(
         if (inputs is None) != (truth is None):
             raise CommandError("benchmark: --inputs and --truth go together", status=USAGE)
         if jobs < 1:
-            raise CommandError(f"benchmark: jobs is {jobs}; it must be at least 1", status=USAGE)
+            raise CommandError(f"benchmark: jobs is {jobs}", hint="it must be at least 1", status=USAGE)
         if inputs is not None and (severities is not None or parts is not None):
             raise CommandError(
                 "benchmark: --severities and --parts are for parts that are made", status=USAGE
@@ -171,7 +171,8 @@ def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> 
             return write_report(benchmark, trials, out, command=command_line(), jobs=jobs)
         except KeyboardInterrupt as error:
             raise CommandError(
-                f"interrupted; what is done stands in {out}, the same command goes on from there",
+                "interrupted",
+                hint=f"what is done stands in {out}, the same command goes on from there",
                 status=INTERRUPTED,
             ) from error
         except (WorkerDiedError, ClusterError) as error:

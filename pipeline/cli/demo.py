@@ -28,9 +28,7 @@ def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = Fa
         return _serve(out, stay=stay)
     with failures_told():
         from pipeline.cli.demonstration import run_demo
-        from pipeline.common.errors import FileProblem
         from pipeline.plots.pictures import SheetPart, headline, same_text
-        from whisker_array.scan.recording import RecordingError
 
         def tell(part: SheetPart) -> None:
             right = "right" if same_text(part.evidence.reading.text, part.truth) else "WRONG"
@@ -43,11 +41,10 @@ def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = Fa
         try:
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise CommandError(f"{out} cannot be made ({error.strerror}); name another folder") from error
-        try:
-            result = run_demo(out, on_part=tell)
-        except RecordingError as error:
-            raise FileProblem(error.path, error.problem, error.hint) from error
+            raise CommandError(
+                f"{out} cannot be made ({error.strerror})", hint="name another folder"
+            ) from error
+        result = run_demo(out, on_part=tell)
     print(f"picture: {result.overview.resolve()}")
     print(f"page:    {result.page.resolve()}")
     return 0 if result.all_right else FAILED

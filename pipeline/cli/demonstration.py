@@ -71,8 +71,8 @@ def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None
     Neither the font nor the height is told to the reader, only that a serial has eight letters or figures.
 
     Raises:
-        FileProblem: the folder cannot be written.
-        RecordingError: a recording cannot be written.
+        FileError: the folder cannot be written.
+        FileError: a recording cannot be written.
     """
     reader = Reader(ReaderSettings(mask="********"))
     done = []

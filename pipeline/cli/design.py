@@ -75,7 +75,9 @@ def design(
         low, high = _range("--alpha", alpha)
         flat, steep = _range("--beta-deg", beta_deg)
         if not 0.0 <= flat <= steep <= 80.0:
-            raise CommandError(f"--beta-deg is {beta_deg}; setting angles lie between 0 and 80", status=USAGE)
+            raise CommandError(
+                f"--beta-deg is {beta_deg}", hint="setting angles lie between 0 and 80", status=USAGE
+            )
         request = Request(
             alpha_rad=(math.radians(low), math.radians(high)),
             mu=_range("--mu", mu),
@@ -123,7 +125,7 @@ def _range(flag: str, text: str) -> tuple[float, float]:
         low = high = float("nan")
     if not low <= high:
         raise CommandError(
-            f"{flag} is {text!r}; write least:greatest, such as 30:60, or one number", status=USAGE
+            f"{flag} is {text!r}", hint="write least:greatest, such as 30:60, or one number", status=USAGE
         )
     return low, high
 

@@ -58,7 +58,7 @@ def enroll(
     if not from_store and (store is not None or since is not None):
         raise CommandError("enroll: --store and --since go with --from-store", status=USAGE)
     if since is not None and not 0.0 < since <= 36_500.0:
-        raise CommandError(f"enroll: --since is {since} days; give a positive number", status=USAGE)
+        raise CommandError(f"enroll: --since is {since} days", hint="give a positive number", status=USAGE)
     with failures_told(), ExitStack() as stack:
         from pipeline.common.atomic import check_writable
         from pipeline.common.settings import load_settings

@@ -5,17 +5,19 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
+from glyphs.errors import FileError, MarksError
+
 FAILED = 1
 USAGE = 2
 INTERRUPTED = 130
 BROKEN_PIPE = 141
 
 
-class CommandError(Exception):
-    """A command that cannot go on: one line for the person, and the status to leave with."""
+class CommandError(MarksError):
+    """A command that cannot go on, and the status to leave with."""
 
-    def __init__(self, message: str, *, status: int = FAILED) -> None:
-        super().__init__(message)
+    def __init__(self, what: str, *, hint: str = "", status: int = FAILED) -> None:
+        super().__init__(what, hint=hint)
         self.status = status
 
 
@@ -41,17 +43,17 @@ _EXTRAS = {
 @contextlib.contextmanager
 def failures_told() -> Iterator[None]:
     """Turn what a person can mend into a CommandError: files (status 1), settings, arguments and extras (2)."""
-    from pipeline.common.errors import FileProblem
-    from pipeline.common.settings import SettingsError
     from pipeline.files.parts import NothingFoundError
 
     try:
         yield
-    except (FileProblem, NothingFoundError) as error:
+    except CommandError:
+        raise
+    except (FileError, NothingFoundError) as error:
         raise CommandError(str(error), status=FAILED) from error
     except ModuleNotFoundError as error:
         raise CommandError(_missing(error), status=USAGE) from error
-    except (SettingsError, ValueError) as error:
+    except (MarksError, ValueError) as error:
         raise CommandError(str(error), status=USAGE) from error
 
 
@@ -61,10 +63,8 @@ def _missing(error: ModuleNotFoundError) -> str:
     Raises:
         ModuleNotFoundError: the error itself, where no extra would bring it.
     """
-    from pipeline.common.missing_extra import MissingExtraError
+    from glyphs.errors import MissingExtraError
 
-    if isinstance(error, MissingExtraError):
-        return str(error)
     library = (error.name or "").partition(".")[0]
     if library not in _EXTRAS:
         raise error

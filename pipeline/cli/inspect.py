@@ -105,7 +105,7 @@ def inspect(
         parts = discover([file], beside=True)
         if len(parts) > 1:
             raise CommandError(
-                f"{file}: holds {len(parts)} parts; inspect draws one, name its file", status=FAILED
+                f"{file}: holds {len(parts)} parts", hint="inspect draws one, name its file", status=FAILED
             )
         (part,) = parts
         sensed = Senses(Readers(settings), mode=Mode(settings.mode) if settings.mode else None).sense(part)
@@ -121,14 +121,14 @@ def _with_photo(sensed: Sensed, part: Part) -> Sensed:
     """The part with its photograph to be shown; without one that cannot be used, which nobody asked for."""
     from dataclasses import replace
 
-    from pipeline.common.errors import FileProblem
+    from glyphs.errors import FileError
     from pipeline.reading.part_reader import load_photo
 
     if sensed.photo is not None or part.photo is None:
         return sensed
     try:
         photo = load_photo(part, over=None if sensed.touch is None else sensed.touch.height_map)
-    except FileProblem as problem:
+    except FileError as problem:
         print(f"  not shown: {problem}")
         return sensed
     return replace(sensed, photo=photo)

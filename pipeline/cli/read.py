@@ -144,6 +144,7 @@ def read(
             if out is None:
                 raise
             raise CommandError(
-                f"interrupted; what is done stands in {out}, the same command goes on from there",
+                "interrupted",
+                hint=f"what is done stands in {out}, the same command goes on from there",
                 status=INTERRUPTED,
             ) from error

@@ -66,12 +66,14 @@ def scan(
         if not is_scan(out):
             raise CommandError(f"{out}: a recording ends in .h5", status=USAGE)
         if height_mm is not None and not 0.0 < height_mm < 1000.0:
-            raise CommandError(f"--height-mm is {height_mm}; it lies between 0 and 1000 mm", status=USAGE)
+            raise CommandError(
+                f"--height-mm is {height_mm}", hint="it lies between 0 and 1000 mm", status=USAGE
+            )
         check_writable(out)
         surface = read_height_map(height_map)
         soil = read_soil(height_map) if height_map.suffix.lower() == ".npz" else None
         if friction is not None and not 0.0 <= friction <= 1.0:
-            raise CommandError(f"--friction is {friction}; it lies between 0 and 1", status=USAGE)
+            raise CommandError(f"--friction is {friction}", hint="it lies between 0 and 1", status=USAGE)
         built = read_whisker_file(whisker) if whisker is not None else None
         if height_mm is None and built is not None:
             height_mm = built.character_height_mm
@@ -119,18 +121,16 @@ def calibrate(recording: Path, *, out: Path | None = None) -> int:
         Write a calibrated copy instead.
     """
     with failures_told():
-        from pipeline.common.errors import FileProblem
+        from glyphs.errors import FileError
         from pipeline.files.lead_in import calibrate_scan
-        from whisker_array.scan.recording import RecordingError, load_scan, save_calibration
+        from whisker_array.scan.recording import load_scan, save_calibration
         from whisker_array.scan.sensor import SensorError
 
         try:
             lead_in = calibrate_scan(load_scan(recording, raw=True))
             save_calibration(recording, lead_in.calibration, out=out)
-        except RecordingError as error:
-            raise FileProblem(error.path, error.problem, error.hint) from error
         except SensorError as error:
-            raise FileProblem(recording, "cannot be calibrated", str(error)) from error
+            raise FileError(recording, f"cannot be calibrated: {error.what}", error.hint) from error
     print("whisker      gain    offset   air  land")
     rows = zip(
         lead_in.calibration.gain,

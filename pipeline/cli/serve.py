@@ -152,7 +152,8 @@ def serve(
         )
         if reading.mode is not None:
             raise CommandError(
-                "serve: mode is set, and a service reads with the camera first and then by touch; leave it out",
+                "serve: mode is set, and a service reads with the camera first and then by touch",
+                hint="leave it out",
                 status=USAGE,
             )
         from pipeline.cli.serving import run

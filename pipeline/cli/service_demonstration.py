@@ -65,7 +65,7 @@ def run_service_demo(
 
     Raises:
         NotServingError: the service does not come up.
-        FileProblem: the folder cannot be written.
+        FileError: the folder cannot be written.
         ServiceError: the service refuses a part.
     """
     parts = folder / "parts"

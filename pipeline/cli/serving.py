@@ -31,7 +31,7 @@ def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str]
 
     Raises:
         CommandError: an address that is taken, a store that cannot be opened, tokens asked for and none there.
-        FileProblem: a folder that cannot be made.
+        FileError: a folder that cannot be made.
     """
     check_folder(settings)
     bound = _listening(settings.host, settings.port, option="--port")
@@ -50,8 +50,11 @@ def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str]
         bound.close()
         where = "" if settings.store else f" --store {settings.store_url}"
         raise CommandError(
-            f"serve: {settings.host} can be reached from elsewhere and there is no token yet; make one with: "
-            f"tactile-marks tokens add NAME --scope read --scope write --scope review{where}",
+            f"serve: {settings.host} can be reached from elsewhere and there is no token yet",
+            hint=(
+                "make one with: tactile-marks tokens add NAME --scope read --scope write --scope "
+                f"review{where}"
+            ),
             status=USAGE,
         )
     set_up_logs(settings.log)
@@ -85,7 +88,9 @@ def _listening(host: str, port: int, *, option: str) -> socket.socket:
     except OSError as error:
         bound.close()
         raise CommandError(
-            f"serve: cannot listen on {host}:{port} ({error.strerror}); name another {option}", status=USAGE
+            f"serve: cannot listen on {host}:{port} ({error.strerror})",
+            hint=f"name another {option}",
+            status=USAGE,
         ) from error
     bound.set_inheritable(False)
     return bound

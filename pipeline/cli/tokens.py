@@ -41,7 +41,7 @@ def add(
         Address of the store; that of the service's settings unless given.
     """
     if days is not None and not 1 <= days <= _MAX_DAYS:
-        raise CommandError(f"tokens add: {days} days cannot be; give 1 to {_MAX_DAYS}", status=USAGE)
+        raise CommandError(f"tokens add: {days} days cannot be", hint=f"give 1 to {_MAX_DAYS}", status=USAGE)
     with _opened(store) as opened:
         from pipeline.common.records import Scope
 
@@ -95,7 +95,9 @@ def _opened(url: str | None) -> Iterator[Store]:
         from pipeline.store.store import Store, StoreError, UnfitError
     except ImportError as error:
         raise CommandError(
-            f"tokens needs {error.name}; install it with: pip install 'tactile-marks[service]'", status=USAGE
+            f"tokens needs {error.name}",
+            hint="install it with: pip install 'tactile-marks[service]'",
+            status=USAGE,
         ) from error
     with failures_told():
         if url is None:

@@ -28,9 +28,9 @@ def worker(address: str, *, jobs: int | None = None, memory_gb: float | None = N
     from pipeline.workers.executors import cores
 
     if jobs is not None and jobs < 1:
-        raise CommandError(f"worker: jobs is {jobs}; it must be at least 1", status=USAGE)
+        raise CommandError(f"worker: jobs is {jobs}", hint="it must be at least 1", status=USAGE)
     if memory_gb is not None and not memory_gb > 0.0:
-        raise CommandError(f"worker: memory_gb is {memory_gb}; it must be above 0", status=USAGE)
+        raise CommandError(f"worker: memory_gb is {memory_gb}", hint="it must be above 0", status=USAGE)
     with failures_told():
         require_distributed()
     # what stands in the environment goes before what Dask's nanny would set for the processes that it starts

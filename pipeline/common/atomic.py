@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 
 
 @contextlib.contextmanager
@@ -16,7 +16,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path`, with its suffix; on leaving without an exception it becomes `path`.
 
     Raises:
-        FileProblem: the folder is missing or not writable, or the disk is full.
+        FileError: the folder is missing or not writable, or the disk is full.
     """
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
@@ -32,7 +32,7 @@ def replacing(path: Path) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise FileProblem(
+        raise FileError(
             path, f"cannot be written ({error.strerror or error})", "name a folder that can be written"
         ) from error
 
@@ -62,14 +62,14 @@ def check_writable(path: Path) -> None:
     """Try, before the work starts, whether a file can be written there.
 
     Raises:
-        FileProblem: it cannot.
+        FileError: it cannot.
     """
     if path.is_dir():
-        raise FileProblem(path, "is a folder", "name a file")
+        raise FileError(path, "is a folder", "name a file")
     try:
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
-        raise FileProblem(
+        raise FileError(
             path, f"cannot be written ({error.strerror or error})", "name a folder that can be written"
         ) from error

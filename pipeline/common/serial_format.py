@@ -6,9 +6,10 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline.common.errors import FileProblem, require_file
+from glyphs.errors import FileError, require_file
+from glyphs.fonts.serials import FormatError
 from pipeline.common.settings import ReadSettings, SettingsError
-from recognition.grammar import Grammar, GrammarError
+from recognition.grammar import Grammar
 
 _MAX_FILE_BYTES = 20_000_000
 _COMMENT = re.compile(r"(^|\s)#.*")
@@ -18,7 +19,7 @@ def serial_format(settings: ReadSettings) -> Grammar | None:
     """The grammar of the serials; None where the settings say nothing of it.
 
     Raises:
-        FileProblem: a lexicon that cannot be used.
+        FileError: a lexicon that cannot be used.
         SettingsError: settings that contradict each other.
     """
     words = None if settings.lexicon is None else read_lexicon(settings.lexicon)
@@ -28,26 +29,26 @@ def serial_format(settings: ReadSettings) -> Grammar | None:
     try:
         grammar = Grammar.parse(*texts, lexicon=words)
         return replace(grammar, exclude=grammar.exclude + settings.exclude) if settings.exclude else grammar
-    except GrammarError as error:
+    except FormatError as error:
         given = [key for key in ("format", "lexicon", "check", "exclude") if getattr(settings, key)]
-        raise SettingsError(f"{' and '.join(given)} cannot be met: {error}") from error
+        raise SettingsError(f"{' and '.join(given)} cannot be met: {error.what}", hint=error.hint) from error
 
 
 def read_lexicon(path: Path) -> frozenset[str]:
     """The serials in a text file, one a line; what follows a # at the start or after a blank is a comment.
 
     Raises:
-        FileProblem: no such file, no text, or no serial in it.
+        FileError: no such file, no text, or no serial in it.
     """
     require_file(path, most_bytes=_MAX_FILE_BYTES)
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
-        raise FileProblem(path, "is no UTF-8 text", "save it as text (UTF-8), one serial a line") from error
+        raise FileError(path, "is no UTF-8 text", "save it as text (UTF-8), one serial a line") from error
     words = frozenset("".join(_COMMENT.sub("", line).split()) for line in lines) - {""}
     if not words:
-        raise FileProblem(path, "holds no serial", "write one a line")
+        raise FileError(path, "holds no serial", "write one a line")
     odd = next((word for word in sorted(words) if not word.isprintable()), None)
     if odd is not None:
-        raise FileProblem(path, f"holds {odd!r}", "write printable serials, one a line")
+        raise FileError(path, f"holds {odd!r}", "write printable serials, one a line")
     return words

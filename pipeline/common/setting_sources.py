@@ -16,6 +16,8 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSettingsSource
 
+from glyphs.errors import MarksError
+
 ENV_PREFIX = "TACTILE_MARKS_"
 TABLES = ("service",)
 """Tables of the file, each with settings, and a stretch of the environment, of its own."""
@@ -23,8 +25,8 @@ DEFAULT_FILE = "tactile-marks.toml"
 S = TypeVar("S", bound=BaseSettings)
 
 
-class SettingsError(Exception):
-    """A setting that cannot be: names the key, where it stands, and the mend."""
+class SettingsError(MarksError):
+    """A setting that cannot be: names the key, where it stands."""
 
 
 def load(
@@ -86,7 +88,7 @@ def _of_table(whole: dict[str, Any], table: str, file: Path) -> dict[str, Any]:
         return {key: value for key, value in whole.items() if key not in TABLES}
     held = whole.get(table, {})
     if not isinstance(held, dict):
-        raise SettingsError(f"{table} in {file} is {held!r}; make it a table: [{table}]")
+        raise SettingsError(f"{table} in {file} is {held!r}", hint=f"make it a table: [{table}]")
     return held
 
 
@@ -105,7 +107,7 @@ def _check_known(model: type[BaseSettings], key: str, where: str, *, shown: str)
     if key not in known:
         near = difflib.get_close_matches(key.lower(), known, n=2)
         hint = f"did you mean {' or '.join(near)}?" if near else f"the keys are {', '.join(known)}"
-        raise SettingsError(f"unknown key {shown} in {where}; {hint}")
+        raise SettingsError(f"unknown key {shown} in {where}", hint=hint)
 
 
 def _read_toml(file: Path) -> dict[str, Any]:
@@ -113,7 +115,7 @@ def _read_toml(file: Path) -> dict[str, Any]:
         return tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
         raise SettingsError(
-            f"{file} cannot be read ({error.strerror}); check the name after --config"
+            f"{file} cannot be read ({error.strerror})", hint="check the name after --config"
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{file} is no TOML ({error}); mend that line") from error
+        raise SettingsError(f"{file} is no TOML ({error})", hint="mend that line") from error

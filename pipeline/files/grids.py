@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
-from pipeline.common.errors import FileProblem
 from pipeline.files.npz import MAX_HEIGHT_MM, check_pitch, check_size, make_map
 
 SAME_PITCH = 1e-3
@@ -24,10 +24,10 @@ def square_map(path: Path, z_mm: NDArray[np.float64], *, x_pitch_mm: float, y_pi
     beyond a metre are the bad points of some instrument and become dropouts.
 
     Raises:
-        FileProblem: sizes, pitches or heights that cannot be used.
+        FileError: sizes, pitches or heights that cannot be used.
     """
     if z_mm.ndim != 2 or min(z_mm.shape) < 2:
-        raise FileProblem(path, f"is a profile or point list of shape {z_mm.shape}", "measure a surface")
+        raise FileError(path, f"is a profile or point list of shape {z_mm.shape}", "measure a surface")
     for pitch in (x_pitch_mm, y_pitch_mm):
         check_pitch(path, pitch)
     z = np.where(np.abs(z_mm) <= MAX_HEIGHT_MM, z_mm, np.nan)  # NaN compares false and stays NaN

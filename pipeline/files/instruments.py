@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import FileError, damage_reported, require_file
 from glyphs.surface.maps import HeightMap
-from pipeline.common.errors import FileProblem, damage_reported, require_file
 from pipeline.files.grids import square_map
 from pipeline.files.npz import check_size
 
@@ -56,14 +56,14 @@ def read_x3p(path: Path, *, row_order: RowOrder = RowOrder.STANDARD) -> HeightMa
     What x3pio does not take is tried with SurfaceTopography where that is installed.
 
     Raises:
-        FileProblem: the file cannot be used.
+        FileError: the file cannot be used.
     """
     require_file(path, most_bytes=MAX_FILE_BYTES)
     from x3pio import X3pChecksumError, X3pFormatError
 
     try:
         return _read_x3p(path, row_order)
-    except FileProblem as problem:
+    except FileError as problem:
         # a clear refusal stands, so does a wrong checksum; what could not be parsed is worth a second opinion
         cause = problem.__cause__
         unparsed = isinstance(cause, X3pFormatError) and not isinstance(cause, X3pChecksumError)
@@ -71,7 +71,7 @@ def read_x3p(path: Path, *, row_order: RowOrder = RowOrder.STANDARD) -> HeightMa
             raise
         try:
             return read_with_surface_topography(path, row_order=row_order)
-        except FileProblem:
+        except FileError:
             raise problem from cause
 
 
@@ -82,11 +82,11 @@ def _read_x3p(path: Path, row_order: RowOrder) -> HeightMap:
         _check_archive(path)
         info = x3pio.info(path, verify=False)
         if info.feature_type is not x3pio.FeatureType.SURFACE or len(info.shape) != 2:
-            raise FileProblem(path, f"holds a {info.feature_type.name.lower()}", "export a surface on a grid")
+            raise FileError(path, f"holds a {info.feature_type.name.lower()}", "export a surface on a grid")
         rows, cols = info.shape
         check_size(path, rows, cols * info.layer_count)
         if not (info.header.x.is_incremental and info.header.y.is_incremental):
-            raise FileProblem(path, "holds points off a regular grid", "export the surface on a regular grid")
+            raise FileError(path, "holds points off a regular grid", "export the surface on a regular grid")
         with zipfile.ZipFile(path) as archive:
             most = max(_MAX_SPARE_BYTES, rows * cols * info.layer_count * _MAX_BYTES_PER_SAMPLE)
             _check_members(path, archive, ending="", most=most)
@@ -109,7 +109,7 @@ def _check_members(path: Path, archive: zipfile.ZipFile, *, ending: str, most: i
     for member in archive.infolist():
         if member.filename.lower().endswith(ending) and member.file_size > most:
             size = f"{member.file_size / 1e6:,.0f} MB"
-            raise FileProblem(path, f"unpacks to {size} ({member.filename[:50]})", "export the map alone")
+            raise FileError(path, f"unpacks to {size} ({member.filename[:50]})", "export the map alone")
 
 
 def _upright(z_mm: NDArray[np.float64], row_order: RowOrder) -> NDArray[np.float64]:
@@ -120,7 +120,7 @@ def read_sdf(path: Path, *, row_order: RowOrder = RowOrder.STANDARD) -> HeightMa
     """An SDF surface, binary or text.
 
     Raises:
-        FileProblem: the file cannot be used.
+        FileError: the file cannot be used.
     """
     require_file(path, most_bytes=MAX_FILE_BYTES)
     with damage_reported(path, kind="SDF"):
@@ -129,7 +129,7 @@ def read_sdf(path: Path, *, row_order: RowOrder = RowOrder.STANDARD) -> HeightMa
         rows, cols = _sdf_size(path)
         check_size(path, rows, cols)
         if path.stat().st_size > rows * cols * _MAX_TEXT_BYTES_PER_SAMPLE + _MAX_SPARE_BYTES:
-            raise FileProblem(path, f"is far longer than its {rows} x {cols} samples need", "export it again")
+            raise FileError(path, f"is far longer than its {rows} x {cols} samples need", "export it again")
         surface = sdfio.read(path)
         return square_map(
             path,
@@ -166,11 +166,11 @@ def read_with_surface_topography(path: Path, *, row_order: RowOrder = RowOrder.S
     """Any other format, through SurfaceTopography.
 
     Raises:
-        FileProblem: the file cannot be used, or the extra `formats` is not installed.
+        FileError: the file cannot be used, or the extra `formats` is not installed.
     """
     require_file(path, most_bytes=MAX_FILE_BYTES)
     if not formats_installed():
-        raise FileProblem(
+        raise FileError(
             path,
             f"is of a format ({path.suffix or 'no suffix'}) that needs the extra `formats`",
             "install it with: pip install 'tactile-marks[formats]'",
@@ -201,7 +201,7 @@ def _silence() -> Iterator[None]:
 
 def _check_channel(path: Path, channel: Any) -> None:
     if channel.dim != 2:
-        raise FileProblem(path, "holds a profile", "measure a surface")
+        raise FileError(path, "holds a profile", "measure a surface")
     columns, rows = (int(n) for n in channel.nb_grid_pts)
     check_size(path, rows, columns)
 
@@ -210,9 +210,7 @@ def _from_surface_topography(path: Path, surface: Any, row_order: RowOrder) -> H
     from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
 
     if not surface.unit or surface.physical_sizes is None:
-        raise FileProblem(
-            path, "does not state its unit or its size", "save it as .npz with z_mm and pitch_mm"
-        )
+        raise FileError(path, "does not state its unit or its size", "save it as .npz with z_mm and pitch_mm")
     to_mm = get_unit_conversion_factor(surface.unit, "mm")
     heights = np.ma.filled(np.ma.asarray(surface.heights(), dtype=np.float64), np.nan)
     z_mm = np.asarray(heights.T * to_mm)

@@ -35,10 +35,10 @@ def calibrate_scan(scan: Scan) -> LeadIn:
     """
     if all(s.plan.n_lead == 0 for s in scan.sweeps):
         raise SensorError(
-            "no lead-in on land in the scan (n_lead is 0); begin the passes on land and state n_lead"
+            "no lead-in on land in the scan (n_lead is 0)", hint="begin the passes on land and state n_lead"
         )
     if all(s.air_n_mm.shape[2] == 0 for s in scan.sweeps):
-        raise SensorError("no samples in the air; record some with the array lifted before each pass")
+        raise SensorError("no samples in the air", hint="record some with the array lifted before each pass")
     expected = [scan.touches[kind].land_moment_n_mm() for kind in scan.kind]
     gain, offset = np.ones(scan.n_whiskers), np.zeros(scan.n_whiskers)
     n_air, n_land = np.zeros((2, scan.n_whiskers), dtype=np.int64)
@@ -52,8 +52,8 @@ def calibrate_scan(scan: Scan) -> LeadIn:
         try:
             one = calibrate_lead_in(air[None], land[None], expected_land_moment_n_mm=expected[whisker])
         except SensorError as error:
-            message = str(error).replace("on whiskers 0 ", "").replace("on whisker 0 ", "")
-            raise SensorError(f"whisker {whisker}: {message}") from error
+            what = error.what.replace("on whiskers 0 ", "").replace("on whisker 0 ", "")
+            raise SensorError(what, where=f"whisker {whisker}", hint=error.hint) from error
         gain[whisker], offset[whisker] = one.gain[0], one.offset_n_mm[0]
     return LeadIn(Calibration(gain=gain, offset_n_mm=offset, from_land=True), n_air, n_land)
 

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 
 _URL = re.compile(r"(?:[a-z0-9+.-]+::)*[a-z][a-z0-9+.-]*://", re.IGNORECASE | re.ASCII)
 _PASSWORD = re.compile(r"(?<=://)[^/@:]*:[^/@]*@")
@@ -46,8 +46,8 @@ class ListedPart:
     expected: str = ""
     format: str = ""
     font: str = ""
-    problem: FileProblem | None = None
-    photo_problem: FileProblem | None = None
+    problem: FileError | None = None
+    photo_problem: FileError | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -59,22 +59,17 @@ class ListedPart:
         return tuple(name for name in (self.height_map, self.scan, self.photo) if name)
 
 
-class UrlProblem(FileProblem):
-    """A file that cannot be used and is named by a URL, which no path spells; told without what is secret in it.
+class UrlError(FileError):
+    """A file that cannot be used and is named by a URL, which no path spells; shown without what is secret in it.
 
     Attributes:
-        url: as it is told.
+        url: as it is shown.
     """
 
-    def __init__(self, url: str, problem: str, hint: str) -> None:
+    def __init__(self, url: str, what: str, hint: str) -> None:
         self.url = without_secrets(url)
-        super().__init__(self.url, problem, hint)
-
-    def __reduce__(self) -> tuple[type[FileProblem], tuple[str, str, str]]:
-        return (type(self), (self.url, self.problem, self.hint))
-
-    def __str__(self) -> str:
-        return " ".join(f"{self.url}: {self.problem}; {self.hint}".split())
+        super().__init__(self.url, what, hint)
+        self.args = (self.url, what, hint)  # pickled without the secret
 
 
 def is_url(text: str) -> bool:
@@ -88,9 +83,9 @@ def without_secrets(url: str) -> str:
     return shown.partition("?")[0] if is_web(shown) else shown
 
 
-def problem_of(name: str, problem: str, hint: str) -> FileProblem:
+def problem_of(name: str, what: str, hint: str) -> FileError:
     """What is wrong with a file named by a path or a URL."""
-    return UrlProblem(name, problem, hint) if is_url(name) else FileProblem(name, problem, hint)
+    return UrlError(name, what, hint) if is_url(name) else FileError(name, what, hint)
 
 
 def split_name(name: str) -> tuple[str, str]:

@@ -31,7 +31,7 @@ def list_parts(
 
     Raises:
         NothingFoundError: no file at all.
-        FileProblem: a manifest that cannot be used, or a folder that cannot be listed.
+        FileError: a manifest that cannot be used, or a folder that cannot be listed.
         MissingExtraError: a library that URLs need is not installed.
     """
     found = FoundFiles(photos=photos)

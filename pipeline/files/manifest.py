@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.common.errors import FileProblem, require_file
+from glyphs.errors import FileError, require_file
 from pipeline.files.listed import ListedPart, beside, is_url, local_name, problem_of, split_name
 from pipeline.files.parts import named_apart
 from pipeline.files.remote import copied
@@ -60,7 +60,7 @@ def read_manifest(source: str) -> list[ListedPart]:
         source: path or URL of the table.
 
     Raises:
-        FileProblem: it cannot be read, has no column of files or one that may be misspelled, or a line without a
+        FileError: it cannot be read, has no column of files or one that may be misspelled, or a line without a
             file, with a part spoken of before, or not complete; says which line.
         MissingExtraError: a library that URLs need is not installed.
     """
@@ -189,7 +189,7 @@ def _parquet_records(source: str, path: Path) -> Iterator[tuple[str, dict[str, s
     """Where each row of a Parquet file stands, and its known cells; a batch of rows is in memory at a time."""
     from pyarrow import parquet
 
-    def in_words(error: Exception) -> FileProblem:
+    def in_words(error: Exception) -> FileError:
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         return problem_of(source, f"is damaged or no Parquet file ({reason})", "copy it or make it again")
 

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import FileError, damage_reported, require_file
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS, HeightMap
 from pipeline.common.atomic import replacing
-from pipeline.common.errors import FileProblem, damage_reported, require_file
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
 MAX_FILE_BYTES = 1_000_000_000
@@ -77,7 +77,7 @@ def read_npz(path: Path) -> HeightMap:
     """The height map of an `.npz` file.
 
     Raises:
-        FileProblem: anything that keeps the file from being one.
+        FileError: anything that keeps the file from being one.
     """
     require_file(path, most_bytes=MAX_FILE_BYTES)
     with damage_reported(path, kind=".npz"):
@@ -85,13 +85,13 @@ def read_npz(path: Path) -> HeightMap:
             for name in _NEEDED:
                 if f"{name}.npy" not in archive.namelist():
                     held = ", ".join(sorted(n.removesuffix(".npy") for n in archive.namelist())) or "nothing"
-                    raise FileProblem(
+                    raise FileError(
                         path, f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it"
                     )
             heights, pitch = (_look(path, archive, name) for name in _NEEDED)
             _check_heights(path, heights)
             if pitch.size != 1:
-                raise FileProblem(path, f"pitch_mm has shape {pitch.shape}", "give one number, mm")
+                raise FileError(path, f"pitch_mm has shape {pitch.shape}", "give one number, mm")
             pitch_mm = float(_load(archive, "pitch_mm").reshape(()))
             check_pitch(path, pitch_mm)
             z = _load(archive, "z_mm")
@@ -104,7 +104,7 @@ def read_soil(path: Path) -> Soil | None:
     A member that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal friction.
 
     Raises:
-        FileProblem: a member of another shape, not finite or out of range; or a file that cannot be read.
+        FileError: a member of another shape, not finite or out of range; or a file that cannot be read.
     """
     require_file(path, most_bytes=MAX_FILE_BYTES)
     with damage_reported(path, kind=".npz"), zipfile.ZipFile(path) as archive:
@@ -112,13 +112,13 @@ def read_soil(path: Path) -> Soil | None:
         if not held:
             return None
         if "z_mm.npy" not in archive.namelist():
-            raise FileProblem(path, f"has {held[0]} and no z_mm", "save the height map with it")
+            raise FileError(path, f"has {held[0]} and no z_mm", "save the height map with it")
         heights = _look(path, archive, "z_mm")
         _check_heights(path, heights)
         for name in held:
             member = _look(path, archive, name)
             if member.shape != heights.shape and member.size != 1:
-                raise FileProblem(
+                raise FileError(
                     path,
                     f"{name} has shape {member.shape}, z_mm {heights.shape}",
                     "give both on one grid, or one number",
@@ -135,13 +135,11 @@ def read_soil(path: Path) -> Soil | None:
 def _load_soil(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[np.float32]:
     values, rule = _load(archive, name), _SOIL[name]
     if not np.isfinite(values).all():
-        raise FileProblem(
-            path, f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.hint
-        )
+        raise FileError(path, f"{name} is not finite at {np.sum(~np.isfinite(values)):,} samples", rule.hint)
     # in the member's own precision: float32 would turn 1e300 into an infinity
     low, high = float(values.min()), float(values.max())
     if low < rule.least or high > rule.most:
-        raise FileProblem(path, f"{name} runs from {low:.3g} to {high:.3g}", rule.hint)
+        raise FileError(path, f"{name} runs from {low:.3g} to {high:.3g}", rule.hint)
     return np.asarray(values if values.size > 1 else values.reshape(()), dtype=np.float32)
 
 
@@ -157,21 +155,19 @@ def _look(path: Path, archive: zipfile.ZipFile, name: str) -> _Member:
         version = np.lib.format.read_magic(stream)
         readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
         if version not in readers:
-            raise FileProblem(path, f"{name} is stored in npy version {version}", "save it with numpy.savez")
+            raise FileError(path, f"{name} is stored in npy version {version}", "save it with numpy.savez")
         shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
     member = _Member(shape, dtype)
     if dtype.hasobject or dtype.kind not in "fiu":
-        raise FileProblem(path, f"{name} is of type {dtype}", "it must hold real numbers")
+        raise FileError(path, f"{name} is of type {dtype}", "it must hold real numbers")
     if member.size <= MAX_PIXELS and info.file_size < member.size * dtype.itemsize:
-        raise FileProblem(path, f"{name} is shorter than it declares", "copy or save it again")
+        raise FileError(path, f"{name} is shorter than it declares", "copy or save it again")
     return member
 
 
 def _check_heights(path: Path, heights: _Member) -> None:
     if len(heights.shape) != 2 or min(heights.shape) < 2:
-        raise FileProblem(
-            path, f"z_mm has shape {heights.shape}", "it must be rows x columns, at least 2 x 2"
-        )
+        raise FileError(path, f"z_mm has shape {heights.shape}", "it must be rows x columns, at least 2 x 2")
     check_size(path, heights.shape[0], heights.shape[1])
 
 
@@ -184,10 +180,10 @@ def check_size(path: Path, rows: int, cols: int) -> None:
     """Refuse a map of more samples than the limit, before it is loaded.
 
     Raises:
-        FileProblem: it has more.
+        FileError: it has more.
     """
     if rows * cols > MAX_PIXELS:
-        raise FileProblem(
+        raise FileError(
             path, f"{rows:,} x {cols:,} samples exceed the limit of {MAX_PIXELS:,}", "crop or thin the map"
         )
 
@@ -196,10 +192,10 @@ def check_pitch(path: Path, pitch_mm: float) -> None:
     """Refuse a sample distance that cannot be millimetres.
 
     Raises:
-        FileProblem: not finite, not positive, or beyond 10 mm.
+        FileError: not finite, not positive, or beyond 10 mm.
     """
     if not (np.isfinite(pitch_mm) and 0.0 < pitch_mm <= MAX_PITCH_MM):
-        raise FileProblem(
+        raise FileError(
             path,
             f"pitch_mm is {pitch_mm:g}",
             f"give the distance of samples in mm, above 0 and at most {MAX_PITCH_MM:g}",
@@ -210,17 +206,17 @@ def make_map(path: Path, z_mm: NDArray[np.floating], pitch_mm: float) -> HeightM
     """A height map out of checked numbers.
 
     Raises:
-        FileProblem: no finite height, infinities, or heights beyond a metre.
+        FileError: no finite height, infinities, or heights beyond a metre.
     """
     finite = np.isfinite(z_mm)
     if not finite.any():
-        raise FileProblem(path, "has no finite height; every point is a dropout", "measure it again")
+        raise FileError(path, "has no finite height; every point is a dropout", "measure it again")
     if np.isinf(z_mm).any():
-        raise FileProblem(path, "has infinite heights", "mark bad points as NaN")
+        raise FileError(path, "has infinite heights", "mark bad points as NaN")
     # float32 would turn -1.8e308 into an infinity, so this is looked at before the map is made
     highest = max(abs(float(np.nanmin(z_mm))), abs(float(np.nanmax(z_mm))))
     if highest > MAX_HEIGHT_MM:
-        raise FileProblem(
+        raise FileError(
             path, f"has heights of {highest:.3g} mm", "give z_mm in mm and mark bad points as NaN"
         )
     with damage_reported(path, kind="height map"):
@@ -231,7 +227,7 @@ def write_npz(path: Path, height_map: HeightMap, *, more: Mapping[str, object] |
     """Write a height map; the file appears whole or not at all.
 
     Raises:
-        FileProblem: it cannot be written.
+        FileError: it cannot be written.
     """
     arrays = {"z_mm": height_map.z_mm, "pitch_mm": np.float64(height_map.pitch_mm), **(more or {})}
     with replacing(path) as temporary, temporary.open("wb") as stream:

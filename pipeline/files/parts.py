@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError, MarksError
 from pipeline.files.listed import ListedPart, problem_of, split_name
 from pipeline.files.touch_file import CORE_SUFFIXES, FORMATS_SUFFIXES, PHOTO_SUFFIXES, SCAN_SUFFIXES
 
@@ -42,8 +42,8 @@ class Part:
     height_map: Path | None = None
     scan: Path | None = None
     photo: Path | None = None
-    problem: FileProblem | None = None
-    photo_problem: FileProblem | None = None
+    problem: FileError | None = None
+    photo_problem: FileError | None = None
 
     @property
     def felt(self) -> bool:
@@ -51,7 +51,7 @@ class Part:
         return self.height_map is not None or self.scan is not None
 
 
-class NothingFoundError(Exception):
+class NothingFoundError(MarksError):
     """The inputs name no part at all."""
 
     def __init__(self, inputs: Sequence[str | Path]) -> None:
@@ -75,7 +75,7 @@ def discover(inputs: Sequence[str | Path], *, photos: bool = False, beside: bool
 
     Raises:
         NothingFoundError: no file at all.
-        FileProblem: a folder that cannot be listed.
+        FileError: a folder that cannot be listed.
     """
     found = FoundFiles(photos=photos)
     for given in inputs:
@@ -115,13 +115,13 @@ class FoundFiles:
         """What a file, a folder or a glob of this machine names.
 
         Raises:
-            FileProblem: a folder that cannot be listed.
+            FileError: a folder that cannot be listed.
         """
         path = Path(given)
         try:
             exists, folder = path.exists(), path.is_dir()
         except (OSError, ValueError) as error:
-            problem = FileProblem(path, f"is no file name ({error})", "check the name")
+            problem = FileError(path, f"is no file name ({error})", "check the name")
             key = split_name(str(path))
             self._parts[key] = ListedPart(_stem_name(key[1] or str(path)), problem=problem)
             return
@@ -190,7 +190,7 @@ def _files_in(folder: str) -> list[str]:
         with os.scandir(folder) as entries:
             return [before + name for name in sorted(e.name for e in entries if e.is_file())]
     except OSError as error:
-        raise FileProblem(
+        raise FileError(
             folder, f"cannot be listed ({error.strerror or error})", "check its permissions"
         ) from error
 

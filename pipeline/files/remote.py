@@ -20,13 +20,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pipeline.common.errors import FileProblem
-from pipeline.common.missing_extra import MissingExtraError
+from glyphs.errors import FileError, MissingExtraError
 from pipeline.files.listed import (
     LOCAL,
     WEB,
     ListedPart,
-    UrlProblem,
+    UrlError,
     harmless_name,
     has_magic,
     is_url,
@@ -62,7 +61,7 @@ def list_remote(url: str) -> list[str]:
     Of a URL that names a file, that file. A folder of a web server ends in a slash and is what links its page has.
 
     Raises:
-        FileProblem: no such place, or it cannot be listed.
+        FileError: no such place, or it cannot be listed.
         MissingExtraError: a library that URLs need is not installed.
     """
     files = _file_system(url)
@@ -82,7 +81,7 @@ def list_remote(url: str) -> list[str]:
 def fetched(listed: ListedPart, *, photos: bool = True) -> Iterator[Part]:
     """The part with its files on this machine; copies of those named by URLs are removed on leaving.
 
-    A FileProblem of a copy raised in the block becomes one of its URL; words about it are turned by `originally`.
+    A FileError of a copy raised in the block becomes one of its URL; words about it are turned by `originally`.
     A photograph that cannot be copied is a problem of the photograph where there is something to be felt.
 
     Args:
@@ -90,7 +89,7 @@ def fetched(listed: ListedPart, *, photos: bool = True) -> Iterator[Part]:
         photos: photographs, too, are wanted of parts that can be felt.
 
     Raises:
-        FileProblem: a file that is not there, may not be read, is too long, or cannot be copied.
+        FileError: a file that is not there, may not be read, is too long, or cannot be copied.
         MissingExtraError: a library that URLs need is not installed.
     """
     names = {kind: local_name(getattr(listed, kind)) for kind in _KINDS}
@@ -108,14 +107,14 @@ def fetched(listed: ListedPart, *, photos: bool = True) -> Iterator[Part]:
             else:
                 try:
                     paths[kind] = copies.enter_context(copied(name, most_bytes=_most_bytes(kind)))
-                except FileProblem as fault:
+                except FileError as fault:
                     if kind != "photo" or not felt:
                         raise
                     paths[kind], photo_problem = Path(name), fault
         part = Part(listed.name, **paths, problem=problem, photo_problem=photo_problem)
         try:
             yield part
-        except FileProblem as fault:
+        except FileError as fault:
             of_url = _of_url(fault, part, listed)
             if of_url is None:
                 raise
@@ -127,7 +126,7 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
     """A copy of one file in a folder of its own, under its own name as far as that is harmless.
 
     Raises:
-        FileProblem: as `fetched`.
+        FileError: as `fetched`.
         MissingExtraError: likewise.
     """
     files = _file_system(url)
@@ -137,7 +136,7 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
         # of a web address the file's own head says as much, and why it does not come
         entry: dict[str, Any] = {"name": url, "type": "file"} if is_web(url) else files.info(path)
         if url.endswith("/") or not _is_file(entry):
-            raise UrlProblem(url, "is no file", "name a file, or the folder among the inputs")
+            raise UrlError(url, "is no file", "name a file, or the folder among the inputs")
         size: Any = entry.get("size")
         guard.set_size(size)
         folder = tempfile.TemporaryDirectory(prefix="tactile-marks-", ignore_cleanup_errors=True)
@@ -158,12 +157,12 @@ def originally(text: str, part: Part, listed: ListedPart) -> str:
     return text
 
 
-def _of_url(fault: FileProblem, part: Part, listed: ListedPart) -> UrlProblem | None:
+def _of_url(fault: FileError, part: Part, listed: ListedPart) -> UrlError | None:
     """The problem of a copy as that of what it was copied from; None: it is no copy's."""
     for kind in _KINDS:
         name = getattr(listed, kind)
-        if is_url(name) and fault.path == getattr(part, kind) and not isinstance(fault, UrlProblem):
-            return UrlProblem(name, originally(fault.problem, part, listed), fault.hint)
+        if is_url(name) and fault.path == getattr(part, kind) and not isinstance(fault, UrlError):
+            return UrlError(name, originally(fault.what, part, listed), fault.hint)
     return None
 
 
@@ -203,13 +202,13 @@ class _Guard:
         self._bytes = value
         self.check(value)
         if time.monotonic() - self._began_s > _START_S + value / _LEAST_BYTES_PER_S:
-            raise UrlProblem(self._url, "comes too slowly to wait for", _NETWORK_MEND)
+            raise UrlError(self._url, "comes too slowly to wait for", _NETWORK_MEND)
 
     def check(self, size: int) -> None:
         """Refuse more than the limit."""
         if size > self._most_bytes:
             sizes = f"{size / 1e9:.1f} GB long, over the limit of {self._most_bytes / 1e9:.1f} GB"
-            raise UrlProblem(self._url, f"is {sizes}", "crop it")
+            raise UrlError(self._url, f"is {sizes}", "crop it")
 
 
 def _is_file(entry: dict[str, Any]) -> bool:
@@ -220,12 +219,12 @@ def _file_system(url: str) -> Any:
     """Fsspec's file system of a URL, kept open by fsspec for the next one.
 
     Raises:
-        FileProblem: a kind of URL that is not read.
+        FileError: a kind of URL that is not read.
         MissingExtraError: its library is not installed.
     """
     scheme = scheme_of(url)
     if scheme not in _SCHEMES:
-        raise UrlProblem(url, "is of a kind that is not read", f"name one of {', '.join(sorted(_SCHEMES))}")
+        raise UrlError(url, "is of a kind that is not read", f"name one of {', '.join(sorted(_SCHEMES))}")
     try:
         import fsspec
         from fsspec.config import conf
@@ -239,7 +238,7 @@ def _file_system(url: str) -> Any:
     except ImportError as error:
         if scheme in _EXTRAS:
             raise MissingExtraError(f"{scheme}://", *_EXTRAS[scheme]) from error
-        raise UrlProblem(url, f"needs a library ({error})", "install it") from error
+        raise UrlError(url, f"needs a library ({error})", "install it") from error
     except Exception as error:
         raise _told(url, error) from error
     if scheme in ("s3", "s3a"):
@@ -268,27 +267,27 @@ def _limits(scheme: str) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def _faults_told(url: str) -> Iterator[None]:
-    """Turn whatever a file system trips over into a FileProblem; none may end a run."""
+    """Turn whatever a file system trips over into a FileError; none may end a run."""
     try:
         yield
-    except FileProblem:
+    except FileError:
         raise
     except Exception as error:
         raise _told(url, error) from error
 
 
-def _told(url: str, error: Exception) -> UrlProblem:
+def _told(url: str, error: Exception) -> UrlError:
     lines = str(error).splitlines()
     reason = f"{type(error).__name__}: {lines[0]}" if lines and lines[0] else type(error).__name__
     reason = _QUERY.sub("", reason)[:300]
     if isinstance(error, FileNotFoundError):
-        return UrlProblem(url, "is not there", "check the name")
+        return UrlError(url, "is not there", "check the name")
     refused = isinstance(error, PermissionError) or getattr(error, "status", None) in (401, 403)
     if refused or type(error).__name__ in _NO_CREDENTIALS:
-        return UrlProblem(url, f"may not be read ({reason})", "check the credentials")
+        return UrlError(url, f"may not be read ({reason})", "check the credentials")
     if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return UrlProblem(url, f"cannot be copied ({reason})", "make room in the folder that TMPDIR names")
-    return UrlProblem(url, f"cannot be fetched ({reason})", _NETWORK_MEND)
+        return UrlError(url, f"cannot be copied ({reason})", "make room in the folder that TMPDIR names")
+    return UrlError(url, f"cannot be fetched ({reason})", _NETWORK_MEND)
 
 
 _NO_CREDENTIALS = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.common.errors import FileProblem, require_file
+from glyphs.errors import FileError, require_file
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from whisker_array.scan.scan import Scan
 
 __all__ = [
-    "FileProblem",
+    "FileError",
     "is_height_map",
     "is_photo",
     "is_scan",
@@ -63,7 +63,7 @@ def read_height_map(path: str | Path, *, row_order: RowOrder | None = None) -> H
         row_order: of an X3P or SDF file, the standards' unless given.
 
     Raises:
-        FileProblem: whatever keeps it from being read, and how to mend it.
+        FileError: whatever keeps it from being read, and how to mend it.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -85,12 +85,9 @@ def read_scan(path: str | Path) -> Scan:
     """The scan in a recording.
 
     Raises:
-        FileProblem: whatever keeps it from being read, and how to mend it.
+        FileError: whatever keeps it from being read, and how to mend it.
     """
-    from whisker_array.scan.recording import RecordingError, load_scan
+    from whisker_array.scan.recording import load_scan
 
     require_file(Path(path), most_bytes=MAX_SCAN_BYTES)
-    try:
-        return load_scan(path)
-    except RecordingError as error:
-        raise FileProblem(error.path, error.problem, error.hint) from error
+    return load_scan(path)

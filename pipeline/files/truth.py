@@ -14,7 +14,7 @@ from pathlib import Path
 
 from rapidfuzz.distance import Levenshtein
 
-from pipeline.common.errors import FileProblem, require_file
+from glyphs.errors import FileError, require_file
 from pipeline.common.row import Row
 from pipeline.files.touch_file import is_height_map, is_photo, is_scan
 
@@ -70,16 +70,16 @@ def load_truth(path: Path) -> dict[str, str]:
     """Text by part name, from a CSV with the columns part (or file) and text (or serial).
 
     Raises:
-        FileProblem: not such a table, or one that speaks of a part twice.
+        FileError: not such a table, or one that speaks of a part twice.
     """
     require_file(path, most_bytes=_MAX_FILE_BYTES)
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             return _parse(path, csv.DictReader(stream, skipinitialspace=True))
     except UnicodeDecodeError as error:
-        raise FileProblem(path, "is no UTF-8 text", "save it as CSV (UTF-8)") from error
+        raise FileError(path, "is no UTF-8 text", "save it as CSV (UTF-8)") from error
     except csv.Error as error:
-        raise FileProblem(path, f"is no CSV table ({error})", "save it as CSV (UTF-8)") from error
+        raise FileError(path, f"is no CSV table ({error})", "save it as CSV (UTF-8)") from error
 
 
 def _parse(path: Path, table: csv.DictReader[str]) -> dict[str, str]:
@@ -87,7 +87,7 @@ def _parse(path: Path, table: csv.DictReader[str]) -> dict[str, str]:
     part = next((headings[h] for h in _PART_HEADINGS if h in headings), None)
     text = next((headings[h] for h in _TEXT_HEADINGS if h in headings), None)
     if part is None or text is None:
-        raise FileProblem(
+        raise FileError(
             path, f"has the columns {', '.join(headings) or 'none'}", "its first line must name part and text"
         )
     truth: dict[str, str] = {}
@@ -96,15 +96,15 @@ def _parse(path: Path, table: csv.DictReader[str]) -> dict[str, str]:
         if not name and not value:
             continue
         if value is None or not name:
-            raise FileProblem(path, f"line {table.line_num} is not complete", "give a part and its text")
+            raise FileError(path, f"line {table.line_num} is not complete", "give a part and its text")
         name = part_name(name)
         if name in truth:
-            raise FileProblem(
+            raise FileError(
                 path, f"line {table.line_num} speaks of {name} a second time", "keep one line a part"
             )
         truth[name] = value.strip()
     if not truth:
-        raise FileProblem(path, "holds no part", "give a line for each part")
+        raise FileError(path, "holds no part", "give a line for each part")
     return truth
 
 

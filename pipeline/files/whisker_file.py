@@ -20,11 +20,11 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from glyphs.errors import FileError, require_file
 from pipeline.common.atomic import check_writable, replacing
-from pipeline.common.errors import FileProblem, require_file
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
-from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round
-from whisker_array.whisker.shapes import LShaped, Straight, WhiskerError
+from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, WhiskerError
+from whisker_array.whisker.shapes import LShaped, Straight
 from whisker_array.whisker.touch import Touch
 
 FORMAT_VERSION = 1
@@ -155,33 +155,33 @@ def read_whisker_file(path: Path) -> WhiskerFile:
     """Read a whisker and its use.
 
     Raises:
-        FileProblem: no file, no TOML, unknown or missing keys, numbers that cannot be, a whisker that jams on
+        FileError: no file, no TOML, unknown or missing keys, numbers that cannot be, a whisker that jams on
             the land.
     """
     require_file(path, most_bytes=_MOST_BYTES)
     try:
         written = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileProblem(path, f"is no TOML ({error})", "mend that line") from error
+        raise FileError(path, f"is no TOML ({error})", "mend that line") from error
     except OSError as error:
-        raise FileProblem(path, f"cannot be read ({error.strerror})", "check its permissions") from error
+        raise FileError(path, f"cannot be read ({error.strerror})", "check its permissions") from error
     version = written.pop("format_version", FORMAT_VERSION)
     if version != FORMAT_VERSION:
         says = f"has format version {version!r}; this program reads {FORMAT_VERSION}"
-        raise FileProblem(path, says, "update this program, or write the file anew")
+        raise FileError(path, says, "update this program, or write the file anew")
     kind = written.get("kind")
     if not isinstance(kind, str) or kind not in _KINDS:
         says = "has no kind" if kind is None else f"has the kind {kind!r}"
-        raise FileProblem(path, says, f"write kind = one of {', '.join(map(repr, _KINDS))}")
+        raise FileError(path, says, f"write kind = one of {', '.join(map(repr, _KINDS))}")
     try:
         built = _KINDS[kind].model_validate(written).build()
     except ValidationError as error:
-        raise FileProblem(path, *_first(error)) from error
-    except (WhiskerError, ValueError) as error:
-        raise FileProblem(path, "describes no whisker", str(error)) from error
+        raise FileError(path, *_first(error)) from error
+    except WhiskerError as error:
+        raise FileError(path, f"does not describe a whisker: {error.what}", error.hint) from error
     row, mu = built.touch.tip.compliance_mm_per_n[1], built.touch.friction
     if not row[1] - mu * row[0] > 0.0:
-        raise FileProblem(path, "describes a whisker that jams on the land", "take another setting angle")
+        raise FileError(path, "describes a whisker that jams on the land", "take another setting angle")
     return built
 
 
@@ -202,7 +202,7 @@ def write_whisker_file(path: Path, content: WhiskerFile) -> None:
     Numbers are written in full, so that reading gives the same whisker again (angles to rounding).
 
     Raises:
-        FileProblem: not a .toml, it cannot be written, or the whisker is of a kind that this file cannot hold.
+        FileError: not a .toml, it cannot be written, or the whisker is of a kind that this file cannot hold.
     """
     check_whisker_file(path)
     text = "\n".join(_lines(path, content)) + "\n"
@@ -214,10 +214,10 @@ def check_whisker_file(path: Path) -> None:
     """Refuse, before the work starts, a file that could not be written at its end.
 
     Raises:
-        FileProblem: another suffix, or a place that cannot be written.
+        FileError: another suffix, or a place that cannot be written.
     """
     if path.suffix.lower() != ".toml":
-        raise FileProblem(path, "is no whisker file", "end it in .toml")
+        raise FileError(path, "is no whisker file", "end it in .toml")
     check_writable(path)
 
 
@@ -244,7 +244,7 @@ def _lines(path: Path, content: WhiskerFile) -> list[str]:
     elif isinstance(w.section, Round):
         section = {"kind": "round", "diameter_mm": w.section.diameter_mm}
     else:
-        raise FileProblem(path, f"cannot hold {w.section}", f"write {_WRITABLE}")
+        raise FileError(path, f"cannot hold {w.section}", f"write {_WRITABLE}")
     version = f"format_version = {FORMAT_VERSION}"
     lines = ["# a whisker of tactile-marks and its use; lengths in mm", version, *_pairs(shape | use)]
     m = w.material

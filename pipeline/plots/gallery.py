@@ -9,8 +9,8 @@ from typing import Literal, TypeAlias
 
 import matplotlib
 
+from glyphs.errors import FileError
 from pipeline.common.atomic import replacing
-from pipeline.common.errors import FileProblem
 from pipeline.plots.drawing import Drawing, FigureSettings, StepRow
 from pipeline.plots.elastica import elastica_figure
 from pipeline.plots.estimator_trial import TrialRow
@@ -67,14 +67,14 @@ def draw_gallery(
         on_picture: told of every picture when it is there.
 
     Raises:
-        FileProblem: the folder cannot be made or written.
+        FileError: the folder cannot be made or written.
         StepError: a step cannot be read off a trace.
     """
     settings = settings or FigureSettings()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FileProblem(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
     pictures: list[Path] = []
     rows: list[StepRow] = []
     trial: list[TrialRow] = []
@@ -101,7 +101,7 @@ def write_rows(rows: Sequence[StepRow] | Sequence[TrialRow], path: Path) -> None
     """Write figures.csv or estimators.csv; the file appears whole or not at all.
 
     Raises:
-        FileProblem: it cannot be written.
+        FileError: it cannot be written.
     """
     import csv
 

@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
+from glyphs.errors import FileError
 from pipeline.common.atomic import check_writable, replacing
-from pipeline.common.errors import FileProblem
 from pipeline.plots.axes import (
     BOX_COLOUR,
     candidate_panel,
@@ -47,10 +47,10 @@ def check_picture(path: Path) -> None:
     """Refuse, before the work starts, a picture that could not be written.
 
     Raises:
-        FileProblem: unknown suffix, or a place that cannot be written.
+        FileError: unknown suffix, or a place that cannot be written.
     """
     if path.suffix.lower() not in _SUFFIXES:
-        raise FileProblem(path, "is no picture that can be drawn", f"end it in {', '.join(_SUFFIXES)}")
+        raise FileError(path, "is no picture that can be drawn", f"end it in {', '.join(_SUFFIXES)}")
     check_writable(path)
 
 
@@ -58,7 +58,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     """Write the figure; the file appears whole or not at all.
 
     Raises:
-        FileProblem: it cannot be written.
+        FileError: it cannot be written.
     """
     check_picture(path)
     with replacing(path) as temporary:

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import MarksError
 from glyphs.stamping.wedge import Wedge
 
 _MOST_MISFIT = 5e-3
@@ -32,8 +33,8 @@ _STEEPER = 3.0
 """Least steepness of the ramp at the foot over the line's: 8 for the paper's longer arms, 200 for the shortest."""
 
 
-class StepError(ValueError):
-    """A trace no step can be read off; the message says why."""
+class StepError(MarksError):
+    """A trace no step can be read off."""
 
 
 @dataclass(frozen=True)
@@ -78,28 +79,28 @@ def read_step(
         StepError: a preload too small, no moment on the land, or no foot to be found.
     """
     if not preload_mm > wedge.depth_mm:
-        raise StepError(f"preload_mm is {preload_mm}; it must exceed the depth, {wedge.depth_mm} mm")
+        raise StepError(f"preload_mm is {preload_mm}", hint=f"it must exceed the depth, {wedge.depth_mm} mm")
     left = 1.0 - wedge.depth_mm / preload_mm
     on_land = (place_mm > -0.8 * wedge.land_mm) & (place_mm < -0.2 * wedge.land_mm)
     # clear of the ball's rounding at the edge, and of a foot that is felt early: in contact by 1.5 k tan(alpha)
     # of the run, 0.3 of it for the paper's longest arm
     on_slope = (place_mm > 0.2 * wedge.run_mm) & (place_mm < 0.6 * wedge.run_mm)
     if on_land.sum() < 2 or on_slope.sum() < 3:
-        raise StepError("too few samples on the land or on the slope; sample more finely")
+        raise StepError("too few samples on the land or on the slope", hint="sample more finely")
     land = float(moment_n_mm[on_land].mean())
     if land == 0.0:
-        raise StepError("the land makes no moment; is the whisker pressed on?")
+        raise StepError("the land makes no moment", hint="is the whisker pressed on?")
     ratio = moment_n_mm / land
     rise, start = (float(v) for v in np.polyfit(place_mm[on_slope], ratio[on_slope], 1))
     if -rise * wedge.run_mm < 0.2 * (1.0 - left):
-        raise StepError("the moment does not fall along the slope; check the place of the edge")
+        raise StepError("the moment does not fall along the slope", hint="check the place of the edge")
     scatter = _rms(ratio[on_slope] - (start + rise * place_mm[on_slope]))
     rest = (place_mm >= 0.6 * wedge.run_mm) & (place_mm <= 1.4 * wedge.run_mm)
     foot, misfit = _find_foot(place_mm[rest], ratio[rest], (rise, start), floor=left, run_mm=wedge.run_mm)
     if misfit > 2.0 * scatter + _MOST_MISFIT:
         raise StepError(
-            f"the moment does not fall along the slope to level out at {left:g} of the land's; check preload, depth "
-            "and the place of the edge"
+            f"the moment does not fall along the slope to level out at {left:g} of the land's",
+            hint="check preload, depth and the place of the edge",
         )
     # nothing blurs a foot without a step, a straight whisker's: there the line just crosses the floor's level
     crossing = (left - start) / rise

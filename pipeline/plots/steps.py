@@ -106,7 +106,7 @@ def feel_step(
 
     Raises:
         StepError: the tip jams or leaves the surface, or no step can be read off.
-        EnhancementError: eq. (16) has no answer.
+        WhiskerError: eq. (16) has no answer.
     """
     settings = settings or FigureSettings()
     wedge, tip = piece_of(case.alpha_deg), paper_whisker(case.k).tip_model()

@@ -16,8 +16,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from glyphs.errors import FileError, MarksError
 from glyphs.stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
-from pipeline.common.errors import FileProblem
 from recognition.exemplars import Cut, ExemplarError
 
 if TYPE_CHECKING:
@@ -139,7 +139,8 @@ def enrol(
     held = _opened(database, settings)
     if font in held.fonts and not any(e.font_name == font for e in held.exemplars):
         raise DatabaseError(
-            f"{font!r} is a font of its own in {database}; name the die another, {font + '-worn'!r} for example"
+            f"{font!r} is a font of its own in {database}",
+            hint=f"name the die another, {font + '-worn'!r} for example",
         )
     learned_names = {e.font_name for e in held.exemplars}
     fonts = tuple(held.fonts.values())
@@ -160,7 +161,7 @@ def enrol(
                 known.append(part.name)
                 continue
             cuts = _cuts(part, text, fonts, cache, settings)
-        except (FileProblem, ExemplarError, ValueError) as error:
+        except MarksError as error:
             refused.append(Refused(part.name, str(error)))
             continue
         # reviewed anew: what was taken under the other text was wrong
@@ -195,12 +196,12 @@ def _cache() -> TemplateCache:
 def _sha256(part: ReviewedPart) -> str:
     path = part.scan or part.height_map
     if path is None:
-        raise ExemplarError("it has no scan and no height map; only what was felt can be enrolled")
+        raise ExemplarError("it has no scan and no height map", hint="only what was felt can be enrolled")
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
-        raise FileProblem(path, f"cannot be read ({error.strerror})", "check the name") from error
+        raise FileError(path, f"cannot be read ({error.strerror})", "check the name") from error
 
 
 def _cuts(
@@ -225,7 +226,7 @@ def _cuts(
             height_mm=settings.height_mm,
         )
     if not cuts:
-        raise ExemplarError("too little of its characters was felt; scan it again")
+        raise ExemplarError("too little of its characters was felt", hint="scan it again")
     return cuts
 
 

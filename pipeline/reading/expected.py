@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.files.truth import load_truth
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
         grammar: that every text must be of.
 
     Raises:
-        FileProblem: no such table, or a text in it that is none of the format.
+        FileError: no such table, or a text in it that is none of the format.
         ValueError: an empty text, or one that is none of the format.
     """
     if given.lower().endswith(".csv") or _is_file(given):
@@ -58,9 +58,9 @@ def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
         table = load_truth(path)
         for part, text in table.items():
             if not text:
-                raise FileProblem(path, f"gives no text for {part}", "give it, or leave the part out")
+                raise FileError(path, f"gives no text for {part}", "give it, or leave the part out")
             if grammar is not None and (broken := grammar.objections(text)):
-                raise FileProblem(path, f"{part} should bear {text!r}, but {'; '.join(broken)}", "mend one")
+                raise FileError(path, f"{part} should bear {text!r}, but {'; '.join(broken)}", "mend one")
         return Expected(by_part=MappingProxyType(table))
     if not given.strip():
         raise ValueError("--verify is empty; give the text that the part should bear, or a CSV table")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.common.records import EvidenceKind
 from pipeline.reading.jobs import MadeFile
 
@@ -155,7 +155,7 @@ def _written(
         pixels = cv2.resize(pixels, (width, height), interpolation=how)
     done, encoded = cv2.imencode(".jpg", np.ascontiguousarray(pixels), (cv2.IMWRITE_JPEG_QUALITY, QUALITY))
     if not done:
-        raise FileProblem(path.name, "could not be drawn", "report it")
+        raise FileError(path.name, "could not be drawn", "report it")
     path.write_bytes(encoded.tobytes())
     size = pitch_mm * shape[1] / width
     meta: Mapping[str, float] = {

@@ -23,7 +23,7 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
         limits: checked from the files' heads before anything is decoded.
 
     Raises:
-        FileProblem: a file that cannot be used; or an expected text or a database, named so.
+        FileError: a file that cannot be used; or an expected text or a database, named so.
         ValueError: a job without any file to read, or sight without touch.
     """
     from pipeline.reading.job_senses import JobSenses

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.common.records import ReadingRecord
 from pipeline.files.limits import check_map, check_photo, check_scan
 from pipeline.reading.jobs import Job, Limits, told
@@ -63,20 +63,20 @@ class JobSenses:
         """Take the job.
 
         Raises:
-            FileProblem: an expected text that the format does not allow.
+            FileError: an expected text that the format does not allow.
         """
         self.job, self.readers, self.limits = job, readers, limits
         self.expected = job.expected.strip()
         if self.expected and readers.grammar is not None:
             broken = readers.grammar.objections(self.expected)
             if broken:
-                raise FileProblem("expected", f"is {self.expected!r}, but {'; '.join(broken)}", "mend it")
+                raise FileError("expected", f"is {self.expected!r}, but {'; '.join(broken)}", "mend it")
 
     def load_photo(self) -> Photo:
         """The photograph.
 
         Raises:
-            FileProblem: it cannot be used.
+            FileError: it cannot be used.
         """
         from pipeline.files.photos import read_photo
 
@@ -93,7 +93,7 @@ class JobSenses:
             over: height map whose middle lies under the middle of the picture.
 
         Raises:
-            FileProblem: it cannot be used.
+            FileError: it cannot be used.
         """
         from pipeline.reading.part_reader import Sensed
 
@@ -116,7 +116,7 @@ class JobSenses:
         """What an earlier job saw.
 
         Raises:
-            FileProblem: it cannot be used.
+            FileError: it cannot be used.
         """
         path = self._path("vision")
         with told(self.job, "vision", path):
@@ -126,7 +126,7 @@ class JobSenses:
         """Read by touch; a recorded scan goes before a height map.
 
         Raises:
-            FileProblem: the file cannot be used.
+            FileError: the file cannot be used.
         """
         from pipeline.files.parts import Part
         from pipeline.reading.part_reader import felt
@@ -147,7 +147,7 @@ class JobSenses:
         """Touch's word, held against the text expected.
 
         Raises:
-            FileProblem: a text that cannot be looked for.
+            FileError: a text that cannot be looked for.
         """
         from pipeline.reading.part_reader import Sensed
 
@@ -157,7 +157,7 @@ class JobSenses:
         """Both senses' word.
 
         Raises:
-            FileProblem: a text that cannot be looked for, or beliefs that cannot be joined.
+            FileError: a text that cannot be looked for, or beliefs that cannot be joined.
         """
         from pipeline.reading.part_reader import Sensed
         from recognition.fuse import fuse, fused_lattice
@@ -215,7 +215,7 @@ def _with_suffix(path: Path, suffix: str, folder: Path) -> Path:
 
     named = Path(f"height_map{suffix.lower()}")
     if not is_height_map(named):
-        raise FileProblem(
+        raise FileError(
             path,
             f"is of no format known for height maps ({suffix or 'no suffix'})",
             "save it as .npz or .x3p",

@@ -5,7 +5,7 @@ scan or height map       -> tactile
 photo + scan (map)       -> vision, fused
 sight + scan (map)       -> fused            sight: what the camera's reader believed, kept by an earlier job
 
-Whatever is wrong with a file is a `FileProblem` that calls the file as its sender did: paths of the server are
+Whatever is wrong with a file is a `FileError` that calls the file as its sender did: paths of the server are
 nobody's business.
 """
 
@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError, MarksError
 from pipeline.common.records import EvidenceKind, ReadingRecord, ScanPlanRecord
 
 if TYPE_CHECKING:
@@ -119,23 +119,20 @@ def told(job: Job, what: str, path: Path | None) -> Iterator[None]:
     """Turn whatever goes wrong with a file into a problem of the name that its sender gave it.
 
     Raises:
-        FileProblem: anything did.
+        FileError: anything did.
     """
     name = job.name_of(what) if what in _FIELDS else (path.stem if path is not None else what)
     try:
         yield
-    except FileProblem as problem:
-        raise FileProblem(name, _unplaced(problem.problem, job, path), problem.hint) from problem
     except MemoryError as error:
-        raise FileProblem(name, "needs more memory than a job may have", "crop or thin it") from error
-    except ValueError as error:
-        # of maps, recordings, fonts, databases: their messages say what is wrong and how to mend it
-        words, _, hint = _unplaced(_one_line(error), job, path).rpartition("; ")
-        raise FileProblem(name, words or hint, hint if words else "mend it") from error
+        raise FileError(name, "needs more memory than a job may have", "crop or thin it") from error
+    except MarksError as error:
+        hint = _unplaced(error.hint, job, path) or "send another"
+        raise FileError(name, _unplaced(error.what, job, path), hint) from error
     except Exception as error:
         _log.exception("fault of the program while reading %s", what)
         fault = f"{type(error).__name__}: {_one_line(error)}"
-        raise FileProblem(
+        raise FileError(
             name, f"met a fault of the program ({_unplaced(fault, job, path)[:200]})", "report it"
         ) from error
 

@@ -18,7 +18,7 @@ def readers_of(settings: ReadSettings, database: Path | None = None) -> Readers:
     """The readers for these settings and this database, as the file now is.
 
     Raises:
-        FileProblem: a lexicon that cannot be used.
+        FileError: a lexicon that cannot be used.
         ValueError: a database or font that cannot be used.
     """
     if database is not None:

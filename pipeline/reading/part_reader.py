@@ -15,7 +15,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.files.parts import Part
 from pipeline.files.touch_file import read_height_map, read_scan, row_order_matters
 
@@ -122,14 +122,14 @@ def senses_of(part: Part | ListedPart, mode: Mode | None) -> tuple[Sense, ...]:
     """The senses that read a part.
 
     Raises:
-        FileProblem: a file that the mode needs is not there.
+        FileError: a file that the mode needs is not there.
     """
     felt, seen = bool(part.height_map or part.scan), bool(part.photo)
     named = part.scan or part.height_map or part.photo or part.name
     if mode in (Mode.TACTILE, Mode.FUSED) and not felt:
-        raise FileProblem(named, "has no height map and no scan", "add one, or read it with --mode vision")
+        raise FileError(named, "has no height map and no scan", "add one, or read it with --mode vision")
     if mode in (Mode.VISION, Mode.FUSED) and not seen:
-        raise FileProblem(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
+        raise FileError(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
     if mode is Mode.FUSED or (mode is Mode.AUTO and felt and seen):
         return (Sense.TOUCH, Sense.VISION)
     if mode is Mode.VISION or not felt:
@@ -149,7 +149,7 @@ class Senses:
         """Load the part, read it, and verify it if a text is expected of it.
 
         Raises:
-            FileProblem: a file of the part cannot be used.
+            FileError: a file of the part cannot be used.
             VerifyError: an expected text that cannot be looked for.
         """
         if part.problem is not None:
@@ -176,7 +176,7 @@ class Senses:
         touch = felt(part, self.readers.touch)
         try:
             photo = load_photo(part, over=touch.height_map)
-        except FileProblem as problem:
+        except FileError as problem:
             if self.mode is not Mode.AUTO:
                 raise
             reading = _noted(touch.reading, f"read by touch alone: {problem}")
@@ -222,12 +222,12 @@ def felt(part: Part, reader: TouchReader) -> ReadingTrace:
     accepted.
 
     Raises:
-        FileProblem: the file cannot be used.
+        FileError: the file cannot be used.
     """
     if part.scan is not None:
         return reader.read_scan(read_scan(part.scan))
     if part.height_map is None:
-        raise FileProblem(part.photo or part.name, "has no height map and no scan", "add one")
+        raise FileError(part.photo or part.name, "has no height map and no scan", "add one")
     found = reader.read_height_map(
         read_height_map(part.height_map), soil=_soil(part.height_map), part_id=part.name
     )
@@ -248,12 +248,12 @@ def load_photo(part: Part, *, over: HeightMap | None = None) -> Photo:
         over: its height map, whose middle the camera's stage brings under the middle of the picture.
 
     Raises:
-        FileProblem: the file cannot be used.
+        FileError: the file cannot be used.
     """
     from pipeline.files.photos import read_photo
 
     if part.photo is None:
-        raise FileProblem(part.name, "has no photograph", "add one of the same stem")
+        raise FileError(part.name, "has no photograph", "add one of the same stem")
     if part.photo_problem is not None:
         raise part.photo_problem
     photo = read_photo(part.photo)

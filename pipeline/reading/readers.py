@@ -26,7 +26,7 @@ class Readers:
         fonts or font files as without one.
 
         Raises:
-            FileProblem: a lexicon that cannot be used.
+            FileError: a lexicon that cannot be used.
             SettingsError: settings that contradict each other.
             ValueError: a database that cannot be used.
         """
@@ -93,7 +93,7 @@ def open_reader(settings: ReadSettings) -> Reader:
     """The reader of touch for these settings.
 
     Raises:
-        FileProblem: a lexicon that cannot be used.
+        FileError: a lexicon that cannot be used.
         SettingsError: settings that contradict each other.
         ValueError: a font, format or database that cannot be used.
     """
@@ -108,7 +108,9 @@ def _fonts(settings: ReadSettings) -> tuple[tuple[str, ...], tuple[Font, ...]]:
 
     kept = load_database(settings.database).fonts
     if not kept and not settings.font:
-        raise DatabaseError(f"{settings.database} holds no font; add one with: tactile-marks glyphs build")
+        raise DatabaseError(
+            f"{settings.database} holds no font", hint="add one with: tactile-marks glyphs build"
+        )
     fonts = tuple(font for name, font in kept.items() if not settings.font or name in settings.font)
     return tuple(name for name in settings.font if name not in kept), fonts
 

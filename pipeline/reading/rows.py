@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import MarksError
 from pipeline.common.row import Row
 from pipeline.files.parts import Part
 from pipeline.reading.row_texts import (
@@ -51,17 +51,12 @@ def told_row(
         file: that an error is told of, unless it names one itself.
         sense: loads and reads the part; also gives what serials may be, of which rivals are.
     """
-    from glyphs.surface.maps import MapError
-    from recognition.verify import VerifyError
-
     started = time.perf_counter()
     try:
         sensed, grammar = sense()
         return row_of(name, sensed, seconds=_since(started), grammar=grammar), sensed
-    except FileProblem as problem:
-        told = str(problem)
-    except (MapError, VerifyError) as error:
-        told = f"{file}: {_one_line(error)}"
+    except MarksError as error:
+        told = str(error) if error.where else f"{file}: {error}"
     # A fault of the program in one part may not cost a night's run the other parts; the row tells its kind.
     except Exception as error:
         told = f"{file}: fault of the program, {type(error).__name__}: {_one_line(error)}"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.common.errors import FileProblem, damage_reported, require_file
+from glyphs.errors import FileError, damage_reported, require_file
 from pipeline.common.record_json import from_json, to_json
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def save_vision(path: Path, kept: KeptVision) -> None:
     """Write it; the file appears whole or not at all.
 
     Raises:
-        FileProblem: it cannot be written.
+        FileError: it cannot be written.
     """
     from pipeline.common.atomic import replacing
 
@@ -182,7 +182,7 @@ def load_vision(path: Path) -> KeptVision:
     """Read what `save_vision` wrote.
 
     Raises:
-        FileProblem: it is no such file, or damaged.
+        FileError: it is no such file, or damaged.
     """
     require_file(path, most_bytes=_MAX_BYTES)
     with damage_reported(path, kind="sight"):
@@ -191,7 +191,7 @@ def load_vision(path: Path) -> KeptVision:
             arrays = {name: held[name] for name in held.files}
         told: Mapping[str, Any] = json.loads(bytes(arrays["told"]).decode("utf-8"))
         if told["version"] != FORMAT_VERSION:
-            raise FileProblem(path, f"is of version {told['version']}", "read the photograph anew")
+            raise FileError(path, f"is of version {told['version']}", "read the photograph anew")
         return _kept(told, arrays)
 
 

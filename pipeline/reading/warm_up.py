@@ -20,7 +20,7 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     import cv2
 
     from glyphs.camera.pose import Camera
-    from pipeline.common.errors import FileProblem
+    from glyphs.errors import FileError
     from pipeline.files.npz import write_npz
     from pipeline.files.photos import write_photo
     from pipeline.files.synth import SynthSpec, make_part
@@ -36,5 +36,5 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
         write_npz(folder / "part.npz", part.height_map)
         write_photo(folder / "part.png", photo)
         # with the format of the settings, of which this part is none: it is looked at all the same
-        with contextlib.suppress(FileProblem):
+        with contextlib.suppress(FileError):
             read_job(Job(folder, photo=folder / "part.png", height_map=folder / "part.npz"), settings, limits)

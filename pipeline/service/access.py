@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from glyphs.errors import MarksError
 from pipeline.common.records import Scope, TokenRecord
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ _ALL = frozenset(Scope)
 _MOST_SECRET = 200
 
 
-class DeniedError(Exception):
+class DeniedError(MarksError):
     """A request that is not allowed.
 
     Attributes:

@@ -53,7 +53,7 @@ class Service:
 
         Raises:
             StoreError: a store that cannot be opened.
-            FileProblem: folders that cannot be made.
+            FileError: folders that cannot be made.
             ValueError: settings that cannot be.
         """
         self.settings = settings
@@ -237,16 +237,16 @@ def check_folder(settings: ServiceSettings) -> Path:
     """Make the service's folder, and in it the one for glyph databases.
 
     Raises:
-        FileProblem: it cannot be made.
+        FileError: it cannot be made.
     """
-    from pipeline.common.errors import FileProblem
+    from glyphs.errors import FileError
 
     try:
         settings.folder.mkdir(parents=True, exist_ok=True)
         if settings.databases is None:
             settings.databases_folder.mkdir(exist_ok=True)
     except OSError as error:
-        raise FileProblem(
+        raise FileError(
             settings.folder, f"cannot be made ({error.strerror})", "name another with --folder"
         ) from error
     return settings.folder

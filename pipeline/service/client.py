@@ -24,7 +24,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from pipeline.common.missing_extra import MissingExtraError
+from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common.record_json import from_json
 from pipeline.common.records import (
     EventRecord,
@@ -49,7 +49,7 @@ _FIRST_WAIT_S = 0.25
 _LONGEST_WAIT_S = 20.0
 
 
-class ServiceError(Exception):
+class ServiceError(MarksError):
     """The service refuses a request, or cannot be reached.
 
     Attributes:

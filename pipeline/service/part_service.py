@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import (
     EvidenceKind,
@@ -288,7 +288,7 @@ class PartService:
             done = await self._in_worker(read_job, job, self._reading, self._limits)
             try:
                 return done, await asyncio.to_thread(self._keep, raw, done)
-            except FileProblem as problem:
+            except FileError as problem:
                 log.error("evidence not kept", why=str(problem))
                 busy = "the service cannot keep what was sent; its log tells why"
                 raise Problem(503, busy, headers={"Retry-After": "30"}) from problem
@@ -316,7 +316,7 @@ class PartService:
             raise Problem(503, str(error), headers={"Retry-After": str(seconds)}) from error
         try:
             return await asyncio.wrap_future(future)
-        except FileProblem as problem:
+        except FileError as problem:
             raise Problem(422, str(problem)) from problem
         except WorkerLostError as error:
             self.metrics.lost_workers.inc()

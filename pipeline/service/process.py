@@ -11,12 +11,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from glyphs.errors import MarksError
+
 _SERVES = re.compile(r"serves at (http://\S+)")
 START_PATIENCE_S = 120.0
 """The first start on a machine compiles the kernels."""
 
 
-class NotServingError(Exception):
+class NotServingError(MarksError):
     """A service that did not come up; the message ends with what it logged last."""
 
 

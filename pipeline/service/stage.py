@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError, MarksError
 from pipeline.common.records import ScanPlanRecord
 
 if TYPE_CHECKING:
@@ -26,20 +26,11 @@ _LEAST_HEIGHTS = 1.0
 """Of the plate, what a region must cover either way, character heights."""
 
 
-class StageError(RuntimeError):
-    """What keeps a stage or a camera from doing as it is asked.
+class StageError(MarksError):
+    """What keeps a stage or a camera from doing as it is asked."""
 
-    Attributes:
-        problem: what is wrong.
-        hint: what to do about it.
-    """
-
-    def __init__(self, problem: str, hint: str) -> None:
-        super().__init__(f"{problem}; {hint}")
-        self.problem, self.hint = problem, hint
-
-    def __reduce__(self) -> tuple[type[StageError], tuple[str, str]]:
-        return (type(self), (self.problem, self.hint))
+    def __init__(self, what: str, hint: str) -> None:
+        super().__init__(what, hint=hint)
 
 
 @dataclass(frozen=True)
@@ -149,19 +140,18 @@ class SimulatedStage:
         Raises:
             StageError: no such part, a map that cannot be felt, or a region off the part.
         """
-        from whisker_array.scan.recording import RecordingError, save_scan
+        from whisker_array.scan.recording import save_scan
 
         path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
         try:
             scan = self._felt(path, order)
             made = into / "scan.h5"
             save_scan(scan, made)
-        except FileProblem as problem:
-            raise StageError(f"{problem.path.name} {problem.problem}", problem.hint) from problem
-        except RecordingError as error:
-            raise StageError(f"the recording {error.problem}", error.hint) from error
-        except ValueError as error:
-            raise StageError(f"{path.name} cannot be felt: {error}", "check the plan and the map") from error
+        except FileError as problem:
+            raise StageError(f"{problem.path.name} {problem.what}", problem.hint) from problem
+        except MarksError as error:
+            hint = error.hint or "check the plan and the map"
+            raise StageError(f"{path.name} cannot be scanned: {error.what}", hint) from error
         return made
 
     def _felt(self, path: Path, order: ScanOrder) -> Scan:

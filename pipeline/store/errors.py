@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from glyphs.errors import MarksError
+
 MAX_TEXT = 200
 """Longest serial, name of a part or of a person."""
 MAX_ROWS = 10_000
@@ -16,8 +18,8 @@ MAX_NOTE = 4000
 _UNFIT = re.compile("[\x00\ud800-\udfff]")
 
 
-class StoreError(Exception):
-    """The store cannot do it: says what is wrong and the mend."""
+class StoreError(MarksError):
+    """The store cannot do it."""
 
 
 class NotFoundError(StoreError):
@@ -37,12 +39,12 @@ class AlreadyDoneError(ConflictError):
     """
 
     def __init__(self, part_id: str, fingerprint: str) -> None:
-        super().__init__(f"this idempotency key has made part {part_id} already; ask for that part")
+        super().__init__(f"this idempotency key has made part {part_id} already", hint="ask for that part")
         self.part_id = part_id
         self.fingerprint = fingerprint
 
 
-class UnfitError(StoreError, ValueError):
+class UnfitError(StoreError):
     """A value that no store can hold or that makes no sense: the caller's mistake."""
 
 
@@ -53,9 +55,9 @@ def fit(text: str, what: str, *, limit: int = MAX_TEXT) -> str:
         UnfitError: it is too long, or has characters that no database holds.
     """
     if len(text) > limit:
-        raise UnfitError(f"{what} has {len(text)} characters; give at most {limit}")
+        raise UnfitError(f"{what} has {len(text)} characters", hint=f"give at most {limit}")
     if _UNFIT.search(text):
-        raise UnfitError(f"{what} has a NUL or half a surrogate pair; leave that character out")
+        raise UnfitError(f"{what} has a NUL or half a surrogate pair", hint="leave that character out")
     return text
 
 
@@ -66,7 +68,7 @@ def fit_limit(limit: int) -> int:
         UnfitError: it is not.
     """
     if not 1 <= limit <= MAX_ROWS:
-        raise UnfitError(f"a list of {limit} cannot be given; ask for 1 to {MAX_ROWS}")
+        raise UnfitError(f"a list of {limit} cannot be given", hint=f"ask for 1 to {MAX_ROWS}")
     return limit
 
 

@@ -82,7 +82,7 @@ def check_id(part_id: str) -> None:
 
 def no_part(part_id: str) -> NotFoundError:
     """What to raise where a part is asked for that is not there."""
-    return NotFoundError(f"there is no part {part_id[:40]!r}; check the id")
+    return NotFoundError(f"there is no part {part_id[:40]!r}", hint="check the id")
 
 
 def readings_of(tx: Transaction, part_id: str) -> tuple[ReadingRecord, ...]:

@@ -43,7 +43,7 @@ class UtcTime(sa.TypeDecorator[datetime]):
         if value is None:
             return None
         if value.tzinfo is None:
-            raise UnfitError(f"the time {value} has no zone; give it in UTC")
+            raise UnfitError(f"the time {value} has no zone", hint="give it in UTC")
         return value.astimezone(UTC)
 
     def process_result_value(self, value: Any | None, dialect: Dialect) -> datetime | None:

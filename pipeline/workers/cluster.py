@@ -15,6 +15,7 @@ from itertools import islice
 from types import TracebackType
 from typing import Any
 
+from glyphs.errors import MarksError
 from pipeline.workers.executors import O, Outcome, R, T
 
 _CONNECT_S = 10.0
@@ -26,11 +27,11 @@ _ONE_AT_A_TIME = threading.Lock()
 """Readers and their templates are not shared between threads."""
 
 
-class ClusterError(RuntimeError):
-    """A cluster that cannot be used, or is lost; says what to do about it."""
+class ClusterError(MarksError):
+    """A cluster that cannot be used, or is lost."""
 
 
-class OtherProgramError(RuntimeError):
+class OtherProgramError(MarksError):
     """A worker has another version of the program: its answers do not belong to this run."""
 
 
@@ -63,7 +64,8 @@ class ClusterExecutor:
             self._client = connect(self.address, timeout=self._connect_s, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             raise ClusterError(
-                f"no Dask scheduler answers at {self.address} ({_first_line(error)}); start one with: dask scheduler"
+                f"no Dask scheduler answers at {self.address} ({_first_line(error)})",
+                hint="start one with: dask scheduler",
             ) from error
         try:
             self._wait_for_workers()
@@ -113,8 +115,8 @@ class ClusterExecutor:
                     raise self._lost()
                 elif now - last_seen > self.patience_s:
                     raise ClusterError(
-                        f"no worker has been at {self.address} for {self.patience_s:.0f} s; start some and run the"
-                        " same command again"
+                        f"no worker has been at {self.address} for {self.patience_s:.0f} s",
+                        hint="start some and run the same command again",
                     )
             if future is None:
                 pass
@@ -145,14 +147,14 @@ class ClusterExecutor:
         if future.status == "error":
             fault = future.exception()
         if isinstance(fault, OtherProgramError):
-            raise ClusterError(str(fault)) from fault
+            raise ClusterError(fault.what, hint=fault.hint) from fault
         if isinstance(fault, KilledWorker):
             fault = RuntimeError("several workers have died of it, perhaps for want of memory")
         return None if fault is None else Outcome(task, error=fault)
 
     def _lost(self) -> ClusterError:
         return ClusterError(
-            f"the scheduler at {self.address} is lost; start it and run the same command again"
+            f"the scheduler at {self.address} is lost", hint="start it and run the same command again"
         )
 
     def _ahead(self) -> int:
@@ -170,8 +172,8 @@ class ClusterExecutor:
         while not self.count():
             if time.monotonic() > until:
                 raise ClusterError(
-                    f"the scheduler at {self.address} has no workers; start some with: tactile-marks worker"
-                    f" {self.address}"
+                    f"the scheduler at {self.address} has no workers",
+                    hint=f"start some with: tactile-marks worker {self.address}",
                 )
             time.sleep(0.2)
 
@@ -186,7 +188,8 @@ class ClusterExecutor:
         for worker, mark in theirs.items():
             if isinstance(mark, Exception):
                 raise ClusterError(
-                    f"worker {worker} cannot run this program ({_first_line(mark)}); install tactile-marks there"
+                    f"worker {worker} cannot run this program ({_first_line(mark)})",
+                    hint="install tactile-marks there",
                 )
             if mark != ours:
                 raise ClusterError(_other_program(worker))
@@ -239,7 +242,7 @@ def require_distributed() -> None:
     """
     from importlib.util import find_spec
 
-    from pipeline.common.missing_extra import MissingExtraError
+    from glyphs.errors import MissingExtraError
 
     if find_spec("distributed") is None:
         raise MissingExtraError("a cluster", "distributed", "cluster")

@@ -21,6 +21,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
+from glyphs.errors import MarksError
 from pipeline.workers.process import Answer
 from pipeline.workers.slot import Slot, SlotOrder, Task, Tasks, WorkerLostError
 
@@ -35,7 +36,7 @@ _SMOOTHING = 0.2
 _LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0
 
 
-class BusyError(RuntimeError):
+class BusyError(MarksError):
     """As many jobs wait as may.
 
     Attributes:
@@ -43,11 +44,8 @@ class BusyError(RuntimeError):
     """
 
     def __init__(self, retry_after_s: float) -> None:
-        super().__init__(f"as many parts wait as may; try again in {retry_after_s:.0f} s")
+        super().__init__("the queue is full", hint=f"try again in {retry_after_s:.0f} s")
         self.retry_after_s = retry_after_s
-
-    def __reduce__(self) -> tuple[type[BusyError], tuple[float]]:
-        return (type(self), (self.retry_after_s,))
 
 
 class WorkPool:

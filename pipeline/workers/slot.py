@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
+from glyphs.errors import MarksError
 from pipeline.workers.process import Answer, serve_jobs
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ _WARM_UP_S = 180.0
 _LOOK_S = 0.25
 
 
-class WorkerLostError(RuntimeError):
+class WorkerLostError(MarksError):
     """A job whose worker ended before it did.
 
     Attributes:

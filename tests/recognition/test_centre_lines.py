@@ -10,7 +10,8 @@ import pytest
 
 from glyphs.fonts.glyph import Font, FontError, Glyph, signed_distance
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
-from glyphs.stamping.die import DieError, Face, default_die, die_glyph
+from glyphs.stamping.die import Face, default_die, die_glyph
+from glyphs.stamping.variation import StampError
 from recognition.centre_lines import CentreLine, centre_line
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
@@ -84,7 +85,7 @@ def test_dots_have_a_point_each() -> None:
     font = load_font("gothic")
     dotted, plain = centre_line(font, "8", face=Face.DOTTED), centre_line(font, "8")
     assert 5 < len(dotted.points) < 0.5 * len(plain.points)
-    with pytest.raises(DieError, match="dots"):
+    with pytest.raises(StampError, match="dots"):
         centre_line(load_font(DEJAVU), "8", face=Face.DOTTED)
 
 

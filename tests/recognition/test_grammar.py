@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glyphs.fonts.serials import allowed_characters
+from glyphs.fonts.serials import FormatError, allowed_characters
 from recognition.check_digits import CheckDigit
-from recognition.grammar import MOST_WORDS, Grammar, GrammarError
+from recognition.grammar import MOST_WORDS, Grammar
 from recognition.remainders import ALPHANUMERIC, VIN_CHARACTERS
 
 
@@ -122,16 +122,16 @@ def test_objections_name_each_part_that_is_broken() -> None:
     ],
 )
 def test_formats_that_cannot_be_are_said(texts: tuple[str, ...], said: str) -> None:
-    with pytest.raises(GrammarError, match=re.escape(said)):
+    with pytest.raises(FormatError, match=re.escape(said)):
         Grammar.parse(*texts)
 
 
 def test_lexicons_that_cannot_be_are_said() -> None:
-    with pytest.raises(GrammarError, match=f"1 to {MOST_WORDS} serials; this one has 0"):
+    with pytest.raises(FormatError, match=f"1 to {MOST_WORDS} serials; this one has 0"):
         Grammar.parse(lexicon=[" "])
-    with pytest.raises(GrammarError, match="no serial meets"):
+    with pytest.raises(FormatError, match="no serial meets"):
         Grammar.parse("99", lexicon=["AB", "1"])
-    with pytest.raises(GrammarError, match="this one has 100001"):
+    with pytest.raises(FormatError, match="this one has 100001"):
         Grammar.parse(lexicon=map(str, range(MOST_WORDS + 1)))
 
 

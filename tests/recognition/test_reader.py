@@ -10,7 +10,7 @@ import pytest
 
 from glyphs.fonts.glyph import FontError
 from glyphs.fonts.outlines import BUILTIN_FONTS
-from glyphs.fonts.serials import MaskError
+from glyphs.fonts.serials import FormatError
 from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import PlateVariation, StampedPart
 from glyphs.surface.maps import HeightMap, TraceDirection
@@ -286,7 +286,7 @@ def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str
 
 @pytest.mark.parametrize("mask", ["", "  ", "A\t9"])
 def test_masks_that_cannot_be_met_are_refused(mask: str) -> None:
-    with pytest.raises(MaskError):
+    with pytest.raises(FormatError):
         Reader(ReaderSettings(fonts=("gothic",), mask=mask))
 
 

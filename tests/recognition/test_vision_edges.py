@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glyphs.camera.photo import Photo
-from glyphs.surface.maps import TraceDirection
+from glyphs.surface.maps import MapError, TraceDirection
 from recognition.vision_edges import DARK, SCALE_HEIGHTS, log_brightness, vision_edges
 
 HEIGHT_MM, PITCH_MM = 5.0, 0.05
@@ -81,7 +81,7 @@ def test_without_a_pitch_a_pixel_counts_as_one_mm() -> None:
     edges = vision_edges(Photo(np.full((90, 90), 100, dtype=np.uint8)), height_mm=60.0)
     assert edges.pitch_mm == 1.0
     assert edges.origin_mm == (0.0, 0.0)
-    with pytest.raises(ValueError, match="less than 8 pixels"):
+    with pytest.raises(MapError, match="less than 8 pixels"):
         vision_edges(Photo(np.full((90, 90), 100, dtype=np.uint8)), height_mm=5.0)
 
 

@@ -1,7 +1,7 @@
 """Files that nobody should send: damaged, mislabelled, far larger than they look, or pointing elsewhere.
 
 Each is (name, bytes); the suffix says where it is sent. None of them may crash a reader, keep it busy, fill the memory,
-run code or read another file: `FileProblem`, or a reading like any other.
+run code or read another file: `FileError`, or a reading like any other.
 """
 
 from __future__ import annotations

@@ -42,9 +42,9 @@ def mark_and_wait(mark: str, path: str) -> int:
 
 
 def fail_with_problem() -> None:
-    from pipeline.common.errors import FileProblem
+    from glyphs.errors import FileError
 
-    raise FileProblem("a.png", "is empty", "copy it again")
+    raise FileError("a.png", "is empty", "copy it again")
 
 
 class OddError(Exception):

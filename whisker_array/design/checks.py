@@ -70,7 +70,7 @@ def _log_or_line(share: Values) -> Values:
 
 def _section(whisker: LShaped) -> Section:
     if isinstance(whisker.section, Taper):
-        raise DesignError("a design has one section throughout; take a whisker that does not taper")
+        raise DesignError("a design has one section throughout", hint="take a whisker that does not taper")
     return whisker.section
 
 

@@ -145,7 +145,7 @@ def worst_edge(whisker: LShaped, request: Request, *, preload_mm: float) -> tupl
         whisker, preload_mm=preload_mm, depth_mm=request.depth_mm, alpha_rad=alpha, mu=mu
     )
     if not np.isfinite(factor).all():
-        raise DesignError("the whisker jams on a wall of the range; take a smaller k or setting angle")
+        raise DesignError("the whisker jams on a wall of the range", hint="take a smaller k or setting angle")
     lip, i, j = np.unravel_index(int(np.argmin(steps)), steps.shape)
     worst = Worst(float(steps.min()), float(alpha[i]), float(mu[j]), (Lip.TOP, Lip.BOTTOM)[int(lip)])
     return worst, (float(factor.min()), float(factor.max()))

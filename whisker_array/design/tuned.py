@@ -104,8 +104,11 @@ def _problem(kind: Kind, alpha_rad: float, request: Request, limits: Limits, sec
         lean = alpha_rad - math.atan(middle_friction(request.mu))
         if not lean > 0.0:
             raise DesignError(
-                f"a wall of {math.degrees(alpha_rad):g} degrees lies within the friction angle of these surfaces; "
-                "give a steeper one, or less friction"
+                (
+                    f"a wall of {math.degrees(alpha_rad):g} degrees lies within the friction angle of "
+                    "these surfaces"
+                ),
+                hint="give a steeper one, or less friction",
             )
     mu = np.linspace(*request.mu, 3)
     slopes = np.concatenate([[alpha_rad], _neighbours(kind, alpha_rad, request.alpha_rad[1])])
@@ -142,8 +145,11 @@ def tune(
     """
     if not NEIGHBOUR_RAD < alpha_rad <= STEEPEST_RAD:
         raise DesignError(
-            f"{math.degrees(alpha_rad):g} degrees cannot be singled out; give an inclination above "
-            f"{math.degrees(NEIGHBOUR_RAD):g} and up to {math.degrees(STEEPEST_RAD):g} degrees"
+            f"{math.degrees(alpha_rad):g} degrees cannot be singled out",
+            hint=(
+                f"give an inclination above {math.degrees(NEIGHBOUR_RAD):g} and up to "
+                f"{math.degrees(STEEPEST_RAD):g} degrees"
+            ),
         )
     kinds = (kind,) if kind is not None else tuple(Kind)
     if kind is None and alpha_rad < request.alpha_rad[1] - 1e-9:
@@ -177,8 +183,11 @@ def _tuned(
     done = None if candidate is None else settled(problem, candidate)
     if done is None:
         raise DesignError(
-            f"no {kind.value} at {math.degrees(alpha_rad):g} degrees within the limits; give a steeper inclination "
-            "or a narrower range of friction; where no walls are steeper than it, a threshold may serve"
+            f"no {kind.value} at {math.degrees(alpha_rad):g} degrees within the limits",
+            hint=(
+                "give a steeper inclination or a narrower range of friction; where no walls are "
+                "steeper than it, a threshold may serve"
+            ),
         )
     problem, candidate = done
     whisker = candidate.whisker

@@ -18,16 +18,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
 
 Array = NDArray[np.float64]
 
 PROFILER_TOLERANCE = 1e-3
 """A whisker is a profiler when its G changes by less than this share between theta = 0 and 45 degrees."""
-
-
-class EstimateError(ValueError):
-    """Moments from which nothing can be concluded; the message says why and how to mend it."""
 
 
 def moment_per_lift(theta_rad: ArrayLike, tip: TipModel) -> Array:
@@ -52,10 +49,10 @@ def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Array:
     """Lift d0 + h of the tip, mm, from a profiler's moment; any shape.
 
     Raises:
-        EstimateError: the whisker is no profiler.
+        WhiskerError: the whisker is no profiler.
     """
     if not is_profiler(tip):
-        raise EstimateError("the whisker is no profiler: its moment depends on slope and friction too")
+        raise WhiskerError("the whisker is no profiler: its moment depends on slope and friction too")
     return np.asarray(moment_n_mm, dtype=np.float64) / float(moment_per_lift(0.0, tip))
 
 
@@ -68,10 +65,10 @@ def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) 
         theta, rad; NaN where no theta within +-90 degrees gives that moment.
 
     Raises:
-        EstimateError: the whisker is a profiler, which does not feel the lean.
+        WhiskerError: the whisker is a profiler, which does not feel the lean.
     """
     if is_profiler(tip):
-        raise EstimateError("a profiler does not feel the slope; take an L-shaped whisker with l3 = l2")
+        raise WhiskerError("a profiler does not feel the slope", hint="take an L-shaped whisker with l3 = l2")
     m, lift = np.asarray(moment_n_mm, dtype=np.float64), np.asarray(lift_mm, dtype=np.float64)
     row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -104,10 +101,12 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
         mu, the broadcast shape; NaN where the moments fit none.
 
     Raises:
-        EstimateError: the whisker is a profiler: both ways are alike.
+        WhiskerError: the whisker is a profiler: both ways are alike.
     """
     if is_profiler(tip):
-        raise EstimateError("a profiler feels the same both ways; take an L-shaped whisker with l3 = l2")
+        raise WhiskerError(
+            "a profiler feels the same both ways", hint="take an L-shaped whisker with l3 = l2"
+        )
     with np.errstate(divide="ignore", invalid="ignore"):
         q = np.asarray(dragged_n_mm, dtype=np.float64) / np.asarray(pushed_n_mm, dtype=np.float64)
     row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
@@ -132,10 +131,10 @@ def slope_from_turned(one_n_mm: ArrayLike, turned_n_mm: ArrayLike, tip: TipModel
         dh/dx = tan(tau), the broadcast shape; NaN where the moments fit no slope.
 
     Raises:
-        EstimateError: a profiler.
+        WhiskerError: a profiler.
     """
     if is_profiler(tip):
-        raise EstimateError("a profiler does not feel the slope; take an L-shaped whisker with l3 = l2")
+        raise WhiskerError("a profiler does not feel the slope", hint="take an L-shaped whisker with l3 = l2")
     with np.errstate(divide="ignore", invalid="ignore"):
         q = np.asarray(one_n_mm, dtype=np.float64) / np.asarray(turned_n_mm, dtype=np.float64)
     row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm

@@ -90,7 +90,7 @@ class Relief:
             if slope is not None and slope.shape != self.height_mm.shape:
                 raise MapError(f"maps of {slope.shape} do not fit the heights {self.height_mm.shape}")
         if not (self.pitch_mm > 0.0 and np.isfinite(self.pitch_mm)):
-            raise MapError(f"pitch_mm is {self.pitch_mm}; it must be positive")
+            raise MapError(f"pitch_mm is {self.pitch_mm}", hint="it must be positive")
 
     @property
     def steepness(self) -> NDArray[np.float32]:
@@ -120,7 +120,7 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
         return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.PROFILED)
     land = float(moment_per_lift(np.arctan(mu), touch.tip))
     if not np.isfinite(land):
-        raise MapError(f"at a friction of {mu} the whisker jams on the land; check the friction")
+        raise MapError(f"at a friction of {mu} the whisker jams on the land", hint="check the friction")
     total, count = np.zeros(edges.shape), np.zeros(edges.shape, dtype=np.uint8)
     slopes = {}
     for axis, (ahead, back) in enumerate(_PAIRS):

@@ -12,13 +12,15 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import MarksError
 from glyphs.surface.maps import TraceDirection
-from whisker_array.scan.checked import CheckedFile, RecordingError, text_attribute
+from whisker_array.scan.checked import SEE_LAYOUT, CheckedFile, text_attribute
 from whisker_array.scan.scan import Scan, Sweep
 from whisker_array.scan.sensor import Calibration, apply_calibration
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import SweepPlan
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
 from whisker_array.whisker.touch import Touch
 
@@ -44,7 +46,7 @@ class Recorded(CheckedFile):
         """The whole file as a Scan.
 
         Raises:
-            RecordingError: anything not according to the layout.
+            FileError: anything not according to the layout.
         """
         self._check_format()
         units = text_attribute(self.file.attrs, "units", "N*mm")
@@ -93,8 +95,8 @@ class Recorded(CheckedFile):
                 others=touches[1:],
                 kind=kind,
             )
-        except ValueError as error:
-            raise self.fail(str(error)) from error
+        except MarksError as error:
+            raise self.fail(error.what, error.hint or SEE_LAYOUT) from error
 
     def _check_format(self) -> None:
         if text_attribute(self.file.attrs, "format", "") != FORMAT:
@@ -132,8 +134,8 @@ class Recorded(CheckedFile):
         try:
             from_land = bool(self.file["calibration"].attrs.get("from_land", False))
             return Calibration(gain=gain, offset_n_mm=offset, from_land=from_land)
-        except ValueError as error:
-            raise self.fail(f"calibration cannot be used: {error}", "calibrate it again") from error
+        except MarksError as error:
+            raise self.fail(f"calibration cannot be used: {error.what}", "calibrate it again") from error
 
     def _kinds(self, n_whiskers: int) -> tuple[tuple[int, ...], tuple[Touch, ...]]:
         """Kind of each whisker, and the touch of each kind."""
@@ -162,10 +164,8 @@ class Recorded(CheckedFile):
                 friction=self.attribute(attributes, "friction", NOMINAL_FRICTION),
                 whisker=text_attribute(attributes, "description", ""),
             )
-        except RecordingError:
-            raise
-        except ValueError as error:
-            raise self.fail(f"its whisker cannot be one: {error}") from error
+        except WhiskerError as error:
+            raise self.fail(f"its whisker cannot be one: {error.what}", error.hint or SEE_LAYOUT) from error
 
     def _rows(self, n_rows: int, n_passes: int) -> list[tuple[Rows, Rows]]:
         """For each pass its rows in the air and its touching rows, in time order."""

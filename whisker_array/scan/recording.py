@@ -41,13 +41,14 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.scan.checked import RecordingError, text_attribute
+from glyphs.errors import FileError, damage_reported
+from whisker_array.scan.checked import text_attribute
 from whisker_array.scan.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import Calibration
 from whisker_array.whisker.array import SweepPlan
 
-__all__ = ["RecordingError", "load_scan", "save_calibration", "save_scan"]
+__all__ = ["FileError", "load_scan", "save_calibration", "save_scan"]
 
 _CHUNK = 4096
 
@@ -56,7 +57,7 @@ def save_scan(scan: Scan, path: str | Path) -> None:
     """Write a scan; the file appears whole or not at all.
 
     Raises:
-        RecordingError: the file cannot be written.
+        FileError: the file cannot be written.
     """
     with _replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
         _write(scan, file)
@@ -66,12 +67,12 @@ def save_calibration(path: str | Path, calibration: Calibration, *, out: str | P
     """Put a calibration into a recording, leaving all else of it as it is; into a copy where `out` is given.
 
     Raises:
-        RecordingError: the recording cannot be read or the file cannot be written.
+        FileError: the recording cannot be read or the file cannot be written.
     """
     path = Path(path)
     scan = load_scan(path, raw=True)
     if calibration.gain.size != scan.n_whiskers:
-        raise RecordingError(
+        raise FileError(
             path,
             f"has {scan.n_whiskers} whiskers, the calibration {calibration.gain.size}",
             "calibrate this scan",
@@ -89,9 +90,7 @@ def _replacing(path: Path) -> Iterator[Path]:
         handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=".part", dir=path.parent)
         os.close(handle)
     except OSError as error:
-        raise RecordingError(
-            path, f"cannot be written ({error.strerror})", "name a folder that can be"
-        ) from error
+        raise FileError(path, f"cannot be written ({error.strerror})", "name a folder that can be") from error
     temporary = Path(name)
     try:
         try:
@@ -101,7 +100,7 @@ def _replacing(path: Path) -> Iterator[Path]:
             temporary.chmod(0o666 & ~_umask())
             os.replace(temporary, path)
         except OSError as error:
-            raise RecordingError(
+            raise FileError(
                 path, f"cannot be written ({error})", "free some space or name another"
             ) from error
     finally:
@@ -206,19 +205,10 @@ def load_scan(path: str | Path, *, raw: bool = False) -> Scan:
         raw: leave the calibration out, and take signals in volts as they are: for calibrating.
 
     Raises:
-        RecordingError: missing, damaged, foreign, newer, too large, or not according to the layout.
+        FileError: missing, damaged, foreign, newer, too large, or not according to the layout.
     """
     path = Path(path)
     if not path.is_file():
-        raise RecordingError(path, "is not there" if not path.exists() else "is no file", "check the name")
-    try:
-        with h5py.File(path, "r") as file:
-            return Recorded(path, file, raw).scan()
-    except RecordingError:
-        raise
-    # The HDF5 library answers a damaged file with nearly any exception, OSError and KeyError among them.
-    except Exception as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise RecordingError(
-            path, f"is damaged or no recording ({reason})", "record or copy it again"
-        ) from error
+        raise FileError(path, "is not there" if not path.exists() else "is not a file", "check the name")
+    with damage_reported(path, kind="recording"), h5py.File(path, "r") as file:
+        return Recorded(path, file, raw).scan()

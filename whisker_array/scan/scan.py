@@ -100,9 +100,9 @@ class Scan:
             )
         object.__setattr__(self, "kind", kinds)
         if not (self.line_pitch_mm > 0.0 and np.isfinite(self.line_pitch_mm)):
-            raise MapError(f"line_pitch_mm is {self.line_pitch_mm}; it must be positive")
+            raise MapError(f"line_pitch_mm is {self.line_pitch_mm}", hint="it must be positive")
         if not (self.sample_rate_hz > 0.0 and np.isfinite(self.sample_rate_hz)):
-            raise MapError(f"sample_rate_hz is {self.sample_rate_hz}; it must be positive")
+            raise MapError(f"sample_rate_hz is {self.sample_rate_hz}", hint="it must be positive")
 
     @property
     def n_whiskers(self) -> int:

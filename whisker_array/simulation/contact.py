@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from whisker_array.simulation.contact_kernel import trace_lines
 from whisker_array.simulation.surface import TouchSurface
 from whisker_array.simulation.traces import Traces
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
 
 
@@ -70,12 +71,14 @@ def trace_contact(
         nominal_friction: friction at which the stage was set up (for the lag on the land).
 
     Raises:
-        ValueError: preload or step not positive.
+        WhiskerError: preload or step not positive.
     """
     if not (preload_mm > 0.0 and math.isfinite(preload_mm)):
-        raise ValueError(f"preload_mm is {preload_mm}; the whisker must be pressed on: give a positive depth")
+        raise WhiskerError(
+            f"preload_mm is {preload_mm}; the whisker must be pressed on: give a positive depth"
+        )
     if not (step_mm > 0.0 and math.isfinite(step_mm)):
-        raise ValueError(f"step_mm is {step_mm}; it must be positive")
+        raise WhiskerError(f"step_mm is {step_mm}; it must be positive")
     lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
     moment = np.empty((lines.size, n_samples), dtype=np.float32)
     flags = np.empty((lines.size, n_samples), dtype=np.uint8)

@@ -20,6 +20,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from whisker_array.simulation.traces import SampleFlag, Traces
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
 
 _LOST = np.uint8(SampleFlag.CONTACT_LOST)
@@ -64,12 +65,14 @@ def trace_pointwise(
         friction: one coefficient or one for each sample.
 
     Raises:
-        ValueError: preload or step not positive.
+        WhiskerError: preload or step not positive.
     """
     if not (preload_mm > 0.0 and math.isfinite(preload_mm)):
-        raise ValueError(f"preload_mm is {preload_mm}; the whisker must be pressed on: give a positive depth")
+        raise WhiskerError(
+            f"preload_mm is {preload_mm}; the whisker must be pressed on: give a positive depth"
+        )
     if not (step_mm > 0.0 and math.isfinite(step_mm)):
-        raise ValueError(f"step_mm is {step_mm}; it must be positive")
+        raise WhiskerError(f"step_mm is {step_mm}; it must be positive")
     h = np.ascontiguousarray(height_mm, dtype=np.float32)
     mu = np.atleast_2d(np.asarray(friction, dtype=np.float32))
     moment = np.empty_like(h)

@@ -35,8 +35,11 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
         rows, cols = height_map.shape
         if rows * cols * factor**2 > MAX_PIXELS:
             raise MapError(
-                f"{rows} x {cols} samples {pitch:g} mm apart, felt in steps of {target_mm:g} mm, would be "
-                f"more than {MAX_PIXELS:,}; crop the map, or scan it in coarser steps"
+                (
+                    f"{rows} x {cols} samples {pitch:g} mm apart, felt in steps of {target_mm:g} mm, "
+                    f"would be more than {MAX_PIXELS:,}"
+                ),
+                hint="crop the map, or scan it in coarser steps",
             )
         filled, dropout = fill_dropouts(height_map.z_mm)
         z = _interpolate(filled, factor, order=3)

@@ -23,6 +23,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
+from whisker_array.whisker.sections import WhiskerError
 
 Friction: TypeAlias = float | NDArray[np.float32]
 """Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
@@ -105,15 +106,15 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     below one pitch therefore leaves the surface as it is.
 
     Raises:
-        ValueError: a radius negative, or of more than 60 samples.
+        WhiskerError: a radius negative, or of more than 60 samples.
     """
     if radius_mm < 0.0 or not np.isfinite(radius_mm):
-        raise ValueError(f"tip radius_mm is {radius_mm}; it must be zero or positive")
+        raise WhiskerError(f"tip radius_mm is {radius_mm}; it must be zero or positive")
     reach = int(np.floor(radius_mm / pitch_mm))
     if reach < 1:
         return z_mm
     if reach > 60:
-        raise ValueError(
+        raise WhiskerError(
             f"a tip of {radius_mm} mm spans {reach} samples of {pitch_mm} mm; thin the map or use a finer tip"
         )
     offsets = np.arange(-reach, reach + 1)
@@ -167,7 +168,7 @@ def check_soil(soil: Soil, shape: tuple[int, int]) -> None:
         MapError: it does.
     """
     if soil.shape != shape:
-        raise MapError(f"soil {soil.shape} does not fit the height map {shape}; give both on one grid")
+        raise MapError(f"soil {soil.shape} does not fit the height map {shape}", hint="give both on one grid")
 
 
 def prepare_surface(

@@ -20,30 +20,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from whisker_array.whisker.sections import WhiskerError
+
 if TYPE_CHECKING:
     from whisker_array.whisker.shapes import TipModel
 
 
-class EnhancementError(ValueError):
-    """An angle, friction or shape for which the equations have no answer; the message says why."""
-
-
 def _check(alpha_rad: float, mu: float) -> None:
     if not abs(alpha_rad) < math.pi / 2.0:
-        raise EnhancementError(
-            f"alpha_rad is {alpha_rad}; it must lie between -pi/2 and pi/2 (radians, not degrees)"
+        raise WhiskerError(
+            f"alpha_rad is {alpha_rad}", hint="it must lie between -pi/2 and pi/2 (radians, not degrees)"
         )
     _check_mu(mu)
 
 
 def _check_mu(mu: float) -> None:
     if not (math.isfinite(mu) and mu >= 0.0):
-        raise EnhancementError(f"mu is {mu}; a friction coefficient is finite and not negative")
+        raise WhiskerError(f"mu is {mu}", hint="a friction coefficient is finite and not negative")
 
 
 def _divide(numerator: float, denominator: float, what: str) -> float:
     if denominator == 0.0:
-        raise EnhancementError(f"F has no value here: {what}")
+        raise WhiskerError(f"F has no value here: {what}")
     return numerator / denominator
 
 
@@ -80,14 +78,17 @@ def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.
     free path.
 
     Raises:
-        EnhancementError: the whisker jams: no force within the friction cone lifts the tip.
+        WhiskerError: the whisker jams: no force within the friction cone lifts the tip.
     """
     _check(alpha_rad, mu)
     give = float(tip_model.compliance_mm_per_n[1] @ rotation(alpha_rad) @ contact_direction(mu))
     if give <= 0.0:
-        raise EnhancementError(
-            f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force cannot lift the "
-            "tip; take a smaller k, or a surface less steep"
+        raise WhiskerError(
+            (
+                f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force "
+                "cannot lift the tip"
+            ),
+            hint="take a smaller k, or a surface less steep",
         )
     return lift_mm / give
 
@@ -104,7 +105,7 @@ def enhancement_factor(tip_model: TipModel, *, alpha_rad: float, mu: float) -> f
     R = R(0) is the land, R' = R(alpha) the slope.
 
     Raises:
-        EnhancementError: one of the two denominators vanishes (the singular angle, or no moment on the land).
+        WhiskerError: one of the two denominators vanishes (the singular angle, or no moment on the land).
     """
     _check(alpha_rad, mu)
     land = contact_direction(mu)
@@ -131,7 +132,7 @@ def enhancement_l_shaped(
         arm_offset: o = (l2 - l3) / l1.
 
     Raises:
-        EnhancementError: a denominator vanishes.
+        WhiskerError: a denominator vanishes.
     """
     g, g0 = friction_slope(alpha_rad, mu), friction_slope(0.0, mu)
     c, s = math.cos(beta_rad), math.sin(beta_rad)
@@ -144,7 +145,7 @@ def friction_slope(alpha_rad: float, mu: float) -> float:
     """Eq. (23): g = (tan(alpha) - mu) / (1 + mu tan(alpha)) = tan(alpha - atan(mu)), the lean of the force.
 
     Raises:
-        EnhancementError: 1 + mu tan(alpha) = 0, a rising wall on the edge of the friction cone.
+        WhiskerError: 1 + mu tan(alpha) = 0, a rising wall on the edge of the friction cone.
     """
     _check(alpha_rad, mu)
     t = math.tan(alpha_rad)
@@ -155,7 +156,7 @@ def enhancement_level(*, alpha_rad: float, mu: float, k: float) -> float:
     """Eq. (24), beta = 0 and l3 = l2: F = [1 - 1.5 k g(0, mu)] / [1 - 1.5 k g(alpha, mu)].
 
     Raises:
-        EnhancementError: alpha is the singular angle.
+        WhiskerError: alpha is the singular angle.
     """
     return _divide(
         1.0 - 1.5 * k * friction_slope(0.0, mu),
@@ -171,7 +172,7 @@ def enhancement_level_with_h(*, alpha_rad: float, mu: float, k: float) -> float:
     and loses digits near it; compute with (24).
 
     Raises:
-        EnhancementError: alpha is 0 or the singular angle.
+        WhiskerError: alpha is 0 or the singular angle.
     """
     h = h_of_paper(alpha_rad, mu)
     return _divide(1.0 + 1.5 * k * mu, 1.0 + 1.5 * k * h, "alpha is the singular angle")
@@ -183,7 +184,7 @@ def h_of_paper(alpha_rad: float, mu: float) -> float:
     (mu t + 1 - t^2 - 1) / (t (mu t + 1)) = (mu - t) / (mu t + 1). Not the surface height h(x, z).
 
     Raises:
-        EnhancementError: alpha = 0, where the form is 0/0 (its limit is mu).
+        WhiskerError: alpha = 0, where the form is 0/0 (its limit is mu).
     """
     _check(alpha_rad, mu)
     t = math.tan(alpha_rad)
@@ -195,7 +196,7 @@ def enhancement_frictionless(*, alpha_rad: float, k: float) -> float:
     """Eq. (27), mu = 0: F = 1 / (1 - 1.5 k tan(alpha)).
 
     Raises:
-        EnhancementError: alpha is the singular angle.
+        WhiskerError: alpha is the singular angle.
     """
     _check(alpha_rad, 0.0)
     return _divide(1.0, 1.0 - 1.5 * k * math.tan(alpha_rad), "alpha is the singular angle")
@@ -208,11 +209,11 @@ def singular_angle_rad(k: float, *, mu: float = 0.0) -> float:
     beyond no slope is singular. k = 0 (straight) gives pi/2 + atan(mu).
 
     Raises:
-        EnhancementError: k or mu negative or not finite.
+        WhiskerError: k or mu negative or not finite.
     """
     _check_mu(mu)
     if not (math.isfinite(k) and k >= 0.0):
-        raise EnhancementError(f"k is {k}; l2 / l1 is finite and not negative")
+        raise WhiskerError(f"k is {k}", hint="l2 / l1 is finite and not negative")
     return math.atan2(2.0, 3.0 * k) + math.atan(mu)
 
 
@@ -240,12 +241,12 @@ def moment_ratio(slope: ArrayLike, mu: float, tip_model: TipModel) -> NDArray[np
         slope is NaN.
 
     Raises:
-        EnhancementError: the whisker jams on the land already, or the land makes no moment.
+        WhiskerError: the whisker jams on the land already, or the land makes no moment.
     """
     lift, turn = _lift_and_turn(slope, mu, tip_model)
     land_lift, land_turn = (float(v) for v in _lift_and_turn(0.0, mu, tip_model))
     if land_lift <= 0.0 or land_turn == 0.0:
-        raise EnhancementError(f"with mu = {mu} the whisker jams, or makes no moment, on the land itself")
+        raise WhiskerError(f"with mu = {mu} the whisker jams, or makes no moment, on the land itself")
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = (land_lift / land_turn) * turn / lift
     return np.where(lift > 0.0, ratio, np.nan)

@@ -10,8 +10,8 @@ import numpy as np
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import cross_matrix, split
 from whisker_array.whisker.elastica import ElasticaError, LinearError, linear_error
-from whisker_array.whisker.sections import Taper
-from whisker_array.whisker.shapes import Vector, Whisker, WhiskerError, require_positive
+from whisker_array.whisker.sections import Taper, WhiskerError
+from whisker_array.whisker.shapes import Vector, Whisker, require_positive
 
 DEFLECTION_LIMIT = 0.1
 """Largest tip deflection over l1 under Assumption 1."""
@@ -82,7 +82,7 @@ def first_bending_frequency_hz(
         WhiskerError: a negative tip mass.
     """
     if not (math.isfinite(tip_mass_g) and tip_mass_g >= 0.0):
-        raise WhiskerError(f"tip_mass_g is {tip_mass_g}; it must be finite and not negative")
+        raise WhiskerError(f"tip_mass_g is {tip_mass_g}", hint="it must be finite and not negative")
     pieces = [piece for segment in whisker.segments() for piece in split(segment, parts)]
     n = len(pieces)
     joints = np.stack([piece.end_mm for piece in pieces])
@@ -180,13 +180,13 @@ def check_validity(
 
     Raises:
         WhiskerError: a length or speed that is not positive (mark depth may be 0).
-        EnhancementError: friction negative or not finite.
+        WhiskerError: friction negative or not finite.
     """
     preload = require_positive("preload_mm", preload_mm)
     speed = require_positive("speed_mm_s", speed_mm_s)
     wavelength = require_positive("finest_wavelength_mm", finest_wavelength_mm)
     if not (math.isfinite(mark_depth_mm) and mark_depth_mm >= 0.0):
-        raise WhiskerError(f"mark_depth_mm is {mark_depth_mm}; it is a depth, finite and not negative")
+        raise WhiskerError(f"mark_depth_mm is {mark_depth_mm}", hint="it is a depth, finite and not negative")
     flags = Validity.NONE
     wall = math.tan(steepest_bevel_rad)
     jams = enhancement.is_jammed([0.0, -wall, wall], mu, whisker.tip_model())
@@ -243,11 +243,13 @@ def linear_beam_messages(
 
     Raises:
         WhiskerError: the preload not positive, the mark height negative or not finite.
-        EnhancementError: friction negative or not finite.
+        WhiskerError: friction negative or not finite.
     """
     preload = require_positive("preload_mm", preload_mm)
     if not (math.isfinite(mark_height_mm) and mark_height_mm >= 0.0):
-        raise WhiskerError(f"mark_height_mm is {mark_height_mm}; it is a height, finite and not negative")
+        raise WhiskerError(
+            f"mark_height_mm is {mark_height_mm}", hint="it is a height, finite and not negative"
+        )
     lift = preload + mark_height_mm
     found = _judge(whisker, lift_mm=lift, mu=mu)
     if isinstance(found, ElasticaError):

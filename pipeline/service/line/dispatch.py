@@ -23,12 +23,13 @@ from typing import Protocol
 
 import numpy as np
 
+from glyphs.errors import MarksError
 from pipeline.common.records import Delivery
 
 _log = logging.getLogger(__name__)
 
 
-class DeliveryError(Exception):
+class DeliveryError(MarksError):
     """A delivery that has not arrived.
 
     Attributes:
@@ -38,9 +39,15 @@ class DeliveryError(Exception):
     """
 
     def __init__(
-        self, message: str, *, away: bool = False, lasting: bool = False, retry_after_s: float = 0.0
+        self,
+        what: str,
+        *,
+        hint: str = "",
+        away: bool = False,
+        lasting: bool = False,
+        retry_after_s: float = 0.0,
     ) -> None:
-        super().__init__(message)
+        super().__init__(what, hint=hint)
         self.away, self.lasting, self.retry_after_s = away, lasting, retry_after_s
 
 

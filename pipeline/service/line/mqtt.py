@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
-from pipeline.common.missing_extra import MissingExtraError
+from glyphs.errors import MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.service.line.dispatch import DeliveryError, body_of
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from pipeline.common.missing_extra import MissingExtraError
+from glyphs.errors import MissingExtraError
 
 
 def require_asyncua() -> Any:

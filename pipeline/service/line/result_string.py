@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from string import Formatter
 
+from glyphs.errors import MarksError
 from pipeline.common.records import PartRecord
 from pipeline.service.line.trigger import decision_of, is_hidden
 
@@ -22,8 +23,8 @@ _SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
 _LONGEST = 500
 
 
-class FormatError(ValueError):
-    """A format that cannot be used."""
+class ResultStringError(MarksError):
+    """A format of result strings that cannot be."""
 
 
 class ResultString:
@@ -33,24 +34,28 @@ class ResultString:
         """Check the format.
 
         Raises:
-            FormatError: an unknown field, one written as no number can be, or a control character.
+            ResultStringError: an unknown field, one written as no number can be, or a control character.
         """
         self.template = template
         if not template or len(template) > _LONGEST:
-            raise FormatError(f"a result format has 1 to {_LONGEST} characters, this one {len(template)}")
+            raise ResultStringError(
+                f"a result format has 1 to {_LONGEST} characters, this one {len(template)}"
+            )
         try:
             parsed = list(Formatter().parse(template))
         except ValueError as error:
-            raise FormatError(f"the result format {template!r} is broken: {error}") from error
+            raise ResultStringError(f"the result format {template!r} is broken: {error}") from error
         self._pieces: list[tuple[str, str | None, str]] = []
         for literal, field, spec, conversion in parsed:
             if any(is_hidden(char) for char in literal):
-                raise FormatError("a result format has no control characters; the line's end is added")
+                raise ResultStringError(
+                    "a result format has no control characters", hint="the line's end is added"
+                )
             if field is not None:
                 _check_field(field, spec or "", conversion)
             self._pieces.append((literal, field, spec or ""))
         if not any(field for _, field, _ in self._pieces):
-            raise FormatError(f"the result format {template!r} names no field, such as {{text}}")
+            raise ResultStringError(f"the result format {template!r} names no field, such as {{text}}")
         literals = "".join(literal for literal, _, _ in self._pieces)
         self._kept_apart = frozenset(char for char in literals if not char.isalnum()) | {"%"}
 
@@ -78,9 +83,11 @@ def _percent(char: str) -> str:
 def _check_field(field: str, spec: str, conversion: str | None) -> None:
     known = (*TEXT_FIELDS, *NUMBER_FIELDS)
     if field not in known:  # so no attribute or index can be reached through a format
-        raise FormatError(f"the result format asks for {field!r}; there are {', '.join(known)}")
+        raise ResultStringError(f"the result format asks for {field!r}", hint=f"there are {', '.join(known)}")
     if conversion or (spec and (field in TEXT_FIELDS or not _SPEC.fullmatch(spec))):
-        raise FormatError(f"the field {field} cannot be written as {spec or conversion!r}; numbers as .3f")
+        raise ResultStringError(
+            f"the field {field} cannot be written as {spec or conversion!r}", hint="numbers as .3f"
+        )
 
 
 def _values(part: PartRecord) -> dict[str, str | float]:

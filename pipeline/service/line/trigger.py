@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Awaitable, Callable
 from enum import StrEnum
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.problem import Problem
 from pipeline.store.errors import StoreError
@@ -14,7 +14,7 @@ from pipeline.store.errors import StoreError
 Trigger = Callable[[str], Awaitable[PartRecord]]
 """Takes the picture of the part of that name (it may be empty), reads it, and answers when it is durable."""
 
-TOLD: tuple[type[Exception], ...] = (Problem, FileProblem, StoreError)
+TOLD: tuple[type[Exception], ...] = (Problem, FileError, StoreError)
 """Failures whose words are for the caller; of any other one only its being is told."""
 
 _MOST_TOLD = 200

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from pipeline.common.missing_extra import MissingExtraError
+from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.common.retry_after import retry_after_s
 from pipeline.service.line.dispatch import DeliveryError, body_of
@@ -40,7 +40,7 @@ _LATER = frozenset({408, 425, 429, 502, 503, 504})
 _ADDRESS_WRONG = frozenset({401, 403, 404, 405, 407, 410})
 
 
-class SignatureError(ValueError):
+class SignatureError(MarksError):
     """A webhook that was not sent by whoever holds the secret, or not now."""
 
 
@@ -186,14 +186,15 @@ def _judge(answer: httpx.Response) -> None:
         return
     if answer.has_redirect_location:
         raise DeliveryError(
-            f"answers {status}, a redirect, which is not followed; set the webhook to the address it means",
+            f"answers {status}, a redirect, which is not followed",
+            hint="set the webhook to the address it means",
             away=True,
             lasting=True,
         )
     if status in _LATER:
         raise DeliveryError(f"answers {status}", away=True, retry_after_s=retry_after_s(answer.headers))
     if status in _ADDRESS_WRONG:
-        raise DeliveryError(f"answers {status}; check the webhook's address", away=True, lasting=True)
+        raise DeliveryError(f"answers {status}", hint="check the webhook's address", away=True, lasting=True)
     raise DeliveryError(f"answers {status}", lasting=400 <= status < 500)
 
 

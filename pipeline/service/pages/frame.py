@@ -20,6 +20,7 @@ from fastapi.routing import APIRoute
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from glyphs.errors import MarksError
 from pipeline.common.records import PartRecord, PartState, Scope
 from pipeline.service.access import Access, Caller, DeniedError
 from pipeline.service.pages.assets import StaticFiles
@@ -51,7 +52,7 @@ STATE_NAMES = {
 }
 
 
-class PageError(Exception):
+class PageError(MarksError):
     """What a person asked for cannot be done; the message says why and the mend.
 
     Attributes:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glyphs.fonts.serials import MaskError, allowed_characters, random_text
+from glyphs.fonts.serials import FormatError, allowed_characters, random_text
 
 masks = st.text("A9*BZ-./0", min_size=1, max_size=12)
 
@@ -37,5 +37,5 @@ def test_random_text_uses_the_whole_alphabet():
     [("", "", "empty"), ("A\n", "", "printed"), ("A9", string.digits, "position 2")],
 )
 def test_masks_refused(mask, exclude, message):
-    with pytest.raises(MaskError, match=message):
+    with pytest.raises(FormatError, match=message):
         allowed_characters(mask, exclude=exclude)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from glyphs.fonts.outlines import SERIAL_CHARACTERS, Glyph, load_font, signed_distance
 from glyphs.stamping.die import (
     Die,
-    DieError,
     Face,
     default_depth_mm,
     default_die,
@@ -19,6 +18,7 @@ from glyphs.stamping.die import (
     relief_mm,
     to_plate,
 )
+from glyphs.stamping.variation import StampError
 from glyphs.surface.maps import MapError
 
 GOTHIC = load_font("gothic")
@@ -236,7 +236,7 @@ def test_dots_never_crowd_where_strokes_meet():
 
 def test_outlined_glyphs_cannot_be_dotted():
     glyph = Glyph("A", contours=(np.array([[0.0, 0], [1, 0], [0.5, 1]]),))
-    with pytest.raises(DieError, match="another face"):
+    with pytest.raises(StampError, match="another face"):
         die_glyph(glyph, replace(DIE, face=Face.DOTTED), height_mm=5.0)
 
 
@@ -264,18 +264,18 @@ def test_to_plate_is_its_own_inverse(x, y, angle):
     ],
 )
 def test_die_refuses(change, message):
-    with pytest.raises(DieError, match=message):
+    with pytest.raises(StampError, match=message):
         replace(DIE, **change)
 
 
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"height_mm": 0.0}, DieError, "height_mm"),
-        ({"height_mm": 0.5}, DieError, "finer die"),
-        ({"margin_mm": -1.0}, DieError, "margin_mm"),
-        ({"pitch_mm": 0.0}, DieError, "pitch_mm"),
-        ({"x_scale": 0.0}, DieError, "x_scale"),
+        ({"height_mm": 0.0}, StampError, "height_mm"),
+        ({"height_mm": 0.5}, StampError, "finer die"),
+        ({"margin_mm": -1.0}, StampError, "margin_mm"),
+        ({"pitch_mm": 0.0}, StampError, "pitch_mm"),
+        ({"x_scale": 0.0}, StampError, "x_scale"),
         ({"pitch_mm": 1e-4}, MapError, "limit"),
     ],
 )

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 
+from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from pipeline.batch.journal import RunJournal
 from pipeline.batch.quarantine import Quarantine
@@ -19,7 +20,6 @@ from pipeline.batch.setting_files import files_to_send, settled
 from pipeline.batch.setup import ExecutorOptions, Target, opened
 from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
 from pipeline.cli.main import main
-from pipeline.common.errors import FileProblem
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings
@@ -153,7 +153,7 @@ def test_files_of_the_settings_travel_with_the_order(tmp_path: Path) -> None:
     assert (there.lexicon.read_text(), there.lexicon.name, there.font) == ("AB12\n", "known.txt", ("gothic",))
     assert settled(settings, sent) == there
     assert settled(settings, {}) is settings
-    with pytest.raises(FileProblem, match=r"known\.txt"):
+    with pytest.raises(FileError, match=r"known\.txt"):
         files_to_send(settings)
 
 
@@ -162,7 +162,7 @@ def test_files_of_the_settings_travel_with_the_order(tmp_path: Path) -> None:
     [(Target("rows.xlsx"), "rows.xlsx"), (Target("no/such/rows.csv"), "rows.csv")],
 )
 def test_tables_that_cannot_be_written_are_told_before_the_run(target: Target, message: str) -> None:
-    with pytest.raises(FileProblem, match=message):
+    with pytest.raises(FileError, match=message):
         target.check()
 
 

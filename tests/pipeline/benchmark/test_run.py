@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glyphs.fonts.serials import MaskError
+from glyphs.errors import FileError
+from glyphs.fonts.serials import FormatError
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark import modes as benchmark_modes
 from pipeline.benchmark.mode import ModeSettings, ModeUnavailableError, Readers, Senses, scan_seconds
@@ -17,7 +18,6 @@ from pipeline.benchmark.run import Benchmark, run_benchmark
 from pipeline.benchmark.specimens import Condition, FolderParts, Item, Specimen, SynthParts
 from pipeline.benchmark.statistics import plain, statistics_of
 from pipeline.benchmark.trials import TRIALS_FILE, Trial, TrialJournal
-from pipeline.common.errors import FileProblem
 from pipeline.common.run_description import key_of
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
 from whisker_array.simulation.traces import Fidelity
@@ -37,7 +37,7 @@ class Blanks:
 
     def make(self, item: Item) -> Specimen:
         if item.number == 2:
-            raise FileProblem("b2", "is broken", "mend it")
+            raise FileError("b2", "is broken", "mend it")
         plate = HeightMap(np.zeros((20, 20), dtype=np.float32), 0.1)
         return Specimen(item.part, f"{item.number:02d}", plate, None, None, None)
 
@@ -81,7 +81,7 @@ def test_a_fault_in_one_part_is_a_row_with_its_error(tmp_path: Path) -> None:
     trials = run_benchmark(Benchmark(Blanks(5), ("echo",), FAST), tmp_path)
     assert [t.text for t in trials] == ["00", "", "", "03", ""]
     assert [t.error for t in trials] == [
-        "", "ZeroDivisionError: a fault of the program", "the part: FileProblem: b2: is broken; mend it", "",
+        "", "ZeroDivisionError: a fault of the program", "the part: FileError: b2: is broken; mend it", "",
         "ZeroDivisionError: a fault of the program",
     ]  # fmt: skip
     assert [t.right for t in trials] == [True, False, False, True, False]
@@ -128,7 +128,7 @@ def test_more_parts_go_on_where_fewer_ended_and_fewer_leave_the_rest_out(tmp_pat
 
 def test_another_benchmark_in_the_folder_is_refused(tmp_path: Path) -> None:
     run_benchmark(Benchmark(Blanks(1), ("echo",), FAST), tmp_path)
-    with pytest.raises(FileProblem, match=r"parts was \{\"seed\": 0\}, now \{\"seed\": 7\}.*another folder"):
+    with pytest.raises(FileError, match=r"parts was \{\"seed\": 0\}, now \{\"seed\": 7\}.*another folder"):
         run_benchmark(Benchmark(Blanks(1, seed=7), ("echo",), FAST), tmp_path)
 
 
@@ -137,10 +137,10 @@ def test_a_book_damaged_before_its_end_is_told_by_line(tmp_path: Path) -> None:
     book.add("p", [])
     with book.path.open("a") as stream:
         stream.write('{"part": 3}\n{"part": "q", "trials": []}\n')
-    with pytest.raises(FileProblem, match="line 3 is damaged"):
+    with pytest.raises(FileError, match="line 3 is damaged"):
         TrialJournal.open(tmp_path, {"a": 1})
     book.path.write_text("no book\n")
-    with pytest.raises(FileProblem, match="no book of trials"):
+    with pytest.raises(FileError, match="no book of trials"):
         TrialJournal.open(tmp_path, {"a": 1})
 
 
@@ -162,7 +162,7 @@ def test_the_parts_of_a_seed_are_all_kinds_in_turn() -> None:
     assert not np.array_equal(clean.height_map.z_mm, dirty.height_map.z_mm)
     with pytest.raises(ValueError, match=r"severity is 1\.5"):
         replace(parts, severities=(1.5,))
-    with pytest.raises(MaskError):
+    with pytest.raises(FormatError):
         replace(parts, formats=("",))
 
 
@@ -212,5 +212,5 @@ def test_parts_of_a_folder(tmp_path: Path) -> None:
     trials = run_benchmark(Benchmark(parts, ("echo",), FAST), tmp_path / "out")
     assert [(t.text, t.severity, t.format) for t in trials] == [("03", None, "99"), ("06", None, "99")]
     table.write_text("part,text\nother,1\n")
-    with pytest.raises(FileProblem, match="truth of none"):
+    with pytest.raises(FileError, match="truth of none"):
         FolderParts.load([str(tmp_path)], table, Condition(0.3, "", ""))

@@ -9,8 +9,8 @@ from types import MappingProxyType
 
 import pytest
 
+from glyphs.errors import FileError
 from pipeline.benchmark.trials import FORMAT_VERSION, UNUSED, Trial, TrialJournal, answer_of
-from pipeline.common.errors import FileProblem
 from recognition.reading import Decision, Reading, ReadingFlag
 
 DESCRIPTION = {"seed": 1}
@@ -47,7 +47,7 @@ def test_a_book_tells_its_format_and_comes_back_as_it_was(tmp_path: Path) -> Non
 def test_a_book_of_another_format_is_refused_and_kept(tmp_path: Path, version: object, told: str) -> None:
     path = with_heading(tmp_path, format_version=version)
     before = path.read_bytes()
-    with pytest.raises(FileProblem) as refused:
+    with pytest.raises(FileError) as refused:
         TrialJournal.open(tmp_path, DESCRIPTION)
     assert told in str(refused.value)
     assert path.read_bytes() == before

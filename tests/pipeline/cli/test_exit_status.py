@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
+from glyphs.errors import MissingExtraError
 from pipeline.cli.exit_status import USAGE, CommandError, failures_told
-from pipeline.common.missing_extra import MissingExtraError
 
 
 def test_a_library_of_an_extra_is_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.common.serial_format import read_lexicon, serial_format
 from pipeline.common.settings import SettingsError, load_settings
 from recognition.grammar import Grammar
@@ -71,7 +71,7 @@ def test_files_that_are_no_lexicon(content: bytes | None, message: str, tmp_path
     path = tmp_path / "known.txt"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(FileProblem, match=message):
+    with pytest.raises(FileError, match=message):
         read_lexicon(path)
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.files.listed import ListedPart, harmless_name, is_url, split_name, without_secrets
 from pipeline.files.listing import list_parts
 from pipeline.files.parts import NothingFoundError, discover, named_apart
@@ -95,11 +95,11 @@ def test_two_maps_of_one_stem_are_a_problem_in_a_store_too(store: str) -> None:
 
 
 def test_what_cannot_be_listed_is_told_before_the_run(store: str, folder: Path) -> None:
-    with pytest.raises(FileProblem, match=rf"^{store}/none: is not there; check the name"):
+    with pytest.raises(FileError, match=rf"^{store}/none: is not there; check the name"):
         list_parts([str(folder), f"{store}/none"])
     with pytest.raises(NothingFoundError, match="no height map"):
         list_parts([f"{store}/none*"])
-    with pytest.raises(FileProblem, match=r"^zip://a::s3://b/c.zip: is of a kind that is not read"):
+    with pytest.raises(FileError, match=r"^zip://a::s3://b/c.zip: is of a kind that is not read"):
         list_parts(["zip://a::s3://b/c.zip"])
 
 
@@ -207,5 +207,5 @@ def test_tables_of_texts_among_the_files_of_a_folder_are_passed_over(tmp_path: P
         (tmp_path / name).write_text(f"{head}\na,AB12\n")
     (tmp_path / "a.npz").write_bytes(b"x")
     assert [p.name for p in list_parts([str(p) for p in sorted(tmp_path.iterdir())])] == ["a"]
-    with pytest.raises(FileProblem, match="must name one of"):
+    with pytest.raises(FileError, match="must name one of"):
         list_parts([str(tmp_path / "truth.csv")])

@@ -18,8 +18,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
 
+from glyphs.errors import FileError
 from pipeline.batch.quarantine import Quarantine
-from pipeline.common.errors import FileProblem
 from pipeline.common.row import Row
 from pipeline.files.listed import ListedPart
 from pipeline.files.manifest import COLUMNS, is_manifest, read_manifest
@@ -117,7 +117,7 @@ def test_beside_a_table_in_a_store_is_in_the_store() -> None:
         "s3://o/e.npz",
     ]
     store.pipe_file("/lots/seven/bad.csv", b"name\n1\n")
-    with pytest.raises(FileProblem, match=r"^memory://lots/seven/bad.csv: has the columns name"):
+    with pytest.raises(FileError, match=r"^memory://lots/seven/bad.csv: has the columns name"):
         read_manifest("memory://lots/seven/bad.csv")
 
 
@@ -193,7 +193,7 @@ def test_what_is_written_is_read(
     ],
 )
 def test_a_bad_table_is_refused_with_its_line(tmp_path: Path, text: str | bytes, told: str) -> None:
-    with pytest.raises(FileProblem, match=told) as refused:
+    with pytest.raises(FileError, match=told) as refused:
         read_manifest(table(tmp_path, text))
     assert refused.value.path == tmp_path / "lot.csv"
     assert refused.value.hint
@@ -216,7 +216,7 @@ def test_a_bad_table_is_refused_with_its_line(tmp_path: Path, text: str | bytes,
 def test_a_bad_parquet_table_is_refused_with_its_row(
     tmp_path: Path, columns: dict[str, Any], told: str
 ) -> None:
-    with pytest.raises(FileProblem, match=told):
+    with pytest.raises(FileError, match=told):
         read_manifest(parquet_table(tmp_path, columns))
 
 
@@ -226,22 +226,22 @@ def test_damaged_parquet_is_refused(tmp_path: Path) -> None:
     good = read_manifest(str(source))
     for cut in (1, 10, len(whole) // 2, len(whole) - 1):
         source.write_bytes(whole[:cut])
-        with pytest.raises(FileProblem, match="is damaged or no Parquet file"):
+        with pytest.raises(FileError, match="is damaged or no Parquet file"):
             read_manifest(str(source))
     for at in range(4, len(whole), len(whole) // 40):
         source.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
         try:
             parts = read_manifest(str(source))
-        except FileProblem:
+        except FileError:
             continue
         # a byte of a name, or of nothing that matters
         assert len(parts) == len(good)
 
 
 def test_a_table_that_is_not_there_is_told(tmp_path: Path) -> None:
-    with pytest.raises(FileProblem, match="is not there"):
+    with pytest.raises(FileError, match="is not there"):
         read_manifest(str(tmp_path / "none.csv"))
-    with pytest.raises(FileProblem, match=r"memory://none/at/all.parquet: is not there"):
+    with pytest.raises(FileError, match=r"memory://none/at/all.parquet: is not there"):
         read_manifest("memory://none/at/all.parquet")
 
 
@@ -330,7 +330,7 @@ def test_another_table_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "lot.csv"
     path.write_text("part,height_map\nA,a.npz\n")
     for keep in (False, True):
-        with pytest.raises(FileProblem, match="is no list of bad parts; name another file"):
+        with pytest.raises(FileError, match="is no list of bad parts; name another file"):
             Quarantine(path, keep=keep)
     assert path.read_text() == "part,height_map\nA,a.npz\n"
 
@@ -347,12 +347,12 @@ def test_names_that_no_table_holds_cost_their_part_alone(tmp_path: Path) -> None
 
 
 def test_a_list_that_cannot_be_written_is_told(tmp_path: Path) -> None:
-    with pytest.raises(FileProblem, match=r"cannot be written .*start the same command again"):
+    with pytest.raises(FileError, match=r"cannot be written .*start the same command again"):
         quarantined(tmp_path / "none" / "bad.csv", BAD)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))  # a disk that is full after a hundred bytes
     try:
-        with pytest.raises(FileProblem, match=r"cannot be written .*start the same command again"):
+        with pytest.raises(FileError, match=r"cannot be written .*start the same command again"):
             quarantined(tmp_path / "bad.csv", BAD)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.scan import scan
-from pipeline.common.errors import FileProblem
 from pipeline.files.npz import DEFAULT_HARDNESS_MPA, read_npz, read_soil, soil_members, write_npz
 from pipeline.files.touch_file import read_scan
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
@@ -79,7 +79,7 @@ def test_bad_soil_is_refused_by_name(case: str, tmp_path: Path) -> None:
     more, message = BAD[case]
     path = tmp_path / "part.npz"
     write_npz(path, MAP, more=more)
-    with pytest.raises(FileProblem) as caught:
+    with pytest.raises(FileError) as caught:
         read_soil(path)
     assert str(path) in str(caught.value)
     assert message in str(caught.value)
@@ -96,18 +96,18 @@ def test_a_member_is_looked_at_before_it_is_unpacked(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", MAP)
     with zipfile.ZipFile(tmp_path / "a.npz", "a") as archive:
         archive.writestr("friction.npy", header.getvalue())
-    with pytest.raises(FileProblem, match="friction has shape"):
+    with pytest.raises(FileError, match="friction has shape"):
         read_soil(tmp_path / "a.npz")
 
 
 def test_files_that_are_none_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileProblem, match="is not there"):
+    with pytest.raises(FileError, match="is not there"):
         read_soil(tmp_path / "a.npz")
     (tmp_path / "a.npz").write_bytes(b"hello")
-    with pytest.raises(FileProblem, match="damaged"):
+    with pytest.raises(FileError, match="damaged"):
         read_soil(tmp_path / "a.npz")
     np.savez(tmp_path / "b.npz", friction=0.2)
-    with pytest.raises(FileProblem, match="no z_mm"):
+    with pytest.raises(FileError, match="no z_mm"):
         read_soil(tmp_path / "b.npz")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.files.parts import NothingFoundError, discover
 
 
@@ -136,7 +136,7 @@ def test_a_folder_that_goes_away_is_told(tmp_path: Path, monkeypatch: pytest.Mon
 
     # a mode that forbids it would not keep out root
     monkeypatch.setattr(os, "scandir", forbidden)
-    with pytest.raises(FileProblem, match=r"cannot be listed \(Permission denied\); check its permissions"):
+    with pytest.raises(FileError, match=r"cannot be listed \(Permission denied\); check its permissions"):
         discover([tmp_path])
 
 

@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from glyphs.errors import FileError, MissingExtraError
 from glyphs.surface.maps import HeightMap
-from pipeline.common.errors import FileProblem
-from pipeline.common.missing_extra import MissingExtraError
 from pipeline.files import remote
-from pipeline.files.listed import ListedPart, UrlProblem
+from pipeline.files.listed import ListedPart, UrlError
 from pipeline.files.listing import list_parts
 from pipeline.files.manifest import read_manifest
 from pipeline.files.npz import write_npz
@@ -55,10 +54,10 @@ def read(url: str, **more: Any) -> bytes:
         return part.height_map.read_bytes()
 
 
-def refused(url: str, told: str) -> FileProblem:
+def refused(url: str, told: str) -> FileError:
     """The problem of a URL, which comes in time and names it."""
     began_s = time.monotonic()
-    with pytest.raises(FileProblem, match=told) as caught:
+    with pytest.raises(FileError, match=told) as caught:
         read(url)
     assert time.monotonic() - began_s < BOUND_S
     assert str(caught.value).startswith(f"{url}: ")
@@ -88,7 +87,7 @@ def test_local_files_are_read_where_they_are(tmp_path: Path) -> None:
     for name in (f"{tmp_path}/a b%20.npz", f"file://{tmp_path}/a b%20.npz"):
         with fetched(ListedPart("part", height_map=name, photo="b.png")) as part:
             assert part == Part("part", height_map=tmp_path / "a b%20.npz", photo=Path("b.png"))
-    with pytest.raises(FileProblem, match="is not there"), fetched(ListedPart("p", "none.npz")) as part:
+    with pytest.raises(FileError, match="is not there"), fetched(ListedPart("p", "none.npz")) as part:
         read_height_map(part.height_map or "")
 
 
@@ -107,11 +106,11 @@ def test_a_height_map_comes_as_it_is(tmp_path: Path, memory: Callable[[str, byte
 
 def test_a_problem_of_a_copy_is_one_of_its_url(memory: Callable[[str, bytes], str]) -> None:
     listed = ListedPart("part", height_map=memory("lot/bad.npz", b"no map"))
-    with pytest.raises(UrlProblem, match=r"^memory://lot/bad.npz: ") as caught, fetched(listed) as part:
+    with pytest.raises(UrlError, match=r"^memory://lot/bad.npz: ") as caught, fetched(listed) as part:
         read_height_map(part.height_map or "")
     assert tempfile.gettempdir() not in str(caught.value)
-    with pytest.raises(FileProblem, match=r"^other.npz: is odd") as caught_too, fetched(listed):
-        raise FileProblem("other.npz", "is odd", "mend it")
+    with pytest.raises(FileError, match=r"^other.npz: is odd") as caught_too, fetched(listed):
+        raise FileError("other.npz", "is odd", "mend it")
     assert caught_too.value.__cause__ is None
     with pytest.raises(KeyError), fetched(listed):
         raise KeyError("a fault of the program stays one")
@@ -125,7 +124,7 @@ def test_words_about_a_copy_are_turned_to_its_url(memory: Callable[[str, bytes],
 
 
 def test_what_is_there_already_is_carried_over(memory: Callable[[str, bytes], str]) -> None:
-    problem = FileProblem("a.npz", "stands beside another", "rename one")
+    problem = FileError("a.npz", "stands beside another", "rename one")
     url = memory("lot/a.npz", b"x")
     with fetched(ListedPart("part", url, problem=problem)) as part:
         assert part.problem is problem
@@ -141,13 +140,13 @@ def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[
         assert part.photo_problem is not None
         assert str(part.photo_problem) == "memory://lot/none.png: is not there; check the name"
         assert len(senses_of(part, Mode.AUTO)) == 2
-        with pytest.raises(FileProblem, match=r"^memory://lot/none.png: is not there"):
+        with pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"):
             load_photo(part)
     with fetched(listed, photos=False) as part:
         assert (part.photo, part.photo_problem) == (None, None)
     alone = ListedPart("part", photo="memory://lot/none.png")
     with (
-        pytest.raises(FileProblem, match=r"^memory://lot/none.png: is not there"),
+        pytest.raises(FileError, match=r"^memory://lot/none.png: is not there"),
         fetched(alone, photos=False),
     ):
         pass
@@ -159,7 +158,7 @@ def test_a_photograph_that_does_not_come_troubles_vision_alone(memory: Callable[
 def test_no_object_name_leads_out_of_the_folder(
     name: str, copies: Path, memory: Callable[[str, bytes], str]
 ) -> None:
-    with contextlib.suppress(FileProblem), copied(memory(name, b"x"), most_bytes=10) as path:
+    with contextlib.suppress(FileError), copied(memory(name, b"x"), most_bytes=10) as path:
         assert path.resolve().parent.parent == copies.resolve()
         assert path.read_bytes() == b"x"
 
@@ -200,7 +199,7 @@ def test_a_full_disk_is_told_as_one(memory: Callable[[str, bytes], str]) -> None
 )
 def test_chains_and_odd_kinds_are_refused(url: str) -> None:
     refused(url, "is of a kind that is not read; name one of abfs, .* s3")
-    with pytest.raises(FileProblem, match="is of a kind that is not read"):
+    with pytest.raises(FileError, match="is of a kind that is not read"):
         list_remote(url)
 
 
@@ -302,7 +301,7 @@ def test_buckets_are_listed(bucket: str) -> None:
     assert list_remote(f"{bucket}/lot/notes.txt") == [f"{bucket}/lot/notes.txt"]
     assert list_remote(f"{bucket}/lot/z*") == []
     for missing in (f"{bucket}/none", "s3://nowhere/lot"):
-        with pytest.raises(FileProblem, match=rf"^{missing}: is not there; check the name"):
+        with pytest.raises(FileError, match=rf"^{missing}: is not there; check the name"):
             list_remote(missing)
 
 
@@ -341,7 +340,7 @@ def test_without_credentials(bucket: str, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.delenv("AWS_ACCESS_KEY_ID")
     monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
     refused(f"{bucket}/lot/a.npz", "may not be read .*NoCredentials.*; check the credentials")
-    with pytest.raises(FileProblem, match="may not be read"):
+    with pytest.raises(FileError, match="may not be read"):
         list_remote(bucket)
 
 
@@ -349,7 +348,7 @@ def test_a_server_that_refuses(s3: Callable[[str], None]) -> None:
     with serving(_Forbidding) as url:
         s3(url)
         refused("s3://lots/a.npz", "may not be read .*; check the credentials")
-        with pytest.raises(FileProblem, match="may not be read"):
+        with pytest.raises(FileError, match="may not be read"):
             list_remote("s3://lots/lot")
 
 
@@ -359,8 +358,8 @@ def test_a_server_that_is_gone(s3: Callable[[str], None]) -> None:
         port = free.getsockname()[1]
     s3(f"http://127.0.0.1:{port}")
     problem = refused("s3://lots/a.npz", "cannot be fetched .*check the network, the endpoint")
-    assert str(port) in problem.problem
-    with pytest.raises(FileProblem, match="cannot be fetched"):
+    assert str(port) in problem.what
+    with pytest.raises(FileError, match="cannot be fetched"):
         list_remote("s3://lots/lot")
 
 
@@ -498,7 +497,7 @@ def test_a_signed_address_is_fetched_and_not_told() -> None:
             assert part.height_map is not None
             assert part.height_map.name == "a.npz"
             assert part.height_map.read_bytes() == b"map a"
-        with pytest.raises(FileProblem) as caught:
+        with pytest.raises(FileError) as caught:
             read(f"{url}/lot/a.npz?X-Signature=secretly")
         assert "secret" not in str(caught.value)
         assert "may not be read" in caught.value.problem

@@ -19,10 +19,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from pipeline.files.instruments import RowOrder
 from pipeline.files.npz import write_npz
-from pipeline.files.touch_file import FileProblem, read_height_map, read_scan
+from pipeline.files.touch_file import read_height_map, read_scan
 
 ROOT = Path(__file__).parents[3]
 DATA = ROOT.parent / "shared" / "data"
@@ -170,7 +171,7 @@ def test_both_readers_of_x3p_agree() -> None:
 def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.sur").write_bytes(b"DIGITAL SURF")
     monkeypatch.setattr("pipeline.files.instruments.formats_installed", lambda: False)
-    with pytest.raises(FileProblem, match=r"tactile-marks\[formats\]"):
+    with pytest.raises(FileError, match=r"tactile-marks\[formats\]"):
         read_height_map(tmp_path / "a.sur")
 
 
@@ -328,7 +329,7 @@ def test_bad_files_are_refused_by_name(case: str, tmp_path: Path) -> None:
         pytest.importorskip("SurfaceTopography")
     path = tmp_path / f"part{suffix}"
     path.write_bytes(make())
-    with pytest.raises(FileProblem) as caught:
+    with pytest.raises(FileError) as caught:
         (read_scan if suffix == ".h5" else read_height_map)(path)
     text = str(caught.value)
     assert str(path) in text
@@ -339,10 +340,10 @@ def test_bad_files_are_refused_by_name(case: str, tmp_path: Path) -> None:
 
 def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "none.npz", tmp_path / "none.h5", tmp_path / "none.sur"):
-        with pytest.raises(FileProblem, match="is not there"):
+        with pytest.raises(FileError, match="is not there"):
             (read_scan if path.suffix == ".h5" else read_height_map)(path)
     (tmp_path / "folder.npz").mkdir()
-    with pytest.raises(FileProblem, match="is no file"):
+    with pytest.raises(FileError, match="is no file"):
         read_height_map(tmp_path / "folder.npz")
 
 
@@ -401,13 +402,13 @@ def sparse_scan(path: Path) -> None:
 _MEMORY_PROBE = """
 import resource, sys
 from pathlib import Path
-from pipeline.files.touch_file import FileProblem, read_height_map, read_scan
+from pipeline.files.touch_file import FileError, read_height_map, read_scan
 import glyphs.surface.maps, pipeline.files.instruments, whisker_array.scan.recording, x3pio, sdfio
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 path = Path(sys.argv[1])
 try:
     (read_scan if path.suffix == ".h5" else read_height_map)(path)
-except FileProblem as problem:
+except FileError as problem:
     print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024, problem)
 """
 
@@ -458,7 +459,7 @@ def test_damage_gives_a_problem_or_a_map_and_nothing_else(
     path = tmp_path / f"damaged{suffix}"
     path.write_bytes(bytes(broken))
     loaded = None
-    with contextlib.suppress(FileProblem):
+    with contextlib.suppress(FileError):
         loaded = read_height_map(path)
     assert loaded is None or np.isfinite(loaded.z_mm).any()
 
@@ -469,5 +470,5 @@ def test_damage_gives_a_problem_or_a_map_and_nothing_else(
 def test_noise_gives_a_problem(suffix: str, noise: bytes, tmp_path: Path) -> None:
     path = tmp_path / f"noise{suffix}"
     path.write_bytes(noise)
-    with pytest.raises(FileProblem):
+    with pytest.raises(FileError):
         (read_scan if suffix == ".h5" else read_height_map)(path)

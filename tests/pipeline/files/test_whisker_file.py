@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.files.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, Taper, Tube
 from whisker_array.whisker.shapes import LShaped, Straight
@@ -130,7 +130,7 @@ def test_a_wrong_file_says_what_and_where(tmp_path: Path, old: str, new: str, sa
     if "beta_deg = -80.0" in text:
         text = text.replace("friction = 0.2", "friction = 0.9")
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(FileProblem) as told:
+    with pytest.raises(FileError) as told:
         read_whisker_file(path)
     assert says in str(told.value)
     assert str(path) in str(told.value)
@@ -141,9 +141,9 @@ def test_files_that_are_no_text(tmp_path: Path) -> None:
     path = tmp_path / "w.toml"
     for content in (b"", b"\xff\xfe\x00", b"x" * 200_000):
         path.write_bytes(content)
-        with pytest.raises(FileProblem):
+        with pytest.raises(FileError):
             read_whisker_file(path)
-    with pytest.raises(FileProblem, match="is not there"):
+    with pytest.raises(FileError, match="is not there"):
         read_whisker_file(tmp_path / "none.toml")
 
 
@@ -152,14 +152,14 @@ def test_what_cannot_be_written_is_refused_and_leaves_no_file(tmp_path: Path) ->
     content = WhiskerFile(
         sound, touch_of(sound, preload_mm=1.0, radius_mm=0.1, friction=0.2), 5.0, 0.1, 0.05, 50.0
     )
-    with pytest.raises(FileProblem, match=r"end it in \.toml"):
+    with pytest.raises(FileError, match=r"end it in \.toml"):
         write_whisker_file(tmp_path / "w.json", content)
-    with pytest.raises(FileProblem, match="folder"):
+    with pytest.raises(FileError, match="folder"):
         write_whisker_file(tmp_path / "none" / "w.toml", content)
     for section in (Taper(Round(0.4), Round(0.2)), Tube(0.4, 0.2)):
         odd = LShaped(30.0, 3.0, None, 0.0, section)
         tube = WhiskerFile(odd, content.touch, 5.0, 0.1, 0.05, 50.0)
-        with pytest.raises(FileProblem, match="cannot hold"):
+        with pytest.raises(FileError, match="cannot hold"):
             write_whisker_file(tmp_path / "w.toml", tube)
     assert not list(tmp_path.iterdir())
 
@@ -171,5 +171,5 @@ def test_versions_of_the_format(tmp_path: Path) -> None:
     write_whisker_file(path, content)
     assert "format_version = 1\n" in path.read_text()
     path.write_text("format_version = 2\n" + GOOD)
-    with pytest.raises(FileProblem, match="format version 2; this program reads 1; update this program"):
+    with pytest.raises(FileError, match="format version 2; this program reads 1; update this program"):
         read_whisker_file(path)

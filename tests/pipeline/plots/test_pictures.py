@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from pipeline.common.errors import FileProblem
 from pipeline.plots.axes import moment_image
 from pipeline.plots.pictures import (
     SheetPart,
@@ -156,9 +156,9 @@ def test_the_overview_says_what_is_right(tmp_path: Path) -> None:
 
 
 def test_pictures_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileProblem, match=r"\.png, \.svg, \.pdf"):
+    with pytest.raises(FileError, match=r"\.png, \.svg, \.pdf"):
         save_figure(Figure(), tmp_path / "a.jpeg")
-    with pytest.raises(FileProblem, match="cannot be written"):
+    with pytest.raises(FileError, match="cannot be written"):
         save_figure(Figure(), tmp_path / "none" / "a.png")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.reading.expected import Expected, load_expected, verify_reading
 from recognition.confusions import CharacterState
 from recognition.grammar import Grammar
@@ -54,14 +54,14 @@ def test_what_cannot_be_expected_is_told_before_the_run(tmp_path: Path) -> None:
         load_expected("AB1", grammar)
     with pytest.raises(ValueError, match="--verify is empty"):
         load_expected(" ")
-    with pytest.raises(FileProblem, match="is not there"):
+    with pytest.raises(FileError, match="is not there"):
         load_expected(str(tmp_path / "none.csv"))
     path = tmp_path / "wanted.csv"
     path.write_text("part,text\na,AB18\nb,\n", encoding="utf-8")
-    with pytest.raises(FileProblem, match="gives no text for b"):
+    with pytest.raises(FileError, match="gives no text for b"):
         load_expected(str(path))
     path.write_text("part,text\na,AB18\nb,AB1\n", encoding="utf-8")
-    with pytest.raises(FileProblem, match=r"wanted\.csv: b should bear 'AB1', but it does not fit mask:AA99"):
+    with pytest.raises(FileError, match=r"wanted\.csv: b should bear 'AB1', but it does not fit mask:AA99"):
         load_expected(str(path), grammar)
 
 

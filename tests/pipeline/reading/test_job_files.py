@@ -22,7 +22,7 @@ LEAST_FILES = 40
 def outcomes(pipe: Any) -> None:
     """Read every file; send (name, outcome, seconds), and at the end what memory it took."""
     resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
-    from pipeline.common.errors import FileProblem
+    from glyphs.errors import FileError
     from pipeline.common.settings import ReadSettings
     from pipeline.files.touch_file import is_photo, is_scan
     from pipeline.reading.job_reading import read_job
@@ -40,7 +40,7 @@ def outcomes(pipe: Any) -> None:
             try:
                 done = read_job(Job(folder, **{what: path}, names={what: name}), settings, Limits())
                 said = f"read {done.readings[-1].decision}"
-            except FileProblem as problem:
+            except FileError as problem:
                 said = f"problem {problem}"
             except BaseException as error:
                 said = f"fault {error!r}"

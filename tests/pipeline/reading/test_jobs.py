@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
@@ -153,10 +153,10 @@ def test_results_can_be_pickled(unsure: tuple[Done, Path]) -> None:
 
 
 def test_problems_survive_pickling() -> None:
-    problem = FileProblem(Path("a") / "b.png", "is empty", "copy it again")
+    problem = FileError(Path("a") / "b.png", "is empty", "copy it again")
     again = pickle.loads(pickle.dumps(problem))
     assert str(again) == str(problem)
-    assert (again.path, again.problem, again.hint) == (problem.path, problem.problem, problem.hint)
+    assert (again.path, again.what, again.hint) == (problem.path, problem.what, problem.hint)
 
 
 @pytest.mark.parametrize(
@@ -173,7 +173,7 @@ def test_problems_survive_pickling() -> None:
 def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, shown: str) -> None:
     path = tmp_path / "upload-7"
     path.write_bytes(b"no picture")
-    with pytest.raises(FileProblem) as caught:
+    with pytest.raises(FileError) as caught:
         read_job(Job(tmp_path, photo=path, names={"photo": given}), SETTINGS, LIMITS)
     assert str(caught.value).startswith(f"{shown}: is no picture")
     assert str(tmp_path) not in str(caught.value)
@@ -182,17 +182,17 @@ def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, show
 def test_limits_are_checked_from_the_heads(parts: Parts, folder: Path, tmp_path: Path) -> None:
     rows, cols = read_photo(parts.photo).shape
     narrow = replace(LIMITS, max_photo_pixels=rows * cols - 1, max_map_samples=1000)
-    with pytest.raises(FileProblem, match="over the limit"):
+    with pytest.raises(FileError, match="over the limit"):
         read_job(Job(folder, photo=parts.photo), SETTINGS, narrow)
-    with pytest.raises(FileProblem, match="over the limit"):
+    with pytest.raises(FileError, match="over the limit"):
         read_job(Job(folder, height_map=parts.map), SETTINGS, narrow)
-    with pytest.raises(FileProblem, match="is not there"):
+    with pytest.raises(FileError, match="is not there"):
         read_job(Job(folder, photo=tmp_path / "none.png"), SETTINGS, LIMITS)
 
 
 def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Path) -> None:
     settings = SETTINGS.model_copy(update={"format": ("AA99",)})
-    with pytest.raises(FileProblem, match=r"^expected: is '12'"):
+    with pytest.raises(FileError, match=r"^expected: is '12'"):
         read_job(Job(folder, photo=parts.photo, expected="12"), settings, LIMITS)
 
 
@@ -206,7 +206,7 @@ def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
 def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "dies.npz"
     path.write_bytes(b"no database")
-    with pytest.raises(FileProblem) as caught:
+    with pytest.raises(FileError) as caught:
         read_job(Job(folder, photo=parts.photo, database=path), SETTINGS, LIMITS)
     assert str(caught.value).startswith("dies: ")
     assert str(tmp_path) not in str(caught.value)
@@ -252,7 +252,7 @@ def test_scan_beyond_the_limit_is_refused(parts: Parts, unsure: tuple[Done, Path
     done, _ = unsure
     assert done.plan is not None
     scan = SimulatedStage(parts.folder, noise=False).feel(ScanOrder("part", done.plan), folder)
-    with pytest.raises(FileProblem, match="over the limit"):
+    with pytest.raises(FileError, match="over the limit"):
         read_job(Job(folder, scan=scan), SETTINGS, replace(LIMITS, max_scan_samples=10_000))
 
 
@@ -263,5 +263,5 @@ def test_soil_beside_the_map_is_felt(folder: Path, tmp_path: Path) -> None:
 
     path = tmp_path / "soiled.npz"
     write_npz(path, HeightMap(z, 0.1), more={"friction": np.float64(5.0)})
-    with pytest.raises(FileProblem, match="friction runs"):
+    with pytest.raises(FileError, match="friction runs"):
         read_job(Job(folder, height_map=path), SETTINGS, LIMITS)

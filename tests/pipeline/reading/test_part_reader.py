@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from glyphs.camera.photo import Photo
+from glyphs.errors import FileError
 from glyphs.fonts.glyph import Font
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from pipeline.batch.setup import open_readers
-from pipeline.common.errors import FileProblem
 from pipeline.files.listing import list_parts
 from pipeline.files.npz import soil_members, write_npz
 from pipeline.files.parts import Part, discover
@@ -140,7 +140,7 @@ BOTH = (Sense.TOUCH, Sense.VISION)
 def test_modes(mode: Mode | None, felt: Any, seen: Any, both: Any, folder: Path) -> None:
     for name, senses in (("felt", felt), ("seen", seen), ("both", both)):
         if senses is None:
-            with pytest.raises(FileProblem, match=rf"{name}\.(npz|png): has no .*; add one"):
+            with pytest.raises(FileError, match=rf"{name}\.(npz|png): has no .*; add one"):
                 senses_of(part(folder, name), mode)
         else:
             assert senses_of(part(folder, name), mode) == senses
@@ -184,14 +184,14 @@ def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Pat
     assert any(
         "read by touch alone" in message and "both.png" in message for message in found.reading.messages()
     )
-    with pytest.raises(FileProblem, match=r"both\.png"):
+    with pytest.raises(FileError, match=r"both\.png"):
         Senses(FakeReaders(), mode=Mode.FUSED).sense(part(folder, "both"))
 
 
 def test_two_photographs_are_told_where_vision_is_asked(folder: Path) -> None:
     (folder / "both.jpg").write_bytes(b"x")
     assert Senses(FakeReaders()).sense(part(folder, "both")).reading.text == "A1"
-    with pytest.raises(FileProblem, match="which is the part's is unclear"):
+    with pytest.raises(FileError, match="which is the part's is unclear"):
         Senses(FakeReaders(), mode=Mode.VISION).sense(part(folder, "both"))
 
 
@@ -263,6 +263,6 @@ def test_a_part_that_the_table_does_not_know_is_told(folder: Path) -> None:
 
 
 def test_a_part_with_a_problem_is_not_opened(folder: Path) -> None:
-    problem = FileProblem("a", "b", "c")
-    with pytest.raises(FileProblem):
+    problem = FileError("a", "b", "c")
+    with pytest.raises(FileError):
         Senses(FakeReaders()).sense(replace(part(folder, "felt"), problem=problem))

@@ -13,10 +13,10 @@ import pyarrow.parquet
 import pytest
 import x3pio
 
+from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
 from pipeline.batch.tables import check_output, write_rows
-from pipeline.common.errors import FileProblem
 from pipeline.common.row import Row
 from pipeline.files.npz import write_npz
 from pipeline.files.parts import discover
@@ -191,12 +191,12 @@ def test_an_empty_run_is_an_empty_table(suffix: str, tmp_path: Path) -> None:
 
 
 def test_a_table_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
-    with pytest.raises(FileProblem, match=r"\.csv, \.jsonl, \.parquet"):
+    with pytest.raises(FileError, match=r"\.csv, \.jsonl, \.parquet"):
         check_output(tmp_path / "t.xlsx")
-    with pytest.raises(FileProblem, match="cannot be written"):
+    with pytest.raises(FileError, match="cannot be written"):
         check_output(tmp_path / "none" / "t.csv")
     (tmp_path / "folder.csv").mkdir()
-    with pytest.raises(FileProblem, match="is a folder"):
+    with pytest.raises(FileError, match="is a folder"):
         check_output(tmp_path / "folder.csv")
     assert [p.name for p in tmp_path.iterdir()] == ["folder.csv"]
 
@@ -210,7 +210,7 @@ def test_a_failed_write_leaves_the_old_table(tmp_path: Path, monkeypatch: pytest
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("pipeline.common.atomic.os.replace", full)
-    with pytest.raises(FileProblem, match="No space"):
+    with pytest.raises(FileError, match="No space"):
         write_rows(ROWS[:1], path)
     assert path.read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 1
@@ -250,7 +250,7 @@ def test_truth_tables_of_several_kinds(content: bytes, tmp_path: Path) -> None:
     ],
 )
 def test_truth_tables_that_are_none(content: bytes, message: str, tmp_path: Path) -> None:
-    with pytest.raises(FileProblem, match=message) as caught:
+    with pytest.raises(FileError, match=message) as caught:
         truth_of(tmp_path, content)
     assert str(tmp_path / "truth.csv") in str(caught.value)
 

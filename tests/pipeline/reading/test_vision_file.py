@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from glyphs.camera.photo import Photo
+from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, TraceDirection
-from pipeline.common.errors import FileProblem
 from pipeline.reading.vision_file import KeptVision, load_vision, middle_mm, moved, save_vision
 from recognition.lattice import Lattice
 from recognition.reader_settings import ReaderSettings
@@ -156,15 +156,15 @@ def test_damaged_files_are_problems(tmp_path: Path, share: float) -> None:
     save_vision(path, KeptVision(vision()))
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(FileProblem):
+    with pytest.raises(FileError):
         load_vision(path)
 
 
 def test_other_archives_are_problems(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
     np.savez(path, told=np.array([object()], dtype=object))
-    with pytest.raises(FileProblem):
+    with pytest.raises(FileError):
         load_vision(path)
     np.savez(path, other=np.zeros(3))
-    with pytest.raises(FileProblem):
+    with pytest.raises(FileError):
         load_vision(path)

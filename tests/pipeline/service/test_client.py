@@ -392,7 +392,7 @@ def test_threads_may_share_a_client(fresh: tuple[Service, str]) -> None:
 def test_a_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
-    from pipeline.common.missing_extra import MissingExtraError
+    from glyphs.errors import MissingExtraError
     from pipeline.service.line.mqtt import MqttSender
     from pipeline.service.line.opcua import OpcUaPort
     from pipeline.service.line.webhook import WebhookSender

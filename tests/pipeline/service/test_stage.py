@@ -144,7 +144,7 @@ def test_where_there_is_no_stage_the_mend_is_told(tmp_path: Path) -> None:
 
 def test_stage_errors_survive_pickling() -> None:
     error = pickle.loads(pickle.dumps(StageError("jammed", "free it")))
-    assert (error.problem, error.hint, str(error)) == ("jammed", "free it", "jammed; free it")
+    assert (error.what, error.hint, str(error)) == ("jammed", "free it", "jammed; free it")
 
 
 def test_raster_of_a_plan_has_its_pitches() -> None:

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 from tests.support.store_samples import PHOTO, SCAN, Clock, received
@@ -114,7 +114,7 @@ def test_links_pipes_and_folders_are_no_files(folder: EvidenceFolder, tmp_path: 
     link.symlink_to(secret)
     os.mkfifo(pipe)
     for path in (link, pipe, folder.new_work_folder(), folder.incoming / "missing"):
-        with pytest.raises(FileProblem):
+        with pytest.raises(FileError):
             folder.keep(path)
     assert secret.exists()
     assert list((folder.root / "files").iterdir()) == []
@@ -148,13 +148,13 @@ def test_a_full_disk_is_told(folder: EvidenceFolder, monkeypatch: pytest.MonkeyP
 
     path = _upload(folder, b"photo")
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(FileProblem, match=r"No space left on device.*check that the disk has room"):
+    with pytest.raises(FileError, match=r"No space left on device.*check that the disk has room"):
         folder.keep(path)
 
 
 def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
-    with pytest.raises(FileProblem, match="evidence folder can be written"):
+    with pytest.raises(FileError, match="evidence folder can be written"):
         EvidenceFolder(tmp_path / "file" / "evidence")
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.jobs import Limits
 from pipeline.workers.pool import BusyError, WorkerLostError, WorkPool
@@ -67,7 +67,7 @@ def test_function_is_called_in_another_process(pool: WorkPool) -> None:
 
 
 def test_exceptions_come_back_as_they_are(pool: WorkPool) -> None:
-    with pytest.raises(FileProblem) as caught:
+    with pytest.raises(FileError) as caught:
         pool.submit(calls.fail_with_problem).result(LONG_S)
     assert (caught.value.problem, caught.value.hint) == ("is empty", "copy it again")
     with pytest.raises(RuntimeError, match="OddError: 1 and 2"):

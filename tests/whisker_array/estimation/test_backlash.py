@@ -11,7 +11,8 @@ from scipy import signal
 
 from whisker_array.estimation.backlash import correlation
 from whisker_array.estimation.registration import LIMIT_PIXELS, STEEPEST, _costs, _moved, play_pixels
-from whisker_array.whisker.enhancement import EnhancementError, moment_ratio
+from whisker_array.whisker.enhancement import moment_ratio
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.touch import default_touch
 
 Layer = NDArray[np.float64]
@@ -59,7 +60,7 @@ def test_a_whisker_that_jams_on_the_land_is_refused() -> None:
     tip = replace(
         TOUCH.tip, compliance_mm_per_n=np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 1.0]])
     )
-    with pytest.raises(EnhancementError, match="jams"):
+    with pytest.raises(WhiskerError, match="jams"):
         play_pixels(*maps(40), touch=replace(TOUCH, tip=tip, friction=1.2), pitch_mm=PITCH)
 
 

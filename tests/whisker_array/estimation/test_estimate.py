@@ -10,7 +10,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from whisker_array.estimation.estimate import (
-    EstimateError,
     friction_from_shapes,
     friction_from_two_ways,
     is_profiler,
@@ -23,7 +22,7 @@ from whisker_array.estimation.estimate import (
 )
 from whisker_array.simulation.contact import land_lag_mm
 from whisker_array.whisker.enhancement import is_jammed, land_moment_n_mm, moment_ratio, rotation
-from whisker_array.whisker.sections import Rectangle
+from whisker_array.whisker.sections import Rectangle, WhiskerError
 from whisker_array.whisker.shapes import LShaped, Straight, TipModel
 
 RIBBON = Rectangle(0.3, 4.5)
@@ -203,13 +202,13 @@ def test_shapes_broadcast() -> None:
 
 def test_the_wrong_whisker_is_refused() -> None:
     profiler, differentiator = l_shaped(0.117, 0.0, -0.5), l_shaped(0.117, 0.0)
-    with pytest.raises(EstimateError, match="is no profiler"):
+    with pytest.raises(WhiskerError, match="is no profiler"):
         lift_from_profiler(-5.0, differentiator)
-    with pytest.raises(EstimateError, match="is no profiler"):
+    with pytest.raises(WhiskerError, match="is no profiler"):
         friction_from_shapes(-5.0, -5.0, differentiator=differentiator, profiler=differentiator)
-    with pytest.raises(EstimateError, match="does not feel the slope"):
+    with pytest.raises(WhiskerError, match="does not feel the slope"):
         lean_from_moment(-5.0, 1.0, profiler)
-    with pytest.raises(EstimateError, match="same both ways"):
+    with pytest.raises(WhiskerError, match="same both ways"):
         friction_from_two_ways(-5.0, -5.0, profiler)
-    with pytest.raises(EstimateError, match="does not feel the slope"):
+    with pytest.raises(WhiskerError, match="does not feel the slope"):
         slope_from_turned(-5.0, -5.0, profiler, mu=0.2)

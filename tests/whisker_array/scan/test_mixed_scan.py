@@ -10,14 +10,16 @@ import h5py
 import numpy as np
 import pytest
 
+from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import edge_map
-from whisker_array.scan.recording import RecordingError, load_scan, save_calibration, save_scan
+from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan, only, trace_scan, with_calibration
 from whisker_array.scan.sensor import Calibration, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray, default_plan
 from whisker_array.whisker.enhancement import land_moment_n_mm
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.touch import default_touch, profiling_touch
 
 N = 4
@@ -81,7 +83,7 @@ def test_the_default_plan_hands_both_on() -> None:
     assert plan.two_way
     plain = default_plan((0.0, 0.0, 9.0, 6.0), character_height_mm=5.0)
     assert (plain.array.rows, plain.two_way) == (1, False)
-    with pytest.raises(ValueError, match="rows is 0"):
+    with pytest.raises(WhiskerError, match="rows is 0"):
         WhiskerArray(3, 1.0, rows=0)
 
 
@@ -343,5 +345,5 @@ def test_damaged_files_say_what_is_wrong(
 ) -> None:
     with h5py.File(recording, "r+") as file:
         change(file)
-    with pytest.raises(RecordingError, match=message):
+    with pytest.raises(FileError, match=message):
         load_scan(recording)

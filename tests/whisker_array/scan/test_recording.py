@@ -13,8 +13,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, TraceDirection
-from whisker_array.scan.recording import RecordingError, load_scan, save_calibration, save_scan
+from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan, trace_scan, with_calibration
 from whisker_array.scan.sensor import Calibration, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag
@@ -136,7 +137,7 @@ def test_the_example_of_the_documentation_runs_and_reads(
     monkeypatch.chdir(tmp_path)
     exec(compile(example[0], "docs/pages/reference/recordings.md", "exec"), {})
     path = tmp_path / "scan.h5"
-    with pytest.raises(RecordingError, match="calibrate"):
+    with pytest.raises(FileError, match="calibrate"):
         load_scan(path)
     raw = load_scan(path, raw=True)
     save_calibration(path, Calibration(np.array([0.5, 0.5]), np.array([0.02, 0.02])))
@@ -209,7 +210,7 @@ def test_a_calibration_leaves_the_rest_as_it_is(scan: Scan, recording: Path, tmp
         assert load_scan(path, raw=True).calibration is None
         with h5py.File(path) as file:
             assert file["laboratory/temperature_c"][()] == 21.5
-    with pytest.raises(RecordingError, match="2"):
+    with pytest.raises(FileError, match="2"):
         save_calibration(recording, Calibration(np.ones(2), np.zeros(2)))
 
 
@@ -300,7 +301,7 @@ def test_every_fault_is_named_with_the_file(case: str, recording: Path) -> None:
         if case == "lead too long":
             change = _set("passes/n_lead", np.full(file["passes/direction_deg"].shape, 10_000))
         change(file)
-    with pytest.raises(RecordingError, match=re.escape(message)) as caught:
+    with pytest.raises(FileError, match=re.escape(message)) as caught:
         load_scan(recording)
     assert str(recording) in str(caught.value)
     assert caught.value.hint
@@ -310,16 +311,16 @@ def test_every_fault_is_named_with_the_file(case: str, recording: Path) -> None:
 def test_foreign_files_are_refused(data: bytes, tmp_path: Path) -> None:
     path = tmp_path / "x.h5"
     path.write_bytes(data)
-    with pytest.raises(RecordingError, match=re.escape(str(path))):
+    with pytest.raises(FileError, match=re.escape(str(path))):
         load_scan(path)
 
 
 def test_missing_files_and_folders_are_refused(scan: Scan, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="not there"):
+    with pytest.raises(FileError, match="not there"):
         load_scan(tmp_path / "none.h5")
-    with pytest.raises(RecordingError, match="no file"):
+    with pytest.raises(FileError, match="no file"):
         load_scan(tmp_path)
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with pytest.raises(FileError, match="cannot be written"):
         save_scan(scan, tmp_path / "none" / "scan.h5")
 
 
@@ -332,7 +333,7 @@ def test_a_failed_write_leaves_the_old_file(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("whisker_array.scan.recording.os.replace", full)
-    with pytest.raises(RecordingError, match="space"):
+    with pytest.raises(FileError, match="space"):
         save_scan(scan, recording)
     assert recording.read_bytes() == before
     assert [p.name for p in recording.parent.iterdir()] == [recording.name]
@@ -350,6 +351,6 @@ def test_damage_never_raises_anything_else(data: st.DataObject, content: bytes, 
             broken[place] = data.draw(st.integers(0, 255))
     path.write_bytes(bytes(broken))
     loaded = None
-    with contextlib.suppress(RecordingError):
+    with contextlib.suppress(FileError):
         loaded = load_scan(path)
     assert loaded is None or np.isfinite(loaded.sweeps[0].moment_n_mm).all()

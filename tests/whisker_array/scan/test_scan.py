@@ -13,6 +13,7 @@ from whisker_array.scan.sensor import Calibration, SensorChain, SensorError, dra
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
 from whisker_array.whisker.enhancement import land_moment_n_mm
+from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.touch import Touch, default_touch
 
 PITCH = 0.05
@@ -228,7 +229,7 @@ def test_refusals_say_what_is_wrong() -> None:
         ({"tip_radius_mm": -0.1}, "tip_radius_mm"),
         ({"friction": 2.5}, "friction"),
     ):
-        with pytest.raises(ValueError, match=message):
+        with pytest.raises(WhiskerError, match=message):
             Touch(**{"tip": tip, "preload_mm": 1.0, "tip_radius_mm": 0.05, **change})
     scan = trace_scan(plate(), touch=TOUCH, plan=PLAN)
     sweep = scan.sweeps[0]

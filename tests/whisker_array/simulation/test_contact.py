@@ -27,7 +27,7 @@ from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
-from whisker_array.whisker.sections import Rectangle, Round
+from whisker_array.whisker.sections import Rectangle, Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, Straight, TipModel
 from whisker_array.whisker.touch import default_touch
 
@@ -421,7 +421,7 @@ def test_the_lag_is_that_of_the_sliding_force() -> None:
 def test_refusals_speak() -> None:
     surface = surface_of(lambda x, z: 0.0 * x, pitch=0.05, size=(1.0, 1.0))
     for wrong in (0.0, -1.0, math.inf):
-        with pytest.raises(ValueError, match="pressed on"):
+        with pytest.raises(WhiskerError, match="pressed on"):
             trace(surface, RIBBON, lines=np.array([0.5]), start=0.1, step=0.05, n=3, d0=wrong)
-        with pytest.raises(ValueError, match="step_mm"):
+        with pytest.raises(WhiskerError, match="step_mm"):
             trace(surface, RIBBON, lines=np.array([0.5]), start=0.1, step=wrong, n=3)

@@ -13,7 +13,7 @@ from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm, moment_ratio
-from whisker_array.whisker.sections import Round
+from whisker_array.whisker.sections import Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, Straight
 
 STEP = 0.05
@@ -118,7 +118,7 @@ def test_a_trace_of_one_sample_is_flat_and_refusals_speak() -> None:
         1.1 * land_moment_n_mm(tip, preload_mm=D0, mu=0.2), rel=1e-5
     )
     for wrong in (0.0, -1.0, math.nan):
-        with pytest.raises(ValueError, match="preload_mm"):
+        with pytest.raises(WhiskerError, match="preload_mm"):
             trace_pointwise(h, tip, step_mm=STEP, preload_mm=wrong, friction=0.2)
-        with pytest.raises(ValueError, match="step_mm"):
+        with pytest.raises(WhiskerError, match="step_mm"):
             trace_pointwise(h, tip, step_mm=wrong, preload_mm=D0, friction=0.2)

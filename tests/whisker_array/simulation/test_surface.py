@@ -20,6 +20,7 @@ from whisker_array.simulation.surface import (
     prepare_surface,
     sample_lines,
 )
+from whisker_array.whisker.sections import WhiskerError
 
 PITCH = 0.05
 FLOAT32 = 2e-7
@@ -107,9 +108,9 @@ def test_a_ridge_is_as_high_and_wider() -> None:
 def test_refused_tips() -> None:
     z = rough(3)
     for radius in (-0.1, np.nan, np.inf):
-        with pytest.raises(ValueError, match="zero or positive"):
+        with pytest.raises(WhiskerError, match="zero or positive"):
             dilate(z, radius)
-    with pytest.raises(ValueError, match="finer tip"):
+    with pytest.raises(WhiskerError, match="finer tip"):
         dilate(z, 61.5 * PITCH)
 
 

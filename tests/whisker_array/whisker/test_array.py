@@ -17,6 +17,7 @@ from whisker_array.whisker.array import (
     WhiskerArray,
     default_plan,
 )
+from whisker_array.whisker.sections import WhiskerError
 
 plans = st.builds(
     lambda whiskers, lines, pitch, x0, y0, width, height, step, lead: RasterPlan(
@@ -143,13 +144,13 @@ def test_refusals_say_what_is_wrong() -> None:
     ]
     assert RasterPlan(**good).interlace == 4
     for change, message in cases:
-        with pytest.raises(ValueError, match=message):
+        with pytest.raises(WhiskerError, match=message):
             RasterPlan(**{**good, **change})
     # one whisker has no neighbour to be apart from
     assert RasterPlan(**{**good, "array": WhiskerArray(1, 1.0), "line_pitch_mm": 0.3}).n_passes > 0
-    with pytest.raises(ValueError, match="at least one whisker"):
+    with pytest.raises(WhiskerError, match="at least one whisker"):
         WhiskerArray(0, 1.0)
-    with pytest.raises(ValueError, match="pitch_mm"):
+    with pytest.raises(WhiskerError, match="pitch_mm"):
         WhiskerArray(2, 0.0)
-    with pytest.raises(ValueError, match="character_height_mm"):
+    with pytest.raises(WhiskerError, match="character_height_mm"):
         default_plan((0, 0, 1, 1), character_height_mm=-5.0)

@@ -13,16 +13,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from whisker_array.whisker.beam import BeamError, Segment, chain_compliance, cross_matrix, split
+from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix, split
 from whisker_array.whisker.sections import (
     MUSIC_WIRE,
     Material,
     Rectangle,
     Round,
     Section,
-    SectionError,
     Taper,
     Tube,
+    WhiskerError,
 )
 
 E, G = MUSIC_WIRE.e_mpa, MUSIC_WIRE.g_mpa
@@ -213,28 +213,28 @@ def test_scaling_a_section(section: Section) -> None:
 
 
 def test_refusals_say_what_is_wrong() -> None:
-    with pytest.raises(SectionError, match="diameter_mm is -1"):
+    with pytest.raises(WhiskerError, match="diameter_mm is -1"):
         Round(-1.0)
-    with pytest.raises(SectionError, match="below outer_mm"):
+    with pytest.raises(WhiskerError, match="below outer_mm"):
         Tube(0.3, 0.3)
-    with pytest.raises(SectionError, match="same kind"):
+    with pytest.raises(WhiskerError, match="same kind"):
         Taper(Round(0.3), Rectangle(0.3, 0.3))
     for other in (Tube(1.0, 0.5), Rectangle(1.0, 1.0)):
-        with pytest.raises(SectionError, match="same kind"):
+        with pytest.raises(WhiskerError, match="same kind"):
             other.blend(Round(1.0), 0.5)
-    with pytest.raises(SectionError, match="poisson"):
+    with pytest.raises(WhiskerError, match="poisson"):
         Material("jelly", 1.0, 0.5, 1.0, 1.0)
-    with pytest.raises(BeamError, match="at least one segment"):
+    with pytest.raises(WhiskerError, match="at least one segment"):
         chain_compliance([])
-    with pytest.raises(BeamError, match="no length"):
+    with pytest.raises(WhiskerError, match="no length"):
         Segment(np.ones(3), np.ones(3), Round(0.3), MUSIC_WIRE)
-    with pytest.raises(BeamError, match="three finite"):
+    with pytest.raises(WhiskerError, match="three finite"):
         Segment(np.array([0.0, np.nan, 0.0]), np.ones(3), Round(0.3), MUSIC_WIRE)
     a = Segment(np.zeros(3), -np.ones(3), Round(0.3), MUSIC_WIRE)
-    with pytest.raises(BeamError, match="list them base to tip"):
+    with pytest.raises(WhiskerError, match="list them base to tip"):
         chain_compliance([a, a])
-    with pytest.raises(BeamError, match="at least 1"):
+    with pytest.raises(WhiskerError, match="at least 1"):
         split(a, 0)
     needle = Segment(np.zeros(3), -np.ones(3), Taper(Round(1.0), Round(1e-9)), MUSIC_WIRE)
-    with pytest.raises(BeamError, match="too steep"):
+    with pytest.raises(WhiskerError, match="too steep"):
         chain_compliance([needle])

@@ -10,7 +10,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from whisker_array.whisker.enhancement import (
-    EnhancementError,
     contact_direction,
     contact_force,
     enhancement_factor,
@@ -28,7 +27,7 @@ from whisker_array.whisker.enhancement import (
     rotation,
     singular_angle_rad,
 )
-from whisker_array.whisker.sections import Rectangle, Round
+from whisker_array.whisker.sections import Rectangle, Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, Straight, TipModel
 
 MUS = (0.0, 0.1, 0.3, 0.5)
@@ -166,19 +165,19 @@ def test_moment_ratio_keeps_shape_and_marks_jams() -> None:
 
 def test_refusals_say_what_is_wrong() -> None:
     model = level(0.117)
-    with pytest.raises(EnhancementError, match="radians"):
+    with pytest.raises(WhiskerError, match="radians"):
         friction_slope(45.0, 0.1)
-    with pytest.raises(EnhancementError, match=r"mu is -0\.1"):
+    with pytest.raises(WhiskerError, match=r"mu is -0\.1"):
         contact_direction(-0.1)
-    with pytest.raises(EnhancementError, match="0/0"):
+    with pytest.raises(WhiskerError, match="0/0"):
         h_of_paper(0.0, 0.1)
-    with pytest.raises(EnhancementError, match="k is"):
+    with pytest.raises(WhiskerError, match="k is"):
         singular_angle_rad(-1.0)
-    with pytest.raises(EnhancementError, match="jams"):
+    with pytest.raises(WhiskerError, match="jams"):
         normal_force_n(model, lift_mm=1.0, alpha_rad=-1.3, mu=0.5)
     backwards = LShaped(30.0, 3.0, None, -1.4, Rectangle(0.3, 4.5)).tip_model()
-    with pytest.raises(EnhancementError, match="on the land itself"):
+    with pytest.raises(WhiskerError, match="on the land itself"):
         moment_ratio(0.0, 0.5, backwards)
     no_arm = TipModel(np.eye(3), np.array([1.0, 0.0, 0.0]))
-    with pytest.raises(EnhancementError, match="no moment"):
+    with pytest.raises(WhiskerError, match="no moment"):
         enhancement_factor(no_arm, alpha_rad=0.1, mu=0.0)

@@ -18,8 +18,8 @@ from whisker_array.whisker.closed_forms import (
 )
 from whisker_array.whisker.defaults import default_preload_mm, default_whisker
 from whisker_array.whisker.enhancement import land_moment_n_mm
-from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, Round, Section, Taper, Tube
-from whisker_array.whisker.shapes import Chain, LShaped, Straight, TipModel, Whisker, WhiskerError
+from whisker_array.whisker.sections import MUSIC_WIRE, Rectangle, Round, Section, Taper, Tube, WhiskerError
+from whisker_array.whisker.shapes import Chain, LShaped, Straight, TipModel, Whisker
 from whisker_array.whisker.validity import (
     Validity,
     check_validity,

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.line.result_string import DEFAULT_FORMAT, FormatError, ResultString
+from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString, ResultStringError
 from pipeline.service.line.tcp import TcpLimits, TcpPort
 from pipeline.service.line.trigger import LineDecision, decision_of, in_words, is_hidden
 from pipeline.service.problem import Problem
@@ -313,7 +313,7 @@ def test_the_format_is_the_integrators() -> None:
     ],
 )
 def test_a_format_that_cannot_be_is_refused_at_once(template: str) -> None:
-    with pytest.raises(FormatError):
+    with pytest.raises(ResultStringError):
         ResultString(template)
 
 
