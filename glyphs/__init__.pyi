@@ -2,18 +2,19 @@ from .camera.appearance import draw_camera, draw_light, photograph
 from .camera.photo import Photo
 from .camera.pose import Camera
 from .camera.shading import Light
+from .errors import FileError, MarksError
 from .fonts.glyph import Font, FontError, Glyph
 from .fonts.outlines import BUILTIN_FONTS, load_font
-from .fonts.serials import MaskError, allowed_characters, random_text
+from .fonts.serials import FormatError, allowed_characters, random_text
 from .part import Part, stamp
 from .soiling.coat import Look
-from .soiling.dirty import Dirt, DirtError, SoiledPart, soil_part
+from .soiling.dirty import Dirt, SoiledPart, soil_part
 from .soiling.soil import Soil
 from .stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
 from .stamping.die import IdealGlyph, ideal_relief
-from .stamping.faces import Die, DieError, Face, default_die
+from .stamping.faces import Die, Face, default_die
 from .stamping.stamp import StampedPart, stamp_line
-from .stamping.variation import PlateVariation, StampingVariation, VariationError
+from .stamping.variation import PlateVariation, StampError, StampingVariation
 from .stamping.wedge import Wedge
 from .surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 
@@ -22,14 +23,14 @@ __all__ = [
     "Camera",
     "DatabaseError",
     "Die",
-    "DieError",
     "Dirt",
-    "DirtError",
     "EdgeMap",
     "Exemplar",
     "Face",
+    "FileError",
     "Font",
     "FontError",
+    "FormatError",
     "Glyph",
     "GlyphDatabase",
     "HeightMap",
@@ -37,16 +38,16 @@ __all__ = [
     "Light",
     "Look",
     "MapError",
-    "MaskError",
+    "MarksError",
     "Part",
     "Photo",
     "PlateVariation",
     "Soil",
     "SoiledPart",
+    "StampError",
     "StampedPart",
     "StampingVariation",
     "TraceDirection",
-    "VariationError",
     "Wedge",
     "allowed_characters",
     "default_die",

@@ -2,35 +2,30 @@ from .design.design import Design, design_whisker
 from .design.limits import DesignError, Limits, Request
 from .design.tuned import Tuned, tune
 from .estimation.edges import edge_map
-from .estimation.estimate import EstimateError
 from .estimation.friction import LandFriction, land_friction
 from .estimation.profiled import estimate_relief
 from .estimation.relief import Relief, relief_from_edges
-from .scan.checked import RecordingError
 from .scan.recording import load_scan, save_calibration, save_scan
 from .scan.scan import Scan, Sweep, trace_scan
 from .scan.sensor import Calibration, SensorChain, SensorError, calibrate_lead_in, draw_sensor_chain
 from .simulation.traces import Fidelity, SampleFlag
 from .whisker.array import RasterPlan, SweepPlan, WhiskerArray, default_plan
-from .whisker.beam import BeamError, Segment
+from .whisker.beam import Segment
 from .whisker.defaults import default_preload_mm, default_whisker
 from .whisker.elastica import ElasticaError, LargeDeflection, large_deflection
-from .whisker.enhancement import EnhancementError, enhancement_factor, moment_ratio
-from .whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, SectionError, Taper, Tube
-from .whisker.shapes import Chain, LShaped, Straight, TipModel, WhiskerError
+from .whisker.enhancement import enhancement_factor, moment_ratio
+from .whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, Taper, Tube, WhiskerError
+from .whisker.shapes import Chain, LShaped, Straight, TipModel
 from .whisker.touch import Touch, default_touch, profiling_touch
 from .whisker.validity import Validity, check_validity, validity_messages
 
 __all__ = [
     "MUSIC_WIRE",
-    "BeamError",
     "Calibration",
     "Chain",
     "Design",
     "DesignError",
     "ElasticaError",
-    "EnhancementError",
-    "EstimateError",
     "Fidelity",
     "LShaped",
     "LandFriction",
@@ -38,14 +33,12 @@ __all__ = [
     "Limits",
     "Material",
     "RasterPlan",
-    "RecordingError",
     "Rectangle",
     "Relief",
     "Request",
     "Round",
     "SampleFlag",
     "Scan",
-    "SectionError",
     "Segment",
     "SensorChain",
     "SensorError",

@@ -22,10 +22,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from glyphs.errors import FileError
 from pipeline.batch.row_files import RowFile, read_rows
 from pipeline.batch.tables import LINE_FORMS, check_output, write_parquet, write_rows
 from pipeline.common.atomic import replacing, sync_folder
-from pipeline.common.errors import FileProblem
 from pipeline.common.file_lock import lock
 from pipeline.common.row import Row
 from pipeline.common.run_description import differences, key_of
@@ -71,7 +71,7 @@ class RunJournal:
         """Take up the run that broke off there, or begin one.
 
         Raises:
-            FileProblem: unknown suffix; no place to write; another run writes it, or broke off there; damage.
+            FileError: unknown suffix; no place to write; another run writes it, or broke off there; damage.
         """
         return cls(path, description)
 
@@ -101,7 +101,7 @@ class RunJournal:
         When it returns, the row outlives any end of the process; a loss of power may take the last rows.
 
         Raises:
-            FileProblem: it cannot be written; the rows before stay.
+            FileError: it cannot be written; the rows before stay.
             ValueError: a row that no table holds, see `pipeline.batch.tables.kept_values`.
         """
         with self._faults_told():
@@ -111,7 +111,7 @@ class RunJournal:
         """The rows kept so far, streamed: in the order of the file, after `finish` in the order of the parts.
 
         Raises:
-            FileProblem: the file was damaged or replaced meanwhile.
+            FileError: the file was damaged or replaced meanwhile.
         """
         return read_rows(self.path) if self._finished else self._rows.rows()
 
@@ -122,7 +122,7 @@ class RunJournal:
             order: names of the parts; names without a row are passed over.
 
         Raises:
-            FileProblem: it cannot be written; the same command takes the run up and ends it.
+            FileError: it cannot be written; the same command takes the run up and ends it.
         """
         numbers = self._rows.numbers_in(order)
         with self._faults_told():
@@ -153,7 +153,7 @@ class RunJournal:
         """Let go of the table; a run that is not finished can be taken up again.
 
         Raises:
-            FileProblem: it cannot be written.
+            FileError: it cannot be written.
         """
         try:
             with self._faults_told():
@@ -192,11 +192,11 @@ class RunJournal:
             held = None
         if isinstance(held, dict):
             if held.get("format_version", FORMAT_VERSION) != FORMAT_VERSION:
-                raise FileProblem(self._marker_path, "is of another version of the program", self._hint())
+                raise FileError(self._marker_path, "is of another version of the program", self._hint())
             if isinstance(held.get("description"), dict):
                 return held
         if text and self._has_rows(self._rows_path):
-            raise FileProblem(self._marker_path, "is damaged", self._hint())
+            raise FileError(self._marker_path, "is damaged", self._hint())
         self._marker.truncate(0)
         return None
 
@@ -204,7 +204,7 @@ class RunJournal:
         if held.get("key") == key_of(self.description):
             return
         told = differences(held["description"], self.description)
-        raise FileProblem(self.path, f"is of another run, not finished ({told})", self._hint())
+        raise FileError(self.path, f"is of another run, not finished ({told})", self._hint())
 
     def _make_place(self) -> None:
         for path in {self._rows_path: None, self.path: None}:
@@ -233,14 +233,14 @@ class RunJournal:
         """Tell an OSError, and what `replacing` made of one, as what it means to the run."""
         try:
             yield
-        except (OSError, FileProblem) as problem:
-            fault = problem.__cause__ if isinstance(problem, FileProblem) else problem
+        except (OSError, FileError) as problem:
+            fault = problem.__cause__ if isinstance(problem, FileError) else problem
             if not isinstance(fault, OSError):
                 raise
             full = fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
             hint = "make room" if full else "see to the disk and its permissions"
             told = f"cannot be written ({fault.strerror or fault})"
-            raise FileProblem(self.path, told, f"{hint} and start the same command again") from fault
+            raise FileError(self.path, told, f"{hint} and start the same command again") from fault
 
     def _hint(self) -> str:
         return f"name another file, or remove {self._marker_path.name} to begin anew"
@@ -265,9 +265,7 @@ def _locked(marker: Path, table: Path) -> FileIO:
         stream: FileIO = open(marker, "a+b", buffering=0)  # noqa: SIM115
         try:
             if not lock(stream.fileno(), wait=False):
-                raise FileProblem(
-                    table, "is being written by another run", "wait for it or name another file"
-                )
+                raise FileError(table, "is being written by another run", "wait for it or name another file")
             if os.path.samestat(os.fstat(stream.fileno()), os.stat(marker)):
                 _HELD.add(stream)
                 return stream

@@ -13,7 +13,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from pipeline.common.errors import FileProblem, damage_reported, require_file
+from glyphs.errors import FileError, damage_reported, require_file
 
 MOST_OBJECTS = 10_000
 """In an HDF5 file; a recording has some thirty."""
@@ -32,7 +32,7 @@ def check_photo(path: Path, *, most: int) -> None:
     """Refuse a photograph of too many pixels.
 
     Raises:
-        FileProblem: it has more, is no picture, or its head is damaged.
+        FileError: it has more, is no picture, or its head is damaged.
     """
     from pipeline.files.photos import read_header
 
@@ -43,7 +43,7 @@ def check_map(path: Path, *, most: int) -> None:
     """Refuse a height map of too many samples; of formats but .npz, X3P and SDF their readers look at the head.
 
     Raises:
-        FileProblem: it has more, or points to other files.
+        FileError: it has more, or points to other files.
     """
     require_file(path, most_bytes=most * 24 + 64_000_000)
     with damage_reported(path, kind="height map"):
@@ -68,13 +68,11 @@ def check_scan(path: Path, *, most: int) -> None:
     """Refuse a recording of too many samples, or one that points to other files.
 
     Raises:
-        FileProblem: it is such a file, or no HDF5.
+        FileError: it is such a file, or no HDF5.
     """
     require_file(path, most_bytes=most * 16 + 64_000_000)
     if not is_hdf5(path):
-        raise FileProblem(
-            path, "is no HDF5 file", "record it anew, or send a height map under its own suffix"
-        )
+        raise FileError(path, "is no HDF5 file", "record it anew, or send a height map under its own suffix")
     check_hdf5(path, most=most)
 
 
@@ -95,7 +93,7 @@ def check_hdf5(path: Path, *, most: int) -> None:
     """Walk through an HDF5 file without following links: all that it holds must be in it, and of bounded size.
 
     Raises:
-        FileProblem: it is not so.
+        FileError: it is not so.
     """
     import h5py
 
@@ -107,15 +105,13 @@ def check_hdf5(path: Path, *, most: int) -> None:
             group, depth = groups.pop()
             objects += len(group)
             if objects > MOST_OBJECTS or depth > MOST_DEPTH:
-                raise FileProblem(
+                raise FileError(
                     path, "holds far more groups than a recording", "see docs/pages/reference/recordings.md"
                 )
             for name in group:
                 link = group.get(name, getlink=True)
                 if isinstance(link, h5py.ExternalLink):
-                    raise FileProblem(
-                        path, f"has a link into another file (/{name})", "copy the data into it"
-                    )
+                    raise FileError(path, f"has a link into another file (/{name})", "copy the data into it")
                 if not isinstance(link, h5py.HardLink):
                     continue  # within the file: what it leads to is met by itself
                 found = group[name]
@@ -141,13 +137,13 @@ def _check_dataset(path: Path, dataset: Any, most: int) -> None:
     made = dataset.id.get_create_plist()
     layout = made.get_layout()
     if layout == h5py.h5d.VIRTUAL or made.get_external_count():
-        raise FileProblem(path, f"keeps {dataset.name} in another file", "copy the data into this one")
+        raise FileError(path, f"keeps {dataset.name} in another file", "copy the data into this one")
     count = 1
     for n in dataset.id.shape:
         count *= int(n)
     # of a single whisker the stage's positions are twice as many as the samples
     if count > 2 * most or (dataset.name == "/scan/signal" and count > most):
-        raise FileProblem(
+        raise FileError(
             path, f"{dataset.name} holds {count:,} values, over the limit of {most:,}", "split the recording"
         )
     if layout == h5py.h5d.CHUNKED:
@@ -155,14 +151,14 @@ def _check_dataset(path: Path, dataset: Any, most: int) -> None:
         for n in made.get_chunk():
             chunk *= int(n)
         if chunk > MOST_CHUNK_BYTES:
-            raise FileProblem(
+            raise FileError(
                 path, f"{dataset.name} has chunks of {chunk / 1e6:,.0f} MB", "write it in smaller chunks"
             )
 
 
 def _check(path: Path, count: int, most: int, size: str) -> None:
     if count > most:
-        raise FileProblem(path, f"has {size}, over the limit of {most:,}", "crop or thin it")
+        raise FileError(path, f"has {size}, over the limit of {most:,}", "crop or thin it")
 
 
 def _npz_shape(path: Path) -> tuple[int, ...] | None:
@@ -171,7 +167,7 @@ def _npz_shape(path: Path) -> tuple[int, ...] | None:
 
     with zipfile.ZipFile(path) as archive:
         if len(archive.infolist()) > _MOST_MEMBERS:
-            raise FileProblem(
+            raise FileError(
                 path, f"holds {len(archive.infolist()):,} members", "save z_mm and pitch_mm alone"
             )
         if "z_mm.npy" not in archive.namelist():
@@ -194,9 +190,7 @@ def _x3p_shape(path: Path) -> tuple[int, ...] | None:
     with zipfile.ZipFile(path) as archive:
         for member in archive.infolist()[:_MOST_MEMBERS]:
             if member.filename.lower().endswith(".xml") and member.file_size > _MOST_XML_BYTES:
-                raise FileProblem(
-                    path, f"unpacks to {member.file_size / 1e6:,.0f} MB", "export the map alone"
-                )
+                raise FileError(path, f"unpacks to {member.file_size / 1e6:,.0f} MB", "export the map alone")
     with contextlib.suppress(x3pio.X3pFormatError):
         info = x3pio.info(path, verify=False)
         return (*(int(n) for n in info.shape), int(info.layer_count))

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
+from glyphs.errors import FileError, damage_reported, require_file
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.atomic import replacing
-from pipeline.common.errors import FileProblem, damage_reported, require_file
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
@@ -56,7 +56,7 @@ def read_header(path: Path, *, most: int = MAX_PIXELS) -> PhotoHeader:
         most: pixels that it may have.
 
     Raises:
-        FileProblem: no file, none of these kinds, damaged, or too large.
+        FileError: no file, none of these kinds, damaged, or too large.
     """
     with _opened(Path(path), most=most) as (_, header):
         return header
@@ -70,12 +70,12 @@ def read_photo(path: Path) -> Photo:
     where it says one in metres or inches that is none of the usual defaults (72, 96 dpi).
 
     Raises:
-        FileProblem: no file, none of these kinds, damaged, cut short, or too large.
+        FileError: no file, none of these kinds, damaged, cut short, or too large.
     """
     path = Path(path)
     with _opened(path) as (image, header):
         if min(header.rows, header.cols) < 8:
-            raise FileProblem(path, f"has {_size(header)}, which shows no characters", "take it larger")
+            raise FileError(path, f"has {_size(header)}, which shows no characters", "take it larger")
         _check_whole(path, image)
         pixels = _eight_bit(path, _decoded(path, header.kind))
         return Photo(pixels, pitch_mm=header.pitch_mm)
@@ -93,16 +93,14 @@ def _opened(path: Path, *, most: int = MAX_PIXELS) -> Iterator[tuple[ImageFile, 
             image = Image.open(path, formats=_KINDS)
         except UnidentifiedImageError:
             hint = "copy it again, or save it as PNG, JPEG, BMP or TIFF"
-            raise FileProblem(path, "is no picture that can be read", hint) from None
+            raise FileError(path, "is no picture that can be read", hint) from None
         except Image.DecompressionBombError:
-            raise FileProblem(path, f"is over the limit of {most:,} pixels", "crop or shrink it") from None
+            raise FileError(path, f"is over the limit of {most:,} pixels", "crop or shrink it") from None
         with image:
             kind = "JPEG" if image.format == "MPO" else str(image.format)
             header = PhotoHeader(kind, image.height, image.width, _pitch_mm(image))
             if header.rows * header.cols > most:
-                raise FileProblem(
-                    path, f"has {_size(header)}, over the limit of {most:,}", "crop or shrink it"
-                )
+                raise FileError(path, f"has {_size(header)}, over the limit of {most:,}", "crop or shrink it")
             yield image, header
 
 
@@ -133,7 +131,7 @@ def _check_whole(path: Path, image: ImageFile) -> None:
             )  # of a JPEG an eighth of the size is decoded: all of the file, little work
             image.load()
     except (OSError, SyntaxError, ValueError) as error:
-        raise FileProblem(
+        raise FileError(
             path, f"is a {image.format} that is damaged or ends too soon", "copy it again"
         ) from error
 
@@ -149,7 +147,7 @@ def _decoded(path: Path, kind: str) -> NDArray[np.generic]:
     finally:
         cv2.utils.logging.setLogLevel(level)
     if image is None:
-        raise FileProblem(path, f"is a damaged or unusual {kind}", "copy it again or save it as PNG of 8 bit")
+        raise FileError(path, f"is a damaged or unusual {kind}", "copy it again or save it as PNG of 8 bit")
     return np.asarray(image)
 
 
@@ -157,7 +155,7 @@ def _eight_bit(path: Path, image: NDArray[np.generic]) -> NDArray[np.uint8]:
     if image.dtype == np.uint8:
         return image.view(np.uint8)
     if image.dtype != np.uint16:
-        raise FileProblem(path, f"holds pixels of type {image.dtype}", "save it with 8 or 16 bit")
+        raise FileError(path, f"holds pixels of type {image.dtype}", "save it with 8 or 16 bit")
     bits = max(8, int(image.max()).bit_length())
     return np.asarray(image.astype(np.uint16) >> np.uint16(bits - 8), dtype=np.uint8)
 
@@ -166,12 +164,12 @@ def write_photo(path: Path, photo: Photo) -> None:
     """Write a photograph as PNG, with its pixel's size if that is known; whole or not at all.
 
     Raises:
-        FileProblem: another suffix, or it cannot be written.
+        FileError: another suffix, or it cannot be written.
     """
     from PIL import Image
 
     if path.suffix.lower() != ".png":
-        raise FileProblem(path, "is no photograph that can be written", "end it in .png")
+        raise FileError(path, "is no photograph that can be written", "end it in .png")
     scale = {} if photo.pitch_mm is None else {"dpi": (_INCH_MM / photo.pitch_mm,) * 2}
     with replacing(path) as temporary:
         Image.fromarray(photo.pixels).save(temporary, "PNG", compress_level=1, **scale)

@@ -16,6 +16,7 @@ import numpy as np
 from glyphs.camera.appearance import draw_light
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera
+from glyphs.errors import FileError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import allowed_characters
 from glyphs.part import Part, stamp
@@ -23,7 +24,6 @@ from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face, default_die
 from glyphs.stamping.stamp import StampingVariation
 from pipeline.common.atomic import replacing
-from pipeline.common.errors import FileProblem
 from pipeline.files.npz import write_npz
 from pipeline.files.photos import write_photo
 
@@ -136,7 +136,7 @@ def write_parts(
         (name, text) of each part.
 
     Raises:
-        FileProblem: the folder is not empty and not to be overwritten, or cannot be written.
+        FileError: the folder is not empty and not to be overwritten, or cannot be written.
         MapError: a photograph too large.
         ValueError: a number of parts or workers that cannot be.
     """
@@ -195,6 +195,6 @@ def _prepare(folder: Path, *, overwrite: bool) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()) and not overwrite:
-            raise FileProblem(folder, "is not empty", "name another folder or give --overwrite")
+            raise FileError(folder, "is not empty", "name another folder or give --overwrite")
     except OSError as error:
-        raise FileProblem(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error

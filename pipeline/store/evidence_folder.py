@@ -23,8 +23,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from glyphs.errors import FileError
 from pipeline.common.atomic import sync_folder
-from pipeline.common.errors import FileProblem
 from pipeline.common.file_lock import exclusively
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class EvidenceFolder:
         """Make the folder, if it is not there.
 
         Raises:
-            FileProblem: it cannot be made.
+            FileError: it cannot be made.
         """
         self.root = root
         self.incoming = root / "incoming"
@@ -69,7 +69,7 @@ class EvidenceFolder:
             Its SHA-256 in hexadecimal, and its length in bytes.
 
         Raises:
-            FileProblem: it cannot be read or kept.
+            FileError: it cannot be read or kept.
         """
         with _trouble_told(path):
             sha256, n_bytes = _settle(path)
@@ -97,7 +97,7 @@ class EvidenceFolder:
         """A new folder in `incoming` for one request; whoever asks for it removes it.
 
         Raises:
-            FileProblem: it cannot be made.
+            FileError: it cannot be made.
         """
         with _trouble_told(self.incoming):
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
@@ -162,7 +162,7 @@ def _settle(path: Path) -> tuple[str, int]:
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0) | sum(flags))
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise FileProblem(path, "is no file", "name a file")
+            raise FileError(path, "is no file", "name a file")
         digest = hashlib.sha256()
         n_bytes = 0
         while chunk := stream.read(_CHUNK):
@@ -195,7 +195,7 @@ def _trouble_told(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise FileProblem(
+        raise FileError(
             path,
             f"cannot be kept ({error.strerror or error})",
             "check that the disk has room and that the evidence folder can be written",

@@ -10,19 +10,9 @@ import pytest
 
 import glyphs
 import whisker_array
-from glyphs import (
-    Camera,
-    DieError,
-    Dirt,
-    DirtError,
-    FontError,
-    Light,
-    MaskError,
-    StampingVariation,
-    VariationError,
-    soil_part,
-    stamp,
-)
+from glyphs import Camera, Dirt, FontError, Light, StampingVariation, soil_part, stamp
+from glyphs.fonts.serials import FormatError
+from glyphs.stamping.variation import StampError
 
 
 def test_the_same_seed_gives_the_same_part_clean_and_dirty() -> None:
@@ -63,15 +53,15 @@ def test_light_and_camera_may_be_given() -> None:
 @pytest.mark.parametrize(
     ("error", "message", "wrong"),
     [
-        (DieError, "give the text to stamp, or the format", {"text": None}),
-        (DieError, "give the text to stamp, or the format", {"text": "A", "format": "A"}),
-        (DieError, "there is no text to stamp", {"text": ""}),
-        (DieError, "unknown face 'oval'; use one of sharp, flat, round, dotted", {"face": "oval"}),
-        (MaskError, "is empty", {"text": None, "format": ""}),
+        (StampError, "give the text to stamp, or the format", {"text": None}),
+        (StampError, "give the text to stamp, or the format", {"text": "A", "format": "A"}),
+        (StampError, "there is no text to stamp", {"text": ""}),
+        (StampError, "unknown face 'oval'; use one of sharp, flat, round, dotted", {"face": "oval"}),
+        (FormatError, "is empty", {"text": None, "format": ""}),
         (FontError, "unknown font 'comic'", {"font": "comic"}),
         (FontError, "has no character 'é'", {"text": "é"}),
-        (DirtError, "severity is 2", {"dirt": 2}),
-        (VariationError, "seed is -1", {"seed": -1}),
+        (StampError, "severity is 2", {"dirt": 2}),
+        (StampError, "seed is -1", {"seed": -1}),
     ],
 )
 def test_what_cannot_be_stamped(error: type[Exception], message: str, wrong: dict[str, object]) -> None:

@@ -9,26 +9,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import FileError
+
+SEE_LAYOUT = "see docs/pages/reference/recordings.md for the layout"
 MAX_SAMPLES = 200_000_000
 """Largest number of values (instants x channels) read: 0.8 GB as float32."""
 _MOST_PACKED = 1100
 """No deflate stream unpacks to more times its length than this: more is declared, but was never written."""
-
-
-class RecordingError(ValueError):
-    """A recording that cannot be used.
-
-    Attributes:
-        path: the file.
-        problem: what is wrong with it.
-        hint: what to do about it.
-    """
-
-    def __init__(self, path: str | Path, problem: str, hint: str) -> None:
-        super().__init__(f"{path}: {problem}; {hint}")
-        self.path = Path(path)
-        self.problem = problem
-        self.hint = hint
 
 
 def text_attribute(attributes: Any, name: str, default: str) -> str:
@@ -44,11 +31,9 @@ class CheckedFile:
         self.path = path
         self.file = file
 
-    def fail(
-        self, problem: str, hint: str = "see docs/pages/reference/recordings.md for the layout"
-    ) -> RecordingError:
+    def fail(self, what: str, hint: str = SEE_LAYOUT) -> FileError:
         """The error for this file."""
-        return RecordingError(self.path, problem, hint)
+        return FileError(self.path, what, hint)
 
     def dataset(self, name: str, shape: tuple[int | None, ...]) -> h5py.Dataset:
         """The dataset, checked: numbers of this shape (None: any length), really in the file."""

@@ -75,10 +75,10 @@ def trace_contact(
     """
     if not (preload_mm > 0.0 and math.isfinite(preload_mm)):
         raise WhiskerError(
-            f"preload_mm is {preload_mm}; the whisker must be pressed on: give a positive depth"
+            f"preload_mm is {preload_mm}", hint="the whisker must be pressed on: give a positive depth"
         )
     if not (step_mm > 0.0 and math.isfinite(step_mm)):
-        raise WhiskerError(f"step_mm is {step_mm}; it must be positive")
+        raise WhiskerError(f"step_mm is {step_mm}", hint="it must be positive")
     lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
     moment = np.empty((lines.size, n_samples), dtype=np.float32)
     flags = np.empty((lines.size, n_samples), dtype=np.uint8)

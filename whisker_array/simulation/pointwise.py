@@ -69,10 +69,10 @@ def trace_pointwise(
     """
     if not (preload_mm > 0.0 and math.isfinite(preload_mm)):
         raise WhiskerError(
-            f"preload_mm is {preload_mm}; the whisker must be pressed on: give a positive depth"
+            f"preload_mm is {preload_mm}", hint="the whisker must be pressed on: give a positive depth"
         )
     if not (step_mm > 0.0 and math.isfinite(step_mm)):
-        raise WhiskerError(f"step_mm is {step_mm}; it must be positive")
+        raise WhiskerError(f"step_mm is {step_mm}", hint="it must be positive")
     h = np.ascontiguousarray(height_mm, dtype=np.float32)
     mu = np.atleast_2d(np.asarray(friction, dtype=np.float32))
     moment = np.empty_like(h)

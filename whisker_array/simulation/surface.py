@@ -109,13 +109,14 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
         WhiskerError: a radius negative, or of more than 60 samples.
     """
     if radius_mm < 0.0 or not np.isfinite(radius_mm):
-        raise WhiskerError(f"tip radius_mm is {radius_mm}; it must be zero or positive")
+        raise WhiskerError(f"tip radius_mm is {radius_mm}", hint="it must be zero or positive")
     reach = int(np.floor(radius_mm / pitch_mm))
     if reach < 1:
         return z_mm
     if reach > 60:
         raise WhiskerError(
-            f"a tip of {radius_mm} mm spans {reach} samples of {pitch_mm} mm; thin the map or use a finer tip"
+            f"a tip of {radius_mm} mm spans {reach} samples of {pitch_mm} mm",
+            hint="thin the map or use a finer tip",
         )
     offsets = np.arange(-reach, reach + 1)
     drow, dcol = (a.ravel() for a in np.meshgrid(offsets, offsets, indexing="ij"))

@@ -57,11 +57,11 @@ class WhiskerArray:
 
     def __post_init__(self) -> None:
         if self.n_whiskers < 1:
-            raise WhiskerError(f"n_whiskers is {self.n_whiskers}; an array has at least one whisker")
+            raise WhiskerError(f"n_whiskers is {self.n_whiskers}", hint="an array has at least one whisker")
         if self.rows < 1:
-            raise WhiskerError(f"rows is {self.rows}; an array has at least one row of whiskers")
+            raise WhiskerError(f"rows is {self.rows}", hint="an array has at least one row of whiskers")
         if not (self.pitch_mm > 0.0 and math.isfinite(self.pitch_mm)):
-            raise WhiskerError(f"whisker pitch_mm is {self.pitch_mm}; it must be positive")
+            raise WhiskerError(f"whisker pitch_mm is {self.pitch_mm}", hint="it must be positive")
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,13 +130,13 @@ class RasterPlan:
         for name in ("line_pitch_mm", "sample_pitch_mm", "speed_mm_s"):
             value = getattr(self, name)
             if not (value > 0.0 and math.isfinite(value)):
-                raise WhiskerError(f"{name} is {value}; it must be positive")
+                raise WhiskerError(f"{name} is {value}", hint="it must be positive")
         if self.lead_mm < 0.0 or self.air_samples < 0 or self.turnaround_s < 0.0:
             raise WhiskerError("lead_mm, air_samples and turnaround_s cannot be negative")
         x0, y0, x1, y1 = self.region_mm
         if not (x1 > x0 and y1 > y0):
             raise WhiskerError(
-                f"region_mm {self.region_mm} is empty; give (x0, y0, x1, y1) with x1 > x0, y1 > y0"
+                f"region_mm {self.region_mm} is empty", hint="give (x0, y0, x1, y1) with x1 > x0, y1 > y0"
             )
         if not all(math.isfinite(v) for v in self.region_mm):
             raise WhiskerError(f"region_mm {self.region_mm} is not finite")
@@ -145,8 +145,8 @@ class RasterPlan:
         lines = self.array.pitch_mm / self.line_pitch_mm
         if self.array.n_whiskers > 1 and abs(lines - self.interlace) > PITCH_TOLERANCE:
             raise WhiskerError(
-                f"whiskers {self.array.pitch_mm} mm apart cannot lay lines {self.line_pitch_mm} mm apart; "
-                f"it must divide the whisker pitch, as {self.array.pitch_mm / self.interlace:.6g} does"
+                (f"whiskers {self.array.pitch_mm} mm apart cannot lay lines {self.line_pitch_mm} mm apart"),
+                hint=f"it must divide the whisker pitch, as {self.array.pitch_mm / self.interlace:.6g} does",
             )
 
     @property
@@ -243,7 +243,7 @@ def default_plan(
     The speed is 10 character heights a second unless given, but no more than `SAFE_SPEED_MM_S`.
     """
     if not (character_height_mm > 0.0 and math.isfinite(character_height_mm)):
-        raise WhiskerError(f"character_height_mm is {character_height_mm}; it must be positive")
+        raise WhiskerError(f"character_height_mm is {character_height_mm}", hint="it must be positive")
     line_pitch = character_height_mm / LINES_PER_HEIGHT
     return RasterPlan(
         array=WhiskerArray(n_whiskers=n_whiskers, pitch_mm=0.5 * character_height_mm, rows=rows),

@@ -40,11 +40,13 @@ class Touch:
 
     def __post_init__(self) -> None:
         if not (self.preload_mm > 0.0 and np.isfinite(self.preload_mm)):
-            raise WhiskerError(f"preload_mm is {self.preload_mm}; it must be positive")
+            raise WhiskerError(f"preload_mm is {self.preload_mm}", hint="it must be positive")
         if not (self.tip_radius_mm >= 0.0 and np.isfinite(self.tip_radius_mm)):
-            raise WhiskerError(f"tip_radius_mm is {self.tip_radius_mm}; it cannot be negative")
+            raise WhiskerError(f"tip_radius_mm is {self.tip_radius_mm}", hint="it cannot be negative")
         if not 0.0 <= self.friction < 2.0:
-            raise WhiskerError(f"friction is {self.friction}; a Coulomb coefficient lies between 0 and 2")
+            raise WhiskerError(
+                f"friction is {self.friction}", hint="a Coulomb coefficient lies between 0 and 2"
+            )
 
     def land_moment_n_mm(self) -> float:
         """Moment on flat land at the nominal friction, eq. (14) with alpha = 0."""

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 
 from glyphs.fonts.outlines import load_font
 from glyphs.soiling.debris import HIGHEST_MM
-from glyphs.soiling.dirty import Dirt, DirtError, SoiledPart, soil_part
+from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
 from glyphs.soiling.films import OIL_FRICTION, PAINT_MPA
 from glyphs.soiling.grime import HARDEST_MPA, SOFTEST_MPA
 from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
+from glyphs.stamping.variation import StampError
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import share, smooth_noise
 
@@ -195,9 +196,9 @@ def test_one_kind_does_not_move_another() -> None:
 @pytest.mark.parametrize("wrong", [-0.1, 1.1, float("nan"), float("inf")])
 def test_amounts_that_cannot_be(wrong: float) -> None:
     for kind in KINDS:
-        with pytest.raises(DirtError, match=kind):
+        with pytest.raises(StampError, match=kind):
             Dirt(**{kind: wrong})
-    with pytest.raises(DirtError, match="severity"):
+    with pytest.raises(StampError, match="severity"):
         Dirt.of(wrong)
 
 

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.fonts.outlines import SERIAL_CHARACTERS, FontError, load_font
-from glyphs.stamping.die import DieError, Face, default_die, glyph_relief_mm, to_plate
+from glyphs.stamping.die import Face, default_die, glyph_relief_mm, to_plate
 from glyphs.stamping.plate import plate_form, plate_texture
-from glyphs.stamping.stamp import PlateVariation, StampedPart, StampingVariation, VariationError, stamp_line
+from glyphs.stamping.stamp import PlateVariation, StampedPart, StampingVariation, stamp_line
+from glyphs.stamping.variation import StampError
 from glyphs.surface.maps import MapError
 
 GOTHIC = load_font("gothic")
@@ -218,13 +219,13 @@ def test_outlined_fonts_stamp_too():
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"text": ""}, DieError, "no text"),
+        ({"text": ""}, StampError, "no text"),
         ({"text": "AéB"}, FontError, "no character 'é'"),
-        ({"height_mm": -1.0}, DieError, "height_mm"),
-        ({"pitch_mm": 0.0}, DieError, "pitch_mm"),
+        ({"height_mm": -1.0}, StampError, "height_mm"),
+        ({"pitch_mm": 0.0}, StampError, "pitch_mm"),
         ({"pitch_mm": 1e-4}, MapError, "coarser"),
-        ({"margin_mm": -1.0}, DieError, "margin_mm"),
-        ({"spacing": math.nan}, DieError, "spacing"),
+        ({"margin_mm": -1.0}, StampError, "margin_mm"),
+        ({"spacing": math.nan}, StampError, "spacing"),
     ],
 )
 def test_stamp_refuses(options, error, message):
@@ -244,6 +245,6 @@ def test_stamp_refuses(options, error, message):
     ],
 )
 def test_values_refuse(make, message):
-    with pytest.raises((VariationError, ValueError), match=message):
+    with pytest.raises((StampError, ValueError), match=message):
         make()
     assert PlateVariation(lay_direction_deg=-30.0).lay_direction_deg == -30.0

@@ -22,10 +22,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from glyphs.errors import FileError
 from pipeline.batch.journal import RunJournal
 from pipeline.batch.row_files import read_rows
 from pipeline.batch.tables import LINE_FORMS, MOST_TEXT, write_rows
-from pipeline.common.errors import FileProblem
 from pipeline.common.file_lock import lock
 from pipeline.common.row import Row
 
@@ -269,7 +269,7 @@ def test_a_killed_run_is_taken_up_without_a_row_lost(table: Path) -> None:
             while len(told) < before + least:
                 told.append(process.stdout.readline().decode().strip())
             if least == 40:
-                with pytest.raises(FileProblem, match="is being written by another run; wait for it"):
+                with pytest.raises(FileError, match="is being written by another run; wait for it"):
                     RunJournal.open(table, RUN)
             os.kill(process.pid, signal.SIGKILL)
             # a name told in part tells nothing, as the kill may have come between
@@ -347,7 +347,7 @@ def test_a_line_damaged_before_the_last_is_told_by_its_number(
     assert harmed != lines[damaged]
     table.write_bytes(b"".join([*lines[:damaged], harmed, *lines[damaged + 1 :]]))
     before = table.read_bytes()
-    with pytest.raises(FileProblem, match=rf"line {damaged + 1} is damaged .*remove that line") as caught:
+    with pytest.raises(FileError, match=rf"line {damaged + 1} is damaged .*remove that line") as caught:
         RunJournal.open(table, RUN)
     assert caught.value.path == table
     assert table.read_bytes() == before
@@ -361,7 +361,7 @@ def test_a_quote_never_closed_does_not_swallow_the_rows_after_it(tmp_path: Path)
     table = begun(tmp_path / "t.csv", rows_of(40_000))
     data = table.read_bytes().replace(b"part-7,", b'"part-7,')
     table.write_bytes(data)
-    with pytest.raises(FileProblem, match="line 9 is damaged"):
+    with pytest.raises(FileError, match="line 9 is damaged"):
         RunJournal.open(table, RUN)
     assert table.read_bytes() == data
 
@@ -369,7 +369,7 @@ def test_a_quote_never_closed_does_not_swallow_the_rows_after_it(tmp_path: Path)
 def test_a_table_of_other_columns_is_no_run_of_this_version(tmp_path: Path) -> None:
     table = begun(tmp_path / "t.csv", rows_of(2))
     table.write_bytes(table.read_bytes().replace(b"part,", b"piece,", 1))
-    with pytest.raises(FileProblem, match="line 1 does not name the columns"):
+    with pytest.raises(FileError, match="line 1 does not name the columns"):
         RunJournal.open(table, RUN)
 
 
@@ -462,7 +462,7 @@ def test_another_run_is_told_and_leaves_all_as_it_was(table: Path) -> None:
     begun(table, rows_of(2))
     before = {p: p.read_bytes() for p in table.parent.iterdir()}
     other = {**RUN, "font": "roman", "lexicon": "x" * 200}
-    with pytest.raises(FileProblem, match="is of another run, not finished") as caught:
+    with pytest.raises(FileError, match="is of another run, not finished") as caught:
         RunJournal.open(table, other)
     assert 'font was "gothic", now "roman"; lexicon was null, now "xxx' in str(caught.value)
     assert f"name another file, or remove {table.name}.unfinished to begin anew" in str(caught.value)
@@ -484,7 +484,7 @@ def test_a_second_writer_is_refused_while_the_first_lives(table: Path) -> None:
     with RunJournal.open(table, RUN) as book:
         book.add(row("a"))
         for description in (RUN, {}):
-            with pytest.raises(FileProblem, match="is being written by another run; wait for it"):
+            with pytest.raises(FileError, match="is being written by another run; wait for it"):
                 RunJournal.open(table, description)
         book.add(row("b"))
     with RunJournal.open(table, RUN) as book:
@@ -511,7 +511,7 @@ def test_a_run_that_ends_while_the_next_begins_does_not_share_its_lock(
     with RunJournal.open(table, RUN):
         assert len(calls) == 2
         assert marker.exists()
-        with pytest.raises(FileProblem, match="is being written by another run"):
+        with pytest.raises(FileError, match="is being written by another run"):
             RunJournal.open(table, RUN)
 
 
@@ -520,10 +520,10 @@ def test_a_damaged_marker_costs_no_row(text: str, table: Path) -> None:
     begun(table, rows_of(2))
     marker = table.with_name(table.name + ".unfinished")
     marker.write_text(text)
-    with pytest.raises(FileProblem, match="is damaged; name another file, or remove"):
+    with pytest.raises(FileError, match="is damaged; name another file, or remove"):
         RunJournal.open(table, RUN)
     marker.write_text('{"format_version": 99}')
-    with pytest.raises(FileProblem, match="another version"):
+    with pytest.raises(FileError, match="another version"):
         RunJournal.open(table, RUN)
     assert names([*read_rows(growing(table))]) == ["part-0", "part-1"]
 
@@ -542,20 +542,20 @@ def test_a_table_replaced_by_another_program_stops_the_run(table: Path) -> None:
         other.write_bytes(growing(table).read_bytes())
         other.replace(growing(table))
         for call in (lambda: list(book.rows()), lambda: book.finish([])):
-            with pytest.raises(FileProblem, match="by another program; close what has it open"):
+            with pytest.raises(FileError, match="by another program; close what has it open"):
                 call()
 
 
 def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileProblem, match=r"\.csv, \.jsonl, \.parquet"):
+    with pytest.raises(FileError, match=r"\.csv, \.jsonl, \.parquet"):
         RunJournal.open(tmp_path / "t.xlsx", RUN)
-    with pytest.raises(FileProblem, match="cannot be written"):
+    with pytest.raises(FileError, match="cannot be written"):
         RunJournal.open(tmp_path / "none" / "t.csv", RUN)
     (tmp_path / "t.csv").mkdir()
-    with pytest.raises(FileProblem, match="is a folder"):
+    with pytest.raises(FileError, match="is a folder"):
         RunJournal.open(tmp_path / "t.csv", RUN)
     (tmp_path / "u.csv.unfinished").mkdir()
-    with pytest.raises(FileProblem, match=r"cannot be written .*see to the disk"):
+    with pytest.raises(FileError, match=r"cannot be written .*see to the disk"):
         RunJournal.open(tmp_path / "u.csv", RUN)
 
 
@@ -563,7 +563,7 @@ FULL = """
 import resource, sys
 from pathlib import Path
 from pipeline.common.row import Row
-from pipeline.common.errors import FileProblem
+from glyphs.errors import FileError
 from pipeline.common.file_lock import lock
 from pipeline.batch.journal import RunJournal
 book = RunJournal.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
@@ -571,7 +571,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))  # a write over it is do
 for i in range(1000):
     try:
         book.add(Row(f"part-{i}", "AB12"))
-    except FileProblem as problem:
+    except FileError as problem:
         print(i, problem)
         break
 """
@@ -599,7 +599,7 @@ def test_a_disk_full_at_the_end_keeps_the_rows(table: Path, monkeypatch: pytest.
     with RunJournal.open(begun(table, rows), RUN) as book:
         with monkeypatch.context() as patched:
             patched.setattr("pipeline.common.atomic.os.replace", full)
-            with pytest.raises(FileProblem, match=r"No space .*make room and start the same command again"):
+            with pytest.raises(FileError, match=r"No space .*make room and start the same command again"):
                 book.finish(reversed(names(rows)))
         book.finish(reversed(names(rows)))
     assert list(read_rows(table)) == rows[::-1]

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from glyphs.camera.photo import Photo
+from glyphs.errors import FileError
 from glyphs.surface.maps import MAX_PIXELS
-from pipeline.common.errors import FileProblem
 from pipeline.files.photos import read_header, read_photo, write_photo
 
 RNG = np.random.default_rng(0)
@@ -170,26 +170,26 @@ def test_a_file_cut_short_is_refused(suffix: str, share: float, tmp_path: Path) 
     data = _encoded(suffix, big)
     path = tmp_path / f"part{suffix}"
     path.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(FileProblem, match=r"is empty|is damaged|ends too soon|no picture"):
+    with pytest.raises(FileError, match=r"is empty|is damaged|ends too soon|no picture"):
         read_photo(path)
 
 
 def test_what_is_no_photograph_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "part.png"
-    with pytest.raises(FileProblem, match="is not there"):
+    with pytest.raises(FileError, match="is not there"):
         read_photo(path)
     path.write_text("a letter, not a picture")
-    with pytest.raises(FileProblem, match="is no picture that can be read"):
+    with pytest.raises(FileError, match="is no picture that can be read"):
         read_photo(path)
     path.write_bytes(_encoded(".png", COLOUR[:5, :5]))
-    with pytest.raises(FileProblem, match="shows no characters"):
+    with pytest.raises(FileError, match="shows no characters"):
         read_photo(path)
     path.write_bytes(_encoded(".tiff", np.zeros((16, 16), np.float32)))
-    with pytest.raises(FileProblem, match="damaged or unusual TIFF"):
+    with pytest.raises(FileError, match="damaged or unusual TIFF"):
         read_photo(path)
-    with pytest.raises(FileProblem, match=r"end it in \.png"):
+    with pytest.raises(FileError, match=r"end it in \.png"):
         write_photo(tmp_path / "part.webp", Photo(COLOUR))
-    with pytest.raises(FileProblem, match="cannot be written"):
+    with pytest.raises(FileError, match="cannot be written"):
         write_photo(tmp_path / "nowhere" / "part.png", Photo(COLOUR))
 
 
@@ -208,7 +208,7 @@ def test_a_huge_picture_is_refused_before_it_is_decoded(
         + _chunk(b"IDAT", b"")
         + _chunk(b"IEND", b"")
     )
-    with pytest.raises(FileProblem, match="over the limit"):
+    with pytest.raises(FileError, match="over the limit"):
         read_photo(path)
 
 
@@ -224,6 +224,6 @@ def test_damage_is_told_and_never_ends_a_run(
     path.write_bytes(whole)
     try:
         photo = read_photo(path)
-    except FileProblem:
+    except FileError:
         return
     assert photo.pixels.dtype == np.uint8

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from glyphs.camera.appearance import draw_light
+from glyphs.errors import FileError
 from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face
 from pipeline.cli.main import main
 from pipeline.files.photos import read_photo
 from pipeline.files.synth import SynthSpec, make_part, write_parts
-from pipeline.files.touch_file import FileProblem, read_height_map
+from pipeline.files.touch_file import read_height_map
 from pipeline.files.truth import load_truth
 
 
@@ -54,12 +55,12 @@ def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
 def test_a_folder_that_is_not_empty_is_kept(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
     spec = SynthSpec(mask="9", height_mm=3.0)
-    with pytest.raises(FileProblem, match="--overwrite"):
+    with pytest.raises(FileError, match="--overwrite"):
         write_parts(spec, tmp_path, parts=1)
     write_parts(spec, tmp_path, parts=1, overwrite=True)
     assert (tmp_path / "mine.txt").read_text() == "mine"
     assert (tmp_path / "part-000.npz").is_file()
-    with pytest.raises(FileProblem, match="cannot be made"):
+    with pytest.raises(FileError, match="cannot be made"):
         write_parts(spec, tmp_path / "mine.txt" / "deeper", parts=1)
 
 
