@@ -24,8 +24,9 @@ from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import random_text
 from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
 from glyphs.soiling.soil import Soil
-from glyphs.stamping.die import DieError, Face, default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, VariationError, stamp_line
+from glyphs.stamping.die import Face, default_die
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
+from glyphs.stamping.variation import StampError
 from glyphs.surface.display import picture_html
 from glyphs.surface.maps import HeightMap
 
@@ -141,18 +142,18 @@ def stamp(
         seed: the same seed gives the same part; several numbers make one seed.
 
     Raises:
-        DieError: neither text nor format, or both; a die that cannot be or cannot cut the glyphs.
+        StampError: neither text nor format, or both; a die that cannot be or cannot cut the glyphs.
         FontError: no such font, or a character that it lacks.
-        MaskError: a format that no serial can obey.
-        DirtError: a severity outside 0..1.
+        FormatError: a format that no serial can obey.
+        StampError: a severity outside 0..1.
         MapError: a pitch not positive or too fine for the size.
-        VariationError: a negative seed.
+        StampError: a negative seed.
     """
     if (text is None) == (format is None):
-        raise DieError("give the text to stamp, or the format of a serial to draw")
+        raise StampError("give the text to stamp, or the format of a serial to draw")
     key = tuple(int(number) for number in np.atleast_1d(seed))
     if min(key, default=-1) < 0:
-        raise VariationError(f"seed is {seed}; give a number that is not negative, or several")
+        raise StampError(f"seed is {seed}", hint="give a number that is not negative, or several")
     rng = np.random.default_rng(key)
     letters = font if isinstance(font, Font) else load_font(font)
     stamped = stamp_line(

@@ -17,6 +17,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 
 Points = NDArray[np.float64]
@@ -25,7 +26,7 @@ FELT_PIXELS = 40
 """Pixels to the cap height of a relief that was felt."""
 
 
-class FontError(ValueError):
+class FontError(MarksError):
     """A font or glyph that cannot be used: the message says what is wrong and how to mend it."""
 
 
@@ -35,7 +36,8 @@ def _point_arrays(name: str, char: str, arrays: tuple[Points, ...], least: int) 
         array = np.array(points, dtype=np.float64)
         if array.ndim != 2 or array.shape[1] != 2 or array.shape[0] < least:
             raise FontError(
-                f"{name} of {char!r} has shape {array.shape}; it must be (n, 2) with n of at least {least}"
+                f"{name} of {char!r} has shape {array.shape}",
+                hint=f"it must be (n, 2) with n of at least {least}",
             )
         if not np.isfinite(array).all():
             raise FontError(f"{name} of {char!r} has coordinates that are not finite")
@@ -47,7 +49,9 @@ def _point_arrays(name: str, char: str, arrays: tuple[Points, ...], least: int) 
 def _felt(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
     array = np.array(relief, dtype=np.float32)
     if array.ndim != 2 or array.shape[0] % 2 == 0 or array.shape[1] % 2 == 0:
-        raise FontError(f"the relief of {char!r} has shape {array.shape}; rows and columns must be odd")
+        raise FontError(
+            f"the relief of {char!r} has shape {array.shape}", hint="rows and columns must be odd"
+        )
     if not np.isfinite(array).all():
         raise FontError(f"the relief of {char!r} has heights that are not finite")
     array.flags.writeable = False
@@ -89,16 +93,17 @@ class Glyph:
         if len(self.char) != 1:
             raise FontError(f"a glyph stands for one character, not for {self.char!r}")
         if self.strokes and self.contours:
-            raise FontError(f"glyph {self.char!r} has strokes and contours; give one of them")
+            raise FontError(f"glyph {self.char!r} has strokes and contours", hint="give one of them")
         object.__setattr__(self, "strokes", _point_arrays("a stroke", self.char, tuple(self.strokes), 1))
         object.__setattr__(self, "contours", _point_arrays("a contour", self.char, tuple(self.contours), 3))
         if not np.isfinite(self.advance) or self.advance < 0.0:
             raise FontError(
-                f"advance of {self.char!r} is {self.advance}; it must be zero or more cap heights"
+                f"advance of {self.char!r} is {self.advance}", hint="it must be zero or more cap heights"
             )
         if not 0.0 <= self.stroke < 1.0:
             raise FontError(
-                f"stroke of {self.char!r} is {self.stroke}; it must be at least 0 and below 1 cap height"
+                f"stroke of {self.char!r} is {self.stroke}",
+                hint="it must be at least 0 and below 1 cap height",
             )
         if self.felt is not None:
             object.__setattr__(self, "felt", _felt(self.char, self.felt))
@@ -166,7 +171,8 @@ class Font:
             raise FontError(f"font {self.name!r} files other characters' glyphs under {wrong}")
         if not 0.0 <= self.stroke_ratio < 1.0:
             raise FontError(
-                f"stroke_ratio of {self.name!r} is {self.stroke_ratio}; it must be at least 0 and below 1"
+                f"stroke_ratio of {self.name!r} is {self.stroke_ratio}",
+                hint="it must be at least 0 and below 1",
             )
         object.__setattr__(self, "glyphs", MappingProxyType(dict(self.glyphs)))
 
@@ -185,7 +191,7 @@ class Font:
             return self.glyphs[char]
         except KeyError:
             have = "".join(sorted(c for c in self.glyphs if c != " "))
-            raise FontError(f"font {self.name!r} has no character {char!r}; it has {have}") from None
+            raise FontError(f"font {self.name!r} has no character {char!r}", hint=f"it has {have}") from None
 
 
 def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
@@ -200,7 +206,8 @@ def with_stroke(glyph: Glyph, stroke: float) -> Glyph:
         return glyph
     if not 0.0 <= stroke < 1.0:
         raise FontError(
-            f"a stroke of {stroke:.3g} cap heights leaves no letter; use a narrower stroke or larger type"
+            f"a stroke of {stroke:.3g} cap heights leaves no letter",
+            hint="use a narrower stroke or larger type",
         )
     scale = (1.0 - stroke) / (1.0 - glyph.stroke)
 

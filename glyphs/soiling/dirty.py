@@ -23,10 +23,11 @@ from glyphs.soiling.grime import add_grime
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.wear import add_burr, add_pits, add_scratches
 from glyphs.stamping.stamp import StampedPart
+from glyphs.stamping.variation import StampError
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap
 
-__all__ = ["Dirt", "DirtError", "Look", "SoiledPart", "soil_part"]
+__all__ = ["Dirt", "Look", "SoiledPart", "StampError", "soil_part"]
 
 Layer = Callable[..., Coat]
 _LAYERS: Final[tuple[tuple[str, Layer], ...]] = (
@@ -39,10 +40,6 @@ _LAYERS: Final[tuple[tuple[str, Layer], ...]] = (
     ("swarf", add_swarf),
 )
 _LEAST, _MOST = 0.4, 1.6
-
-
-class DirtError(ValueError):
-    """An amount of dirt that cannot be: the message names it and its range."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,7 @@ class Dirt:
         burr: a rim along the marks, beyond the one from the stamping itself.
 
     Raises:
-        DirtError: an amount outside 0..1.
+        StampError: an amount outside 0..1.
     """
 
     grime: float = 0.0
@@ -76,17 +73,17 @@ class Dirt:
         for item in fields(self):
             amount = getattr(self, item.name)
             if not (math.isfinite(amount) and 0.0 <= amount <= 1.0):
-                raise DirtError(f"{item.name} is {amount}; it lies between 0 (none) and 1")
+                raise StampError(f"{item.name} is {amount}", hint="it lies between 0 (none) and 1")
 
     @classmethod
     def of(cls, severity: float) -> Dirt:
         """The usual mixture for one severity, 0 (clean) to 1.
 
         Raises:
-            DirtError: a severity outside 0..1.
+            StampError: a severity outside 0..1.
         """
         if not (math.isfinite(severity) and 0.0 <= severity <= 1.0):
-            raise DirtError(f"the severity is {severity}; it lies between 0 (clean) and 1")
+            raise StampError(f"the severity is {severity}", hint="it lies between 0 (clean) and 1")
         s = severity
         return cls(
             grime=s**1.5,

@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from glyphs.fonts.glyph import Glyph, Points, signed_distance, transformed, with_stroke
-from glyphs.stamping.faces import Die, DieError, Face, check_height, default_depth_mm, default_die, relief_mm
+from glyphs.stamping.faces import Die, Face, check_height, default_depth_mm, default_die, relief_mm
+from glyphs.stamping.variation import StampError
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
 __all__ = [
     "Die",
-    "DieError",
     "Face",
     "IdealGlyph",
+    "StampError",
     "default_depth_mm",
     "default_die",
     "die_glyph",
@@ -57,21 +58,22 @@ def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:
     `dot_pitch_mm` apart as nearly as that allows.
 
     Raises:
-        DieError: DOTTED with an outlined glyph (its strokes are not known), or a stroke as wide as the glyph
+        StampError: DOTTED with an outlined glyph (its strokes are not known), or a stroke as wide as the glyph
             is high.
     """
     check_height(height_mm)
     stroke = die.stroke_mm / height_mm
     if glyph.contours:
         if die.face is Face.DOTTED:
-            raise DieError(
-                f"glyph {glyph.char!r} comes from an outlined font and has no strokes to set dots along; "
-                "use a built-in font or another face"
+            raise StampError(
+                (f"glyph {glyph.char!r} comes from an outlined font and has no strokes to set dots along"),
+                hint="use a built-in font or another face",
             )
         return glyph
     if stroke >= 1.0:
-        raise DieError(
-            f"stroke_mm {die.stroke_mm} is not narrower than the height {height_mm} mm; use a finer die"
+        raise StampError(
+            f"stroke_mm {die.stroke_mm} is not narrower than the height {height_mm} mm",
+            hint="use a finer die",
         )
     fitted = with_stroke(glyph, stroke)
     if die.face is not Face.DOTTED:
@@ -85,7 +87,7 @@ def glyph_relief_mm(
     """Relief of a glyph of that height at positions in its frame (x right, y up from the baseline), mm.
 
     Raises:
-        DieError: as `die_glyph`.
+        StampError: as `die_glyph`.
     """
     shape = die_glyph(glyph, die, height_mm=height_mm)
     return shape_relief_mm(shape, die, x_mm, y_mm, height_mm=height_mm)
@@ -141,15 +143,15 @@ def ideal_relief(
         A map with an odd number of rows and columns whose middle pixel is the reference point.
 
     Raises:
-        DieError: as `die_glyph`, or a number out of range.
+        StampError: as `die_glyph`, or a number out of range.
         MapError: pitch not positive, or too fine for the size.
     """
     if not math.isfinite(margin_mm) or margin_mm < 0.0:
-        raise DieError(f"margin_mm is {margin_mm}; it must be zero or positive")
+        raise StampError(f"margin_mm is {margin_mm}", hint="it must be zero or positive")
     if not math.isfinite(x_scale) or x_scale <= 0.0:
-        raise DieError(f"x_scale is {x_scale}; it must be positive")
+        raise StampError(f"x_scale is {x_scale}", hint="it must be positive")
     if not math.isfinite(pitch_mm) or pitch_mm <= 0.0:
-        raise DieError(f"pitch_mm is {pitch_mm}; it must be positive")
+        raise StampError(f"pitch_mm is {pitch_mm}", hint="it must be positive")
     shape = transformed(die_glyph(glyph, die, height_mm=height_mm), x_scale=x_scale, shear=shear)
     box = shape.ink_box
     middle = ((box[0] + box[2]) / 2 * height_mm, 0.5 * height_mm)
@@ -162,7 +164,7 @@ def ideal_relief(
     half_rows = max(1, math.ceil((max(-y0, y1) + margin_mm) / pitch_mm))
     if (2 * half_cols + 1) * (2 * half_rows + 1) > MAX_PIXELS:
         raise MapError(
-            f"pitch_mm {pitch_mm} gives more than {MAX_PIXELS:,} samples, the limit; use a coarser one"
+            f"pitch_mm {pitch_mm} gives more than {MAX_PIXELS:,} samples, the limit", hint="use a coarser one"
         )
     gx = (np.arange(2 * half_cols + 1) - half_cols) * pitch_mm
     gy = (np.arange(2 * half_rows + 1) - half_rows) * pitch_mm

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from glyphs.fonts.glyph import Font
 from glyphs.stamping.profile import Number, round_radius, sunk_depth
+from glyphs.stamping.variation import StampError
 from glyphs.surface.display import one_line
 
 DEPTH_TABLE_MM: tuple[tuple[float, float], ...] = (
@@ -31,10 +32,6 @@ DEFAULT_STROKE_RATIO = 0.15
 """Stroke over height when no stroke font says otherwise: about 1.0 mm at 6.35 mm."""
 
 
-class DieError(ValueError):
-    """A die that cannot be cut, or cannot cut this glyph: says what is wrong and how to mend it."""
-
-
 class Face(StrEnum):
     """Shape of the die's edge, hence of the groove's floor."""
 
@@ -45,7 +42,7 @@ class Face(StrEnum):
 
     @classmethod
     def _missing_(cls, value: object) -> Face:
-        raise DieError(f"unknown face {value!r}; use one of {', '.join(cls)}")
+        raise StampError(f"unknown face {value!r}", hint=f"use one of {', '.join(cls)}")
 
 
 @dataclass(frozen=True)
@@ -65,7 +62,7 @@ class Die:
         dot_pitch_mm: distance of dots along the stroke, > 0; only DOTTED uses it.
 
     Raises:
-        DieError: a value outside its range.
+        StampError: a value outside its range.
     """
 
     face: Face
@@ -85,22 +82,24 @@ class Die:
         for name in ("bevel_deg", "depth_mm", "stroke_mm", "burr_width_mm", "dot_pitch_mm"):
             value = float(getattr(self, name))
             if not math.isfinite(value) or value <= 0.0:
-                raise DieError(f"{name} is {value}; it must be positive")
+                raise StampError(f"{name} is {value}", hint="it must be positive")
             object.__setattr__(self, name, value)
         for name in ("root_radius_mm", "edge_radius_mm", "burr_height_mm"):
             value = float(getattr(self, name))
             if not math.isfinite(value) or value < 0.0:
-                raise DieError(f"{name} is {value}; it must be zero or positive")
+                raise StampError(f"{name} is {value}", hint="it must be zero or positive")
             object.__setattr__(self, name, value)
         if not 5.0 < self.bevel_deg < 85.0:
-            raise DieError(f"bevel_deg is {self.bevel_deg}; it must lie between 5 and 85 (30 to 60 is usual)")
+            raise StampError(
+                f"bevel_deg is {self.bevel_deg}", hint="it must lie between 5 and 85 (30 to 60 is usual)"
+            )
 
 
 def default_depth_mm(height_mm: float) -> float:
     """Usual depth of a mark of that character height: linear in the table, proportional outside it.
 
     Raises:
-        DieError: the height is not positive.
+        StampError: the height is not positive.
     """
     check_height(height_mm)
     heights, depths = np.array(DEPTH_TABLE_MM).T
@@ -123,7 +122,7 @@ def default_die(
     stroke; DOTTED has dots of two thirds of the stroke, set 1.3 diameters apart.
 
     Raises:
-        DieError: height, bevel or depth out of range, or no such face.
+        StampError: height, bevel or depth out of range, or no such face.
     """
     face = Face(face)
     depth = default_depth_mm(height_mm) if depth_mm is None else float(depth_mm)
@@ -203,6 +202,6 @@ def relief_mm(
 
 
 def check_height(height_mm: float) -> None:
-    """Refuse a character height that is not a positive number, with a DieError."""
+    """Refuse a character height that is not a positive number, with a StampError."""
     if not math.isfinite(height_mm) or height_mm <= 0.0:
-        raise DieError(f"height_mm is {height_mm}; it must be positive")
+        raise StampError(f"height_mm is {height_mm}", hint="it must be positive")

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font, Glyph
-from glyphs.stamping.die import Die, DieError, die_glyph, ink_points_mm, shape_relief_mm, to_plate
+from glyphs.stamping.die import Die, die_glyph, ink_points_mm, shape_relief_mm, to_plate
 from glyphs.stamping.plate import plate_form, plate_texture
-from glyphs.stamping.variation import PlateVariation, StampingVariation, VariationError
+from glyphs.stamping.variation import PlateVariation, StampError, StampingVariation
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import MAX_PIXELS, HeightMap, MapError
 
-__all__ = ["PlateVariation", "StampedPart", "StampingVariation", "VariationError", "stamp_line"]
+__all__ = ["PlateVariation", "StampError", "StampedPart", "StampingVariation", "stamp_line"]
 
 Box = tuple[float, float, float, float]
 
@@ -97,7 +97,7 @@ def stamp_line(
 
     Raises:
         FontError: a character that the font lacks.
-        DieError: no text, a number out of range, or a die that cannot cut the glyphs.
+        StampError: no text, a number out of range, or a die that cannot cut the glyphs.
         MapError: pitch not positive or too fine for the size.
     """
     pitch = height_mm / 100 if pitch_mm is None else pitch_mm
@@ -114,7 +114,8 @@ def stamp_line(
     rows = max(2, math.ceil((y_high - y_low + 2 * margin) / pitch - 1e-6) + 1)
     if rows * cols > MAX_PIXELS:
         raise MapError(
-            f"{rows} x {cols} samples exceed the limit of {MAX_PIXELS:,}; use a coarser pitch_mm than {pitch}"
+            f"{rows} x {cols} samples exceed the limit of {MAX_PIXELS:,}",
+            hint=f"use a coarser pitch_mm than {pitch}",
         )
     x = np.arange(cols, dtype=np.float64) * np.float64(pitch)
     y = np.arange(rows, dtype=np.float64) * np.float64(pitch)
@@ -136,14 +137,14 @@ def stamp_line(
 
 def _check(text: str, *, height_mm: float, pitch_mm: float, margin_mm: float, spacing: float) -> None:
     if not text:
-        raise DieError("there is no text to stamp; give at least one character")
+        raise StampError("there is no text to stamp", hint="give at least one character")
     for name, value, least in (("height_mm", height_mm, 0.0), ("pitch_mm", pitch_mm, 0.0)):
         if not math.isfinite(value) or value <= least:
-            raise DieError(f"{name} is {value}; it must be positive")
+            raise StampError(f"{name} is {value}", hint="it must be positive")
     if not math.isfinite(margin_mm) or margin_mm < 0.0:
-        raise DieError(f"margin_mm is {margin_mm}; it must be zero or positive")
+        raise StampError(f"margin_mm is {margin_mm}", hint="it must be zero or positive")
     if not math.isfinite(spacing):
-        raise DieError(f"spacing is {spacing}; it must be a finite number of cap heights")
+        raise StampError(f"spacing is {spacing}", hint="it must be a finite number of cap heights")
 
 
 def _middle(shape: Glyph, height_mm: float) -> tuple[float, float]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 
+from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 
 
-class VariationError(ValueError):
+class StampError(MarksError):
     """A variation that cannot be: the message names the field and its range."""
 
 
@@ -16,18 +17,18 @@ def check_amounts(values: object, *, positive: tuple[str, ...] = (), signed: tup
     """Check every float field of a dataclass: finite, at least zero unless `signed`, above it if `positive`.
 
     Raises:
-        VariationError: a field out of range.
+        StampError: a field out of range.
     """
     for item in fields(values):  # type: ignore[arg-type]
         value = getattr(values, item.name)
         if not isinstance(value, (int, float)):
             continue
         if not math.isfinite(value):
-            raise VariationError(f"{item.name} is {value}; it must be finite")
+            raise StampError(f"{item.name} is {value}", hint="it must be finite")
         if item.name in positive and value <= 0.0:
-            raise VariationError(f"{item.name} is {value}; it must be positive")
+            raise StampError(f"{item.name} is {value}", hint="it must be positive")
         if item.name not in signed and value < 0.0:
-            raise VariationError(f"{item.name} is {value}; it must be zero or positive")
+            raise StampError(f"{item.name} is {value}", hint="it must be zero or positive")
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class PlateVariation:
         ironing: part of lay and roughness that the die presses flat on the floor of a mark, 0..1.
 
     Raises:
-        VariationError: a value out of range.
+        StampError: a value out of range.
     """
 
     tilt_deg: float = 0.2
@@ -70,7 +71,7 @@ class PlateVariation:
             signed=("lay_direction_deg",),
         )
         if self.ironing > 1.0:
-            raise VariationError(f"ironing is {self.ironing}; it is a fraction between 0 and 1")
+            raise StampError(f"ironing is {self.ironing}", hint="it is a fraction between 0 and 1")
 
     @classmethod
     def none(cls) -> PlateVariation:
@@ -97,7 +98,7 @@ class StampingVariation:
         plate: the plate.
 
     Raises:
-        VariationError: a value out of range.
+        StampError: a value out of range.
     """
 
     depth_fraction: float = 0.12
@@ -117,7 +118,9 @@ class StampingVariation:
         check_amounts(self)
         for name in ("worn_probability", "double_strike_probability"):
             if getattr(self, name) > 1.0:
-                raise VariationError(f"{name} is {getattr(self, name)}; it is a probability between 0 and 1")
+                raise StampError(
+                    f"{name} is {getattr(self, name)}", hint="it is a probability between 0 and 1"
+                )
 
     @classmethod
     def none(cls) -> StampingVariation:

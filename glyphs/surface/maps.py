@@ -21,13 +21,14 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import MarksError
 from glyphs.surface.display import one_line, picture_html
 
 MAX_PIXELS = 64_000_000
 """Largest map accepted anywhere: 8000 x 8000, a quarter of a gigabyte as float32."""
 
 
-class MapError(ValueError):
+class MapError(MarksError):
     """A map that cannot be one: its message says what is wrong and how to mend it."""
 
 
@@ -62,7 +63,7 @@ def _read_only(array: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
 def _check_pitch(pitch_mm: float) -> float:
     pitch = float(pitch_mm)
     if not np.isfinite(pitch) or pitch <= 0.0:
-        raise MapError(f"pitch_mm is {pitch_mm}; it must be a positive number of millimetres")
+        raise MapError(f"pitch_mm is {pitch_mm}", hint="it must be a positive number of millimetres")
     return pitch
 
 
@@ -89,18 +90,21 @@ class HeightMap:
     def __post_init__(self) -> None:
         array = np.asarray(self.z_mm)
         if array.dtype.kind not in "fiu":
-            raise MapError(f"heights are of type {array.dtype}; they must be real numbers in mm")
+            raise MapError(f"heights are of type {array.dtype}", hint="they must be real numbers in mm")
         if array.ndim != 2 or min(array.shape) < 2:
-            raise MapError(f"heights have shape {array.shape}; a map has rows and columns, at least 2 x 2")
+            raise MapError(
+                f"heights have shape {array.shape}", hint="a map has rows and columns, at least 2 x 2"
+            )
         if array.size > MAX_PIXELS:
             raise MapError(
-                f"{array.shape[0]} x {array.shape[1]} samples exceed the limit of {MAX_PIXELS:,}; crop or thin the map"
+                f"{array.shape[0]} x {array.shape[1]} samples exceed the limit of {MAX_PIXELS:,}",
+                hint="crop or thin the map",
             )
         z = _read_only(array, np.float32)
         if np.isinf(z).any():
-            raise MapError("heights contain infinities; mark bad points as NaN")
+            raise MapError("heights contain infinities", hint="mark bad points as NaN")
         if not np.isfinite(z).any():
-            raise MapError("no finite height in the map; every point is a dropout")
+            raise MapError("no finite height in the map", hint="every point is a dropout")
         object.__setattr__(self, "z_mm", z)
         object.__setattr__(self, "pitch_mm", _check_pitch(self.pitch_mm))
 
@@ -156,7 +160,7 @@ class EdgeMap:
         if len(set(directions)) != len(directions) or not directions:
             raise MapError("an edge map has at least one trace direction, each at most once")
         if not np.isfinite(e).all():
-            raise MapError("enhancement must be finite; clear `valid` where nothing was felt")
+            raise MapError("enhancement must be finite", hint="clear `valid` where nothing was felt")
         object.__setattr__(self, "enhancement", e)
         object.__setattr__(self, "valid", valid)
         object.__setattr__(self, "directions", directions)

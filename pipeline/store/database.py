@@ -106,7 +106,7 @@ class Database:
         with self._store_errors(), contextlib.ExitStack() as held:
             if self._writer is not None:
                 if not self._writer.acquire(timeout=_WAIT_S):
-                    raise StoreError(f"the store {self.shown} is busy; try again")
+                    raise StoreError(f"the store {self.shown} is busy", hint="try again")
                 held.callback(self._writer.release)
             connection = held.enter_context(self._engine.connect())
             connection = connection.execution_options(tactile_marks_writes=True)
@@ -162,7 +162,7 @@ def open_database(url: str, *, now: Callable[[], datetime] = utc_now) -> Databas
             failed.pop_all()
     except OSError as error:
         raise StoreError(
-            f"the store {shown} cannot be opened ({error.strerror or error}); {_HINT}"
+            f"the store {shown} cannot be opened ({error.strerror or error})", hint=f"{_HINT}"
         ) from error
     except exc.SQLAlchemyError as error:
         raise StoreError(_no_answer(shown, error)) from error
@@ -174,17 +174,17 @@ def _checked(url: str) -> URL:
         parsed = sa.make_url(url)
     except exc.ArgumentError as error:
         raise StoreError(
-            "the store's address is no URL; write sqlite:///file.db or postgresql://user@host/name"
+            "the store's address is no URL", hint="write sqlite:///file.db or postgresql://user@host/name"
         ) from error
     backend = parsed.get_backend_name()
     if backend in ("postgresql", "postgres"):
         return parsed.set(drivername="postgresql+psycopg")
     if backend != "sqlite":
         raise StoreError(
-            f"the store cannot be {backend}; write sqlite:///file.db or postgresql://user@host/name"
+            f"the store cannot be {backend}", hint="write sqlite:///file.db or postgresql://user@host/name"
         )
     if not parsed.database or ":memory:" in parsed.database or parsed.database.startswith("file:"):
-        raise StoreError("a store in memory would forget everything; name a file: sqlite:///file.db")
+        raise StoreError("a store in memory would forget everything", hint="name a file: sqlite:///file.db")
     return parsed.set(drivername="sqlite+pysqlite")
 
 
@@ -192,7 +192,7 @@ def _json(value: Any) -> str:
     try:
         return json.dumps(cleaned(value), allow_nan=False, separators=(",", ":"))
     except (TypeError, ValueError) as error:
-        raise UnfitError(f"a value is none that JSON has ({error}); leave it out") from error
+        raise UnfitError(f"a value is none that JSON has ({error})", hint="leave it out") from error
 
 
 def _sqlite(url: URL) -> Engine:
@@ -238,8 +238,8 @@ def _postgresql(url: URL) -> Engine:
         )
     except ImportError as error:
         raise StoreError(
-            f"PostgreSQL needs {error.name}; install it with: pip install 'tactile-marks[postgres]',"
-            " or use sqlite:///file.db"
+            f"PostgreSQL needs {error.name}",
+            hint="install it with: pip install 'tactile-marks[postgres]', or use sqlite:///file.db",
         ) from error
 
     @sa.event.listens_for(engine, "connect")

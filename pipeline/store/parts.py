@@ -58,7 +58,7 @@ def add_part(
         ConflictError: the id is taken.
     """
     if not is_part_id(part_id):
-        raise UnfitError(f"{part_id[:40]!r} is no id of a part; take one of new_part_id")
+        raise UnfitError(f"{part_id[:40]!r} is no id of a part", hint="take one of new_part_id")
     refuse_if_done(tx, idempotency)
     row = {
         "id": part_id,
@@ -76,7 +76,7 @@ def add_part(
         "rejected": False,
     }
     if not tx.insert_if_new(parts, row):
-        raise ConflictError(f"there is a part {part_id} already; take a new id")
+        raise ConflictError(f"there is a part {part_id} already", hint="take a new id")
     claim(tx, idempotency, part_id)
     add_events(tx, part_id, [("received", {"name": name, "expected": expected, "database": database})])
     return _add(tx, part_id, state, readings, evidence, plan, targets)
@@ -105,7 +105,7 @@ def add_readings(
     if part.state is PartState.REVIEWED:
         who = part.review.who if part.review is not None else "somebody"
         raise ConflictError(
-            f"part {part_id} was reviewed by {who} meanwhile; correct the review if it is wrong"
+            f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review if it is wrong"
         )
     claim(tx, idempotency, part_id)
     return _add(tx, part_id, state, readings, evidence, plan, targets)
@@ -207,7 +207,9 @@ def _insert_reading(tx: Transaction, part_id: str, reading: ReadingRecord) -> in
 
 def _evidence_row(file: EvidenceRecord) -> dict[str, Any]:
     if _SHA256.fullmatch(file.sha256) is None:
-        raise UnfitError(f"{file.sha256[:80]!r} is no SHA-256; give 64 hexadecimal digits in lower case")
+        raise UnfitError(
+            f"{file.sha256[:80]!r} is no SHA-256", hint="give 64 hexadecimal digits in lower case"
+        )
     return {
         "kind": file.kind,
         "sha256": file.sha256,

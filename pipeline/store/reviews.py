@@ -49,7 +49,8 @@ def add_review(
     if before is not None and before != part.text:
         quicker = part.review.who if part.review is not None else "a reader"
         raise ConflictError(
-            f"part {part_id} was {part.text!r} by {quicker} meanwhile, no longer {before!r}; look at it again"
+            f"part {part_id} was {part.text!r} by {quicker} meanwhile, no longer {before!r}",
+            hint="look at it again",
         )
     after = _text_after(part, action, text)
     row = {
@@ -63,7 +64,7 @@ def add_review(
         "note": fit(note, "the note", limit=MAX_NOTE),
     }
     if not who.strip():
-        raise UnfitError("nobody is named; say who reviews the part")
+        raise UnfitError("nobody is named", hint="say who reviews the part")
     key = tx.execute(sa.insert(reviews).values(**row)).inserted_primary_key
     assert key is not None
     tx.execute(
@@ -91,13 +92,14 @@ def _text_after(part: PartRecord, action: ReviewAction, text: str) -> str:
         return ""
     if action is ReviewAction.CORRECT:
         if not text:
-            raise UnfitError("the correction has no text; give it, or say that the part is unreadable")
+            raise UnfitError("the correction has no text", hint="give it, or say that the part is unreadable")
         return fit(text, "the text")
     if not part.text:
-        raise UnfitError("there is no text to confirm; correct it, or say that the part is unreadable")
+        raise UnfitError("there is no text to confirm", hint="correct it, or say that the part is unreadable")
     if text not in ("", part.text):
         raise ConflictError(
-            f"{text[:MAX_TEXT]!r} cannot be confirmed, for the text is {part.text!r}; correct it instead"
+            f"{text[:MAX_TEXT]!r} cannot be confirmed, for the text is {part.text!r}",
+            hint="correct it instead",
         )
     return part.text
 

@@ -25,7 +25,7 @@ def statistics(tx: Transaction, since: datetime) -> Statistics:
     """
     if since.tzinfo is None or tx.now - since > _LONGEST:
         raise UnfitError(
-            "statistics cannot begin there; give a time with its zone, within the last ten years"
+            "statistics cannot begin there", hint="give a time with its zone, within the last ten years"
         )
     since = since.astimezone(UTC)
     row = tx.execute(_counts(since)).one()._mapping

@@ -33,17 +33,19 @@ def add_token(
     """
     granted = sorted({Scope(scope) for scope in scopes})
     if not granted:
-        raise UnfitError(f"a token without a scope allows nothing; give {', '.join(Scope)} or some of them")
+        raise UnfitError(
+            "a token without a scope allows nothing", hint=f"give {', '.join(Scope)} or some of them"
+        )
     if not name.strip() or not name.isprintable():
-        raise UnfitError("a token needs a name of printable characters; give one, such as line-3")
+        raise UnfitError("a token needs a name of printable characters", hint="give one, such as line-3")
     if expires_at is not None and (expires_at.tzinfo is None or expires_at <= tx.now):
         raise UnfitError(
-            "the token would have expired already or has no time zone; give a time to come in UTC"
+            "the token would have expired already or has no time zone", hint="give a time to come in UTC"
         )
     known = sa.select(tokens.c.name).where(tokens.c.name == fit(name, "the token's name"))
     if tx.execute(known).one_or_none() is not None:
         raise ConflictError(
-            f"there is or was a token {name!r}, and reviews are signed with it; choose another name"
+            f"there is or was a token {name!r}, and reviews are signed with it", hint="choose another name"
         )
     secret = new_token()
     tx.execute(
@@ -76,7 +78,7 @@ def revoke(tx: Transaction, name: str) -> None:
     """Refuse a token from now on; nothing happens where it was revoked before."""
     known = tokens.c.name == fit(name, "the token's name")
     if tx.execute(sa.select(tokens.c.name).where(known)).one_or_none() is None:
-        raise NotFoundError(f"there is no token {name[:40]!r}; `tactile-marks tokens list` names them")
+        raise NotFoundError(f"there is no token {name[:40]!r}", hint="`tactile-marks tokens list` names them")
     tx.execute(sa.update(tokens).where(known, tokens.c.revoked_at.is_(None)).values(revoked_at=tx.now))
 
 

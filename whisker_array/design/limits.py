@@ -17,6 +17,7 @@ import enum
 import math
 from dataclasses import dataclass, replace
 
+from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material
@@ -27,7 +28,7 @@ NARROWEST_STROKE_HEIGHTS = 1.0 / 14.0
 _TOUCHING = 5e-3
 
 
-class DesignError(ValueError):
+class DesignError(MarksError):
     """No whisker does what is asked: says which constraints cannot be met together, and the mend."""
 
 
@@ -107,7 +108,7 @@ class Request:
         for name in ("depth_mm", "character_height_mm", "speed_mm_s"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise DesignError(f"{name} is {value}; it must be a positive number")
+                raise DesignError(f"{name} is {value}", hint="it must be a positive number")
         if self.depth_mm > 0.5 * self.character_height_mm:
             raise DesignError(
                 f"marks {self.depth_mm:g} mm deep with characters {self.character_height_mm:g} mm high cannot be: "

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 
 MIN_LEAD_IN_SAMPLES = 16
@@ -32,29 +33,33 @@ MAX_GAIN_UNCERTAINTY = 0.01
 """Largest standard error of an estimated gain, as a share of it."""
 
 
-class SensorError(ValueError):
+class SensorError(MarksError):
     """A sensor chain, signal or lead-in that cannot be used; the message says how to mend it."""
 
 
 def _per_whisker(name: str, values: ArrayLike) -> NDArray[np.float64]:
     array = np.array(values, dtype=np.float64)
     if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
-        raise SensorError(f"{name} has shape {array.shape}; it needs a finite number for each whisker")
+        raise SensorError(f"{name} has shape {array.shape}", hint="it needs a finite number for each whisker")
     array.flags.writeable = False
     return array
 
 
 def _same_length(gain: NDArray[np.float64], offset: NDArray[np.float64]) -> None:
     if gain.shape != offset.shape:
-        raise SensorError(f"{gain.size} gains but {offset.size} offsets; give one of each for every whisker")
+        raise SensorError(
+            f"{gain.size} gains but {offset.size} offsets", hint="give one of each for every whisker"
+        )
     if (gain == 0.0).any():
-        raise SensorError(f"whisker {int(np.argmin(np.abs(gain)))} has a gain of 0: it is dead; leave it out")
+        raise SensorError(
+            f"whisker {int(np.argmin(np.abs(gain)))} has a gain of 0: it is dead", hint="leave it out"
+        )
 
 
 def _not_negative(name: str, value: float) -> float:
     number = float(value)
     if not math.isfinite(number) or number < 0.0:
-        raise SensorError(f"{name} is {value}; it must be finite and not negative")
+        raise SensorError(f"{name} is {value}", hint="it must be finite and not negative")
     return number
 
 
@@ -94,12 +99,14 @@ class SensorChain:
         for name in ("noise_n_mm", "drift_n_mm_per_sqrt_s", "vibration"):
             object.__setattr__(self, name, _not_negative(name, getattr(self, name)))
         if not self.adc_range_n_mm > 0.0:
-            raise SensorError(f"adc_range_n_mm is {self.adc_range_n_mm}; full scale must be positive")
+            raise SensorError(f"adc_range_n_mm is {self.adc_range_n_mm}", hint="full scale must be positive")
         if self.adc_bits is not None:
             if not 2 <= self.adc_bits <= 32:
-                raise SensorError(f"adc_bits is {self.adc_bits}; it must be 2 to 32, or None")
+                raise SensorError(f"adc_bits is {self.adc_bits}", hint="it must be 2 to 32, or None")
             if math.isinf(self.adc_range_n_mm):
-                raise SensorError("a converter needs a finite adc_range_n_mm; give one, or adc_bits=None")
+                raise SensorError(
+                    "a converter needs a finite adc_range_n_mm", hint="give one, or adc_bits=None"
+                )
 
     @property
     def n_whiskers(self) -> int:
@@ -125,7 +132,7 @@ class SensorChain:
 
 def _check_count(n_whiskers: int) -> None:
     if n_whiskers < 1:
-        raise SensorError(f"n_whiskers is {n_whiskers}; an array has at least one")
+        raise SensorError(f"n_whiskers is {n_whiskers}", hint="an array has at least one")
 
 
 def draw_sensor_chain(
@@ -159,9 +166,9 @@ def draw_sensor_chain(
     """
     _check_count(n_whiskers)
     if not 0.0 <= gain_sd < 1.0 / 3.0:
-        raise SensorError(f"gain_sd is {gain_sd}; beyond 1/3 a whisker could have no gain at all")
+        raise SensorError(f"gain_sd is {gain_sd}", hint="beyond 1/3 a whisker could have no gain at all")
     if not (math.isfinite(full_scale_n_mm) and full_scale_n_mm > 0.0):
-        raise SensorError(f"full_scale_n_mm is {full_scale_n_mm}; it must be positive")
+        raise SensorError(f"full_scale_n_mm is {full_scale_n_mm}", hint="it must be positive")
     offset_sd = (
         0.01 * full_scale_n_mm if offset_sd_n_mm is None else _not_negative("offset_sd_n_mm", offset_sd_n_mm)
     )
@@ -180,7 +187,7 @@ def draw_sensor_chain(
 def _check_signal(name: str, signal: NDArray[np.floating], n_whiskers: int) -> None:
     if signal.ndim < 2 or signal.shape[-2] != n_whiskers:
         raise SensorError(
-            f"{name} has shape {signal.shape}; it must be (..., {n_whiskers} whiskers, samples)"
+            f"{name} has shape {signal.shape}", hint=f"it must be (..., {n_whiskers} whiskers, samples)"
         )
 
 
@@ -225,7 +232,7 @@ def measure(
     moment = np.asarray(moment_n_mm)
     _check_signal("moment_n_mm", moment, chain.n_whiskers)
     if not (math.isfinite(sample_rate_hz) and sample_rate_hz > 0.0):
-        raise SensorError(f"sample_rate_hz is {sample_rate_hz}; it must be positive")
+        raise SensorError(f"sample_rate_hz is {sample_rate_hz}", hint="it must be positive")
     n, samples = moment.shape[-2:]
     raw = np.empty((math.prod(moment.shape[:-2]), n, samples), dtype=np.float32)
     saturated = np.zeros(raw.shape, dtype=np.bool_)
@@ -321,15 +328,18 @@ def calibrate_lead_in(
     if air64.ndim != 2 or land64.ndim != 2 or air64.shape[0] != land64.shape[0]:
         raise SensorError(f"air {air64.shape} and land {land64.shape} must both be (whiskers, samples)")
     if not math.isfinite(expected_land_moment_n_mm) or expected_land_moment_n_mm == 0.0:
-        raise SensorError(f"expected_land_moment_n_mm is {expected_land_moment_n_mm}; it must not be 0")
+        raise SensorError(
+            f"expected_land_moment_n_mm is {expected_land_moment_n_mm}", hint="it must not be 0"
+        )
     for name, signal in (("air", air64), ("land", land64)):
         if signal.shape[1] < MIN_LEAD_IN_SAMPLES:
             raise SensorError(
-                f"the lead-in has {signal.shape[1]} samples of {name}; it needs {MIN_LEAD_IN_SAMPLES} or more"
+                f"the lead-in has {signal.shape[1]} samples of {name}",
+                hint=f"it needs {MIN_LEAD_IN_SAMPLES} or more",
             )
         if not np.isfinite(signal).all():
             raise SensorError(
-                f"the lead-in in {name} is not finite; begin the scan on the part, clear of marks"
+                f"the lead-in in {name} is not finite", hint="begin the scan on the part, clear of marks"
             )
     offset = air64.mean(axis=1)
     rise = land64.mean(axis=1) - offset

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
-from whisker_array.whisker.sections import Material, Section, SectionLike, Taper
+from whisker_array.whisker.sections import Material, Section, SectionLike, Taper, WhiskerError
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -31,10 +31,6 @@ _TAPER_TOLERANCE = 1e-12
 _MAX_PANELS = 512
 _WORLD_Z = np.array([0.0, 0.0, 1.0])
 _WORLD_X = np.array([1.0, 0.0, 0.0])
-
-
-class BeamError(ValueError):
-    """A segment or chain that cannot be one: its message says what is wrong and how to mend it."""
 
 
 def cross_matrix(r: Vector) -> Matrix:
@@ -63,7 +59,7 @@ class Segment:
         material: what it is made of.
 
     Raises:
-        BeamError: points that are not finite 3-vectors, or a length of zero.
+        WhiskerError: points that are not finite 3-vectors, or a length of zero.
     """
 
     start_mm: Vector
@@ -77,11 +73,15 @@ class Segment:
         for name in ("start_mm", "end_mm"):
             point = np.array(getattr(self, name), dtype=np.float64)
             if point.shape != (3,) or not np.isfinite(point).all():
-                raise BeamError(f"{name} is {point}; it must be a point of three finite coordinates in mm")
+                raise WhiskerError(
+                    f"{name} is {point}", hint="it must be a point of three finite coordinates in mm"
+                )
             point.flags.writeable = False
             object.__setattr__(self, name, point)
         if not self.length_mm > 0.0:
-            raise BeamError(f"segment at {self.start_mm} mm has no length; leave it out of the chain")
+            raise WhiskerError(
+                f"segment at {self.start_mm} mm has no length", hint="leave it out of the chain"
+            )
 
     @property
     def length_mm(self) -> float:
@@ -124,10 +124,10 @@ def split(segment: Segment, parts: int) -> tuple[Segment, ...]:
     """The segment cut into equal parts; a taper is handed on to them.
 
     Raises:
-        BeamError: parts below 1.
+        WhiskerError: parts below 1.
     """
     if parts < 1:
-        raise BeamError(f"parts is {parts}; it must be at least 1")
+        raise WhiskerError(f"parts is {parts}", hint="it must be at least 1")
     at = np.linspace(0.0, 1.0, parts + 1)
     points = segment.start_mm + at[:, None] * (segment.end_mm - segment.start_mm)
     points[-1] = segment.end_mm
@@ -186,23 +186,26 @@ def _segment_compliance(segment: Segment, tip: Vector, axial: bool) -> Matrix:
             ):
                 return d
         previous = d
-    raise BeamError("the taper is too steep to integrate; make its thin end thicker or split the segment")
+    raise WhiskerError(
+        "the taper is too steep to integrate", hint="make its thin end thicker or split the segment"
+    )
 
 
 def check_chain(segments: Sequence[Segment]) -> None:
     """Check that the segments follow each other, base to tip.
 
     Raises:
-        BeamError: no segment at all, or a gap between one's end and the next one's start.
+        WhiskerError: no segment at all, or a gap between one's end and the next one's start.
     """
     if not segments:
-        raise BeamError("a chain needs at least one segment")
+        raise WhiskerError("a chain needs at least one segment")
     total = sum(s.length_mm for s in segments)
     for i in range(len(segments) - 1):
         gap = float(np.linalg.norm(segments[i + 1].start_mm - segments[i].end_mm))
         if gap > 1e-9 * total:
-            raise BeamError(
-                f"segment {i + 1} starts {gap:.3g} mm away from the end of segment {i}; list them base to tip"
+            raise WhiskerError(
+                f"segment {i + 1} starts {gap:.3g} mm away from the end of segment {i}",
+                hint="list them base to tip",
             )
 
 
@@ -219,7 +222,7 @@ def chain_compliance(segments: Sequence[Segment], *, axial: bool = True) -> Matr
         N mm), D21 rad/N, D22 rad/(N mm). Exact for constant sections, within 1e-10 for tapers.
 
     Raises:
-        BeamError: an empty or broken chain, or a taper too steep to integrate.
+        WhiskerError: an empty or broken chain, or a taper too steep to integrate.
     """
     check_chain(segments)
     tip = segments[-1].end_mm

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from whisker_array.whisker import enhancement
 from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
@@ -39,7 +40,7 @@ _FIRST_NODES, _MAX_NODES, _SHAPE_POINTS = 13, 4000, 128
 """At first in each segment; over all segments together (but 100 in each); over all of the bent line."""
 
 
-class ElasticaError(ValueError):
+class ElasticaError(MarksError):
     """A load or whisker that has no exact solution here; the message says why and how to mend it."""
 
 
@@ -70,7 +71,9 @@ class LargeDeflection:
         for name, shape in (("force_n", (3,)), ("tip_shift_mm", (3,)), ("shape_mm", (len(self.shape_mm), 2))):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.shape != shape or not np.isfinite(array).all() or not math.isfinite(self.moment_n_mm):
-                raise ElasticaError(f"{name} is {array.shape}; it must be {shape}, all numbers finite")
+                raise ElasticaError(
+                    f"{name} is {array.shape}", hint=f"it must be {shape}, all numbers finite"
+                )
             array.flags.writeable = False
             object.__setattr__(self, name, array)
 
@@ -141,12 +144,17 @@ def _rod(whisker: Whisker, *, mu: float, alpha_rad: float) -> _Rod:
     segments = whisker.segments()
     points = np.array([segments[0].start_mm] + [s.end_mm for s in segments])
     if np.ptp(points[:, 2]) > 1e-9 * np.abs(points[-1] - points[0]).max():
-        raise ElasticaError("the whisker leaves the plane of tracing; give a chain with one z for all points")
+        raise ElasticaError(
+            "the whisker leaves the plane of tracing", hint="give a chain with one z for all points"
+        )
     d11 = chain_compliance(segments, axial=False)[:3, :3]
     if not (d11 @ push)[1] > 0.0:
         raise ElasticaError(
-            f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force cannot lift the "
-            "tip; take a smaller k, or a surface less steep"
+            (
+                f"the whisker jams at alpha = {alpha_rad:.3f} rad, mu = {mu}: the contact force "
+                "cannot lift the tip"
+            ),
+            hint="take a smaller k, or a surface less steep",
         )
     length = sum(s.length_mm for s in segments)
     line = (points[:, :2] - points[-1, :2]).T[:, :, None] / length
@@ -221,8 +229,11 @@ def _follow(rod: _Rod, target: float) -> Any:
         step /= 4.0
         if step < _SMALLEST_STEP * min(LOAD_STEP, target):
             raise ElasticaError(
-                f"no bent shape found beyond a lift of {reached * rod.length_mm:.3g} mm: there the tip slips "
-                "through, jams or folds; lower the lift, the friction or the slope, or thicken a taper's end"
+                (
+                    f"no bent shape found beyond a lift of {reached * rod.length_mm:.3g} mm: there the "
+                    "tip slips through, jams or folds"
+                ),
+                hint="lower the lift, the friction or the slope, or thicken a taper's end",
             )
 
 
@@ -250,17 +261,20 @@ def large_deflection(
     Raises:
         ElasticaError: lift not positive, out of the whisker's reach or without a solution; a whisker that
             jams or leaves the plane.
-        EnhancementError: alpha or mu out of range.
+        WhiskerError: alpha or mu out of range.
     """
     return _bend(_rod(whisker, mu=mu, alpha_rad=alpha_rad), lift_mm)
 
 
 def _bend(rod: _Rod, lift_mm: float) -> LargeDeflection:
     if not (math.isfinite(lift_mm) and lift_mm > 0.0):
-        raise ElasticaError(f"lift_mm is {lift_mm}; a whisker in contact is lifted: give a positive length")
+        raise ElasticaError(
+            f"lift_mm is {lift_mm}", hint="a whisker in contact is lifted: give a positive length"
+        )
     if not abs(height := lift_mm - float(rod.start[1, 0, 0]) * rod.length_mm) < rod.length_mm:
         raise ElasticaError(
-            f"the tip cannot be {height:g} mm over the clamp of a whisker {rod.length_mm:g} mm long; lower the lift"
+            (f"the tip cannot be {height:g} mm over the clamp of a whisker {rod.length_mm:g} mm long"),
+            hint="lower the lift",
         )
     found = _follow(rod, lift_mm / rod.length_mm)
     force = float(found.p[0]) * lift_mm / rod.yields_mm_per_n[1] * rod.push
@@ -289,7 +303,7 @@ def linear_error(whisker: Whisker, *, lift_mm: float, mu: float = 0.0, alpha_rad
 
 def _over(moment_n_mm: float, exact: LargeDeflection) -> float:
     if exact.moment_n_mm == 0.0:
-        raise ElasticaError("the force makes no moment at the sensor to compare with; change l3")
+        raise ElasticaError("the force makes no moment at the sensor to compare with", hint="change l3")
     return moment_n_mm / exact.moment_n_mm
 
 

@@ -17,20 +17,21 @@ import math
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
+from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 
 _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
 """1 + 1/3^5 + 1/5^5 + ... = 31/32 zeta(5)."""
 
 
-class SectionError(ValueError):
+class WhiskerError(MarksError):
     """A material or section that cannot be one: its message says what is wrong and how to mend it."""
 
 
 def _positive(name: str, value: float) -> float:
     number = float(value)
     if not math.isfinite(number) or number <= 0.0:
-        raise SectionError(f"{name} is {value}; it must be a positive number")
+        raise WhiskerError(f"{name} is {value}", hint="it must be a positive number")
     return number
 
 
@@ -46,7 +47,7 @@ class Material:
         yield_mpa: yield stress in bending, MPa.
 
     Raises:
-        SectionError: a constant that is not positive, or a Poisson's ratio outside 0 to 0.5.
+        WhiskerError: a constant that is not positive, or a Poisson's ratio outside 0 to 0.5.
     """
 
     name: str
@@ -59,7 +60,9 @@ class Material:
         for field in ("e_mpa", "density_g_cm3", "yield_mpa"):
             object.__setattr__(self, field, _positive(field, getattr(self, field)))
         if not 0.0 <= self.poisson < 0.5:
-            raise SectionError(f"poisson is {self.poisson}; it must lie between 0 and 0.5 (steel: 0.29)")
+            raise WhiskerError(
+                f"poisson is {self.poisson}", hint="it must lie between 0 and 0.5 (steel: 0.29)"
+            )
 
     @property
     def g_mpa(self) -> float:
@@ -114,9 +117,10 @@ def _mix(a: float, b: float, t: float) -> float:
     return (1.0 - t) * a + t * b
 
 
-def _kinds_differ(a: Section, b: Section) -> SectionError:
-    return SectionError(
-        f"cannot taper from {type(a).__name__} to {type(b).__name__}; both ends must be of the same kind"
+def _kinds_differ(a: Section, b: Section) -> WhiskerError:
+    return WhiskerError(
+        f"cannot taper from {type(a).__name__} to {type(b).__name__}",
+        hint="both ends must be of the same kind",
     )
 
 
@@ -168,7 +172,7 @@ class Round:
         return Round(self.diameter_mm * factor)
 
     def blend(self, other: Section, t: float) -> Round:
-        """Diameter mixed linearly; SectionError if the other is no Round."""
+        """Diameter mixed linearly; WhiskerError if the other is no Round."""
         if not isinstance(other, Round):
             raise _kinds_differ(self, other)
         return Round(_mix(self.diameter_mm, other.diameter_mm, t))
@@ -189,8 +193,9 @@ class Tube:
     def __post_init__(self) -> None:
         object.__setattr__(self, "outer_mm", _positive("outer_mm", self.outer_mm))
         if not 0.0 <= self.inner_mm < self.outer_mm:
-            raise SectionError(
-                f"inner_mm is {self.inner_mm}; it must be at least 0 and below outer_mm = {self.outer_mm}"
+            raise WhiskerError(
+                f"inner_mm is {self.inner_mm}",
+                hint=f"it must be at least 0 and below outer_mm = {self.outer_mm}",
             )
 
     @property
@@ -228,7 +233,7 @@ class Tube:
         return Tube(self.outer_mm * factor, self.inner_mm * factor)
 
     def blend(self, other: Section, t: float) -> Tube:
-        """Both diameters mixed linearly; SectionError if the other is no Tube."""
+        """Both diameters mixed linearly; WhiskerError if the other is no Tube."""
         if not isinstance(other, Tube):
             raise _kinds_differ(self, other)
         return Tube(_mix(self.outer_mm, other.outer_mm, t), _mix(self.inner_mm, other.inner_mm, t))
@@ -296,7 +301,7 @@ class Rectangle:
         return Rectangle(self.thickness_mm * factor, self.width_mm * factor)
 
     def blend(self, other: Section, t: float) -> Rectangle:
-        """Both sides mixed linearly; SectionError if the other is no Rectangle."""
+        """Both sides mixed linearly; WhiskerError if the other is no Rectangle."""
         if not isinstance(other, Rectangle):
             raise _kinds_differ(self, other)
         return Rectangle(
@@ -313,7 +318,7 @@ class Taper:
         end: section at the end nearer the tip, of the same kind.
 
     Raises:
-        SectionError: the two ends are of different kinds.
+        WhiskerError: the two ends are of different kinds.
     """
 
     start: Section

@@ -25,15 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
-from whisker_array.whisker.beam import BeamError, Segment, chain_compliance, cross_matrix
-from whisker_array.whisker.sections import MUSIC_WIRE, Material, SectionLike
+from whisker_array.whisker.beam import Segment, chain_compliance, cross_matrix
+from whisker_array.whisker.sections import MUSIC_WIRE, Material, SectionLike, WhiskerError
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
-
-
-class WhiskerError(ValueError):
-    """A whisker that cannot be one: its message says what is wrong and how to mend it."""
 
 
 def require_positive(name: str, value: float) -> float:
@@ -44,13 +40,15 @@ def require_positive(name: str, value: float) -> float:
     """
     number = float(value)
     if not math.isfinite(number) or number <= 0.0:
-        raise WhiskerError(f"{name} is {value}; it must be a positive number")
+        raise WhiskerError(f"{name} is {value}", hint="it must be a positive number")
     return number
 
 
 def _check_beta(beta_rad: float) -> None:
     if not abs(beta_rad) < math.pi / 2.0:
-        raise WhiskerError(f"beta_rad is {beta_rad}; it must be within -pi/2 to pi/2 (radians, not degrees)")
+        raise WhiskerError(
+            f"beta_rad is {beta_rad}", hint="it must be within -pi/2 to pi/2 (radians, not degrees)"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +72,15 @@ class TipModel:
         d = np.array(self.compliance_mm_per_n, dtype=np.float64)
         arm = np.array(self.moment_arm_mm, dtype=np.float64)
         if d.shape != (3, 3) or arm.shape != (3,):
-            raise WhiskerError(f"D11 is {d.shape} and the arm {arm.shape}; they must be (3, 3) and (3,)")
+            raise WhiskerError(
+                f"D11 is {d.shape} and the arm {arm.shape}", hint="they must be (3, 3) and (3,)"
+            )
         if not (np.isfinite(d).all() and np.isfinite(arm).all()):
             raise WhiskerError("D11 and the moment arm must be finite")
         if np.abs(d - d.T).max() > 1e-9 * np.abs(d).max():
-            raise WhiskerError("D11 is not symmetric, so it would make energy of nothing; check its terms")
+            raise WhiskerError(
+                "D11 is not symmetric, so it would make energy of nothing", hint="check its terms"
+            )
         d = (d + d.T) / 2.0
         eigen = np.linalg.eigvalsh(d)
         if not eigen[0] > 1e-14 * abs(eigen[-1]):
@@ -192,9 +194,11 @@ class LShaped:
     def __post_init__(self) -> None:
         object.__setattr__(self, "l1_mm", require_positive("l1_mm", self.l1_mm))
         if not (math.isfinite(self.l2_mm) and self.l2_mm >= 0.0):
-            raise WhiskerError(f"l2_mm is {self.l2_mm}; the tip arm's length is finite and not negative")
+            raise WhiskerError(
+                f"l2_mm is {self.l2_mm}", hint="the tip arm's length is finite and not negative"
+            )
         if self.l3_mm is not None and not math.isfinite(self.l3_mm):
-            raise WhiskerError(f"l3_mm is {self.l3_mm}; give a finite length, or None for l3 = l2")
+            raise WhiskerError(f"l3_mm is {self.l3_mm}", hint="give a finite length, or None for l3 = l2")
         _check_beta(self.beta_rad)
 
     @property
@@ -258,23 +262,27 @@ class Chain:
     def __post_init__(self) -> None:
         points = np.array(self.points_mm, dtype=np.float64)
         if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-            raise WhiskerError(f"points_mm is {points.shape}; it needs at least two finite points (x, y, z)")
+            raise WhiskerError(
+                f"points_mm is {points.shape}", hint="it needs at least two finite points (x, y, z)"
+            )
         n = len(points) - 1
         sections = self.sections
         if isinstance(sections, Sequence):
             sections = tuple(sections)
             if len(sections) != n:
-                raise WhiskerError(f"{len(sections)} sections for {n} segments; give one for each, or one")
+                raise WhiskerError(
+                    f"{len(sections)} sections for {n} segments", hint="give one for each, or one"
+                )
         if not points[-1, 0] < points[0, 0]:
             raise WhiskerError("the tip must lie behind the base (smaller x): a whisker is dragged along")
         if not math.isfinite(self.l3_mm):
-            raise WhiskerError(f"l3_mm is {self.l3_mm}; it must be finite")
+            raise WhiskerError(f"l3_mm is {self.l3_mm}", hint="it must be finite")
         points.flags.writeable = False
         object.__setattr__(self, "points_mm", points)
         object.__setattr__(self, "sections", sections)
         try:
             self.segments()
-        except BeamError as error:
+        except WhiskerError as error:
             raise WhiskerError(f"points_mm: {error}") from error
 
     def segments(self) -> tuple[Segment, ...]:
