@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import FAILED, USAGE, CommandError, failures_told
+from pipeline.cli.settings import READING, SERVICE, Config, ReadingOfFile, ServiceOfFile, StoreAddress
 
 if TYPE_CHECKING:
     from pipeline.reading.enrolment import ReviewedPart
+    from pipeline.service.settings import ServiceSettings
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store
 
@@ -26,9 +28,11 @@ def enroll(
     font: str,
     truth: Path | None = None,
     from_store: Annotated[bool, Parameter(negative="")] = False,
-    store: str | None = None,
+    store: StoreAddress = None,
     since: float | None = None,
-    config: Path | None = None,
+    reading: ReadingOfFile = READING,
+    service: ServiceOfFile = SERVICE,
+    config: Config = None,
 ) -> int:
     """Enroll reviewed parts: their characters teach the database the die's own shapes.
 
@@ -44,12 +48,8 @@ def enroll(
         Table of the inputs' texts as a person knows them: CSV with the columns part and text.
     from_store
         Take the reviewed parts of the service's store instead.
-    store
-        Address of that store; that of the service's settings unless given.
     since
         Only parts reviewed in the last so many days.
-    config
-        Settings file, for fonts and character height.
     """
     if from_store == bool(inputs):
         raise CommandError("enroll: name parts with --truth, or give --from-store", status=USAGE)
@@ -61,13 +61,11 @@ def enroll(
         raise CommandError(f"enroll: --since is {since} days", hint="give a positive number", status=USAGE)
     with failures_told(), ExitStack() as stack:
         from pipeline.common.atomic import check_writable
-        from pipeline.common.settings import load_settings
         from pipeline.reading.enrolment import enrol
 
-        settings = load_settings(config=config)
         left_out = 0
         if from_store:
-            opened, folder = _opened(store, config)
+            opened, folder = _opened(store, service)
             stack.callback(opened.close)
             links = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             parts, left_out = _of_store(opened, folder, links, since)
@@ -77,7 +75,7 @@ def enroll(
         if not parts:
             raise CommandError("enroll: no reviewed part with a scan or a height map was found")
         check_writable(database)
-        report = enrol(parts, database, font=font, settings=settings)
+        report = enrol(parts, database, font=font, settings=reading)
         if opened is not None:
             for part_id, characters in report.enrolled:
                 opened.note_event(part_id, "enrolled", {"font": font, "characters": characters})
@@ -104,14 +102,12 @@ def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[ReviewedPart]:
     return found
 
 
-def _opened(url: str | None, config: Path | None) -> tuple[Store, EvidenceFolder]:
-    from pipeline.service.settings import load_service_settings
+def _opened(url: str | None, service: ServiceSettings) -> tuple[Store, EvidenceFolder]:
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store, StoreError
 
-    settings = load_service_settings(config=config)
     try:
-        return Store.open(url or settings.store_url), EvidenceFolder(settings.evidence_folder)
+        return Store.open(url or service.store_url), EvidenceFolder(service.evidence_folder)
     except StoreError as error:
         raise CommandError(f"enroll: {error}") from error
 

@@ -8,7 +8,8 @@ import sys
 from collections.abc import Sequence
 from typing import Literal
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, Parameter, ValidationError
+from cyclopts.argument import ArgumentCollection
 
 from pipeline.cli.exit_status import BROKEN_PIPE, INTERRUPTED, USAGE, CommandError
 
@@ -21,9 +22,26 @@ def _version() -> str:
     return program_version()
 
 
+def _settings(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Settings from file and environment, for the commands that have any."""
+    if any(argument.name == "--config" for argument in arguments):
+        from pipeline.cli.settings import from_file_and_environment
+
+        from_file_and_environment(app, commands, arguments)
+
+
+def _default(value: object) -> str | None:
+    """A default as help shows it."""
+    if value in (None, False, "", (), {}):
+        return None
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
 app = App(
     name=PROGRAM,
     version=_version,
+    config=_settings,
+    default_parameter=Parameter(negative_iterable=(), show_default=_default),
     help="Read die-stamped serials by touch and by camera, from height maps, whisker scans and photographs.",
     suppress_keyboard_interrupt=False,
 )
@@ -98,7 +116,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except CycloptsError as error:
-        return _complain(f"{error} (see {PROGRAM} --help)", USAGE)
+        return _complain(_explained(error), USAGE)
     except CommandError as error:
         return _complain(str(error), error.status)
     except KeyboardInterrupt:
@@ -107,6 +125,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # the reader of our output has gone; give the interpreter somewhere to flush to
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
+
+
+def _explained(error: CycloptsError) -> str:
+    if isinstance(error, ValidationError):
+        from pipeline.cli.settings import explained
+
+        return explained(error)
+    return f"{error} (see {PROGRAM} --help)"
 
 
 def _complain(message: str, status: int) -> int:

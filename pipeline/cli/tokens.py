@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+from pipeline.cli.settings import SERVICE, Config, ServiceOfFile, StoreAddress
 
 if TYPE_CHECKING:
     from pipeline.common.records import TokenRecord
@@ -25,7 +26,9 @@ def add(
     *,
     scope: Annotated[tuple[ScopeName, ...], Parameter(negative="")],
     days: int | None = None,
-    store: str | None = None,
+    store: StoreAddress = None,
+    service: ServiceOfFile = SERVICE,
+    config: Config = None,
 ) -> int:
     """Make a token and print its secret. It is shown this once; the store keeps its hash alone.
 
@@ -37,12 +40,10 @@ def add(
         What it allows: read, write (send parts) or review. May be given several times.
     days
         After how many days it is refused; never unless given.
-    store
-        Address of the store; that of the service's settings unless given.
     """
     if days is not None and not 1 <= days <= _MAX_DAYS:
         raise CommandError(f"tokens add: {days} days cannot be", hint=f"give 1 to {_MAX_DAYS}", status=USAGE)
-    with _opened(store) as opened:
+    with _opened(store or service.store_url) as opened:
         from pipeline.common.records import Scope
 
         expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
@@ -54,15 +55,11 @@ def add(
     return 0
 
 
-def list_tokens(*, store: str | None = None) -> int:
-    """List the tokens, without their secrets.
-
-    Parameters
-    ----------
-    store
-        Address of the store; that of the service's settings unless given.
-    """
-    with _opened(store) as opened:
+def list_tokens(
+    *, store: StoreAddress = None, service: ServiceOfFile = SERVICE, config: Config = None
+) -> int:
+    """List the tokens, without their secrets."""
+    with _opened(store or service.store_url) as opened:
         found = opened.tokens()
     now = datetime.now(UTC)
     for token in found:
@@ -73,24 +70,24 @@ def list_tokens(*, store: str | None = None) -> int:
     return 0
 
 
-def revoke(name: str, *, store: str | None = None) -> int:
+def revoke(
+    name: str, *, store: StoreAddress = None, service: ServiceOfFile = SERVICE, config: Config = None
+) -> int:
     """Refuse a token from now on.
 
     Parameters
     ----------
     name
         Whose it is.
-    store
-        Address of the store; that of the service's settings unless given.
     """
-    with _opened(store) as opened:
+    with _opened(store or service.store_url) as opened:
         opened.revoke(name)
     print(f"token {name} is refused from now on")
     return 0
 
 
 @contextlib.contextmanager
-def _opened(url: str | None) -> Iterator[Store]:
+def _opened(url: str) -> Iterator[Store]:
     try:
         from pipeline.store.store import Store, StoreError, UnfitError
     except ImportError as error:
@@ -100,10 +97,6 @@ def _opened(url: str | None) -> Iterator[Store]:
             status=USAGE,
         ) from error
     with failures_told():
-        if url is None:
-            from pipeline.service.settings import load_service_settings
-
-            url = load_service_settings().store_url
         try:
             with contextlib.closing(Store.open(url)) as store:
                 yield store

@@ -1,116 +1,147 @@
-"""How to read: from a TOML file, the environment and the flags, the later over the former.
+"""How to read: the one place where settings of reading are declared.
 
-    tactile-marks.toml      font = ["gothic"]               (working folder, or the file after --config)
-                            height_mm = 5.0
-    environment             TACTILE_MARKS_HEIGHT_MM=5       (fonts and check digits separated by commas)
-    flags                   --height-mm 5
-
-A key that is not known is an error wherever it stands.
+From this model come the flags, the keys of `tactile-marks.toml`, the environment variables, the help texts and the
+reference in the documentation (`pipeline.cli.settings`). A library user builds it: `ReadSettings(font="gothic")`.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator
-from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-from pipeline.common.setting_sources import ENV_PREFIX, SettingsError, load
-
-__all__ = ["ENV_PREFIX", "ReadSettings", "SettingsError", "load_settings"]
+from glyphs.errors import MarksError
 
 
-class ReadSettings(BaseSettings):
-    """Settings of reading, checked.
+class SettingsError(MarksError):
+    """Settings that contradict each other; the message names them."""
+
+
+class Settings(BaseModel):
+    """Settings, checked; unknown names are errors.
 
     Attributes:
-        font: names of built-in fonts or paths of font files; none: every built-in font competes.
-        format: what serials look like, as in `recognition.format_text`; all must hold. The environment gives one.
-        lexicon: file of the serials that there are, one a line.
-        check: check digits that must hold, as in `recognition.check_digits`.
-        exclude: characters that no serial has, but where a mask writes them itself.
-        height_mm: character height; found out if not given.
-        mode: senses that read (`pipeline.reading.part_reader`); not given: touch, or the camera for a photograph alone.
-        accept_confidence: least confidence of a reading that is accepted; the reader's own unless given.
-        accept_margin: least lead of the first over the second candidate for it; likewise.
-        fidelity: how touch is simulated, for height maps and templates.
-        database: glyph database to take the fonts from.
-        depth_rule: name of a rule that the mark's depth and size must meet, such as 27CFR478.92.
-        min_depth_mm: depth that the mark must have everywhere.
+        table: of `tactile-marks.toml`; empty for the top of the file. Part of the environment variables' names, too.
     """
 
-    model_config = SettingsConfigDict(env_prefix=ENV_PREFIX, extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    table: ClassVar[str] = ""
 
-    font: Annotated[tuple[str, ...], NoDecode] = ()
-    format: Annotated[tuple[str, ...], NoDecode] = ()
-    lexicon: Path | None = None
-    check: Annotated[tuple[str, ...], NoDecode] = ()
-    exclude: str = ""
-    height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
-    mode: Literal["tactile", "vision", "fused", "auto"] | None = None
-    accept_confidence: float | None = Field(default=None, ge=0.0, le=1.0, allow_inf_nan=False)
-    accept_margin: float | None = Field(default=None, ge=0.0, le=1.0, allow_inf_nan=False)
-    fidelity: Literal["pointwise", "contact"] = "contact"
-    database: Path | None = None
-    depth_rule: str | None = None
-    min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
-
-    @field_validator("depth_rule")
     @classmethod
-    def _known_rule(cls, value: str | None) -> str | None:
-        from recognition.depth_rules import depth_rule
-
-        return None if value is None else depth_rule(value).name
-
-    @field_validator("format", mode="before")
-    @classmethod
-    def _one_format_or_many(cls, value: Any) -> Any:
-        # a format may hold commas itself
-        return (value,) if isinstance(value, str) else value
-
-    @field_validator("format")
-    @classmethod
-    def _known_formats(cls, value: tuple[str, ...]) -> tuple[str, ...]:
-        from recognition.grammar import Grammar
-
-        for text in value:
-            Grammar.parse(text)
-        return value
-
-    @field_validator("check")
-    @classmethod
-    def _known_checks(cls, value: tuple[str, ...]) -> tuple[str, ...]:
-        from recognition.check_digits import CheckDigit
-
-        for text in value:
-            CheckDigit.parse(text)
-        return value
-
-    @field_validator("exclude")
-    @classmethod
-    def _characters(cls, value: str) -> str:
-        if any(c.isspace() or not c.isprintable() for c in value):
-            raise ValueError("it has a blank; write the characters one after the other: IOQ")
-        return value
-
-    @field_validator("font", "check", mode="before")
-    @classmethod
-    def _one_or_many(cls, value: Any) -> Any:
-        if isinstance(value, str):
-            return tuple(name.strip() for name in value.split(",") if name.strip())
-        return value
+    def variable(cls, name: str) -> str:
+        """The environment variable of a setting."""
+        return "_".join(("TACTILE_MARKS", *([cls.table] if cls.table else []), name)).upper()
 
 
-def load_settings(*, config: Path | None = None, folder: Path | None = None, **flags: Any) -> ReadSettings:
-    """The settings in force.
+def _by_commas(value: Any) -> Any:
+    if isinstance(value, str):
+        return tuple(name.strip() for name in value.split(",") if name.strip())
+    return value
 
-    Args:
-        config: TOML file; without it `tactile-marks.toml` in the folder, if there is one.
-        folder: working folder, the current one unless given.
-        flags: by field name; None is not given.
 
-    Raises:
-        SettingsError: unknown keys, values that cannot be, a file that cannot be read.
-    """
-    return load(ReadSettings, config=config, folder=folder, flags=flags)
+def _one(value: Any) -> Any:
+    # a format may hold commas itself
+    return (value,) if isinstance(value, str) else value
+
+
+def _formats(value: tuple[str, ...]) -> tuple[str, ...]:
+    from recognition.grammar import Grammar
+
+    for text in value:
+        Grammar.parse(text)
+    return value
+
+
+def _checks(value: tuple[str, ...]) -> tuple[str, ...]:
+    from recognition.check_digits import CheckDigit
+
+    for text in value:
+        CheckDigit.parse(text)
+    return value
+
+
+def _characters(value: str) -> str:
+    if any(c.isspace() or not c.isprintable() for c in value):
+        raise ValueError("it has a blank; write the characters one after the other: IOQ")
+    return value
+
+
+def _rule(value: str) -> str:
+    from recognition.depth_rules import depth_rule
+
+    return depth_rule(value).name
+
+
+Names = Annotated[tuple[str, ...], BeforeValidator(_by_commas)]
+"""Several, in one text separated by commas."""
+Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+
+
+class ReadSettings(Settings):
+    """Settings of reading."""
+
+    mode: Literal["tactile", "vision", "fused", "auto"] | None = Field(
+        default=None,
+        description="What reads: touch (tactile), the camera (vision), both together (fused), or whatever a part has "
+        "files for (auto). Unless given, touch; and the camera for a part that is a photograph only.",
+    )
+    font: Names = Field(
+        default=(),
+        description="Built-in font or TTF/OTF file; may be repeated. Unless given, every built-in font is tried, which "
+        "takes longer.",
+    )
+    format: Annotated[tuple[str, ...], BeforeValidator(_one), AfterValidator(_formats)] = Field(
+        default=(),
+        description="What serials look like; may be repeated, all must hold. A mask such as AA999999 (A letter, "
+        "9 digit, * either, any other character itself), re:EXPRESSION, sets:AB,0-9,... (the characters of each "
+        "place), vin, or check:RULE; +check=RULE and +exclude=IOQ may follow any of them.",
+    )
+    lexicon: Path | None = Field(
+        default=None, description="File of all serials that exist, one a line; # starts a comment."
+    )
+    check: Annotated[Names, AfterValidator(_checks)] = Field(
+        default=(),
+        description="Check digit that must hold, such as luhn, iso7064mod37_2 or stdnum:imei; luhn@3-8 looks at "
+        "places 3 to 8. May be repeated.",
+    )
+    exclude: Annotated[str, AfterValidator(_characters)] = Field(
+        default="",
+        description="Characters that no serial has, such as IOQ, except where the format names them.",
+    )
+    height_mm: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=1000.0,
+        allow_inf_nan=False,
+        description="Character height in mm; measured unless given.",
+    )
+    fidelity: Literal["pointwise", "contact"] = Field(
+        default="contact",
+        description="How touch is simulated: the ball of the tip in contact, or a point (faster, less true).",
+    )
+    database: Path | None = Field(
+        default=None,
+        description="Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll.",
+    )
+    depth_rule: Annotated[str, AfterValidator(_rule)] | None = Field(
+        default=None,
+        description="Rule for depth and size of the marks, such as 27CFR478.92. Parts that break it are flagged; "
+        "their text is read all the same.",
+    )
+    min_depth_mm: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=100.0,
+        allow_inf_nan=False,
+        description="Least depth of the marks in mm. Parts with shallower marks are flagged.",
+    )
+    accept_confidence: Share | None = Field(
+        default=None,
+        description="Least confidence, 0 to 1, for a reading to be accepted; the reader's own unless given.",
+    )
+    accept_margin: Share | None = Field(
+        default=None,
+        description="Least lead of the best candidate over the second, 0 to 1, for a reading to be accepted; the "
+        "reader's own unless given.",
+    )

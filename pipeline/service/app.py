@@ -61,14 +61,14 @@ class Service:
         self.store = Store.open(settings.store_url)
         self.metrics = Metrics()
         self.access = Access(self.store, required=settings.tokens_asked)
-        self.databases = GlyphDatabases(settings.databases_folder, default=settings.database)
+        self.databases = GlyphDatabases(settings.databases_folder, default=reading.database)
         limits = Limits(
             max_photo_pixels=settings.max_photo_pixels,
             max_map_samples=settings.max_map_samples,
             memory_mb=settings.worker_memory_mb,
         )
         self.pool = WorkPool(
-            reading, limits, workers=settings.workers, queue=settings.queue, timeout_s=settings.job_timeout_s
+            reading, limits, workers=settings.jobs, queue=settings.queue, timeout_s=settings.part_timeout_s
         )
         self.ports = Ports(settings)
         self.desk = PartService(

@@ -13,21 +13,19 @@ SUFFIX = ".glyphs"
 class GlyphDatabases:
     """Glyph databases by name; looked for whenever they are asked for, so one may be put there while it runs."""
 
-    def __init__(self, folder: Path, *, default: str = "") -> None:
+    def __init__(self, folder: Path, *, default: Path | None = None) -> None:
         """Take the folder.
 
         Args:
             folder: of the files; it need not be there.
-            default: name of the database where none is asked for; empty for the built-in fonts.
+            default: database where none is asked for; None for the built-in fonts.
 
         Raises:
             ValueError: there is no such default.
         """
         self._folder, self._default = folder, default
-        if default and default not in self._files():
-            raise ValueError(
-                f"there is no glyph database {default}{SUFFIX} in {folder}; put it there, or name another"
-            )
+        if default is not None and not default.is_file():
+            raise ValueError(f"there is no glyph database {default}; make it with enroll, or name another")
 
     def _files(self) -> dict[str, Path]:
         try:
@@ -41,9 +39,8 @@ class GlyphDatabases:
         Raises:
             Problem: there is none of that name.
         """
-        name = name or self._default
         if not name:
-            return None
+            return self._default
         files = self._files()
         if name not in files:
             there = ", ".join(files) or "none at all"
@@ -58,5 +55,6 @@ class GlyphDatabases:
                 status = path.stat()
             except OSError:
                 continue
-            found.append({"name": name, "n_bytes": status.st_size, "default": name == self._default})
+            default = self._default is not None and path.absolute() == self._default.absolute()
+            found.append({"name": name, "n_bytes": status.st_size, "default": default})
         return found

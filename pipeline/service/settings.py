@@ -1,4 +1,4 @@
-"""How the service runs; everything has a default that works on one machine.
+"""How the service runs; every setting has a default that works on one machine.
 
 tactile-marks.toml      [service]                       (beside the settings of reading, which stand at the top)
                         port = 8417
@@ -9,122 +9,174 @@ flags                   serve --port 8417
 from __future__ import annotations
 
 import ipaddress
-import os
+import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator, model_validator
-from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from pipeline.common.setting_sources import ENV_PREFIX, load
+from pipeline.common.settings import Names, Settings
+from pipeline.workers.executors import cores
 
 STORE_FILE = "store.db"
-Megabytes = Annotated[int, Field(ge=1, le=100_000)]
 Port = Annotated[int, Field(ge=0, le=65535)]
 
 
-class ServiceSettings(BaseSettings):
-    """Settings of the service, checked.
+def _networks(value: tuple[str, ...]) -> tuple[str, ...]:
+    for network in value:
+        ipaddress.ip_network(network)
+    return value
 
-    Attributes:
-        host: address to listen on.
-        port: of the web interface; 0 takes any that is free.
-        folder: for the store, the evidence and glyph databases; made if need be.
-        store: URL of the store, sqlite:///... or postgresql://...; a file in the folder unless given.
-        tokens: whether a token is asked for; "auto" asks beyond the loopback address.
-        hosts: names under which the service is called, beside its address; others are refused where no token is asked.
-        workers: processes that read; as many as there are cores unless given.
-        queue: parts that may wait for a worker; more are refused at once.
-        job_timeout_s: after which a part that cannot be read is given up.
-        worker_memory_mb: of data for each worker; 0 is no limit.
-        max_upload_mb: of one request.
-        max_photo_pixels, max_map_samples: of one file, looked at before it is decoded.
-        databases: folder of glyph databases (.glyphs) that requests may choose from; in the folder unless given.
-        database: name of the one that is used where a request names none.
-        retention_days: for which photographs, scans and pictures are kept, whatever became of the part; 0 is for ever.
-        stage: folder of height maps that the simulated whisker stage feels; without it there is no stage.
-        stage_driver: "module:callable" that gives a driver of a real stage instead (`pipeline.service.stage.Stage`).
-        camera: folder into which the camera puts its pictures, for triggers.
-        line_host: address of the TCP port and the OPC UA server, which know no tokens.
-        camera_driver: "module:callable" that gives a driver of a real camera instead (`pipeline.service.stage.Camera`).
-        tcp_port: of the raw trigger port; closed unless given.
-        tcp_format: of its result string.
-        tcp_clients: addresses or networks that may use it, such as 192.168.7.0/24; any unless given.
-        opcua_port: of the OPC UA server; closed unless given.
-        opcua_certificate, opcua_key: of the server; with them only signed and encrypted connections are taken.
-        opcua_users: passwords by name; without any everybody may call who can reach it.
-        mqtt: broker that results are published to, mqtt://host:1883 or mqtts://user:password@host:8883.
-        mqtt_prefix: first level of the topics.
-        webhook: URL that results are posted to.
-        webhook_secret: key of the signature of what is posted.
-        shutdown_grace_s: in which running requests may end.
-        log: "json" or "text" lines.
-    """
 
-    model_config = SettingsConfigDict(env_prefix=f"{ENV_PREFIX}SERVICE_", extra="forbid", frozen=True)
+def _web_address(value: str) -> str:
+    if value and not value.startswith(("http://", "https://")):
+        raise ValueError("it is no web address; begin it with https:// or http://")
+    return value
 
-    host: str = "127.0.0.1"
-    port: Port = 8417
-    folder: Path = Path("tactile-marks-data")
-    store: str = ""
-    tokens: Literal["auto", "on", "off"] = "auto"
-    hosts: Annotated[tuple[str, ...], NoDecode] = ()
-    workers: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1, le=256)
-    queue: int = Field(default=64, ge=0, le=100_000)
-    job_timeout_s: float = Field(default=120.0, gt=0.0, le=3600.0)
-    worker_memory_mb: int = Field(default=4096, ge=0, le=1_000_000)
-    max_upload_mb: Megabytes = 100
-    max_photo_pixels: int = Field(default=40_000_000, ge=64)
-    max_map_samples: int = Field(default=30_000_000, ge=4)
-    databases: Path | None = None
-    database: str = ""
-    retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
-    stage: Path | None = None
-    stage_driver: str = ""
-    camera: Path | None = None
-    camera_driver: str = ""
-    line_host: str = "127.0.0.1"
-    tcp_port: Port | None = None
-    tcp_format: str = ""
-    tcp_clients: Annotated[tuple[str, ...], NoDecode] = ()
-    opcua_port: Port | None = None
-    opcua_certificate: Path | None = None
-    opcua_key: Path | None = None
-    opcua_users: dict[str, str] = Field(default_factory=dict, repr=False)
-    mqtt: str = ""
-    mqtt_prefix: str = "tactile-marks"
-    webhook: str = ""
-    webhook_secret: str = Field(default="", repr=False)
-    shutdown_grace_s: float = Field(default=20.0, ge=0.0, le=600.0)
-    log: Literal["json", "text"] = "json"
 
-    @field_validator("hosts", "tcp_clients", mode="before")
-    @classmethod
-    def _one_or_many(cls, value: Any) -> Any:
-        if isinstance(value, str):
-            return tuple(name.strip() for name in value.split(",") if name.strip())
-        return value
+def _broker(value: str) -> str:
+    if value and not value.startswith(("mqtt://", "mqtts://")):
+        raise ValueError("it is no broker's address; write mqtt://host:1883 or mqtts://host:8883")
+    return value
 
-    @field_validator("tcp_clients")
-    @classmethod
-    def _networks(cls, value: tuple[str, ...]) -> tuple[str, ...]:
-        for network in value:
-            ipaddress.ip_network(network)
-        return value
 
-    @field_validator("webhook")
-    @classmethod
-    def _web_address(cls, value: str) -> str:
-        if value and not value.startswith(("http://", "https://")):
-            raise ValueError("it is no web address; begin it with https:// or http://")
-        return value
+def _from_json(value: Any) -> Any:
+    return json.loads(value) if isinstance(value, str) else value
 
-    @field_validator("mqtt")
-    @classmethod
-    def _broker(cls, value: str) -> str:
-        if value and not value.startswith(("mqtt://", "mqtts://")):
-            raise ValueError("it is no broker's address; write mqtt://host:1883 or mqtts://host:8883")
-        return value
+
+class ServiceSettings(Settings):
+    """Settings of the service."""
+
+    table: ClassVar[str] = "service"
+
+    host: str = Field(
+        default="127.0.0.1",
+        description="Address to listen on. One that other machines can reach needs tokens (tactile-marks tokens add).",
+    )
+    port: Port = Field(default=8417, description="Port of the web interface; 0 takes any free one.")
+    folder: Path = Field(
+        default=Path("tactile-marks-data"),
+        description="Folder for the store, the evidence files and glyph databases; made if it is missing.",
+    )
+    store: str = Field(
+        default="",
+        description="Address of the store: sqlite:///FILE or postgresql://user@host/marks. A file in the folder "
+        "unless given.",
+    )
+    tokens: Literal["auto", "on", "off"] = Field(
+        default="auto",
+        description="Whether requests need a token; auto: if other machines can reach the host.",
+    )
+    hosts: Names = Field(
+        default=(),
+        description="Name that the service is called by, beside its address; may be repeated. Without tokens, "
+        "requests for other names are refused.",
+    )
+    jobs: int = Field(
+        default_factory=cores,
+        ge=1,
+        le=256,
+        description="Processes that read; one for each core unless given.",
+    )
+    queue: int = Field(
+        default=64,
+        ge=0,
+        le=100_000,
+        description="Parts that may wait for a process; more are refused at once, with 503.",
+    )
+    part_timeout_s: float = Field(
+        default=120.0, gt=0.0, le=3600.0, description="Seconds after which the service gives a part up."
+    )
+    worker_memory_mb: int = Field(
+        default=4096,
+        ge=0,
+        le=1_000_000,
+        description="Memory for the data of each process, in MB; 0: no limit.",
+    )
+    max_upload_mb: int = Field(default=100, ge=1, le=100_000, description="Largest request, in MB.")
+    max_photo_pixels: int = Field(
+        default=40_000_000, ge=64, description="Largest photograph; checked before it is decoded."
+    )
+    max_map_samples: int = Field(
+        default=30_000_000, ge=4, description="Largest height map; checked before it is decoded."
+    )
+    databases: Path | None = Field(
+        default=None,
+        description="Folder of glyph databases (.glyphs) that requests may choose from; databases in the folder "
+        "unless given.",
+    )
+    retention_days: float = Field(
+        default=90.0,
+        ge=0.0,
+        le=36_500.0,
+        description="Days for which photographs, scans and pictures are kept; 0: for ever.",
+    )
+    stage: Path | None = Field(
+        default=None,
+        description="Folder of height maps for the simulated whisker stage: NAME.npz is the part called NAME. "
+        "Without it there is no stage.",
+    )
+    stage_driver: str = Field(
+        default="",
+        description="module:callable that makes the driver of a real stage instead (pipeline.service.stage.Stage).",
+    )
+    camera: Path | None = Field(
+        default=None,
+        description="Folder into which the camera puts its pictures: NAME.png is the part called NAME.",
+    )
+    camera_driver: str = Field(
+        default="",
+        description="module:callable that makes the driver of a real camera instead (pipeline.service.stage.Camera).",
+    )
+    line_host: str = Field(
+        default="127.0.0.1",
+        description="Address of the TCP port and the OPC UA server, which know no tokens.",
+    )
+    tcp_port: Port | None = Field(
+        default=None, description="Trigger port for line controllers (raw TCP); closed unless given."
+    )
+    tcp_format: str = Field(default="", description="Its result string, such as {name};{decision};{text}.")
+    tcp_clients: Annotated[Names, AfterValidator(_networks)] = Field(
+        default=(),
+        description="Address or network that may use the TCP port, such as 192.168.7.0/24; may be repeated. Any "
+        "unless given.",
+    )
+    opcua_port: Port | None = Field(
+        default=None, description="Port of the OPC UA server (extra opcua); closed unless given."
+    )
+    opcua_certificate: Path | None = Field(
+        default=None,
+        description="Certificate of the OPC UA server; with it every connection is signed and encrypted.",
+    )
+    opcua_key: Path | None = Field(default=None, description="Private key of that certificate.")
+    opcua_users: Annotated[dict[str, str], BeforeValidator(_from_json)] = Field(
+        default_factory=dict,
+        repr=False,
+        description="Passwords of the OPC UA server by user; without any, everybody may call who can reach it. In "
+        'the environment as JSON: {"line": "secret"}.',
+    )
+    mqtt: Annotated[str, AfterValidator(_broker)] = Field(
+        default="",
+        description="Broker to publish results to (extra mqtt), mqtt://host:1883 or mqtts://user:password@host:8883.",
+    )
+    mqtt_prefix: str = Field(default="tactile-marks", description="First level of the topics.")
+    webhook: Annotated[str, AfterValidator(_web_address)] = Field(
+        default="", description="Web address to post results to; signed where webhook_secret is set."
+    )
+    webhook_secret: str = Field(
+        default="",
+        repr=False,
+        description="Key of the signature; better in the file or the environment than in a flag.",
+    )
+    shutdown_grace_s: float = Field(
+        default=20.0,
+        ge=0.0,
+        le=600.0,
+        description="Seconds that running requests have to end when the service stops.",
+    )
+    log: Literal["json", "text"] = Field(
+        default="json", description="Log lines as JSON, or as text for a person."
+    )
 
     @model_validator(mode="after")
     def _ask_beyond_loopback(self) -> ServiceSettings:
@@ -179,19 +231,3 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
-
-
-def load_service_settings(
-    *, config: Path | None = None, folder: Path | None = None, **flags: Any
-) -> ServiceSettings:
-    """The settings in force.
-
-    Args:
-        config: TOML file; without it `tactile-marks.toml` in the working folder, if there is one.
-        folder: the service's own folder.
-        flags: by field name; None is not given.
-
-    Raises:
-        SettingsError: unknown keys, values that cannot be, a file that cannot be read.
-    """
-    return load(ServiceSettings, table="service", config=config, flags={"folder": folder, **flags})

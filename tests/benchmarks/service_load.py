@@ -122,14 +122,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--parts", type=int, default=20)
     parser.add_argument("--dirt", type=float, default=0.3)
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         supplies = make_supplies(folder, parts=chosen.parts, dirt=chosen.dirt)
-        options = ("--workers", str(chosen.workers), "--format", MASK, "--font", "gothic", "--height-mm", "5")
+        options = ("--jobs", str(chosen.jobs), "--format", MASK, "--font", "gothic", "--height-mm", "5")
         print(
-            f"{chosen.parts} parts, dirt {chosen.dirt}, {chosen.workers} workers, {chosen.seconds:.0f} s each"
+            f"{chosen.parts} parts, dirt {chosen.dirt}, {chosen.jobs} processes, {chosen.seconds:.0f} s each"
         )
         print(
             f"{'kind':<6} {'clients':>7} {'answers':>8} {'errors':>7} {'a second':>9} {'p50 s':>7} "

@@ -54,7 +54,7 @@ def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixtu
         (["read"], "name a height map"),
         (["read", "a.npz", "--hight-mm", "5"], "--hight-mm"),
         (["read", "a.npz", "--height-mm", "tall"], "tall"),
-        (["read", "a.npz", "--height-mm", "-5"], "height_mm"),
+        (["read", "a.npz", "--height-mm", "-5"], "--height-mm"),
         (["read", "a.npz", "--mode", "smell"], "smell"),
         (["read", "a.npz", "--fidelity", "exact"], "exact"),
         (["read", "a.npz", "--font", "comic"], "comic"),

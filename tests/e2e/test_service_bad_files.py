@@ -19,7 +19,7 @@ terabytes."""
 
 def test_a_corpus_of_bad_files_does_no_harm(tmp_path: Path) -> None:
     options = (
-        "--workers",
+        "--jobs",
         "1",
         "--job-timeout-s",
         str(JOB_TIMEOUT_S),

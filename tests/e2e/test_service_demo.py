@@ -37,7 +37,7 @@ def test_a_trigger_at_the_tcp_port_photographs_feels_and_reads(tmp_path: Path) -
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    options = ("--tcp-port", str(port), "--camera", str(tmp_path), "--stage", str(tmp_path), "--workers", "1")
+    options = ("--tcp-port", str(port), "--camera", str(tmp_path), "--stage", str(tmp_path), "--jobs", "1")
     reading = ("--format", "AA99", "--font", "gothic", "--height-mm", "5")
     with (
         service_process(tmp_path / "service", *options, *reading) as service,

@@ -21,7 +21,7 @@ from pipeline.service.process import ServiceProcess, service_process
 ROUNDS = 3
 SENDERS = 3
 PARTS = 6
-OPTIONS = ("--workers", "1", "--format", "A99", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
+OPTIONS = ("--jobs", "1", "--format", "A99", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ from typing import Any
 
 from starlette.testclient import TestClient
 
-from pipeline.common.settings import ReadSettings, load_settings
+from pipeline.common.settings import ReadSettings
 from pipeline.service import app as service_module
 from pipeline.service.app import Service, create_app
-from pipeline.service.settings import ServiceSettings, load_service_settings
+from pipeline.service.settings import ServiceSettings
 from pipeline.workers.pool import BusyError
 
 MASK = "AA999999"
@@ -56,9 +56,8 @@ def inline_service(
     service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        told: ServiceSettings = load_service_settings(folder=folder, **settings)
-        read = reading or load_settings(format=(MASK,), font=("gothic",), height_mm=5.0)
-        service = Service(told, read)
+        read = reading or ReadSettings(format=(MASK,), font=("gothic",), height_mm=5.0)
+        service = Service(ServiceSettings(folder=folder, **settings), read)
         with TestClient(create_app(service), base_url="http://127.0.0.1:8417") as client:
             yield service, client
     finally:

@@ -8,7 +8,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.common.serial_format import read_lexicon, serial_format
-from pipeline.common.settings import SettingsError, load_settings
+from pipeline.common.settings import ReadSettings, SettingsError
 from recognition.grammar import Grammar
 
 
@@ -18,13 +18,13 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def grammar(**given: object) -> Grammar:
-    found = serial_format(load_settings(**given))
+    found = serial_format(ReadSettings(**given))
     assert found is not None
     return found
 
 
 def test_nothing_said_is_no_grammar() -> None:
-    assert serial_format(load_settings()) is None
+    assert serial_format(ReadSettings()) is None
 
 
 def test_a_mask_is_as_before() -> None:

@@ -43,7 +43,7 @@ def test_a_part_goes_out_on_every_line(
                 *(
                     "--store",
                     store_url,
-                    "--workers",
+                    "--jobs",
                     "1",
                     "--camera",
                     str(tmp_path),

@@ -1,0 +1,169 @@
+"""Settings as the command line knows them: flags over environment over file over defaults.
+
+tactile-marks.toml      font = ["gothic"]               (working folder, or the file after --config)
+                        [service]
+                        port = 8417
+environment             TACTILE_MARKS_HEIGHT_MM=5, TACTILE_MARKS_SERVICE_PORT=8417
+flags                   --height-mm 5, serve --port 8417
+
+A command has a parameter of type `Reading` or `Service`, and one `config`. A key that is not known is an error.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import pydantic
+from cyclopts import App, CycloptsError, Group, Parameter
+from cyclopts.argument import Argument, ArgumentCollection, Token
+
+from pipeline.cli.exit_status import USAGE, CommandError
+from pipeline.common.settings import ReadSettings, Settings
+from pipeline.service.settings import ServiceSettings
+
+DEFAULT_FILE = Path("tactile-marks.toml")
+MODELS: tuple[type[Settings], ...] = (ReadSettings, ServiceSettings)
+_HELP = "Also in tactile-marks.toml, {example}, and in the environment, {variable}=..."
+
+Reading = Annotated[
+    ReadSettings,
+    Parameter(
+        name="*",
+        group=Group(
+            "Settings of reading",
+            help=_HELP.format(example="height_mm = 5.0", variable=ReadSettings.variable("height_mm")),
+        ),
+    ),
+]
+Service = Annotated[
+    ServiceSettings,
+    Parameter(
+        name="*",
+        group=Group(
+            "Settings of the service",
+            help=_HELP.format(example="under [service]", variable=ServiceSettings.variable("port")),
+        ),
+    ),
+]
+ReadingOfFile = Annotated[ReadSettings, Parameter(name="reading", show=False)]
+"""Of a command whose flags mean something else: from file and environment."""
+ServiceOfFile = Annotated[ServiceSettings, Parameter(name="service", show=False)]
+"""Likewise."""
+Config = Annotated[
+    Path | None,
+    Parameter(help="TOML file with settings; tactile-marks.toml in the working folder is read by itself."),
+]
+StoreAddress = Annotated[
+    str | None, Parameter(help="Address of the store; the one of the service's settings unless given.")
+]
+READING, SERVICE = ReadSettings(), ServiceSettings()
+
+
+def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Give a command what environment and file say of its settings where its flags say nothing.
+
+    Raises:
+        CommandError: a file that cannot be read, unknown keys.
+    """
+    written: dict[str, Any] | None = None
+    for argument in arguments:
+        model = argument.hint
+        if not (isinstance(model, type) and issubclass(model, Settings)):
+            continue
+        if written is None:
+            file, written = _read_file(arguments)
+        for name, variable in _variables(model):
+            _check_known(model, name, variable, "the environment")
+            _give(argument, name, os.environ[variable], variable)
+        for name, value in _of_table(written, model, file).items():
+            _check_known(model, name, name, str(file))
+            _give(argument, name, value, f"{name} in {file}")
+
+
+def explained(error: CycloptsError) -> str:
+    """What is wrong with a command line, an environment or a file, in a line."""
+    cause = error.__cause__
+    if not isinstance(cause, pydantic.ValidationError):
+        return str(error)
+    first = cause.errors()[0]
+    message = first["msg"].removeprefix("Value error, ")
+    if not first["loc"]:
+        return message
+    name = str(first["loc"][0])
+    where = flag_of(name)
+    for field in error.argument.children if error.argument is not None else ():
+        if field.keys[-1] == name and field.tokens and field.tokens[0].source != "cli":
+            where = field.tokens[0].source
+    return f"{where} is {first['input']!r}: {message[:1].lower()}{message[1:]}"
+
+
+def flag_of(name: str) -> str:
+    """The flag of a setting."""
+    return f"--{name.replace('_', '-')}"
+
+
+def _give(argument: Argument, name: str, value: Any, source: str) -> None:
+    field = next(child for child in argument.children if child.keys[-1] == name)
+    if field.has_tokens:
+        return
+    for check in argument.hint.model_fields[name].metadata:
+        if isinstance(check, pydantic.BeforeValidator) and isinstance(value, str):
+            try:
+                value = check.func(value)  # type: ignore[call-arg]
+            except ValueError as error:
+                raise CommandError(f"{source} is {value!r}: {error}", status=USAGE) from error
+    values = value if isinstance(value, (list, tuple)) else (value,)
+    for index, item in enumerate(values):
+        text = json.dumps(item) if isinstance(item, (dict, list)) else str(item)
+        field.append(Token(keyword=name, value=text, source=source, index=index))
+
+
+def _variables(model: type[Settings]) -> Iterator[tuple[str, str]]:
+    """Settings that the environment gives, and their variables."""
+    prefix = model.variable("")
+    others = tuple(
+        other.variable("") for other in MODELS if other.variable("").startswith(prefix) and other is not model
+    )
+    for variable in os.environ:
+        if variable.upper().startswith(prefix) and not variable.upper().startswith(others):
+            yield variable[len(prefix) :].lower(), variable
+
+
+def _of_table(written: dict[str, Any], model: type[Settings], file: Path) -> dict[str, Any]:
+    if not model.table:
+        return {key: value for key, value in written.items() if key not in {other.table for other in MODELS}}
+    found = written.get(model.table, {})
+    if not isinstance(found, dict):
+        raise CommandError(
+            f"{model.table} in {file} is {found!r}", hint=f"make it a table: [{model.table}]", status=USAGE
+        )
+    return found
+
+
+def _check_known(model: type[Settings], name: str, shown: str, where: str) -> None:
+    known = list(model.model_fields)
+    if name not in known:
+        near = difflib.get_close_matches(name.lower(), known, n=2)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"the keys are {', '.join(known)}"
+        raise CommandError(f"unknown key {shown} in {where}", hint=hint, status=USAGE)
+
+
+def _read_file(arguments: ArgumentCollection) -> tuple[Path, dict[str, Any]]:
+    named = [Path(a.tokens[0].value) for a in arguments if a.name == "--config" and a.tokens]
+    file = named[0] if named else DEFAULT_FILE
+    if not named and not file.is_file():
+        return file, {}
+    try:
+        return file, tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CommandError(
+            f"{file} cannot be read ({error.strerror})", hint="check the name after --config", status=USAGE
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise CommandError(f"{file} is no TOML ({error})", hint="correct that line", status=USAGE) from error

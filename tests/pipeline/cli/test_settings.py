@@ -1,0 +1,237 @@
+"""Settings from flags, environment and file, and where they are documented."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from cyclopts import App, CycloptsError
+
+from pipeline.cli.exit_status import USAGE, CommandError
+from pipeline.cli.main import main
+from pipeline.cli.settings import (
+    READING,
+    SERVICE,
+    Config,
+    Reading,
+    ReadingOfFile,
+    Service,
+    explained,
+    from_file_and_environment,
+)
+from pipeline.cli.settings_reference import settings_reference
+from pipeline.common.settings import ReadSettings
+from pipeline.service.settings import ServiceSettings
+
+FILE = Path("tactile-marks.toml")
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def run(command: Callable[..., object], *flags: str) -> object:
+    app = App(config=from_file_and_environment, default_command=command, result_action="return_value")
+    try:
+        return app(flags, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        raise CommandError(explained(error), status=USAGE) from error
+
+
+def reading(*flags: str) -> ReadSettings:
+    """The settings of a command that reads."""
+
+    def command(reading: Reading = READING, config: Config = None) -> ReadSettings:
+        return reading
+
+    found = run(command, *flags)
+    assert isinstance(found, ReadSettings)
+    return found
+
+
+def serving(*flags: str) -> tuple[ServiceSettings, ReadSettings]:
+    """The settings of a command that serves."""
+
+    def command(
+        service: Service = SERVICE, reading: Reading = READING, config: Config = None
+    ) -> tuple[ServiceSettings, ReadSettings]:
+        return service, reading
+
+    found = run(command, *flags)
+    assert isinstance(found, tuple)
+    return found
+
+
+def test_nothing_need_be_set() -> None:
+    assert reading() == ReadSettings()
+    assert serving() == (ServiceSettings(), ReadSettings())
+
+
+def test_flags_go_over_environment_over_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    FILE.write_text(
+        'font = ["gothic", "futural"]\nheight_mm = 3\nfidelity = "pointwise"\nformat = "A9"\n',
+        encoding="utf-8",
+    )
+    monkeypatch.setenv("TACTILE_MARKS_HEIGHT_MM", "4")
+    monkeypatch.setenv("TACTILE_MARKS_FIDELITY", "contact")
+    settings = reading("--height-mm", "5")
+    assert settings.font == ("gothic", "futural")
+    assert settings.height_mm == 5.0
+    assert settings.fidelity == "contact"
+    assert settings.format == ("A9",)
+    assert reading().height_mm == 4.0
+    assert reading("--font", "timesr", "--font", "a, b.ttf").font == ("timesr", "a, b.ttf")
+
+
+def test_the_service_has_a_table_and_variables_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    FILE.write_text(
+        "height_mm = 4.0\n[service]\nport = 1\nqueue = 1\njobs = 1\nopcua_users = {line = 'x'}\n",
+        encoding="utf-8",
+    )
+    monkeypatch.setenv("TACTILE_MARKS_SERVICE_QUEUE", "2")
+    monkeypatch.setenv("TACTILE_MARKS_SERVICE_JOBS", "2")
+    monkeypatch.setenv("TACTILE_MARKS_MIN_DEPTH_MM", "0.2")
+    monkeypatch.setenv("TACTILE_MARKS_SERVICE_TCP_CLIENTS", "192.168.7.0/24, 10.0.0.1")
+    service, read = serving("--jobs", "3", "--format", "AA99")
+    assert (service.port, service.queue, service.jobs) == (1, 2, 3)
+    assert service.tcp_clients == ("192.168.7.0/24", "10.0.0.1")
+    assert service.opcua_users == {"line": "x"}
+    assert (read.height_mm, read.min_depth_mm, read.format) == (4.0, 0.2, ("AA99",))
+    assert reading().height_mm == 4.0  # the same file and environment trouble no reader
+    monkeypatch.setenv("TACTILE_MARKS_SERVICE_OPCUA_USERS", '{"line": "y"}')
+    assert serving()[0].opcua_users == {"line": "y"}
+
+
+def test_a_command_whose_flags_mean_something_else_has_settings_of_the_file() -> None:
+    def command(
+        font: str, *, reading: ReadingOfFile = READING, config: Config = None
+    ) -> tuple[str, ReadSettings]:
+        return font, reading
+
+    FILE.write_text('font = "gothic"\n', encoding="utf-8")
+    assert run(command, "--font", "press-7") == ("press-7", ReadSettings(font=("gothic",)))
+
+
+def test_another_file_by_name_and_fonts_by_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("other.toml").write_text('height_mm = 7\nfont = "gothic"\n', encoding="utf-8")
+    assert reading("--config", "other.toml").font == ("gothic",)
+    monkeypatch.setenv("TACTILE_MARKS_FONT", "futural, my font.ttf")
+    settings = reading("--config", "other.toml")
+    assert (settings.height_mm, settings.font) == (7.0, ("futural", "my font.ttf"))
+
+
+def test_formats_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    FILE.write_text(
+        'format = ["sets:AB,0-9,0-9", "re:A\\\\d+"]\ncheck = "luhn@2-"\nexclude = "7"\naccept_margin = 0.5\n',
+        encoding="utf-8",
+    )
+    settings = reading()
+    assert settings.format == ("sets:AB,0-9,0-9", "re:A\\d+")
+    assert (settings.check, settings.exclude, settings.accept_margin) == (("luhn@2-",), "7", 0.5)
+    # a format has commas of its own, so the environment gives one; check digits have none
+    monkeypatch.setenv("TACTILE_MARKS_FORMAT", "sets:AB,0-9,0-9")
+    monkeypatch.setenv("TACTILE_MARKS_CHECK", "luhn@2-, iso7064mod11_10@2-")
+    settings = reading("--mode", "auto")
+    assert settings.format == ("sets:AB,0-9,0-9",)
+    assert settings.check == ("luhn@2-", "iso7064mod11_10@2-")
+    assert settings.mode == "auto"
+    assert reading("--format", "AA", "--format", "re:A.").format == ("AA", "re:A.")
+
+
+def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert (reading().depth_rule, reading().min_depth_mm) == (None, None)
+    FILE.write_text('depth_rule = "27 cfr 478.92"\nmin_depth_mm = 0.1\n', encoding="utf-8")
+    monkeypatch.setenv("TACTILE_MARKS_MIN_DEPTH_MM", "0.2")
+    assert (reading().depth_rule, reading().min_depth_mm) == ("27CFR478.92", 0.2)
+    assert reading("--min-depth-mm", "0.3").min_depth_mm == 0.3
+
+
+@pytest.mark.parametrize(
+    ("toml", "message"),
+    [
+        ("hight_mm = 5", r"unknown key hight_mm in tactile-marks\.toml; did you mean height_mm"),
+        ("[read]\nheight_mm = 5", "unknown key read"),
+        ("height_mm = -5", r"height_mm in tactile-marks\.toml is '-5': input should be greater than 0"),
+        ("height_mm = nan", "height_mm"),
+        ('height_mm = "tall"', "height_mm in .* is 'tall'"),
+        ("height_mm = {a = 1}", "height_mm in "),
+        ('fidelity = "exact"', "fidelity"),
+        ('mode = "smell"', "mode in .* is 'smell'.*'tactile'"),
+        ("format = ''", "format in .* the format is empty; write a mask"),
+        ("format = ['AA99', 're:[']", r"format in .*toml"),
+        ("check = 'luhm'", "check in .* unknown check digit 'luhm'; known are vin, luhn"),
+        ("exclude = 'I O'", "exclude in .* is 'I O': it has a blank"),
+        ("accept_confidence = 1.5", "accept_confidence in .* is '1.5'"),
+        ("accept_margin = -0.1", "accept_margin in .* is '-0.1'"),
+        ("height_mm = ", "no TOML"),
+        ('depth_rule = "VIN"', "depth_rule in .* is 'VIN': unknown depth rule 'VIN'; known are 27CFR478.92"),
+        ("min_depth_mm = 0", "min_depth_mm in .* is '0'"),
+        ("min_depth_mm = -0.1", "min_depth_mm"),
+        ("[service]\nprot = 1\n", "unknown key prot in .* did you mean port"),
+        ("service = 3\n", "make it a table"),
+        ('[service]\nport = "many"\n', "port in"),
+        ('[service]\nhost = "0.0.0.0"\ntokens = "off"\n', "without tokens"),
+        ('[service]\nwebhook = "ftp://x"\n', "begin it with https://"),
+        ('[service]\nmqtt = "broker:1883"\n', "mqtt://host:1883"),
+        ('[service]\nline_host = "0.0.0.0"\ntcp_port = 8418\n', "tcp_clients"),
+        ('[service]\nline_host = "0.0.0.0"\nopcua_port = 4840\n', "opcua_certificate"),
+        ('[service]\ntcp_clients = ["the line"]\n', "tcp_clients in"),
+        ("[service]\nretention_days = -1\n", "retention_days in"),
+    ],
+)
+def test_a_bad_file_is_an_error_with_key_and_place(toml: str, message: str) -> None:
+    FILE.write_text(toml, encoding="utf-8")
+    with pytest.raises(CommandError, match=message) as error:
+        serving()
+    assert error.value.status == USAGE
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "message"),
+    [
+        ("TACTILE_MARKS_HEIGHT_MM", "0", "TACTILE_MARKS_HEIGHT_MM is '0': input should be greater"),
+        ("TACTILE_MARKS_FIDELTY", "contact", "TACTILE_MARKS_FIDELTY.*did you mean fidelity"),
+        ("TACTILE_MARKS_SERVICE_PROT", "1", "TACTILE_MARKS_SERVICE_PROT.*did you mean port"),
+        ("TACTILE_MARKS_SERVICE_OPCUA_USERS", "[", "TACTILE_MARKS_SERVICE_OPCUA_USERS"),
+    ],
+)
+def test_a_bad_environment_is_an_error_with_its_variable(
+    variable: str, value: str, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(variable, value)
+    with pytest.raises(CommandError, match=message):
+        serving()
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (("--depth-rule", "x"), "--depth-rule is 'x': unknown depth rule"),
+        (("--config", "none.toml"), r"none\.toml cannot be read"),
+        (("--config", "."), "cannot be read"),
+    ],
+)
+def test_bad_flags(flags: tuple[str, ...], message: str) -> None:
+    with pytest.raises(CommandError, match=message):
+        reading(*flags)
+
+
+def test_every_setting_has_a_description_and_stands_in_help_and_reference(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "400")
+    assert main(["serve", "--help"]) == 0
+    shown = capsys.readouterr().out
+    reference = settings_reference()
+    for model in (ReadSettings, ServiceSettings):
+        for name, field in model.model_fields.items():
+            assert field.description
+            assert field.description[:60] in shown
+            assert f"| `{name}` | `--{name.replace('_', '-')}` | `{model.variable(name)}` |" in reference
+    assert "[default: 8417]" in shown
+    assert "()" not in shown
+    assert main(["read", "--help"]) == 0
+    shown = capsys.readouterr().out
+    assert all(str(field.description)[:60] in shown for field in ReadSettings.model_fields.values())
