@@ -1,80 +1,139 @@
-"""What was read, as a table on the terminal."""
+"""What was read, as a table on the terminal: serials whole, remarks on a line of their own."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+
+from rich.cells import cell_len
 
 from pipeline.common.row import Row
 
-if TYPE_CHECKING:
-    from rich.text import Text
-
-_RIGHT = ("confidence", "depth", "seconds")
+_RIGHT = ("confidence", "depth mm", "seconds")
+_SPARE = ("seconds", "source", "depth mm", "grade", "confidence")
+"""Columns to leave out where the terminal is narrow, in this order."""
 _COLOUR = {
     "accept": "green",
     "review": "yellow",
     "reject": "red",
-    "": "red",
+    "error": "red",
     "confirmed": "green",
     "undecided": "yellow",
     "refuted": "red",
 }
+_GAP = "  "
+_LEAST_WIDTH = 20
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+_STATES = (
+    (re.compile(r"(\d+):confused (.)/(.)"), r"place \1: \2 or \3?"),
+    (re.compile(r"(\d+):mismatch (.)/(.)"), r"place \1: \2 where \3 is expected"),
+    (re.compile(r"(\d+):not read"), r"place \1: not read"),
+)
 
 
 def print_table(rows: Sequence[Row]) -> None:
-    """Print the rows."""
+    """Print the rows: as wide as the terminal, elsewhere as wide as they are, for a script reads them."""
     from rich.console import Console
-    from rich.table import Table
-
-    verified = any(row.verdict for row in rows)
-    shown = [_cells(row, verified=verified, graded=any(r.grade for r in rows)) for row in rows]
-    # off a terminal nothing may be wrapped or cut: a script reads it
-    widths = [sum(len(cell) + 2 for cell in cells.values()) for cells in shown]
-    console = Console() if sys.stdout.isatty() else Console(width=max(120, *(80 + w for w in widths)))
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for heading in shown[0]:
-        table.add_column(heading, justify="right" if heading in _RIGHT else "left", overflow="fold")
-    for cells in shown:
-        table.add_row(*cells.values())
-    console.print(table)
-
-
-def _cells(row: Row, *, verified: bool, graded: bool) -> dict[str, Text]:
-    """The cells of a row, by heading."""
     from rich.text import Text
 
-    decision = row.decision or "error"
-    cells = {
-        "part": row.part,
+    console = Console(soft_wrap=True, highlight=False, markup=False, emoji=False)
+    for line in table_lines(rows, width=max(_LEAST_WIDTH, console.width) if console.is_terminal else None):
+        text = Text(line)
+        # words of the program, which stand apart from what is read
+        for word, colour in _COLOUR.items():
+            text.highlight_regex(rf"(?<=  ){word}(?=  |$)", colour)
+        console.print(text)
+
+
+def table_lines(rows: Sequence[Row], *, width: int | None) -> list[str]:
+    """The table.
+
+    Args:
+        rows: of the parts.
+        width: columns of the terminal; None: as many as are needed.
+    """
+    cells = [_cells(row) for row in rows]
+    # of a column that says nothing of any part only those stay that everybody looks for
+    shown = [h for h in cells[0] if h in ("part", "text", "decision") or any(c[h] for c in cells)]
+    widths = {h: max(cell_len(h), *(cell_len(c[h]) for c in cells)) for h in shown}
+    above, indent = False, ""
+    if width is not None:
+        kept = _fitting(shown, widths, width)
+        # a name too long for its column stands on a line of its own, above its row
+        above = len(kept) < len(shown) - 2 or _total(kept, widths) > width
+        indent = _GAP if above else ""
+        shown = _fitting([h for h in shown if h != "part"], widths, width - len(_GAP)) if above else kept
+    lines = []
+    for row, cell in zip([None, *rows], [{h: h for h in cells[0]}, *cells], strict=True):
+        lines += [cell["part"]] if above else []
+        lines.append(indent + _line(cell, shown, widths))
+        if row is None:
+            continue
+        if remarks := _CONTROL.sub(" ", row.error or notes(row)):
+            lines += (
+                [f"{_GAP}{remarks}"]
+                if width is None
+                else textwrap.wrap(
+                    remarks,
+                    width,
+                    initial_indent=indent + _GAP,
+                    subsequent_indent=indent + 2 * _GAP,
+                    break_on_hyphens=False,
+                    break_long_words=False,
+                )
+            )
+    return lines
+
+
+def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> list[str]:
+    kept = list(headings)
+    for spare in _SPARE:
+        if _total(kept, widths) > width and spare in kept:
+            kept.remove(spare)
+    return kept
+
+
+def _total(headings: Sequence[str], widths: Mapping[str, int]) -> int:
+    return sum(widths[h] for h in headings) + len(_GAP) * (len(headings) - 1)
+
+
+def _line(cells: Mapping[str, str], headings: Sequence[str], widths: Mapping[str, int]) -> str:
+    filled = []
+    for heading in headings:
+        blank = " " * (widths[heading] - cell_len(cells[heading]))
+        filled.append(blank + cells[heading] if heading in _RIGHT else cells[heading] + blank)
+    return _GAP.join(filled).rstrip()
+
+
+def _cells(row: Row) -> dict[str, str]:
+    """The cells of a row, by heading."""
+    return {
+        "part": _CONTROL.sub("?", row.part),
         "text": row.text,
-        "decision": decision,
+        "decision": row.decision or "error",
         "confidence": "" if row.error else f"{row.confidence:.3f}",
-        **({"verdict": row.verdict} if verified else {}),
-        "depth": "" if row.depth_min_mm is None else f"{row.depth_min_mm:.3f}",
-        **({"grade": row.grade} if graded else {}),
+        "verdict": row.verdict,
+        "depth mm": "" if row.depth_min_mm is None else f"{row.depth_min_mm:.3f}",
+        "grade": row.grade,
         "source": row.source,
         "seconds": f"{row.seconds:.2f}",
-        "notes": row.error or notes(row),
-    }
-    coloured = {"decision": row.decision, "verdict": row.verdict}
-    return {
-        heading: Text(cell, style=_COLOUR.get(coloured[heading], "") if heading in coloured else "")
-        for heading, cell in cells.items()
     }
 
 
 def notes(row: Row) -> str:
     """What a person should know of a part that was read."""
-    told = [row.flags]
+    found = [row.flags]
     if not row.verdict:  # a verification names its places itself
-        told.append(row.states)
+        states = row.states
+        for pattern, words in _STATES:
+            states = pattern.sub(words, states)
+        found.append(states)
     if row.verdict == "refuted":
-        told.append(f"expected {row.expected}")
+        found.append(f"expected {row.expected}")
     if row.verdict == "undecided":
-        told.append(f"{row.expected} with probability {row.verify_probability or 0.0:.3f}")
+        found.append(f"{row.expected} with probability {row.verify_probability or 0.0:.3f}")
     if row.rivals and row.decision != "accept":
-        told.append(f"or {row.rivals}")
-    told.append(row.action)
-    return "; ".join(part for part in told if part)
+        found.append(f"may also be {row.rivals}")
+    found.append(row.action)
+    return "; ".join(part for part in found if part)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
-from pipeline.batch.read_table import notes, print_table
+from pipeline.batch.read_table import notes, print_table, table_lines
 from pipeline.cli.read import read
 from pipeline.common.row import Row
 from pipeline.files.npz import write_npz
@@ -34,39 +35,71 @@ DOUBT = Row(
 )
 
 
+LONG = Row("line-3/2026-11-22/" + "a" * 60, "KX407251", "accept", 0.998, "tactile", 12.0, depth_min_mm=0.2)
+BROKEN = Row("c", error="parts/c.npz: is not there; check the name")
+PHOTO = Row("p", "KX407251", "accept", 0.99, "vision", 1.0)
+VERIFIED = Row("v", "A812", "accept", 0.9, "tactile", 1.0, verdict="refuted", expected="AB12")
+
+
 def test_a_plain_run_has_the_usual_columns(capsys: pytest.CaptureFixture[str]) -> None:
     print_table([PLAIN])
     head, line = capsys.readouterr().out.splitlines()
-    assert head.split() == ["part", "text", "decision", "confidence", "depth", "source", "seconds", "notes"]
+    assert head.split() == ["part", "text", "decision", "confidence", "depth", "mm", "source", "seconds"]
     assert line.split() == ["a", "AB12", "accept", "0.980", "0.200", "tactile", "1.00"]
 
 
-def test_doubts_stand_in_the_notes(capsys: pytest.CaptureFixture[str]) -> None:
-    print_table([PLAIN, DOUBT])
-    shown = capsys.readouterr().out
-    assert "grade" in shown.splitlines()[0]
-    assert "verdict" not in shown
-    assert "a character is uncertain; 2:confused B/8; or A812 0.400; clean 2" in shown
+def test_a_column_without_a_value_is_left_out() -> None:
+    assert "depth" not in table_lines([PHOTO], width=None)[0]
+    assert "grade" not in table_lines([PLAIN], width=None)[0]
+    assert "grade" in table_lines([PLAIN, DOUBT], width=None)[0]
 
 
-def test_long_notes_are_not_cut_off_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+def test_doubts_stand_below_their_row() -> None:
+    lines = table_lines([PLAIN, DOUBT], width=None)
+    assert "verdict" not in lines[0]
+    assert lines[2].startswith("b ")
+    assert lines[3] == "  a character is uncertain; place 2: B or 8?; may also be A812 0.400; clean 2"
+    assert len(lines) == 4
+
+
+@pytest.mark.parametrize("width", [80, 60, 40])
+@pytest.mark.parametrize(
+    "rows", [[PLAIN], [PLAIN, DOUBT, LONG, BROKEN, PHOTO] * 40, [PHOTO], [VERIFIED], [BROKEN]]
+)
+def test_serials_and_headings_are_whole_whatever_the_terminal(rows: list[Row], width: int) -> None:
+    lines = table_lines(rows, width=width)
+    for row in rows:
+        assert any(row.text in line.split() for line in lines) or not row.text
+        assert any(row.part in line for line in lines)
+    heading = next(line for line in lines if "text" in line)
+    assert not set(heading.split()) - {"part", "text", "decision", "confidence", "verdict", "depth", "mm", "grade",
+                                       "source", "seconds"}  # fmt: skip
+    assert "decision" in heading
+    long = [word for row in rows for word in (row.part, *row.error.split()) if len(word) + 4 > width]
+    assert all(len(line) <= width for line in lines if not any(word in line for word in long))
+
+
+def test_a_pipe_is_given_lines_that_are_neither_cut_nor_padded(capsys: pytest.CaptureFixture[str]) -> None:
     long = "; ".join(f"note {k}" for k in range(60))
     print_table([Row("a" * 60, "AB12", "review", flags=long), DOUBT])
-    assert f"{long}" in capsys.readouterr().out
+    shown = capsys.readouterr().out.splitlines()
+    assert f"  {long}" in shown
+    assert max(len(line) for line in shown if long not in line) < 150
+    assert not any(line.endswith(" ") for line in shown)
 
 
-def test_verdicts_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    refuted = Row("b", "A812", "accept", 0.9, "tactile", 1.0, flags="place 2: 8 stands where B is expected")
-    refuted = Row(
-        **{**refuted.__dict__, "verdict": "refuted", "expected": "AB12", "states": "2:mismatch 8/B"}
-    )
+def test_a_name_cannot_steer_the_terminal() -> None:
+    assert not any("\x1b" in line or "\n" in line for line in table_lines([Row("a\x1b[2J\nb")], width=80))
+
+
+def test_verdicts_are_shown() -> None:
+    refuted = replace(VERIFIED, flags="place 2: 8 stands where B is expected", states="2:mismatch 8/B")
     assert notes(refuted) == "place 2: 8 stands where B is expected; expected AB12"
-    undecided = Row(**{**refuted.__dict__, "verdict": "undecided", "verify_probability": 0.98, "flags": ""})
+    undecided = replace(refuted, verdict="undecided", verify_probability=0.98, flags="")
     assert notes(undecided) == "AB12 with probability 0.980"
-    print_table([refuted, Row("c", error="broken")])
-    shown = capsys.readouterr().out
-    assert "verdict" in shown.splitlines()[0]
-    assert shown.splitlines()[1].split()[:5] == ["b", "A812", "accept", "0.900", "refuted"]
+    lines = table_lines([refuted, BROKEN], width=80)
+    assert "verdict" in lines[0]
+    assert lines[1].split()[:5] == ["v", "A812", "accept", "0.900", "refuted"]
 
 
 # ------------------------------------------------------------------------------------------------- exit status
