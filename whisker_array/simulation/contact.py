@@ -29,7 +29,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.simulation.contact_kernel import trace_lines
+from glyphs.compiled import read_only
+from whisker_array.simulation.contact_kernel import ABREAST, trace_abreast
+from whisker_array.simulation.threads import in_threads
 from whisker_array.simulation.surface import TouchSurface
 from whisker_array.simulation.traces import Traces
 from whisker_array.whisker.sections import WhiskerError
@@ -83,10 +85,17 @@ def trace_contact(
     moment = np.empty((lines.size, n_samples), dtype=np.float32)
     flags = np.empty((lines.size, n_samples), dtype=np.uint8)
     lag = land_lag_mm(tip, preload_mm=preload_mm, friction=nominal_friction)
-    trace_lines(
-        surface.fields, surface.yielding, surface.pitch_mm, lines, float(start_mm), float(step_mm), lag,
-        float(preload_mm),
-        np.ascontiguousarray(tip.stiffness_n_per_mm), np.ascontiguousarray(tip.compliance_mm_per_n),
-        np.ascontiguousarray(tip.moment_arm_mm), moment, flags,
-    )  # fmt: skip
+    top = surface.yielding
+    fields, yielding = read_only(surface.fields), None if top is None else read_only(top)
+    of_tip = [read_only(a) for a in (tip.stiffness_n_per_mm, tip.compliance_mm_per_n, tip.moment_arm_mm)]
+
+    def trace(first: int, last: int) -> None:
+        for block in range(first, last):
+            some = slice(block * ABREAST, (block + 1) * ABREAST)
+            trace_abreast(
+                fields, yielding, surface.pitch_mm, lines[some], float(start_mm), float(step_mm), lag,
+                float(preload_mm), *of_tip, moment[some], flags[some],
+            )  # fmt: skip
+
+    in_threads(trace, -(-lines.size // ABREAST))
     return Traces(moment_n_mm=moment, flags=flags)

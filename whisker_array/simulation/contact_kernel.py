@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
 
+from glyphs.compiled import FAST, inlined, kernel
 from whisker_array.simulation.soft import LEAST_GIVE
 from whisker_array.simulation.traces import SampleFlag
 
@@ -26,7 +26,7 @@ SMOOTHING_STEPS = 1e-3
 """|q - q_prev| is rounded at this fraction of a step: a stick-slip corner the solver can pass."""
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")  # type: ignore[untyped-decorator,unused-ignore]
+@inlined
 def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
     """Height, both slopes and friction at (x, z), bilinear, clamped at the rim."""
     rows, cols = fields.shape[0], fields.shape[1]
@@ -46,7 +46,7 @@ def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")  # type: ignore[untyped-decorator,unused-ignore]
+@inlined
 def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def]
     """Height and slopes of the track between bottom (h, p, q) and top, the thickness, and which part is the track's.
 
@@ -69,7 +69,7 @@ def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def
     return h + thickness - sinkage, p + part * (p_track - p), q + part * (q_track - q), thickness, part
 
 
-@njit(cache=True, fastmath=True, error_model="numpy", inline="always")  # type: ignore[untyped-decorator,unused-ignore]
+@inlined
 def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignore[no-untyped-def]
     """Newton's step in x, z and sinkage s: both balances along the track, and kappa s = f_n, by Cramer's rule."""
     p, q, inv_norm = track
@@ -92,8 +92,8 @@ def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignor
     return -step_x / det, -step_z / det, -step_s / det
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def _trace_abreast(fields, top, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
+@kernel(allow=FAST)
+def trace_abreast(fields, top, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
     """A few whiskers' lines, sample by sample; the state (previous tips) lives here, so that blocks run in parallel.
 
     An iteration is one long chain of roots and quotients; those of several lines do not wait for each other.
@@ -239,13 +239,3 @@ def _trace_abreast(fields, top, pitch, z_free, start, step, lag, d0, K, D, arm, 
             moment[i, j] = 0.0 if bad else arm[0] * f0 + arm[1] * f1 + arm[2] * f2
             flags[i, j] = flag
             before[i, 0], before[i, 1] = x, z
-
-
-@njit(parallel=True, cache=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def trace_lines(fields, top, pitch, lines, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
-    """Moments and flags of parallel lines, (lines, samples) each, overwritten; arguments as in `contact`."""
-    for block in prange((lines.size + ABREAST - 1) // ABREAST):
-        one = slice(block * ABREAST, (block + 1) * ABREAST)
-        _trace_abreast(
-            fields, top, pitch, lines[one], start, step, lag, d0, K, D, arm, moment[one], flags[one]
-        )

@@ -16,9 +16,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
+from glyphs.compiled import FAST, kernel, read_only
+from whisker_array.simulation.threads import in_threads
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
@@ -27,11 +28,11 @@ _LOST = np.uint8(SampleFlag.CONTACT_LOST)
 _JAMMED = np.uint8(SampleFlag.JAMMED)
 
 
-@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _kernel(h, mu, d0, inv_two_step, dyx, dyy, tx, ty, moment, flags):  # type: ignore[no-untyped-def]
-    lines, samples = h.shape
+@kernel(allow=FAST)
+def _kernel(first, last, h, mu, d0, inv_two_step, dyx, dyy, tx, ty, moment, flags):  # type: ignore[no-untyped-def]
+    samples = h.shape[1]
     one, zero = np.float32(1.0), np.float32(0.0)
-    for i in prange(lines):
+    for i in range(first, last):
         for j in range(samples):
             left, right = max(j - 1, 0), min(j + 1, samples - 1)
             p = (h[i, right] - h[i, left]) * inv_two_step
@@ -74,13 +75,11 @@ def trace_pointwise(
     if not (step_mm > 0.0 and math.isfinite(step_mm)):
         raise WhiskerError(f"step_mm is {step_mm}", hint="it must be positive")
     h = np.ascontiguousarray(height_mm, dtype=np.float32)
-    mu = np.atleast_2d(np.asarray(friction, dtype=np.float32))
+    mu = read_only(np.atleast_2d(friction), np.float32)
     moment = np.empty_like(h)
     flags = np.empty(h.shape, dtype=np.uint8)
     compliance, arm = tip.compliance_mm_per_n, tip.moment_arm_mm
-    _kernel(
-        h, mu, np.float32(preload_mm), np.float32(0.5 / step_mm),
-        np.float32(compliance[1, 0]), np.float32(compliance[1, 1]),
-        np.float32(arm[0]), np.float32(arm[1]), moment, flags,
-    )  # fmt: skip
+    numbers = preload_mm, 0.5 / step_mm, compliance[1, 0], compliance[1, 1], arm[0], arm[1]
+    given = read_only(h), mu, *(np.float32(number) for number in numbers), moment, flags
+    in_threads(lambda first, last: _kernel(first, last, *given), h.shape[0])
     return Traces(moment_n_mm=moment, flags=flags)

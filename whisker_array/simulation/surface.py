@@ -16,14 +16,15 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
+from glyphs.compiled import FAST, kernel, read_only
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
 from whisker_array.whisker.sections import WhiskerError
+from whisker_array.simulation.threads import in_threads
 
 Friction: TypeAlias = float | NDArray[np.float32]
 """Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
@@ -73,30 +74,26 @@ def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArr
     return np.ascontiguousarray(filled, dtype=np.float32), dropout
 
 
-@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _dilate(z, drow, dcol, lift):  # type: ignore[no-untyped-def]
-    rows = z.shape[0]
-    out = np.empty_like(z)
-    for r in prange(rows):
-        for c in range(z.shape[1]):
-            out[r, c] = z[r, c]
+@kernel(allow=FAST)
+def _dilate(first, last, z, drow, dcol, lift, out):  # type: ignore[no-untyped-def]
+    """Rows from first to last of the largest of lines that are moved and lifted, their ends repeated."""
+    rows, cols = z.shape
+    for r in range(first, last):
+        best, here = out[r], z[r]
+        for c in range(cols):
+            best[c] = here[c]
         for k in range(drow.size):
-            _raise(z[min(max(r + drow[k], 0), rows - 1)], dcol[k], lift[k], out[r])
-    return out
-
-
-@njit(cache=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def _raise(line, shift, lift, best):  # type: ignore[no-untyped-def]
-    """The larger of `best` and the line, moved left by `shift` and lifted, its ends repeated."""
-    cols = best.size
-    first, last = min(max(-shift, 0), cols), max(min(cols - shift, cols), 0)
-    for c in range(first, last):
-        value = line[c + shift] + lift
-        best[c] = value if value > best[c] else best[c]
-    for c in range(first):
-        best[c] = max(best[c], line[0] + lift)
-    for c in range(last, cols):
-        best[c] = max(best[c], line[cols - 1] + lift)
+            line, shift, up = z[min(max(r + drow[k], 0), rows - 1)], dcol[k], lift[k]
+            start, stop = min(max(-shift, 0), cols), max(min(cols - shift, cols), 0)
+            for c in range(start, stop):
+                value = line[c + shift] + up
+                best[c] = value if value > best[c] else best[c]
+            for c in range(start):
+                value = line[0] + up
+                best[c] = value if value > best[c] else best[c]
+            for c in range(stop, cols):
+                value = line[cols - 1] + up
+                best[c] = value if value > best[c] else best[c]
 
 
 def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
@@ -123,14 +120,16 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     square = radius_mm**2 - (drow**2 + dcol**2) * pitch_mm**2
     inside = (square >= 0.0) & ((drow != 0) | (dcol != 0))
     lift = (np.sqrt(square[inside]) - radius_mm).astype(np.float32)
-    result: NDArray[np.float32] = _dilate(z_mm, drow[inside], dcol[inside], lift)
+    result = np.empty(z_mm.shape, dtype=np.float32)
+    given = read_only(z_mm), drow[inside], dcol[inside], lift, result
+    in_threads(lambda first, last: _dilate(first, last, *given), z_mm.shape[0])
     return result
 
 
-@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _interleave(z, friction, inv_two_pitch, fields):  # type: ignore[no-untyped-def]
+@kernel(allow=FAST)
+def _interleave(first, last, z, friction, inv_two_pitch, fields):  # type: ignore[no-untyped-def]
     rows, cols = z.shape
-    for r in prange(rows):
+    for r in range(first, last):
         up, down = max(r - 1, 0), min(r + 1, rows - 1)
         # one-sided at the rim of the map
         inv_rows = inv_two_pitch if down - up == 2 else inv_two_pitch + inv_two_pitch
@@ -211,7 +210,8 @@ def _dilated_fields(
 ) -> NDArray[np.float32]:
     dilated = dilate_by_ball(z_mm, pitch_mm=pitch_mm, radius_mm=radius_mm)
     fields = np.empty((*z_mm.shape, 4), dtype=np.float32)
-    _interleave(dilated, beside, np.float32(0.5 / pitch_mm), fields)
+    given = read_only(dilated), read_only(beside), np.float32(0.5 / pitch_mm), fields
+    in_threads(lambda first, last: _interleave(first, last, *given), z_mm.shape[0])
     return fields
 
 
@@ -239,17 +239,18 @@ def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[n
     rows, cols = fields.shape[:2] if direction.along_x else fields.shape[1::-1]
     out = np.empty((rows, cols, layers), dtype=np.float32)
     signs = np.array(backward, dtype=np.float32)[:layers]
-    _turn(fields, direction.along_x, direction.backward, order, signs, out)
+    given = read_only(fields), direction.along_x, direction.backward, order, signs, out
+    in_threads(lambda first, last: _turn(first, last, *given), rows)
     return out
 
 
-@njit(parallel=True, cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def _turn(fields, along_x, backward, order, signs, out):  # type: ignore[no-untyped-def]
-    rows, cols, layers = out.shape
+@kernel()
+def _turn(first, last, fields, along_x, backward, order, signs, out):  # type: ignore[no-untyped-def]
+    _, cols, layers = out.shape
     tile = 16  # pixels of both maps that stay in the cache
-    for block in prange((rows + tile - 1) // tile):
+    for top in range(first, last, tile):
         for left in range(0, cols, tile):
-            for r in range(block * tile, min(block * tile + tile, rows)):
+            for r in range(top, min(top + tile, last)):
                 for c in range(left, min(left + tile, cols)):
                     there = cols - 1 - c if backward else c
                     pixel = fields[r, there] if along_x else fields[there, r]
@@ -257,10 +258,10 @@ def _turn(fields, along_x, backward, order, signs, out):  # type: ignore[no-unty
                         out[r, c, k] = signs[k] * pixel[order[k]]
 
 
-@njit(parallel=True, cache=True, fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _sample_lines(fields, dropout, inv_pitch, lines, start, step, height, mu, missing):  # type: ignore[no-untyped-def]
+@kernel(allow=FAST)
+def _sample_lines(first, last, fields, dropout, inv_pitch, lines, start, step, height, mu, missing):  # type: ignore[no-untyped-def]
     rows, cols = fields.shape[0], fields.shape[1]
-    for i in prange(lines.size):
+    for i in range(first, last):
         v = min(max(lines[i] * inv_pitch, 0.0), rows - 1.001)
         r = int(v)
         fv = v - r
@@ -283,9 +284,8 @@ def sample_lines(
     shape = (lines_mm.size, n_samples)
     height, mu = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.float32)
     missing = np.empty(shape, dtype=np.bool_)
-    _sample_lines(
-        surface.fields, surface.dropout, 1.0 / surface.pitch_mm,
-        np.ascontiguousarray(lines_mm, dtype=np.float64),
-        float(start_mm), float(step_mm), height, mu, missing,
-    )  # fmt: skip
+    lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
+    inv_pitch, start, step = 1.0 / surface.pitch_mm, float(start_mm), float(step_mm)
+    given = read_only(surface.fields), read_only(surface.dropout), inv_pitch, lines, start, step, height, mu, missing
+    in_threads(lambda first, last: _sample_lines(first, last, *given), lines.size)
     return height, mu, missing

@@ -1,0 +1,54 @@
+"""Kernels: loops that numba compiles at their first call and keeps on disk.
+
+The first reading on a machine waits for all kernels to be compiled, a tenth of a second for the least of them, so
+they are lean:
+
+- arrays come in contiguous and of one type each, so that there is one specialisation; room to work in comes in, too;
+- they look at rows and elements: a slice costs as much as half a kernel, a slice assigned to more than two;
+- what is no loop is done before and after, by numpy;
+- no `parallel=True`, which costs seven times as much: kernels let go of Python's lock, and threads share their rows;
+- a few kinds of arithmetic only, because numba compiles `max` and its like for each kind anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import DTypeLike, NDArray
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+ANY_ORDER = frozenset({"reassoc", "contract", "arcp", "nsz"})
+"""Sums in any order, so that they run in vectors; NaN keep their meaning."""
+CONTRACTED = frozenset({"contract"})
+"""Products and sums in one step, rounded once."""
+FAST = frozenset({"fast"})
+"""All of it, as if there were no NaN."""
+
+
+def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[_F], _F]:
+    """What makes a function a kernel; `allow` is what may be done to its arithmetic. Division by zero gives inf."""
+    fastmath = set(allow) if allow else False
+    made: Callable[[_F], _F] = njit(
+        cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True, fastmath=fastmath
+    )
+    return made
+
+
+def inlined(function: _F) -> _F:
+    """What makes a function part of the kernels that call it, with their arithmetic."""
+    made: _F = njit(error_model="numpy", inline="always")(function)
+    return made
+
+
+def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[Any]:
+    """The array, contiguous and of a type, as a view that cannot be written to.
+
+    For numba what can be written to and what cannot are two types: so there is one.
+    """
+    view = np.ascontiguousarray(array, dtype=dtype).view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,25 @@
+"""Rows of a map shared out among threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+
+
+def in_threads(work: Callable[[int, int], None], rows: int) -> None:
+    """Call work(first, last) for stretches that make up all rows, one for each thread that numba may use.
+
+    The work lets go of Python's lock, as kernels do, and rows know nothing of each other.
+    """
+    count = max(min(numba.get_num_threads(), rows), 1)
+    if count == 1:
+        work(0, rows)
+        return
+    ends = [rows * i // count for i in range(count + 1)]
+    with ThreadPoolExecutor(count - 1) as others:
+        begun = [others.submit(work, *stretch) for stretch in zip(ends[1:-1], ends[2:], strict=True)]
+        work(*ends[:2])
+        for one in begun:
+            one.result()
