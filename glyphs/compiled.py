@@ -13,13 +13,13 @@ they are lean:
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeAlias
 
 import numpy as np
 from numba import njit
 from numpy.typing import DTypeLike, NDArray
 
-_F = TypeVar("_F", bound=Callable[..., Any])
+Function: TypeAlias = Callable[..., Any]
 
 ANY_ORDER = frozenset({"reassoc", "contract", "arcp", "nsz"})
 """Sums in any order, so that they run in vectors; NaN keep their meaning."""
@@ -29,18 +29,17 @@ FAST = frozenset({"fast"})
 """All of it, as if there were no NaN."""
 
 
-def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[_F], _F]:
+def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Function]:
     """What makes a function a kernel; `allow` is what may be done to its arithmetic. Division by zero gives inf."""
-    fastmath = set(allow) if allow else False
-    made: Callable[[_F], _F] = njit(
-        cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True, fastmath=fastmath
+    made: Function = njit(
+        cache=True, error_model="numpy", nogil=True, fastmath=set(allow) if allow else False
     )
     return made
 
 
-def inlined(function: _F) -> _F:
+def inlined(function: Function) -> Function:
     """What makes a function part of the kernels that call it, with their arithmetic."""
-    made: _F = njit(error_model="numpy", inline="always")(function)
+    made: Function = njit(error_model="numpy", inline="always")(function)
     return made
 
 

@@ -5,36 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from glyphs.compiled import ANY_ORDER, kernel
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract", "arcp", "nsz"})  # type: ignore[untyped-decorator,unused-ignore]
-def _line(ahead, back, row, arm, mu, land, steepest, slope, total, count):  # type: ignore[no-untyped-def]
-    # m = lift (a - b p) / (c - e p) one way, p = -p the other, as in `slope_from_turned`
-    a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
-    c, e = row[1] - row[0] * mu, row[1] * mu + row[0]
-    for j in range(slope.size):
-        one, other = (1.0 + ahead[j]) * land, (1.0 + back[j]) * land
-        q = one / other
-        square, linear, constant = b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q)
-        disc = linear * linear - 4.0 * square * constant
-        # the root nearer to zero; NaN where none is real
-        p = -2.0 * constant / (linear + math.copysign(math.sqrt(disc), linear))
-        p = -steepest if p < -steepest else p
-        p = steepest if p > steepest else p
-        slope[j] = p
-        # the lean's tangent, tan(atan(p) + atan(mu)); beyond 90 degrees no force lifts the tip
-        up, down = 1.0 - p * mu, 1.0 + p * mu
-        t, s = (mu + p) / up, (mu - p) / down
-        give_t, give_s = row[1] - row[0] * t, row[1] - row[0] * s
-        lift_t, lift_s = one * give_t / (arm[1] - arm[0] * t), other * give_s / (arm[1] - arm[0] * s)
-        known_t = up > 0.0 and give_t > 0.0 and abs(lift_t) < np.inf
-        known_s = down > 0.0 and give_s > 0.0 and abs(lift_s) < np.inf
-        total[j] += (lift_t if known_t else 0.0) + (lift_s if known_s else 0.0)
-        count[j] += (1 if known_t else 0) + (1 if known_s else 0)
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
+@kernel(allow=ANY_ORDER)
 def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  # type: ignore[no-untyped-def]
     """Slope along the traces, and the lifts by both ways, each added to `total` where it is known.
 
@@ -47,5 +22,27 @@ def both_ways(ahead, back, row, arm, mu, land, steepest, slope, total, count):  
         slope: (rows, cols) overwritten; NaN where the moments fit none.
         total, count: (rows, cols) sum of the lifts known, in preloads, and how many there are.
     """
-    for i in range(slope.shape[0]):
-        _line(ahead[i], back[i], row, arm, mu, land, steepest, slope[i], total[i], count[i])
+    # m = lift (a - b p) / (c - e p) one way, p = -p the other, as in `slope_from_turned`
+    a, b = arm[1] - arm[0] * mu, arm[1] * mu + arm[0]
+    c, e = row[1] - row[0] * mu, row[1] * mu + row[0]
+    rows, cols = slope.shape
+    for i in range(rows):
+        for j in range(cols):
+            one, other = (1.0 + ahead[i, j]) * land, (1.0 + back[i, j]) * land
+            q = one / other
+            square, linear, constant = b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q)
+            disc = linear * linear - 4.0 * square * constant
+            # the root nearer to zero; NaN where none is real
+            p = -2.0 * constant / (linear + math.copysign(math.sqrt(disc), linear))
+            p = -steepest if p < -steepest else p
+            p = steepest if p > steepest else p
+            slope[i, j] = p
+            # the lean's tangent, tan(atan(p) + atan(mu)); beyond 90 degrees no force lifts the tip
+            up, down = 1.0 - p * mu, 1.0 + p * mu
+            t, s = (mu + p) / up, (mu - p) / down
+            give_t, give_s = row[1] - row[0] * t, row[1] - row[0] * s
+            lift_t, lift_s = one * give_t / (arm[1] - arm[0] * t), other * give_s / (arm[1] - arm[0] * s)
+            known_t = up > 0.0 and give_t > 0.0 and abs(lift_t) < np.inf
+            known_s = down > 0.0 and give_s > 0.0 and abs(lift_s) < np.inf
+            total[i, j] += (lift_t if known_t else 0.0) + (lift_s if known_s else 0.0)
+            count[i, j] += (1 if known_t else 0) + (1 if known_s else 0)

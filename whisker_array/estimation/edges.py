@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.gridding import FeltLines, common_grid, on_grid
 from whisker_array.estimation.land import land_coefficients, over_land, whisker_gain, without_drift
-from whisker_array.estimation.land_fit import in_order
 from whisker_array.estimation.registration import registration_mm
 from whisker_array.scan.scan import Scan, Sweep, only
 from whisker_array.scan.sensor import apply_calibration
@@ -74,9 +73,10 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> FeltLines:
     order = np.argsort(sweep.plan.line_mm, axis=None, kind="stable")
     place = sweep.plan.line_mm.ravel()[order]
     whisker = np.tile(np.arange(shape[1]), shape[0])[order]
-    lines = np.empty((order.size, max(shape[2] - 2 * lead, 0)))
-    signal, flags = (np.ascontiguousarray(values).reshape(-1, shape[2]) for values in (raw, sweep.flags))
-    keep = in_order(signal, flags, offset.ravel(), order, lead, UNUSABLE, lines)
+    lines = in_order(
+        raw.reshape(-1, shape[2]), sweep.flags.reshape(-1, shape[2]), offset.ravel(), order, lead
+    )
+    keep = np.isfinite(lines).any(axis=1)
     if keep.sum() < 2:
         raise MapError(
             f"no usable samples in the {int(sweep.plan.direction)}° sweep: "
@@ -93,6 +93,20 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> FeltLines:
     if not np.isfinite(land).all() or not land.any():
         raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
     return FeltLines(without_drift(over_land(lines, land)), place, position, sweep.plan.direction)
+
+
+def in_order(
+    signal: NDArray[np.floating[Any]],
+    flags: NDArray[np.uint8],
+    offset: NDArray[np.float64],
+    order: NDArray[np.intp],
+    lead: int,
+) -> NDArray[np.float64]:
+    """Lines of a sweep less their offsets, in an order, lead-in and -out left off, NaN where they cannot be used."""
+    within = slice(lead, max(signal.shape[1] - lead, lead))
+    lines = signal[order, within].astype(np.float64) - offset[order, None]
+    lines[(flags[order, within] & UNUSABLE) != 0] = np.nan
+    return np.asarray(lines)
 
 
 def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeMap:

@@ -11,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.compiled import read_only
 from whisker_array.estimation.land_fit import (
-    divide_by_land,
     fit_quadratic,
+    quadratic,
     robust_lines,
     running_median,
     shortest,
-    take_off_drift,
 )
 
 LAND_SHARE = 0.35
@@ -41,18 +41,14 @@ def shorth(values: NDArray[np.float64], *, share: float = LAND_SHARE) -> NDArray
     Rows without any sample give NaN.
     """
     ordered = np.sort(values, axis=-1)
-    out = np.empty(ordered.shape[:-1])
-    shortest(ordered.reshape(-1, ordered.shape[-1]), share, out.reshape(-1))
-    return out
+    return shortest(ordered.reshape(-1, ordered.shape[-1]), share).reshape(ordered.shape[:-1])
 
 
 def plate_land(moment: NDArray[np.float64]) -> NDArray[np.float64]:
     """Land of a whole sweep, (lines, samples): a robust quadratic in both directions; NaN are left out."""
     lines, samples = moment.shape
     u, v = np.linspace(-1.0, 1.0, samples), np.linspace(-1.0, 1.0, lines)
-    c = land_coefficients(moment)
-    along, across = c[0] + c[1] * u + c[3] * u * u, c[2] * v + c[5] * v * v
-    return np.asarray(along + across[:, None] + c[4] * np.outer(v, u))
+    return quadratic(land_coefficients(moment), u, v)
 
 
 def land_coefficients(moment: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -70,7 +66,7 @@ def land_coefficients(moment: NDArray[np.float64]) -> NDArray[np.float64]:
     best_coefficients, best_inliers = np.zeros(6), -1.0
     # of the two starts the better explains more samples
     step_l, step_s = max(1, lines // 40), max(1, samples // 80)
-    thin, at_u, at_v = np.ascontiguousarray(moment[::step_l, ::step_s]), u[::step_s], v[::step_l]
+    thin, at_u, at_v = moment[::step_l, ::step_s], u[::step_s], v[::step_l]
     cuts = np.array([0.2, 0.1, 0.07, TUKEY_CUT, TUKEY_CUT]) * abs(level)
     flat = np.array([level, 0.0, 0.0, 0.0, 0.0, 0.0])
     for coefficients in (flat, _tilted_start(thin, at_u, at_v, level)):
@@ -85,7 +81,7 @@ def land_coefficients(moment: NDArray[np.float64]) -> NDArray[np.float64]:
 def over_land(lines: NDArray[np.float64], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
     """Moments over their land's, (lines, samples), in place of the moments."""
     u, v = np.linspace(-1.0, 1.0, lines.shape[1]), np.linspace(-1.0, 1.0, lines.shape[0])
-    divide_by_land(lines, coefficients, u, v)
+    lines /= quadratic(coefficients, u, v)
     return lines
 
 
@@ -177,7 +173,8 @@ def line_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def without_drift(ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     """ratio / line_drift(ratio) - 1, in place of the ratio."""
-    take_off_drift(ratio, np.linspace(-1.0, 1.0, ratio.shape[1]), *_departures(ratio))
+    ratio /= line_drift(ratio)
+    ratio -= 1.0
     return ratio
 
 
@@ -186,7 +183,7 @@ def _departures(ratio: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     lines, samples = ratio.shape
     t = np.linspace(-1.0, 1.0, samples)
     offset, slope, few = np.empty(lines), np.empty(lines), np.empty(lines, dtype=np.bool_)
-    robust_lines(ratio, t, TUKEY_CUT, MIN_INLIERS * samples, 0.05 * samples, offset, slope, few)
+    robust_lines(read_only(ratio), t, TUKEY_CUT, MIN_INLIERS * samples, 0.05 * samples, offset, slope, few)
 
     def departure(values: NDArray[np.float64]) -> NDArray[np.float64]:
         own = values - running_median(values, min(NEIGHBOUR_LINES, values.size))

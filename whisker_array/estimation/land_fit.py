@@ -1,82 +1,69 @@
-"""The loops of `land`, compiled: shortest intervals, the robust quadratic, robust lines, a running median.
-
-Sums may be taken in any order (`reassoc`), so that they run in vectors; NaN keep their meaning throughout.
-"""
+"""What `land` is fitted with: shortest intervals, the robust quadratic, robust lines, a running median."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
-_ANY_ORDER = {"reassoc", "contract", "arcp", "nsz"}
+from glyphs.compiled import ANY_ORDER, kernel, read_only
+
+Floats = NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def shortest(ordered, share, middle):  # type: ignore[no-untyped-def]
+def shortest(ordered: Floats, share: float) -> Floats:
     """Middle of the shortest interval with a share of each row's samples; sorted, NaN last; the first of equals."""
-    for i in range(ordered.shape[0]):
-        size = ordered.shape[1]
-        while size > 0 and not np.isfinite(ordered[i, size - 1]):
-            size -= 1
-        if size == 0:
-            middle[i] = np.nan
-            continue
-        reach = max(1, int(share * size)) - 1
-        first, least = 0, ordered[i, reach] - ordered[i, 0]
-        for j in range(1, size - reach):
-            gap = ordered[i, j + reach] - ordered[i, j]
-            if gap < least:
-                first, least = j, gap
-        middle[i] = 0.5 * (ordered[i, first] + ordered[i, first + reach])
+    middle = np.full(ordered.shape[0], np.nan)
+    sizes = (ordered < np.inf).sum(axis=1)
+    for size in np.unique(sizes[sizes > 0]):
+        rows, reach = np.flatnonzero(sizes == size), max(1, int(share * size)) - 1
+        some = ordered[rows, :size]
+        at, first = np.arange(rows.size), np.argmin(some[:, reach:] - some[:, : size - reach], axis=1)
+        middle[rows] = 0.5 * (some[at, first] + some[at, first + reach])
+    return middle
 
 
-@njit(cache=True, error_model="numpy", inline="always")  # type: ignore[untyped-decorator,unused-ignore]
-def _solved(normal, right, size):  # type: ignore[no-untyped-def]
-    """Solves normal x = right in place, by Cholesky; normal is symmetric and positive definite."""
-    for i in range(size):
-        for j in range(i + 1):
-            total = normal[i, j]
-            for k in range(j):
-                total -= normal[i, k] * normal[j, k]
-            normal[i, j] = np.sqrt(max(total, 1e-300)) if i == j else total / normal[j, j]
-    for i in range(size):
-        for k in range(i):
-            right[i] -= normal[i, k] * right[k]
-        right[i] /= normal[i, i]
-    for i in range(size - 1, -1, -1):
-        for k in range(i + 1, size):
-            right[i] -= normal[k, i] * right[k]
-        right[i] /= normal[i, i]
+@kernel(allow=ANY_ORDER)
+def _row_sums(target, u, base, linear, square, inv_cut, sums):  # type: ignore[no-untyped-def]
+    """Of each row: sums of w u^0..4 and w y u^0..2, w the biweight about base + linear u + square u^2."""
+    for i in range(target.shape[0]):
+        s0 = s1 = s2 = s3 = s4 = y0 = y1 = y2 = 0.0
+        for j in range(u.size):
+            x = u[j]
+            residual = (target[i, j] - (base[i] + x * (linear[i] + x * square))) * inv_cut
+            weight = 1.0 - residual * residual
+            known = weight > 0.0  # not for NaN either
+            weight = weight * weight if known else 0.0
+            y = weight * target[i, j] if known else 0.0
+            s0 += weight
+            y0 += y
+            weight *= x
+            y *= x
+            s1 += weight
+            y1 += y
+            weight *= x
+            y2 += y * x
+            s2 += weight
+            weight *= x
+            s3 += weight
+            s4 += weight * x
+        sums[i, 0], sums[i, 1], sums[i, 2], sums[i, 3], sums[i, 4] = s0, s1, s2, s3, s4
+        sums[i, 5], sums[i, 6], sums[i, 7] = y0, y1, y2
 
 
-@njit(cache=True, error_model="numpy", fastmath=_ANY_ORDER)  # type: ignore[untyped-decorator,unused-ignore]
-def _row_sums(target, u, base, linear, square, inv_cut):  # type: ignore[no-untyped-def]
-    """Of one row: sums of w u^0..4 and w y u^0..2, w the biweight about base + linear u + square u^2."""
-    s0 = s1 = s2 = s3 = s4 = y0 = y1 = y2 = 0.0
-    for j in range(u.size):
-        x = u[j]
-        residual = (target[j] - (base + x * (linear + x * square))) * inv_cut
-        weight = 1.0 - residual * residual
-        known = weight > 0.0  # not for NaN either
-        weight = weight * weight if known else 0.0
-        y = weight * target[j] if known else 0.0
-        s0 += weight
-        y0 += y
-        weight *= x
-        y *= x
-        s1 += weight
-        y1 += y
-        weight *= x
-        y2 += y * x
-        s2 += weight
-        weight *= x
-        s3 += weight
-        s4 += weight * x
-    return s0, s1, s2, s3, s4, y0, y1, y2
+POWER_U, POWER_V = np.array([0, 1, 0, 2, 1, 0]), np.array([0, 0, 1, 0, 1, 2])
+"""Powers of u and v in the terms of a quadratic."""
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def fit_quadratic(target, u, v, level, cuts, damping, near, coefficients):  # type: ignore[no-untyped-def]
+def fit_quadratic(
+    target: Floats,
+    u: Floats,
+    v: Floats,
+    level: float,
+    cuts: Floats,
+    damping: float,
+    near: float,
+    coefficients: Floats,
+) -> float:
     """Robust c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2 from a start, a round for each cut; NaN are left out.
 
     Args:
@@ -84,75 +71,42 @@ def fit_quadratic(target, u, v, level, cuts, damping, near, coefficients):  # ty
         u, v: coordinates.
         level: what a fit without enough samples falls back to.
         cuts: distance from the last fit at which samples lose their say, one a round.
-        damping: added to the normal equations, as a share of their trace: unseen terms stay zero.
+        damping: added to the normal equations, as a share of their trace: terms without samples stay zero.
         near: distance within which a sample counts as explained.
         coefficients: (6,) the start; overwritten by the fit.
 
     Returns:
         The share of known samples that the fit explains.
     """
+    target, u = read_only(target), read_only(u)
+    powers = np.vander(v, 5, increasing=True)
+    sums = np.empty((v.size, 8))
     expected = coefficients.copy()
-    coefficients[:] = 0.0
-    coefficients[0] = level
-    normal, right = np.empty((6, 6)), np.empty(6)
+    coefficients[:] = (level, 0.0, 0.0, 0.0, 0.0, 0.0)
     for cut in cuts:
-        normal[:] = 0.0
-        right[:] = 0.0
-        c = expected
-        for i in range(v.size):
-            b = v[i]
-            base, linear = c[0] + b * (c[2] + b * c[5]), c[1] + b * c[4]
-            s0, s1, s2, s3, s4, y0, y1, y2 = _row_sums(target[i], u, base, linear, c[3], 1.0 / cut)
-            # powers (in u, in v) of the terms: 00 10 01 20 11 02
-            normal[0, 0] += s0
-            normal[1, 0] += s1
-            normal[1, 1] += s2
-            normal[2, 0] += s0 * b
-            normal[2, 1] += s1 * b
-            normal[2, 2] += s0 * b * b
-            normal[3, 1] += s3
-            normal[3, 2] += s2 * b
-            normal[3, 3] += s4
-            normal[4, 2] += s1 * b * b
-            normal[4, 3] += s3 * b
-            normal[4, 4] += s2 * b * b
-            normal[5, 2] += s0 * b * b * b
-            normal[5, 4] += s1 * b * b * b
-            normal[5, 5] += s0 * b * b * b * b
-            right[0] += y0
-            right[1] += y1
-            right[2] += y0 * b
-            right[3] += y2
-            right[4] += y1 * b
-            right[5] += y0 * b * b
-        if normal[0, 0] < 12.0:
+        _row_sums(target, u, *_by_row(expected, v), float(expected[3]), 1.0 / float(cut), sums)
+        of_weights, of_values = sums[:, :5].T @ powers, sums[:, 5:].T @ powers[:, :3]
+        if of_weights[0, 0] < 12.0:
             break
-        normal[3, 0] = normal[1, 1]
-        normal[4, 0] = normal[2, 1]
-        normal[4, 1] = normal[3, 2]
-        normal[5, 0] = normal[2, 2]
-        normal[5, 1] = normal[4, 2]
-        normal[5, 3] = normal[4, 4]
-        trace = 0.0
-        for k in range(6):
-            trace += normal[k, k]
-        for k in range(6):
-            normal[k, k] += damping * trace
-        _solved(normal, right, 6)
-        for k in range(6):
-            coefficients[k] = expected[k] = right[k]
-    count = explained = 0
-    for i in range(v.size):
-        b = v[i]
-        base, linear = expected[0] + b * (expected[2] + b * expected[5]), expected[1] + b * expected[4]
-        for j in range(u.size):
-            value = target[i, j]
-            count += np.isfinite(value)
-            explained += abs(value - (base + u[j] * (linear + u[j] * expected[3]))) < near
-    return explained / max(count, 1)
+        normal = of_weights[POWER_U[:, None] + POWER_U, POWER_V[:, None] + POWER_V]
+        normal[np.diag_indices(6)] += damping * np.trace(normal)
+        coefficients[:] = expected = np.linalg.solve(normal, of_values[POWER_U, POWER_V])
+    explained = np.abs(target - quadratic(expected, u, v)) < near
+    return float(explained.sum() / max(np.isfinite(target).sum(), 1))
 
 
-@njit(cache=True, error_model="numpy", fastmath=_ANY_ORDER)  # type: ignore[untyped-decorator,unused-ignore]
+def _by_row(c: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """What of a quadratic is constant along each row, and what is linear."""
+    return c[0] + v * (c[2] + v * c[5]), c[1] + v * c[4]
+
+
+def quadratic(c: Floats, u: Floats, v: Floats) -> Floats:
+    """The quadratic with coefficients c, (v, u)."""
+    base, linear = _by_row(c, v)
+    return np.asarray(base[:, None] + u * (linear[:, None] + u * c[3]))
+
+
+@kernel(allow=ANY_ORDER)
 def robust_lines(ratio, t, cut, least, ridge, offset, slope, few):  # type: ignore[no-untyped-def]
     """Straight line near 1 through each row by three rounds of Tukey's biweight; rows with too few say 1."""
     inv_cut = 1.0 / cut
@@ -182,57 +136,7 @@ def robust_lines(ratio, t, cut, least, ridge, offset, slope, few):  # type: igno
         offset[i], slope[i] = o, s
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def running_median(values, size):  # type: ignore[no-untyped-def]
+def running_median(values: Floats, size: int) -> Floats:
     """Median of `size` neighbours, the ends repeated; of an even number the upper of the two in the middle."""
-    out = np.empty(values.size)
-    window = np.empty(size)
-    for i in range(values.size):
-        for k in range(size):
-            value = values[min(max(i - size // 2 + k, 0), values.size - 1)]
-            place = k
-            while place > 0 and window[place - 1] > value:
-                window[place] = window[place - 1]
-                place -= 1
-            window[place] = value
-        out[i] = window[size // 2]
-    return out
-
-
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def in_order(signal, flags, offset, order, lead, unusable, lines):  # type: ignore[no-untyped-def]
-    """Lines of a sweep less their offsets, in an order, lead-in and -out left off, NaN where flags say so.
-
-    Returns:
-        (lines,) whether any sample of a line is known.
-    """
-    some = np.zeros(order.size, dtype=np.bool_)
-    for i in range(order.size):
-        given, marked, zero = signal[order[i]], flags[order[i]], offset[order[i]]
-        any_known = False
-        for j in range(lines.shape[1]):
-            value = np.float64(given[lead + j]) - zero
-            value = np.nan if marked[lead + j] & unusable else value
-            lines[i, j] = value
-            any_known |= np.isfinite(value)
-        some[i] = any_known
-    return some
-
-
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def divide_by_land(lines, c, u, v):  # type: ignore[no-untyped-def]
-    """Lines over the quadratic with coefficients c, in place."""
-    for i in range(v.size):
-        base, linear = c[0] + v[i] * (c[2] + v[i] * c[5]), c[1] + v[i] * c[4]
-        line = lines[i]
-        for j in range(u.size):
-            line[j] /= base + u[j] * (linear + u[j] * c[3])
-
-
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def take_off_drift(ratio, t, offset, slope):  # type: ignore[no-untyped-def]
-    """Ratio over the drift 1 + offset + slope t of each line, less 1, in place."""
-    for i in range(offset.size):
-        line, base = ratio[i], 1.0 + offset[i]
-        for j in range(t.size):
-            line[j] = line[j] / (base + slope[i] * t[j]) - 1.0
+    wide = np.pad(values, (size // 2, size - 1 - size // 2), mode="edge")
+    return np.asarray(np.sort(np.lib.stride_tricks.sliding_window_view(wide, size))[:, size // 2])

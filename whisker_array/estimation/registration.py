@@ -12,13 +12,15 @@ compared with the half difference, and the play that agrees best is taken off.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.compiled import read_only
 from glyphs.surface.maps import TraceDirection
-from whisker_array.estimation.backlash import correlation, disagreements
+from whisker_array.estimation.backlash import correlation, misses
 from whisker_array.whisker.enhancement import moment_ratio
 from whisker_array.whisker.touch import Touch
 
@@ -105,12 +107,15 @@ def _costs(
     mu, row, arm = touch.friction, touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
     moment_ratio(0.0, mu, touch.tip)  # refuses a whisker that jams on the land
     per_land = (row[1] - row[0] * mu) / (arm[1] - arm[0] * mu)
-    return np.asarray(
-        disagreements(
-            ahead, behind, halves, touch.preload_mm / pitch_mm, STEEPEST, mu,
-            np.ascontiguousarray(row), np.ascontiguousarray(arm), float(per_land), LIMIT_PIXELS,
-        )
+    lines, samples = ahead.shape
+    beyond = math.ceil(np.abs(halves).max(initial=0.0)) + 1
+    wide = [np.pad(layer, ((0, 0), (beyond, beyond)), mode="edge") for layer in (ahead, behind)]
+    cost, room = np.zeros(halves.size), np.empty((5, samples))
+    misses(
+        *wide, halves, touch.preload_mm / pitch_mm, STEEPEST, mu, read_only(row), read_only(arm),
+        float(per_land), LIMIT_PIXELS, room, cost,
     )  # fmt: skip
+    return np.asarray(cost / (lines * max(samples - 2 * LIMIT_PIXELS, 1)))
 
 
 def _moved(layer: Layer, pixels: float) -> Layer:
@@ -129,7 +134,8 @@ def _offset_pixels(reference: Layer, moved: Layer) -> tuple[float, float]:
     """(rows, cols) by which `moved` must be shifted to lie on `reference`, by correlation."""
     reach = LIMIT_PIXELS + 1
     a, b = (np.ascontiguousarray(layer - layer.mean(), dtype=np.float32) for layer in (reference, moved))
-    window = correlation(a, b, reach)
+    window = np.zeros((2 * reach + 1, 2 * reach + 1))
+    correlation(a, b, reach, window)
     r, c = np.unravel_index(int(np.argmax(window)), window.shape)
     if not (0 < r < 2 * reach and 0 < c < 2 * reach):
         return (0.0, 0.0)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.compiled import read_only
 from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.both_ways import both_ways
@@ -127,10 +128,8 @@ def relief_from_edges(edges: EdgeMap, touch: Touch, *, friction: float | None = 
         if ahead not in felt or back not in felt:
             continue
         slopes[axis] = np.empty(edges.shape, dtype=np.float32)
-        row, arm = (
-            np.ascontiguousarray(a) for a in (touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm)
-        )
-        both_ways(felt[ahead], felt[back], row, arm, mu, land, STEEPEST, slopes[axis], total, count)
+        given = felt[ahead], felt[back], touch.tip.compliance_mm_per_n[1], touch.tip.moment_arm_mm
+        both_ways(*map(read_only, given), mu, land, STEEPEST, slopes[axis], total, count)
     if not slopes:
         return _relief(edges, touch, _mean_lift(edges), {}, mu=mu, route=Route.FLOORS)
     lift = np.where(count > 0, total / np.maximum(count, 1), np.nan)

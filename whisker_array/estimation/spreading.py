@@ -1,4 +1,4 @@
-"""Averaging by a triangle one pixel (or one step, if larger) wide to each side, compiled.
+"""Averaging by a triangle one pixel (or one step, if larger) wide to each side.
 
 weight  1 |        .                 samples  x x x x x x x x x
           |      .' '.               pixels     |   |   |   |
@@ -11,8 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from glyphs.compiled import kernel, read_only
 
 
 class Band(NamedTuple):
@@ -46,45 +47,44 @@ def triangles(position: NDArray[np.float64], pixel: NDArray[np.float64], pitch: 
     return Band(first, order[near], weight, position.size)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def _spread(values, along, across, layer, valid):  # type: ignore[no-untyped-def]
-    a_first, a_sample, a_weight, _ = along
-    c_first, c_sample, c_weight, _ = across
-    lines, wide = values.shape[0], a_first.size - 1
-    sums, known = np.empty((lines, wide)), np.empty((lines, wide))
-    expected = np.zeros(wide)
-    for p in range(wide):
-        for k in range(a_first[p], a_first[p + 1]):
-            expected[p] += a_weight[k]
-    for i in range(lines):
-        for p in range(wide):
+@kernel()
+def _along(values, first, sample, weight, expected, sums, known):  # type: ignore[no-untyped-def]
+    """Sums by pixel along each line of what is known, and their weights."""
+    for i in range(values.shape[0]):
+        for p in range(expected.size):
             total = 0.0
-            for k in range(a_first[p], a_first[p + 1]):
-                total += a_weight[k] * values[i, a_sample[k]]
-            weight = expected[p]
-            if not np.isfinite(total):
-                total = weight = 0.0
-                for k in range(a_first[p], a_first[p + 1]):
-                    value = values[i, a_sample[k]]
-                    if np.isfinite(value):
-                        total += a_weight[k] * value
-                        weight += a_weight[k]
-            sums[i, p], known[i, p] = total, weight
-    total_of, weight_of = np.empty(wide), np.empty(wide)
-    for p in range(c_first.size - 1):
-        total_of[:] = 0.0
-        weight_of[:] = 0.0
-        full = 0.0
-        for k in range(c_first[p], c_first[p + 1]):
-            line, weight = c_sample[k], c_weight[k]
-            full += weight
-            for q in range(wide):
-                total_of[q] += weight * sums[line, q]
-                weight_of[q] += weight * known[line, q]
+            for k in range(first[p], first[p + 1]):
+                total += weight[k] * values[i, sample[k]]
+            whole = expected[p]
+            if not abs(total) < np.inf:
+                total = whole = 0.0
+                for k in range(first[p], first[p + 1]):
+                    value = values[i, sample[k]]
+                    if abs(value) < np.inf:
+                        total += weight[k] * value
+                        whole += weight[k]
+            sums[i, p], known[i, p] = total, whole
+
+
+@kernel()
+def _across(sums, known, first, sample, weight, expected, layer, weights, valid):  # type: ignore[no-untyped-def]
+    """Those sums averaged across the lines; `weights` is room for one line."""
+    wide = expected.size
+    for p in range(first.size - 1):
+        out = layer[p]
         for q in range(wide):
-            good = weight_of[q] > 0.5 * full * expected[q]
+            out[q] = weights[q] = 0.0
+        full = 0.0
+        for k in range(first[p], first[p + 1]):
+            w, line, part = weight[k], sums[sample[k]], known[sample[k]]
+            full += w
+            for q in range(wide):
+                out[q] += w * line[q]
+                weights[q] += w * part[q]
+        for q in range(wide):
+            good = weights[q] > 0.5 * full * expected[q]
             valid[p, q] = good
-            layer[p, q] = total_of[q] / max(weight_of[q], 1e-12) if good else 0.0
+            out[q] = out[q] / max(weights[q], 1e-12) if good else 0.0
 
 
 def spread(
@@ -96,5 +96,11 @@ def spread(
     """
     shape = (across.first.size - 1, along.first.size - 1)
     layer, valid = np.empty(shape), np.empty(shape, dtype=np.bool_)
-    _spread(np.ascontiguousarray(values), along, across, layer, valid)
+    pixel = np.repeat(np.arange(shape[1]), np.diff(along.first))
+    expected = np.bincount(pixel, weights=along.weight, minlength=shape[1])
+    sums, known = np.empty((2, values.shape[0], shape[1]))
+    _along(read_only(values), along.first, along.sample, along.weight, expected, sums, known)
+    _across(
+        sums, known, across.first, across.sample, across.weight, expected, layer, np.empty(shape[1]), valid
+    )
     return layer, valid

@@ -31,8 +31,8 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
 from whisker_array.simulation.contact_kernel import ABREAST, trace_abreast
-from whisker_array.simulation.threads import in_threads
 from whisker_array.simulation.surface import TouchSurface
+from whisker_array.simulation.threads import in_threads
 from whisker_array.simulation.traces import Traces
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel

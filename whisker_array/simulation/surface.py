@@ -286,6 +286,16 @@ def sample_lines(
     missing = np.empty(shape, dtype=np.bool_)
     lines = np.ascontiguousarray(lines_mm, dtype=np.float64)
     inv_pitch, start, step = 1.0 / surface.pitch_mm, float(start_mm), float(step_mm)
-    given = read_only(surface.fields), read_only(surface.dropout), inv_pitch, lines, start, step, height, mu, missing
+    given = (
+        read_only(surface.fields),
+        read_only(surface.dropout),
+        inv_pitch,
+        lines,
+        start,
+        step,
+        height,
+        mu,
+        missing,
+    )
     in_threads(lambda first, last: _sample_lines(first, last, *given), lines.size)
     return height, mu, missing

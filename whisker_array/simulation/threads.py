@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numba
 
@@ -19,7 +20,7 @@ def in_threads(work: Callable[[int, int], None], rows: int) -> None:
         return
     ends = [rows * i // count for i in range(count + 1)]
     with ThreadPoolExecutor(count - 1) as others:
-        begun = [others.submit(work, *stretch) for stretch in zip(ends[1:-1], ends[2:], strict=True)]
+        begun = [others.submit(work, *stretch) for stretch in pairwise(ends[1:])]
         work(*ends[:2])
         for one in begun:
             one.result()

@@ -69,7 +69,8 @@ def test_correlation_is_that_of_scipy(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(5)
     a, b = (rng.normal(size=shape).astype(np.float32) for _ in range(2))
     reach = 4
-    got = correlation(a, b, reach)
+    got = np.zeros((2 * reach + 1, 2 * reach + 1))
+    correlation(a, b, reach, got)
     whole = signal.correlate2d(a.astype(np.float64), b.astype(np.float64), mode="full")
     expected = np.pad(whole, reach)
     middle = (shape[0] - 1 + reach, shape[1] - 1 + reach)
