@@ -23,8 +23,8 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
-from whisker_array.whisker.sections import WhiskerError
 from whisker_array.simulation.threads import in_threads
+from whisker_array.whisker.sections import WhiskerError
 
 Friction: TypeAlias = float | NDArray[np.float32]
 """Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
