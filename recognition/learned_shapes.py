@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import FELT_PIXELS, Font, Glyph
+from recognition.exemplars import ExemplarError
 from recognition.laid_over import Patch, common_relief, laid_over
 from recognition.nearest_hand import Hand, depth_of, nearest_hand
 
@@ -79,16 +80,16 @@ def learn_font(
         known: fonts of which the nearest stands for characters never felt.
 
     Raises:
-        ValueError: no exemplar or no known font, exemplars of different sizes, or none with a mark on it.
+        ExemplarError: no exemplar or no known font, exemplars of different sizes, or none with a mark on it.
     """
     if not len(chars) or len(chars) != len(reliefs):
-        raise ValueError(
-            f"{len(chars)} characters and {len(reliefs)} reliefs; give one for each, at least one"
+        raise ExemplarError(
+            f"{len(chars)} characters and {len(reliefs)} reliefs", hint="give one for each, at least one"
         )
     if not known:
-        raise ValueError("no known font is given; name one for the characters never felt")
+        raise ExemplarError("no known font is given", hint="name one for the characters never felt")
     if len({np.shape(r) for r in reliefs}) > 1:
-        raise ValueError("the exemplars differ in size; enrol them again")
+        raise ExemplarError("the exemplars differ in size", hint="enrol them again")
     patches = [_trimmed(np.nan_to_num(np.asarray(r, dtype=np.float32))) for r in reliefs]
     groups = {c: [k for k, other in enumerate(chars) if other == c] for c in sorted(set(chars))}
     shapes: dict[str, Patch] = {}
@@ -162,7 +163,7 @@ def _learned(
         elif base is not None and not base.inked:
             glyphs[char] = base
     if not shapes:
-        raise ValueError("no exemplar has a mark on it; enrol other parts")
+        raise ExemplarError("no exemplar has a mark on it", hint="enrol other parts")
     kept = {k for own in used.values() for k in own}
     felt = "".join(c for c in sorted(shapes))
     source = f"learned from {len(kept)} exemplars of {felt}; other characters after {hand.font.name}"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from glyphs.errors import FileError
 from pipeline.batch.run import Run
 from pipeline.batch.task import RunOrder
+from pipeline.common.setting_sources import SettingsError
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
 from pipeline.workers.executors import PART_TIMEOUT_S, Executor, InlineExecutor, PoolExecutor, cores
@@ -48,12 +49,12 @@ class Target:
 
         Raises:
             FileError: unknown suffix, or a place that cannot be written.
-            ValueError: pictures without a store.
+            SettingsError: pictures without a store.
         """
         from pipeline.batch.tables import check_output
 
         if self.evidence is not None and self.store is None:
-            raise ValueError("--evidence goes with a store: --out sqlite:///parts.db")
+            raise SettingsError("--evidence goes with a store: --out sqlite:///parts.db")
         if self.out is not None and self.store is None:
             check_output(Path(self.out))
 
@@ -78,7 +79,7 @@ class ExecutorOptions:
 
         Raises:
             ClusterError: no cluster, or none that can be used.
-            ValueError: a number of jobs that cannot be.
+            SettingsError: a number of jobs that cannot be.
         """
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor
@@ -150,7 +151,7 @@ def open_readers(readers: SenseReaders, parts: Sequence[ListedPart], *, mode: Mo
     """Open the readers that the parts need, so that what cannot be used is told before the run.
 
     Raises:
-        ValueError: a font or format that cannot be used.
+        SettingsError: a font or format that cannot be used.
     """
     from pipeline.reading.part_reader import Sense, senses_of
 

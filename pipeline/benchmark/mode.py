@@ -57,7 +57,7 @@ class Readers:
         """Reads height maps.
 
         Raises:
-            ValueError: a font or mask that cannot be used.
+            MarksError: a font or mask that cannot be used.
         """
         from recognition.reader import Reader
 
@@ -68,7 +68,7 @@ class Readers:
         """Reads photographs.
 
         Raises:
-            ValueError: a font or mask that cannot be used, an engine that is not installed.
+            MarksError: a font or mask that cannot be used, an engine that is not installed.
         """
         from recognition.vision import VisionReader
 
@@ -111,10 +111,10 @@ class Senses:
         """The photograph.
 
         Raises:
-            ValueError: there is none.
+            MarksError: there is none.
         """
         if self.specimen.take_photo is None:
-            raise ValueError(f"{self.specimen.part} has no photograph")
+            raise MarksError(f"{self.specimen.part} has no photograph")
         photo: Photo = self._timed("photograph", self.specimen.take_photo)
         return photo
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pipeline.benchmark.mode import ModeReader, Readers, Senses
+from pipeline.common.setting_sources import SettingsError
 
 if TYPE_CHECKING:
     from recognition.reading import Reading
@@ -81,9 +82,9 @@ def open_mode(name: str, readers: Readers) -> ModeReader:
 
     Raises:
         ModeUnavailableError: it cannot run here.
-        ValueError: no such mode, or a font or mask it cannot use.
+        SettingsError: no such mode, or a font or mask it cannot use.
     """
     makers = {**MODES, **PEERS}
     if name not in makers:
-        raise ValueError(f"there is no mode {name!r}; the modes are {', '.join(MODES)}")
+        raise SettingsError(f"there is no mode {name!r}", hint=f"the modes are {', '.join(MODES)}")
     return makers[name](readers)

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.errors import MarksError
 from glyphs.fonts.serials import allowed_characters
 from pipeline.benchmark.mode import ModeReader, ModeUnavailableError, Senses
 from pipeline.benchmark.specimens import Box
@@ -136,11 +137,11 @@ def touch_picture(senses: Senses) -> NDArray[np.uint8]:
     """The edge map that touch felt, drawn in grey and cropped to the line, (rows, cols, 3).
 
     Raises:
-        ValueError: touch felt no edges.
+        MarksError: touch felt no edges.
     """
     edges = senses.felt.edge_map
     if edges is None:
-        raise ValueError("touch felt no edges, so there is nothing to draw")
+        raise MarksError("touch felt no edges, so there is nothing to draw")
     drawn = np.repeat(draw_edges(edges)[..., None], 3, axis=2)
     box = _line(senses)
     if box is None:

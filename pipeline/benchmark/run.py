@@ -23,6 +23,7 @@ from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Condition, Item, Parts
 from pipeline.benchmark.trials import Trial, TrialJournal, answer_of
 from pipeline.common.allocator import kept_memory
+from pipeline.common.setting_sources import SettingsError
 from pipeline.common.version import program_mark
 from pipeline.workers.executors import Executor
 
@@ -44,7 +45,7 @@ class Benchmark:
         told: what all readers are told; font and format come with the part where its kind names them.
 
     Raises:
-        ValueError: no mode, or one twice.
+        SettingsError: no mode, or one twice.
     """
 
     parts: Parts
@@ -53,7 +54,7 @@ class Benchmark:
 
     def __post_init__(self) -> None:
         if not self.modes or len(set(self.modes)) != len(self.modes):
-            raise ValueError(f"modes are {self.modes}; give at least one, each once")
+            raise SettingsError(f"modes are {self.modes}", hint="give at least one, each once")
 
     def description(self) -> dict[str, Any]:
         """All that the answers depend on, in plain JSON values; not how many parts there are."""
@@ -99,7 +100,7 @@ def run_benchmark(
     Raises:
         FileError: the folder holds another benchmark or cannot be written.
         ModeUnavailableError: a mode that cannot run here.
-        ValueError: a mode, font or format that cannot be used.
+        SettingsError: a mode, font or format that cannot be used.
     """
     items = benchmark.parts.items()
     for settings in dict.fromkeys(benchmark.settings_for(item.condition) for item in items):

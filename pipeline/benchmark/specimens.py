@@ -16,6 +16,7 @@ from glyphs.errors import FileError
 from glyphs.fonts.serials import allowed_characters
 from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face
+from pipeline.common.setting_sources import SettingsError
 from pipeline.files.parts import Part, discover
 from pipeline.files.synth import MAX_PARTS, SynthSpec
 from pipeline.files.truth import load_truth
@@ -118,7 +119,7 @@ class SynthParts:
         light_elevation_deg: how high it stands; likewise.
 
     Raises:
-        ValueError: a number out of range, a font or mask that cannot be, two fonts of one name.
+        SettingsError: a number out of range, a font or mask that cannot be, two fonts of one name.
     """
 
     severities: tuple[float, ...]
@@ -136,14 +137,18 @@ class SynthParts:
         for name in ("severities", "fonts", "formats"):
             values = getattr(self, name)
             if not values or len(set(values)) != len(values):
-                raise ValueError(f"{name} are {values}; give at least one, each once")
+                raise SettingsError(f"{name} are {values}", hint="give at least one, each once")
         for severity in self.severities:
             _check_severity(severity)
         if not 1 <= self.parts <= MAX_PARTS:
-            raise ValueError(f"the number of parts is {self.parts}; it lies between 1 and {MAX_PARTS:,}")
+            raise SettingsError(
+                f"the number of parts is {self.parts}", hint=f"it lies between 1 and {MAX_PARTS:,}"
+            )
         names = [Condition(None, font, "").font_name for font in self.fonts]
         if len(set(names)) != len(names):
-            raise ValueError(f"two fonts have one name ({', '.join(names)}); rename one of the files")
+            raise SettingsError(
+                f"two fonts have one name ({', '.join(names)})", hint="rename one of the files"
+            )
         for condition in self.conditions():
             self._spec(condition)
 
@@ -230,7 +235,7 @@ class FolderParts:
         Raises:
             FileError: no such table, or none of its parts is there.
             NothingFoundError: no part at all.
-            ValueError: a format or severity that cannot be.
+            SettingsError: a format or severity that cannot be.
         """
         if condition.format:
             allowed_characters(condition.format)
@@ -282,7 +287,7 @@ class FolderParts:
 
 def _check_severity(severity: float | None) -> None:
     if severity is not None and not 0.0 <= severity <= 1.0:
-        raise ValueError(f"a severity is {severity}; it lies between 0 and 1")
+        raise SettingsError(f"a severity is {severity}", hint="it lies between 0 and 1")
 
 
 def _hull(boxes: Sequence[Box]) -> Box | None:

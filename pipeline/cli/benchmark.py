@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_told
+from pipeline.common.setting_sources import SettingsError
 
 if TYPE_CHECKING:
     from pipeline.benchmark.report import Written
@@ -146,7 +147,7 @@ def _numbers(text: str) -> list[float]:
     try:
         return [float(item) for item in _listed(text)]
     except ValueError as error:
-        raise ValueError(f"severities are {text!r}; give numbers separated by commas") from error
+        raise SettingsError(f"severities are {text!r}", hint="give numbers separated by commas") from error
 
 
 def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:

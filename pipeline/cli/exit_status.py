@@ -8,7 +8,11 @@ from collections.abc import Iterator
 from glyphs.errors import FileError, MarksError
 
 FAILED = 1
+"""A part, file, store or machine failed."""
 USAGE = 2
+"""An argument or setting cannot be, or an extra is not installed."""
+FAULT = 70
+"""A fault of the program, as EX_SOFTWARE of sysexits.h."""
 INTERRUPTED = 130
 BROKEN_PIPE = 141
 
@@ -42,7 +46,10 @@ _EXTRAS = {
 
 @contextlib.contextmanager
 def failures_told() -> Iterator[None]:
-    """Turn what a person can mend into a CommandError: files (status 1), settings, arguments and extras (2)."""
+    """Turn expected failures into a CommandError: files (status 1), settings, arguments and extras (2).
+
+    Whatever else is raised is a fault of the program and goes on to `pipeline.cli.main`.
+    """
     from pipeline.files.parts import NothingFoundError
 
     try:
@@ -53,7 +60,7 @@ def failures_told() -> Iterator[None]:
         raise CommandError(str(error), status=FAILED) from error
     except ModuleNotFoundError as error:
         raise CommandError(_missing(error), status=USAGE) from error
-    except (MarksError, ValueError) as error:
+    except MarksError as error:
         raise CommandError(str(error), status=USAGE) from error
 
 

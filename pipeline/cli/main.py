@@ -5,13 +5,14 @@ from __future__ import annotations
 import io
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 from typing import Literal
 
 from cyclopts import App, CycloptsError, Parameter, ValidationError
 from cyclopts.argument import ArgumentCollection
 
-from pipeline.cli.exit_status import BROKEN_PIPE, INTERRUPTED, USAGE, CommandError
+from pipeline.cli.exit_status import BROKEN_PIPE, FAULT, INTERRUPTED, USAGE, CommandError
 
 PROGRAM = "tactile-marks"
 
@@ -43,6 +44,10 @@ app = App(
     config=_settings,
     default_parameter=Parameter(negative_iterable=(), show_default=_default),
     help="Read die-stamped serials by touch and by camera, from height maps, whisker scans and photographs.",
+    help_epilogue=(
+        "Exit status: 0 all is well; 1 a part, file or machine failed; 2 wrong arguments or settings; 70 a fault of "
+        "the program, please report it; 130 interrupted."
+    ),
     suppress_keyboard_interrupt=False,
 )
 _LIBRARY = App(name="glyphs", help="List, show and collect the fonts of steel stamps.")
@@ -101,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        0; 1 where something failed; 2 for bad usage; 130 when interrupted.
+        0; 1 where something failed; 2 for bad usage; 70 for a fault of the program; 130 when interrupted.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a file's name may be no text
@@ -119,12 +124,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(_explained(error), USAGE)
     except CommandError as error:
         return _complain(str(error), error.status)
-    except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
     except BrokenPipeError:
         # the reader of our output has gone; give the interpreter somewhere to flush to
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
+    except Exception as error:
+        traceback.print_exc()
+        fault = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        return _complain(f"fault of the program ({fault}); please report it with the lines above", FAULT)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
 
 
 def _explained(error: CycloptsError) -> str:

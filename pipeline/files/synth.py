@@ -24,6 +24,7 @@ from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face, default_die
 from glyphs.stamping.stamp import StampingVariation
 from pipeline.common.atomic import replacing
+from pipeline.common.setting_sources import SettingsError
 from pipeline.files.npz import write_npz
 from pipeline.files.photos import write_photo
 
@@ -51,7 +52,7 @@ class SynthSpec:
         pixel_mm: size of a pixel of the photographs on the part.
 
     Raises:
-        ValueError: a mask, font, die, light or pixel that cannot be.
+        SettingsError: a mask, font, die, light or pixel that cannot be.
     """
 
     mask: str
@@ -70,7 +71,7 @@ class SynthSpec:
 
     def __post_init__(self) -> None:
         if self.seed < 0:
-            raise ValueError(f"seed is {self.seed}; it cannot be negative")
+            raise SettingsError(f"seed is {self.seed}", hint="it cannot be negative")
         allowed_characters(self.mask)
         draw_light(
             np.random.default_rng(0),
@@ -138,12 +139,12 @@ def write_parts(
     Raises:
         FileError: the folder is not empty and not to be overwritten, or cannot be written.
         MapError: a photograph too large.
-        ValueError: a number of parts or workers that cannot be.
+        SettingsError: a number of parts or workers that cannot be.
     """
     if not 1 <= parts <= MAX_PARTS:
-        raise ValueError(f"the number of parts is {parts}; it lies between 1 and {MAX_PARTS:,}")
+        raise SettingsError(f"the number of parts is {parts}", hint=f"it lies between 1 and {MAX_PARTS:,}")
     if workers < 1:
-        raise ValueError(f"the number of workers is {workers}; it must be at least 1")
+        raise SettingsError(f"the number of workers is {workers}", hint="it must be at least 1")
     _prepare(folder, overwrite=overwrite)
     digits = max(3, len(str(parts - 1)))
     names = [f"part-{number:0{digits}d}" for number in range(parts)]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
 
+from pipeline.common.setting_sources import SettingsError
 from pipeline.plots.estimator_trial import TrialRow
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
@@ -25,7 +26,7 @@ class FigureSettings:
         seed: of the noise.
 
     Raises:
-        ValueError: a value out of range.
+        SettingsError: a value out of range.
     """
 
     mu: float = NOMINAL_FRICTION
@@ -34,13 +35,13 @@ class FigureSettings:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.mu) and 0.0 <= self.mu <= 1.0):
-            raise ValueError(f"--mu is {self.mu}; friction of metal on metal lies between 0 and 1")
+            raise SettingsError(f"--mu is {self.mu}", hint="friction of metal on metal lies between 0 and 1")
         if not (math.isfinite(self.noise) and 0.0 <= self.noise <= 0.02):
-            raise ValueError(
-                f"--noise is {self.noise}; it is a share of the land's moment, between 0 and 0.02"
+            raise SettingsError(
+                f"--noise is {self.noise}", hint="it is a share of the land's moment, between 0 and 0.02"
             )
         if self.seed < 0:
-            raise ValueError(f"--seed is {self.seed}; it cannot be negative")
+            raise SettingsError(f"--seed is {self.seed}", hint="it cannot be negative")
 
 
 @dataclass(frozen=True)

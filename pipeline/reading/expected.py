@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
+from pipeline.common.setting_sources import SettingsError
 from pipeline.files.truth import load_truth
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
 
     Raises:
         FileError: no such table, or a text in it that is none of the format.
-        ValueError: an empty text, or one that is none of the format.
+        SettingsError: an empty text, or one that is none of the format.
     """
     if given.lower().endswith(".csv") or _is_file(given):
         path = Path(given)
@@ -63,9 +64,11 @@ def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
                 raise FileError(path, f"{part} should bear {text!r}, but {'; '.join(broken)}", "mend one")
         return Expected(by_part=MappingProxyType(table))
     if not given.strip():
-        raise ValueError("--verify is empty; give the text that the part should bear, or a CSV table")
+        raise SettingsError(
+            "--verify is empty", hint="give the text that the part should bear, or a CSV table"
+        )
     if grammar is not None and (broken := grammar.objections(given)):
-        raise ValueError(f"--verify is {given!r}, but {'; '.join(broken)}; mend it or --format")
+        raise SettingsError(f"--verify is {given!r}, but {'; '.join(broken)}", hint="mend it or --format")
     return Expected(given.strip())
 
 

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from glyphs.errors import MarksError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from recognition.levelling import first_look, level
@@ -31,12 +32,12 @@ def plan_for(
         two_way: every pass is felt again on its return.
 
     Raises:
-        ValueError: no height given, and none to be seen in the map.
+        MarksError: no height given, and none to be seen in the map.
     """
     if height_mm is None:
         heights = first_look(level(height_map)).heights_mm
         if not heights:
-            raise ValueError("no characters to be seen, so the scale is unknown; give --height-mm")
+            raise MarksError("no characters to be seen, so the scale is unknown", hint="give --height-mm")
         height_mm = float(f"{heights[0]:.3g}")
     region = (0.0, 0.0, *height_map.size_mm)
     return default_plan(region, character_height_mm=height_mm, rows=rows, two_way=two_way), height_mm

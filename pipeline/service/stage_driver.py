@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from pipeline.common.setting_sources import SettingsError
+
 
 def load_driver(named: str, *, verb: str) -> Any:
     """What the callable of that name gives.
@@ -17,18 +19,18 @@ def load_driver(named: str, *, verb: str) -> Any:
         verb: method that it must have: feel or take.
 
     Raises:
-        ValueError: no such module or callable, or what it gives has no such method.
+        SettingsError: no such module or callable, or what it gives has no such method.
     """
     module, _, name = named.partition(":")
     if not module or not name:
-        raise ValueError(f"the driver {named!r} is no module:callable; write it so")
+        raise SettingsError(f"the driver {named!r} is no module:callable", hint="write it so")
     try:
         make = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError) as error:
-        raise ValueError(
-            f"the driver {named!r} cannot be found ({error}); install it, or mend the name"
+        raise SettingsError(
+            f"the driver {named!r} cannot be found ({error})", hint="install it, or mend the name"
         ) from error
     made = make()
     if not callable(getattr(made, verb, None)):
-        raise ValueError(f"what {named!r} gives has no method {verb!r}; see pipeline.service.stage")
+        raise SettingsError(f"what {named!r} gives has no method {verb!r}", hint="see pipeline.service.stage")
     return made

@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from pipeline.common.allocator import kept_memory
+from pipeline.common.setting_sources import SettingsError
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -87,10 +88,10 @@ class PoolExecutor:
             timeout_s: after which a task is given up and its process replaced.
 
         Raises:
-            ValueError: no process, no time.
+            SettingsError: no process, no time.
         """
         if jobs < 1 or not timeout_s > 0.0:
-            raise ValueError(f"{jobs} jobs, {timeout_s} s a part: give at least 1, and a time above 0")
+            raise SettingsError(f"{jobs} jobs, {timeout_s} s a part: give at least 1, and a time above 0")
         self.workers = jobs
         self._settings, self._timeout_s = settings, timeout_s
         self._stack = contextlib.ExitStack()

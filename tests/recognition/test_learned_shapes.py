@@ -5,6 +5,7 @@ import pytest
 from scipy import ndimage
 
 from glyphs.fonts.outlines import load_font
+from recognition.exemplars import ExemplarError
 from recognition.laid_over import likeness
 from recognition.learned_shapes import learn_font
 from recognition.nearest_hand import Hand
@@ -125,9 +126,9 @@ def test_a_single_exemplar_of_another_character_teaches_nothing():
 
 
 def test_what_cannot_be_learned_is_told():
-    with pytest.raises(ValueError, match="give one for each"):
+    with pytest.raises(ExemplarError, match="give one for each"):
         learn_font("press", [], [], known=(GOTHIC,))
-    with pytest.raises(ValueError, match="no known font"):
+    with pytest.raises(ExemplarError, match="no known font"):
         learn_font("press", ["K"], [drawn("K")], known=())
-    with pytest.raises(ValueError, match="differ in size"):
+    with pytest.raises(ExemplarError, match="differ in size"):
         learn_font("press", ["K", "K"], [drawn("K"), drawn("K")[1:]], known=(GOTHIC,))

@@ -283,7 +283,7 @@ class Chain:
         try:
             self.segments()
         except WhiskerError as error:
-            raise WhiskerError(f"points_mm: {error}") from error
+            raise WhiskerError(error.what, where="points_mm", hint=error.hint) from error
 
     def segments(self) -> tuple[Segment, ...]:
         """The segments, base to tip."""

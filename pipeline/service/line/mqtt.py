@@ -22,6 +22,7 @@ from urllib.parse import unquote, urlsplit
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.records import Delivery
+from pipeline.common.setting_sources import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, body_of
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class MqttSender:
 
         Raises:
             MissingExtraError: aiomqtt is not installed.
-            ValueError: no such address, topic or certificate.
+            SettingsError: no such address, topic or certificate.
         """
         try:
             import aiomqtt  # noqa: F401 - asked for at the start, not with the first result
@@ -70,15 +71,15 @@ class MqttSender:
             raise MissingExtraError("MQTT", "aiomqtt", "mqtt") from error
         parts = urlsplit(url)
         if parts.scheme not in _PORTS or not parts.hostname:
-            raise ValueError("a broker's address is mqtt://host:1883 or mqtts://host:8883")
+            raise SettingsError("a broker's address is mqtt://host:1883 or mqtts://host:8883")
         if (
             not prefix
             or not _NO_TOPIC.isdisjoint(prefix)
             or prefix.startswith(("/", "$"))
             or prefix.endswith("/")
         ):
-            raise ValueError(
-                f"the MQTT prefix {prefix!r} is no beginning of a topic; use a word such as line-4"
+            raise SettingsError(
+                f"the MQTT prefix {prefix!r} is no beginning of a topic", hint="use a word such as line-4"
             )
         self._host, self._port = parts.hostname, parts.port or _PORTS[parts.scheme]
         self._user = unquote(parts.username) if parts.username else None

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.common.records import PartRecord
+from pipeline.common.setting_sources import SettingsError
 from pipeline.service.line.opcua_device import Users, bad, build_device, settings_fit
 from pipeline.service.line.opcua_library import require_asyncua, ua_types
 from pipeline.service.line.opcua_model import build_model
@@ -87,14 +88,16 @@ class OpcUaPort:
 
         Raises:
             MissingExtraError: asyncua is not installed.
-            ValueError: users without a certificate: passwords would go over the wire as they are.
+            SettingsError: users without a certificate: passwords would go over the wire as they are.
         """
         require_asyncua()  # said at the start
         if (certificate is None) != (private_key is None):
-            raise ValueError("a certificate needs its private key, and the key its certificate; give both")
+            raise SettingsError(
+                "a certificate needs its private key, and the key its certificate", hint="give both"
+            )
         if users and certificate is None:
-            raise ValueError(
-                "users need a certificate, else their passwords can be read on the way; give one"
+            raise SettingsError(
+                "users need a certificate, else their passwords can be read on the way", hint="give one"
             )
         self.host, self.port = host, port
         self._trigger, self._told, self._name, self._version = trigger, told, name, version

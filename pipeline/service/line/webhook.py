@@ -28,6 +28,7 @@ from urllib.parse import urlsplit
 from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.common.retry_after import retry_after_s
+from pipeline.common.setting_sources import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, body_of
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def signature(secret: str, *, webhook_id: str, timestamp: int, body: bytes) -> s
         body: as it is sent.
 
     Raises:
-        ValueError: a whsec_ secret that is no base64.
+        SettingsError: a whsec_ secret that is no base64.
     """
     signed = f"{webhook_id}.{timestamp}.".encode() + body
     digest = hmac.new(_key(secret), signed, hashlib.sha256).digest()
@@ -114,7 +115,7 @@ class WebhookSender:
 
         Raises:
             MissingExtraError: httpx is not installed.
-            ValueError: no such address or secret.
+            SettingsError: no such address or secret.
         """
         try:
             import httpx
@@ -122,7 +123,7 @@ class WebhookSender:
             raise MissingExtraError("the webhook", "httpx", "service") from error
         parts = urlsplit(url)
         if parts.scheme not in ("http", "https") or not parts.hostname:
-            raise ValueError("a webhook's address begins with http:// or https:// and names a host")
+            raise SettingsError("a webhook's address begins with http:// or https:// and names a host")
         self._url, self._secret, self._timeout_s, self._clock = url, secret, timeout_s, clock
         if secret:
             _key(secret)
@@ -204,4 +205,4 @@ def _key(secret: str) -> bytes:
     try:
         return base64.b64decode(secret.removeprefix(_ENCODED), validate=True)
     except binascii.Error as error:
-        raise ValueError("a webhook secret that begins with whsec_ goes on in base64") from error
+        raise SettingsError("a webhook secret that begins with whsec_ goes on in base64") from error

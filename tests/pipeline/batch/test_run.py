@@ -22,6 +22,7 @@ from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
 from pipeline.cli.main import main
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.row import Row
+from pipeline.common.setting_sources import SettingsError
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
 from pipeline.files.manifest import read_manifest
@@ -167,7 +168,7 @@ def test_tables_that_cannot_be_written_are_told_before_the_run(target: Target, m
 
 
 def test_pictures_go_with_a_store_alone() -> None:
-    with pytest.raises(ValueError, match="--evidence goes with a store"):
+    with pytest.raises(SettingsError, match="--evidence goes with a store"):
         Target("rows.csv", Path("evidence")).check()
     Target("sqlite:///parts.db", Path("evidence")).check()
 
@@ -182,7 +183,7 @@ def test_who_reads(jobs: int | None, parts: int, workers: int) -> None:
 
 
 def test_no_jobs_are_refused() -> None:
-    with pytest.raises(ValueError, match="give at least 1"), ExecutorOptions(0).crew(ReadSettings(), 20):
+    with pytest.raises(SettingsError, match="give at least 1"), ExecutorOptions(0).crew(ReadSettings(), 20):
         pass
 
 

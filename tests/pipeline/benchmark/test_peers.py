@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from glyphs.camera.photo import Photo
+from glyphs.errors import MarksError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.benchmark import peers
 from pipeline.benchmark.mode import ModeSettings, ModeUnavailableError, Readers, Senses
@@ -67,7 +68,7 @@ def test_the_photograph_is_cropped_to_the_line_and_its_margin() -> None:
 def test_without_a_place_or_a_scale_the_whole_photograph_is_read() -> None:
     pixels = np.zeros((81, 201, 3), dtype=np.uint8)
     assert peers.photo_picture(senses(Photo(pixels), (10.0, 6.0, 30.0, 14.0))).shape == pixels.shape
-    with pytest.raises(ValueError, match="p has no photograph"):
+    with pytest.raises(MarksError, match="p has no photograph"):
         peers.photo_picture(senses(None, None))
 
 

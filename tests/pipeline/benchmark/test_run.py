@@ -19,6 +19,7 @@ from pipeline.benchmark.specimens import Condition, FolderParts, Item, Specimen,
 from pipeline.benchmark.statistics import plain, statistics_of
 from pipeline.benchmark.trials import TRIALS_FILE, Trial, TrialJournal
 from pipeline.common.run_description import key_of
+from pipeline.common.setting_sources import SettingsError
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
 from whisker_array.simulation.traces import Fidelity
 
@@ -160,7 +161,7 @@ def test_the_parts_of_a_seed_are_all_kinds_in_turn() -> None:
     assert clean.truth == dirty.truth  # the same part, clean and dirty
     assert clean.line_mm == dirty.line_mm
     assert not np.array_equal(clean.height_map.z_mm, dirty.height_map.z_mm)
-    with pytest.raises(ValueError, match=r"severity is 1\.5"):
+    with pytest.raises(SettingsError, match=r"severity is 1\.5"):
         replace(parts, severities=(1.5,))
     with pytest.raises(FormatError):
         replace(parts, formats=("",))
@@ -187,7 +188,7 @@ def test_a_scans_time_is_that_of_its_plan() -> None:
 
 
 def test_modes_that_cannot_run_say_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ValueError, match="no mode 'smell'; the modes are tactile"):
+    with pytest.raises(SettingsError, match="no mode 'smell'; the modes are tactile"):
         open_mode("smell", Readers(FAST))
 
     def never(_: Readers) -> Any:

@@ -6,7 +6,8 @@ import sys
 import pytest
 
 from glyphs.errors import MissingExtraError
-from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import FAULT, USAGE, CommandError, failures_told
+from pipeline.cli.main import main
 
 
 def test_a_library_of_an_extra_is_told_with_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,3 +28,17 @@ def test_a_part_that_names_its_own_extra_is_believed() -> None:
 def test_a_fault_of_the_program_is_not_taken_for_a_missing_extra() -> None:
     with pytest.raises(ModuleNotFoundError, match="no_such_module"), failures_told():
         importlib.import_module("pipeline.no_such_module")
+
+
+def test_a_fault_of_the_program_is_never_taken_for_bad_usage(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object) -> int:
+        raise ValueError("array is empty")
+
+    monkeypatch.setattr("pipeline.batch.production.produce", broken)
+    assert main(["read", "part.npz"]) == FAULT
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last == (
+        "tactile-marks: fault of the program (ValueError: array is empty); please report it with the lines above"
+    )

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from glyphs.errors import MarksError
 from glyphs.surface.maps import HeightMap
 from pipeline.files.lead_in import calibrate_scan
 from pipeline.reading.simulated_scan import plan_for
@@ -68,7 +69,7 @@ def test_what_gives_no_calibration_is_said() -> None:
 
 def test_a_map_without_characters_needs_a_height() -> None:
     flat = HeightMap(np.zeros((40, 120), np.float32), 0.1)
-    with pytest.raises(ValueError, match="--height-mm"):
+    with pytest.raises(MarksError, match="--height-mm"):
         plan_for(flat, height_mm=None)
     plan, height = plan_for(flat, height_mm=2.5)
     assert height == 2.5

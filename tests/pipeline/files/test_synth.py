@@ -13,6 +13,7 @@ from glyphs.errors import FileError
 from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face
 from pipeline.cli.main import main
+from pipeline.common.setting_sources import SettingsError
 from pipeline.files.photos import read_photo
 from pipeline.files.synth import SynthSpec, make_part, write_parts
 from pipeline.files.touch_file import read_height_map
@@ -92,16 +93,16 @@ def test_what_is_asked_for_is_stamped() -> None:
     ],
 )
 def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
-    with pytest.raises(ValueError, match=r"\S"):
+    with pytest.raises(MarksError, match=r"\S"):
         SynthSpec(**wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("parts", [0, -3, 10_000_000])
 def test_a_number_of_parts_that_cannot_be_is_refused(parts: int, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="number of parts"):
+    with pytest.raises(SettingsError, match="number of parts"):
         write_parts(SynthSpec(mask="9"), tmp_path / "out", parts=parts)
     assert not (tmp_path / "out").exists()
-    with pytest.raises(ValueError, match="number of workers"):
+    with pytest.raises(SettingsError, match="number of workers"):
         write_parts(SynthSpec(mask="9"), tmp_path / "out", parts=1, workers=0)
 
 

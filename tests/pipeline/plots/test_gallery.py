@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from glyphs.stamping.wedge import Wedge
 from pipeline.cli.exit_status import FAILED, USAGE, CommandError
 from pipeline.cli.figures import figures
+from pipeline.common.setting_sources import SettingsError
 from pipeline.plots.drawing import Drawing, FigureSettings, StepRow
 from pipeline.plots.factor import factor_figure
 from pipeline.plots.gallery import FIGURES, draw_gallery, step_table
@@ -190,7 +191,7 @@ def test_what_cannot_be_read_says_why() -> None:
     ],
 )
 def test_settings_out_of_range_name_the_option(values: dict[str, float], option: str) -> None:
-    with pytest.raises(ValueError, match=option):
+    with pytest.raises(SettingsError, match=option):
         FigureSettings(**values)  # type: ignore[arg-type]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from glyphs.errors import FileError
+from pipeline.common.setting_sources import SettingsError
 from pipeline.reading.expected import Expected, load_expected, verify_reading
 from recognition.confusions import CharacterState
 from recognition.grammar import Grammar
@@ -50,9 +51,9 @@ def test_one_text_for_all_or_a_table(tmp_path: Path) -> None:
 
 def test_what_cannot_be_expected_is_told_before_the_run(tmp_path: Path) -> None:
     grammar = Grammar(mask="AA99")
-    with pytest.raises(ValueError, match="--verify is 'AB1', but it does not fit mask:AA99; mend"):
+    with pytest.raises(SettingsError, match="--verify is 'AB1', but it does not fit mask:AA99; mend"):
         load_expected("AB1", grammar)
-    with pytest.raises(ValueError, match="--verify is empty"):
+    with pytest.raises(SettingsError, match="--verify is empty"):
         load_expected(" ")
     with pytest.raises(FileError, match="is not there"):
         load_expected(str(tmp_path / "none.csv"))

@@ -13,6 +13,7 @@ from glyphs.soiling.dirty import Dirt
 from pipeline.common.part_id import new_part_id
 from pipeline.common.record_json import from_json
 from pipeline.common.records import PartState, ReviewAction, ScanPlanRecord, Scope
+from pipeline.common.setting_sources import SettingsError
 from pipeline.files.synth import SynthSpec, write_part
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
@@ -328,9 +329,9 @@ def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
         ("no.such:thing", "found"),
         ("json:no_such", "found"),
     ):
-        with pytest.raises(ValueError, match=says):
+        with pytest.raises(SettingsError, match=says):
             load_driver(wrong, verb="feel")
-    with pytest.raises(ValueError, match="no method 'feel'"):
+    with pytest.raises(SettingsError, match="no method 'feel'"):
         load_driver("builtins:dict", verb="feel")
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.common.setting_sources import SettingsError
 from pipeline.common.settings import ReadSettings
 from pipeline.workers.executors import Executor, InlineExecutor, PoolExecutor
 from tests.support.executor_calls import dies_of_seven, dies_once, doubled, odd_fails, slow_seven
@@ -82,5 +83,5 @@ def test_a_task_that_never_ends_is_given_up() -> None:
 
 @pytest.mark.parametrize(("jobs", "timeout_s"), [(0, 1.0), (-1, 1.0), (1, 0.0), (1, float("nan"))])
 def test_crews_that_cannot_be(jobs: int, timeout_s: float) -> None:
-    with pytest.raises(ValueError, match="give at least 1"):
+    with pytest.raises(SettingsError, match="give at least 1"):
         PoolExecutor(ReadSettings(), jobs, timeout_s=timeout_s)

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from pipeline.common.records import Delivery
+from pipeline.common.setting_sources import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.line.mqtt import MqttSender
 from tests.support.line_broker import Broker, Listener
@@ -331,13 +332,13 @@ def test_over_tls_the_brokers_certificate_is_checked(
 
 @pytest.mark.parametrize("url", ["", "127.0.0.1:1883", "http://127.0.0.1", "mqtt://"])
 def test_an_address_that_is_none_is_refused(url: str) -> None:
-    with pytest.raises(ValueError, match="mqtt://host:1883"):
+    with pytest.raises(SettingsError, match="mqtt://host:1883"):
         MqttSender(url)
 
 
 @pytest.mark.parametrize("prefix", ["", "a/#", "+/a", "/a", "a/", "$SYS", "a\0"])
 def test_a_prefix_that_is_no_topic_is_refused(prefix: str) -> None:
-    with pytest.raises(ValueError, match="prefix"):
+    with pytest.raises(SettingsError, match="prefix"):
         MqttSender("mqtt://127.0.0.1", prefix=prefix)
 
 

@@ -19,6 +19,7 @@ import pytest
 from asyncua import Client, ua
 
 from pipeline.common.records import PartRecord, PartState
+from pipeline.common.setting_sources import SettingsError
 from pipeline.service.line.opcua import OpcUaPort
 from pipeline.service.line.opcua_device import settings_fit
 from pipeline.service.line.opcua_result import ocr_scan_result, status_of
@@ -390,9 +391,9 @@ def test_users_and_a_certificate(tmp_path: Path) -> None:
                 await call("line-4", "pa55", secure=False)
 
     asyncio.run(run())
-    with pytest.raises(ValueError, match="certificate"):
+    with pytest.raises(SettingsError, match="certificate"):
         OpcUaPort(read_at_once, users={"a": "b"})
-    with pytest.raises(ValueError, match="both"):
+    with pytest.raises(SettingsError, match="both"):
         OpcUaPort(read_at_once, certificate=tmp_path / "server.der")
 
 

@@ -17,6 +17,7 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
 from pipeline.common.records import Delivery
+from pipeline.common.setting_sources import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.line.webhook import SignatureError, WebhookSender, check_signature, signature
 from tests.support.line_fakes import MemoryOutbox, free_port, part, serving, until
@@ -82,7 +83,7 @@ def test_the_signature_is_that_of_standard_webhooks() -> None:
         body=b'{"test": 2432232314}',
     )
     assert made == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
-    with pytest.raises(ValueError, match="base64"):
+    with pytest.raises(SettingsError, match="base64"):
         WebhookSender("http://127.0.0.1", secret="whsec_no base64!")
 
 
@@ -264,7 +265,7 @@ def test_proxies_of_the_environment_are_left_alone(monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize("url", ["", "example.org", "ftp://127.0.0.1", "http://", "mqtt://127.0.0.1"])
 def test_an_address_that_is_none_is_refused(url: str) -> None:
-    with pytest.raises(ValueError, match="http"):
+    with pytest.raises(SettingsError, match="http"):
         WebhookSender(url)
 
 
