@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from glyphs.errors import FileError
 from pipeline.batch.run import Run
 from pipeline.batch.task import RunOrder
-from pipeline.common.setting_sources import SettingsError
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.listed import ListedPart
 from pipeline.workers.executors import PART_TIMEOUT_S, Executor, InlineExecutor, PoolExecutor, cores
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pipeline.benchmark.mode import ModeReader, Readers, Senses
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
     from recognition.reading import Reading

@@ -23,7 +23,7 @@ from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Condition, Item, Parts
 from pipeline.benchmark.trials import Trial, TrialJournal, answer_of
 from pipeline.common.allocator import kept_memory
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
 from pipeline.workers.executors import Executor
 

@@ -16,7 +16,7 @@ from glyphs.errors import FileError
 from glyphs.fonts.serials import allowed_characters
 from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.files.parts import Part, discover
 from pipeline.files.synth import MAX_PARTS, SynthSpec
 from pipeline.files.truth import load_truth

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_told
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
     from pipeline.benchmark.report import Written

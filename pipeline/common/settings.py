@@ -15,7 +15,7 @@ from glyphs.errors import MarksError
 
 
 class SettingsError(MarksError):
-    """Settings that contradict each other; the message names them."""
+    """A setting or argument that cannot be, or that contradicts another."""
 
 
 class Settings(BaseModel):

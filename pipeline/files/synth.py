@@ -24,7 +24,7 @@ from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face, default_die
 from glyphs.stamping.stamp import StampingVariation
 from pipeline.common.atomic import replacing
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.files.npz import write_npz
 from pipeline.files.photos import write_photo
 

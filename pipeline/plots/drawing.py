@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
 
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.plots.estimator_trial import TrialRow
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.defaults import NOMINAL_FRICTION

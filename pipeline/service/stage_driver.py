@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 
 
 def load_driver(named: str, *, verb: str) -> Any:

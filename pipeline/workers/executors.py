@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from pipeline.common.allocator import kept_memory
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

@@ -22,7 +22,7 @@ from urllib.parse import unquote, urlsplit
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.records import Delivery
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, body_of
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.common.records import PartRecord
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.service.line.opcua_device import Users, bad, build_device, settings_fit
 from pipeline.service.line.opcua_library import require_asyncua, ua_types
 from pipeline.service.line.opcua_model import build_model

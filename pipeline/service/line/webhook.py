@@ -28,7 +28,7 @@ from urllib.parse import urlsplit
 from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.common.retry_after import retry_after_s
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, body_of
 
 if TYPE_CHECKING:

@@ -22,8 +22,7 @@ from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
 from pipeline.cli.main import main
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.row import Row
-from pipeline.common.setting_sources import SettingsError
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.listed import ListedPart
 from pipeline.files.manifest import read_manifest
 from pipeline.files.npz import write_npz

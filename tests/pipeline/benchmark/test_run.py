@@ -19,7 +19,7 @@ from pipeline.benchmark.specimens import Condition, FolderParts, Item, Specimen,
 from pipeline.benchmark.statistics import plain, statistics_of
 from pipeline.benchmark.trials import TRIALS_FILE, Trial, TrialJournal
 from pipeline.common.run_description import key_of
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
 from whisker_array.simulation.traces import Fidelity
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from glyphs.camera.appearance import draw_light
-from glyphs.errors import FileError
+from glyphs.errors import FileError, MarksError
 from glyphs.soiling.dirty import Dirt
 from glyphs.stamping.die import Face
 from pipeline.cli.main import main
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.files.photos import read_photo
 from pipeline.files.synth import SynthSpec, make_part, write_parts
 from pipeline.files.touch_file import read_height_map

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from glyphs.stamping.wedge import Wedge
 from pipeline.cli.exit_status import FAILED, USAGE, CommandError
 from pipeline.cli.figures import figures
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.plots.drawing import Drawing, FigureSettings, StepRow
 from pipeline.plots.factor import factor_figure
 from pipeline.plots.gallery import FIGURES, draw_gallery, step_table

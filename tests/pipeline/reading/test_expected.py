@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.reading.expected import Expected, load_expected, verify_reading
 from recognition.confusions import CharacterState
 from recognition.grammar import Grammar

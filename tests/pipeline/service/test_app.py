@@ -13,7 +13,7 @@ from glyphs.soiling.dirty import Dirt
 from pipeline.common.part_id import new_part_id
 from pipeline.common.record_json import from_json
 from pipeline.common.records import PartState, ReviewAction, ScanPlanRecord, Scope
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.files.synth import SynthSpec, write_part
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.common.setting_sources import SettingsError
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.workers.executors import Executor, InlineExecutor, PoolExecutor
 from tests.support.executor_calls import dies_of_seven, dies_once, doubled, odd_fails, slow_seven
 

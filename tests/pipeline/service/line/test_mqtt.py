@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from pipeline.common.records import Delivery
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.line.mqtt import MqttSender
 from tests.support.line_broker import Broker, Listener

@@ -19,7 +19,7 @@ import pytest
 from asyncua import Client, ua
 
 from pipeline.common.records import PartRecord, PartState
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.service.line.opcua import OpcUaPort
 from pipeline.service.line.opcua_device import settings_fit
 from pipeline.service.line.opcua_result import ocr_scan_result, status_of

@@ -17,7 +17,7 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
 from pipeline.common.records import Delivery
-from pipeline.common.setting_sources import SettingsError
+from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.line.webhook import SignatureError, WebhookSender, check_signature, signature
 from tests.support.line_fakes import MemoryOutbox, free_port, part, serving, until
