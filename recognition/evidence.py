@@ -125,6 +125,9 @@ def line_evidence(
         places: characters allowed at each place of a known format, or None.
         gaps: places of that format before a word gap.
     """
+    middle = fit.middle_v_mm()
+    if middle is None:
+        return None
     reach = reach_of(templates, directions)
     amplitude = amplitude_of(replace(fit, templates=templates), image, directions)
     bare = resampled_to(fit, image)
@@ -139,7 +142,7 @@ def line_evidence(
     model = pixel_model(noise=noise, reach=reach, profile=profile, raised=fit.raised)
     index = model.felt_index(felt, cover)
     straight = turned_templates(templates, directions, 0.0, reach)
-    rows = _rows(fit, seen)
+    rows = _rows(middle, seen)
     cols = np.arange(felt.shape[2], dtype=np.int64)
     dense = dense_evidence(model, index, straight, reach, rows, cols)
     allowed = None
@@ -195,8 +198,7 @@ def line_evidence(
     return LineEvidence(places=found, total=total * scale, amplitude=amplitude, beside=beside)
 
 
-def _rows(fit: LineFit, seen: LineImage) -> NDArray[np.int64]:
+def _rows(v_mm: float, seen: LineImage) -> NDArray[np.int64]:
     """Rows about the median of the search's characters."""
-    v = fit.image.origin_mm[1] + float(np.median(fit.rows)) * fit.image.pitch_v_mm
-    row = round((v - seen.origin_mm[1]) / seen.pitch_v_mm)
+    row = round((v_mm - seen.origin_mm[1]) / seen.pitch_v_mm)
     return np.arange(row - ROW_REACH, row + ROW_REACH + 1, dtype=np.int64)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from pipeline.common.settings import SettingsError
 from pipeline.service.problem import Problem
 
 SUFFIX = ".glyphs"
@@ -21,11 +22,13 @@ class GlyphDatabases:
             default: database where none is asked for; None for the built-in fonts.
 
         Raises:
-            ValueError: there is no such default.
+            SettingsError: there is no such default.
         """
         self._folder, self._default = folder, default
         if default is not None and not default.is_file():
-            raise ValueError(f"there is no glyph database {default}; make it with enroll, or name another")
+            raise SettingsError(
+                f"there is no glyph database {default}", hint="make it with enroll, or name another"
+            )
 
     def _files(self) -> dict[str, Path]:
         try:
