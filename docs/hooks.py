@@ -2,7 +2,9 @@
 
 from typing import Any
 
+from pipeline.cli.settings_reference import settings_reference
+
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the table of settings where a page asks for it."""
-    return markdown
+    """Put the tables of settings where a page asks for them."""
+    return markdown.replace("<!-- settings -->", settings_reference())
