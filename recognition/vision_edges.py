@@ -113,8 +113,9 @@ def vision_edges(
     Raises:
         MapError: a height of less than eight pixels.
     """
-    import cv2
     from scipy import ndimage
+
+    from recognition.opencv import cv2
 
     pitch = photo_pitch_mm(photo)
     if not height_mm >= 8.0 * pitch:

@@ -164,7 +164,7 @@ def in_workers(
 def _alone(act: Callable[..., Result], task: tuple[Any, ...]) -> Result:
     """In a worker: the other workers have the other cores."""
     with contextlib.suppress(ImportError):
-        import cv2
+        from recognition.opencv import cv2
 
         cv2.setNumThreads(1)
     return act(*task)

@@ -19,8 +19,9 @@ def boxes_picture(path: Path, meta: Mapping[str, float], reading: ReadingRecord)
         meta: x0_mm, y0_mm of the middle of its pixel (0, 0), and mm_per_pixel.
         reading: its boxes are in the picture's frame.
     """
-    import cv2
     import numpy as np
+
+    from recognition.opencv import cv2
 
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:

@@ -34,7 +34,7 @@ def read_at_sizes(photo: Photo, read: Callable[[Photo], VisionReading]) -> tuple
 
 def shrunk(photo: Photo, pixels: int) -> Photo:
     """The photograph with about so many pixels, in the same frame if its scale is known; itself if it has fewer."""
-    import cv2
+    from recognition.opencv import cv2
 
     rows, cols = photo.shape
     scale = (pixels / (rows * cols)) ** 0.5

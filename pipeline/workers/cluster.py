@@ -222,8 +222,9 @@ def _called(mark: str, function: Callable[[O, T], R], order: O, task: T) -> R:
 
 def _keep_to_one_core() -> None:
     """The other workers have the other cores; numba is told thread by thread."""
-    import cv2
     import numba
+
+    from recognition.opencv import cv2
 
     cv2.setNumThreads(1)
     with contextlib.suppress(ValueError):
