@@ -94,6 +94,16 @@ class PlaceState:
     expected: str = ""
 
     @property
+    def chars(self) -> tuple[str, ...]:
+        """The characters that the state is about: the two confused, or the one there and the one expected."""
+        match self.state:
+            case CharacterState.CONFUSED:
+                return (self.char, self.rival)
+            case CharacterState.MISMATCH:
+                return (self.rival, self.expected)
+        return ()
+
+    @property
     def message(self) -> str:
         """The state in words."""
         match self.state:

@@ -24,13 +24,22 @@ from typing import Any
 
 from glyphs.errors import FileError
 from pipeline.batch.row_files import RowFile, read_rows
-from pipeline.batch.tables import LINE_FORMS, check_output, write_parquet, write_rows
+from pipeline.batch.tables import (
+    LINE_FORMS,
+    check_output,
+    parquet_records,
+    record_of_json,
+    write_parquet,
+    write_records,
+)
 from pipeline.common.atomic import replacing, sync_folder
 from pipeline.common.file_lock import lock
+from pipeline.common.records import ReadingRecord
 from pipeline.common.row import Row
 from pipeline.common.run_description import differences, key_of
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""The first had flat JSON lines, and tables without height_px."""
 
 
 class RunJournal:
@@ -95,17 +104,17 @@ class RunJournal:
         """A name that this run alone has, and keeps when it is taken up."""
         return f"{key_of(self.description)} {self.begun}"
 
-    def add(self, row: Row) -> None:
-        """Keep a row; of two rows of one part the first counts, and the second is not written.
+    def add(self, record: ReadingRecord) -> None:
+        """Keep a record; of two of one part the first counts, and the second is not written.
 
         When it returns, the row outlives any end of the process; a loss of power may take the last rows.
 
         Raises:
             FileError: it cannot be written; the rows before stay.
-            ValueError: a row that no table holds, see `pipeline.batch.tables.kept_values`.
+            ValueError: a record that no table holds, see `pipeline.batch.tables.plain_values`.
         """
         with self._faults_told():
-            self._rows.append(row)
+            self._rows.append(record)
 
     def rows(self) -> Iterator[Row]:
         """The rows kept so far, streamed: in the order of the file, after `finish` in the order of the parts.
@@ -129,7 +138,7 @@ class RunJournal:
             self._rows.sync()
             if self._rows_path != self.path:
                 with replacing(self.path) as temporary:
-                    write_parquet(map(self._rows.form.decode, self._rows.records(numbers)), temporary)
+                    write_parquet(map(record_of_json, self._rows.records(numbers)), temporary)
                 _sync_names(self.path)  # the table is on the disk before its rows go
                 self._let_replace()
                 self._rows_path.unlink()
@@ -169,7 +178,7 @@ class RunJournal:
             self._check_same(held)
             self.resumed, self.begun = True, str(held.get("begun", ""))
             if self._rows_path != self.path and self.path.exists() and not self._rows_path.exists():
-                write_rows(read_rows(self.path), self._rows_path)  # broke off within `finish`
+                write_records(parquet_records(self.path), self._rows_path)  # broke off within `finish`
         rows = RowFile(self._rows_path)
         try:
             _sync_names(self.path)
@@ -192,7 +201,8 @@ class RunJournal:
             held = None
         if isinstance(held, dict):
             if held.get("format_version", FORMAT_VERSION) != FORMAT_VERSION:
-                raise FileError(self._marker_path, "is of another version of the program", self._hint())
+                told = "is of a run of another version of the program, whose rows are kept otherwise"
+                raise FileError(self._marker_path, told, self._hint())
             if isinstance(held.get("description"), dict):
                 return held
         if text and self._has_rows(self._rows_path):

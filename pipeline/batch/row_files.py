@@ -1,4 +1,4 @@
-"""Files to which rows are appended one by one, and which are read back whatever ended the program that wrote."""
+"""Files to which records are appended one by one, and which are read back whatever ended the program that wrote."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from glyphs.errors import FileError
-from pipeline.batch.tables import LINE_FORMS, LineForm, parquet_rows
+from pipeline.batch.tables import LINE_FORMS, LineForm, parquet_records
+from pipeline.common.records import ReadingRecord
 from pipeline.common.row import Row
 
 _MOST_RECORD_BYTES = 1 << 24  # more than all texts of a row take, escaped
@@ -74,21 +75,21 @@ class RowFile:
         """Parts whose rows are kept; grows with `append`."""
         return self._numbers.keys()
 
-    def append(self, row: Row) -> None:
-        """Keep a row, unless there is one of its part.
+    def append(self, record: ReadingRecord) -> None:
+        """Keep a record, unless there is one of its part.
 
         Raises:
             FileError: another program replaced the file.
             OSError: it cannot be written; nothing of it stays.
-            ValueError: a row that no table holds, see `pipeline.batch.tables.kept_values`.
+            ValueError: a record that no table holds, see `pipeline.batch.tables.plain_values`.
         """
-        if row.part in self._numbers:
+        if record.part in self._numbers:
             return
-        record = self.form.encode(row)
-        self._write(record)
+        line = self.form.encode(record)
+        self._write(line)
         self._starts.append(self._end)
-        self._numbers[row.part] = len(self._numbers)
-        self._end += len(record)
+        self._numbers[record.part] = len(self._numbers)
+        self._end += len(line)
         if time.monotonic() >= self._synced_s + _SYNC_S:
             self.sync()
 
@@ -206,14 +207,14 @@ class RowFile:
 
 
 def read_rows(path: Path) -> Iterator[Row]:
-    """The rows of a table that `pipeline.batch.tables.write_rows` or a finished run wrote, streamed.
+    """The rows of a table that `pipeline.batch.tables.write_records` or a finished run wrote, streamed.
 
     Raises:
         FileError: the table is damaged.
     """
     form = LINE_FORMS.get(path.suffix.lower())
     if form is None:
-        yield from parquet_rows(path)
+        yield from map(Row.of, parquet_records(path))
         return
     with path.open("rb") as stream:
         for record in whole_records(stream, form, path):

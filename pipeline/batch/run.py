@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from pipeline.batch.summary import Summary
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
+from pipeline.common.records import ReadingRecord
 from pipeline.common.row import Row
 from pipeline.files.listed import ListedPart
 from pipeline.store.errors import UnfitError
@@ -84,21 +85,22 @@ class Run:
         if self.store is not None:
             try:
                 self.store.add(read)
-            except (
-                UnfitError
-            ) as error:  # what no store holds may not end the run, now and whenever it goes on
-                told = f"{read.row.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
-                read = ReadPart(read.listed, Row(read.row.part, error=told))
-        if read.row.error and self.quarantine is not None:
+            # what no store holds may not end the run, now and whenever it goes on
+            except UnfitError as error:
+                problem = f"{read.record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
+                read = ReadPart(read.listed, ReadingRecord.failed(read.record.part, problem))
+        record = read.record
+        if record.error and self.quarantine is not None:
             # before the row: a part too many in the list does no harm, one too few is lost
-            self.quarantine.add(read.listed, read.row.error)
-        row = read.row
+            self.quarantine.add(read.listed, record.error)
         if self.book is not None:
             try:
-                self.book.add(row)
+                self.book.add(record)
             except ValueError as error:  # a fault of the program, which may not end the night
-                row = Row(row.part, error=f"{row.part}: fault of the program, {str(error)[:500]}")
-                self.book.add(row)
+                problem = f"{record.part}: fault of the program, {str(error)[:500]}"
+                record = ReadingRecord.failed(record.part, problem)
+                self.book.add(record)
+        row = Row.of(record)
         self.read_now += 1
         self._count(row)
         if self.on_row is not None:
@@ -111,10 +113,10 @@ class Run:
 
 
 def _read_of(outcome: Outcome[ListedPart, ReadPart]) -> ReadPart:
-    """What was read, or a row that tells what became of the worker."""
+    """What was read, or a record of what became of the worker."""
     if outcome.result is not None:
         return outcome.result
     listed = outcome.task
     file = listed.files[0] if listed.files else listed.name
     reason = " ".join(str(outcome.error).split()) or type(outcome.error).__name__
-    return ReadPart(listed, Row(listed.name, error=f"{file}: {reason}; try it alone"))
+    return ReadPart(listed, ReadingRecord.failed(listed.name, f"{file}: {reason}; try it alone"))

@@ -142,8 +142,7 @@ def order_for(settings: ReadSettings, target: Target, means: ExecutorOptions, *,
     from pipeline.batch.setting_files import files_to_send
 
     sent = files_to_send(settings) if means.cluster is not None else {}
-    store = target.store is not None
-    return RunOrder(settings, verify, store, store and target.evidence is not None, sent)
+    return RunOrder(settings, verify, target.store is not None and target.evidence is not None, sent)
 
 
 def open_readers(readers: SenseReaders, parts: Sequence[ListedPart], *, mode: Mode | None) -> None:

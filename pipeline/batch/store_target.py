@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from types import TracebackType
@@ -71,20 +72,21 @@ class RunStore:
         from pipeline.store.errors import MAX_TEXT, cleaned
         from pipeline.store.store import AlreadyDoneError, IdempotencyKey
 
-        if read.record is None:
+        if read.record.error:
             return
         state = state_after(read.record)
         if state is PartState.TOUCH_NEEDED:
             state = PartState.REVIEW  # there is no stage to feel it any more
         name = read.listed.name
         key = IdempotencyKey(f"run {self._run} {name}", sha256(name.encode("utf-8", "replace")).hexdigest())
+        text = cleaned(name)[:MAX_TEXT]
         # done already where the run was broken off between the store and its table
         with contextlib.suppress(AlreadyDoneError):
             self._store.add_part(
                 part_id=new_part_id(),
-                name=cleaned(name)[:MAX_TEXT],
+                name=text,
                 state=state,
-                readings=(read.record,),
+                readings=(replace(read.record, part=text),),
                 evidence=self._kept(read.pictures),
                 expected=read.listed.expected,
                 database=read.record.database,

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.records import EvidenceKind, ReadingRecord
-from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
-from pipeline.reading.rows import told_row
+from pipeline.reading.as_record import record_of_part
 
 if TYPE_CHECKING:
     from pipeline.reading.jobs import MadeFile
@@ -33,14 +32,12 @@ class RunOrder:
     Attributes:
         settings: of reading; a part's own format and font go before theirs.
         verify: whether texts are expected; of a part without one its row then says so.
-        for_store: whether the record for the store is wanted as well.
         pictures: whether pictures of parts that a person is to review are wanted.
         sent: contents of files that the settings name, for machines that lack them (`pipeline.batch.setting_files`).
     """
 
     settings: ReadSettings
     verify: bool = False
-    for_store: bool = False
     pictures: bool = False
     sent: Mapping[str, bytes] = field(default_factory=dict)
 
@@ -62,31 +59,26 @@ class ReadPart:
 
     Attributes:
         listed: as it was listed.
-        row: of the table.
-        record: for the store, where it is wanted and there is a reading.
+        record: of its reading, or of why there is none.
         pictures: where they are wanted.
     """
 
     listed: ListedPart
-    row: Row
-    record: ReadingRecord | None = None
+    record: ReadingRecord
     pictures: tuple[Picture, ...] = ()
 
 
 def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
-    """Fetch a part's files and read it; a part that cannot be read has a row with its error."""
+    """Fetch a part's files and read it; a part that cannot be read has a record with its error."""
     file = listed.files[0] if listed.files else listed.name
-    row, sensed = told_row(listed.name, file, lambda: _sensed(order, listed))
-    if sensed is None or not order.for_store:
-        return ReadPart(listed, row)
+    record, sensed = record_of_part(listed.name, file, lambda: _sensed(order, listed))
+    if sensed is None or not order.pictures:
+        return ReadPart(listed, record)
     from pipeline.common.records import PartState
-    from pipeline.reading.job_records import reading_record
     from pipeline.reading.triage import state_after
 
-    database = order.settings.database.stem if order.settings.database is not None else ""
-    record = reading_record(sensed, seconds=row.seconds, database=database)
-    wanted = order.pictures and state_after(record) is not PartState.ACCEPTED
-    return ReadPart(listed, row, record, _pictures(sensed) if wanted else ())
+    accepted = state_after(record) is PartState.ACCEPTED
+    return ReadPart(listed, record, () if accepted else _pictures(sensed))
 
 
 def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
@@ -99,7 +91,7 @@ def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
     return settings.model_copy(update=own) if own else settings
 
 
-def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, Grammar | None]:
+def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, ReadSettings, Grammar | None]:
     from glyphs.errors import MissingExtraError
     from pipeline.files.remote import fetched, originally
     from pipeline.reading.expected import Expected
@@ -118,7 +110,8 @@ def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, Grammar | None
         with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
             sensed = Senses(readers, mode=mode, expected=expected).sense(part)
             notes = tuple(originally(note, part, listed) for note in sensed.reading.notes)
-            return replace(sensed, reading=replace(sensed.reading, notes=notes)), readers.grammar
+            sensed = replace(sensed, reading=replace(sensed.reading, notes=notes))
+            return sensed, settings_of(order.settings, listed), readers.grammar
     except MissingExtraError as error:
         raise FileError(listed.name, str(error), "where its worker runs") from error
 

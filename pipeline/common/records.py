@@ -6,7 +6,7 @@
          --- events   (everything that happened, in order; never changed)
 
 All times are aware and in UTC. Boxes are in mm of the frame of what was read: the plate's for touch, the
-photograph's for the camera.
+photograph's for the camera; of a photograph whose scale is not known they are in its pixels.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 from typing import Any
+
+Box = tuple[float, float, float, float]
 
 
 class PartState(StrEnum):
@@ -77,35 +79,79 @@ class CharacterRecord:
 
     Attributes:
         candidates: best first.
-        box_mm: x0, y0, x1, y1.
+        box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known.
         state: read, confused, not read or mismatch; empty where nobody asked.
-        grade: of the mark, A to F; empty where it was not graded.
+        grade: of the mark, A to F, "?" where too little was felt; empty where it was not graded.
+        box_px: as box_mm, in the photograph's own pixels where that is None.
+        state_chars: of "confused" the two characters; of "mismatch" the one that stands there and the one expected.
+        action: what to do about the mark; empty where nothing is to be done, or it was not graded.
+        depth_min_mm: depth of the mark where it is least, height of a raised one; None where it is not known.
+        depth_mean_mm: likewise, on average.
     """
 
     candidates: tuple[CandidateRecord, ...]
-    box_mm: tuple[float, float, float, float]
+    box_mm: Box | None
     state: str = ""
     grade: str = ""
+    box_px: Box | None = None
+    state_chars: tuple[str, ...] = ()
+    action: str = ""
+    depth_min_mm: float | None = None
+    depth_mean_mm: float | None = None
+
+    @property
+    def char(self) -> str:
+        """The best candidate; empty without one."""
+        return self.candidates[0].char if self.candidates else ""
+
+    @property
+    def box(self) -> Box:
+        """In the unit of the picture: mm where its scale is known, else pixels."""
+        return self.box_mm or self.box_px or (0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class RivalRecord:
+    """Another serial that the format allows.
+
+    Attributes:
+        text: the serial.
+        probability: that it is the right one.
+    """
+
+    text: str
+    probability: float
 
 
 @dataclass(frozen=True)
 class ReadingRecord:
-    """One reading of a part, as a reader made it.
+    """One reading of a part, as it is kept and sent: in the store, by the service, and in tables.
+
+    What a reader does not know of older records has its default.
 
     Attributes:
-        source: vision, tactile or fused.
+        source: vision, tactile or fused; empty with an error.
         text: the serial; empty where nothing was found.
-        decision: accept, review or reject.
+        decision: accept, review or reject; empty with an error.
         confidence: probability that the whole text is right, 0 to 1.
         characters: place by place.
         messages: what to know about it, in words.
         font: font whose shapes answered best.
-        height_mm: character height; 0 where unknown.
-        rotation_deg: of the line.
+        height_mm: character height; None where it is unknown, or the photograph's scale is.
+        rotation_deg: of the line, from +x towards +y.
         verdict: confirmed, refuted or undecided; empty where no text was expected.
         database: glyph database it was read with; empty for the built-in fonts.
-        seconds: it took to read.
-        at: when; set by the store.
+        seconds: it took to read, loading included.
+        at: when it was read; the store puts its own time.
+        part: name of the part.
+        error: why there is no reading; empty where there is one.
+        height_px: character height in pixels of a photograph whose scale is not known; else None.
+        raised: raised marks.
+        expected: text that the part should bear; empty where none is known.
+        verify_probability: that the part bears the text expected; None where none was.
+        rivals: other serials with some belief, most first.
+        program: version of the program that read it.
+        settings: hash of the settings that it was read with.
     """
 
     source: str
@@ -115,12 +161,26 @@ class ReadingRecord:
     characters: tuple[CharacterRecord, ...] = ()
     messages: tuple[str, ...] = ()
     font: str = ""
-    height_mm: float = 0.0
+    height_mm: float | None = None
     rotation_deg: float = 0.0
     verdict: str = ""
     database: str = ""
     seconds: float = 0.0
     at: datetime | None = None
+    part: str = ""
+    error: str = ""
+    height_px: float | None = None
+    raised: bool = False
+    expected: str = ""
+    verify_probability: float | None = None
+    rivals: tuple[RivalRecord, ...] = ()
+    program: str = ""
+    settings: str = ""
+
+    @classmethod
+    def failed(cls, part: str, error: str, *, seconds: float = 0.0) -> ReadingRecord:
+        """The record of a part that could not be read."""
+        return cls("", "", "", 0.0, part=part, error=error, seconds=seconds)
 
 
 @dataclass(frozen=True)

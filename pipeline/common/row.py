@@ -1,8 +1,22 @@
-"""One part, one row: what a table says of it."""
+"""One part, one row: a flat view of its record, for tables that know no lists, the terminal and counts.
+
+    ReadingRecord --Row.of--> Row --> (CSV, terminal, summary)
+
+What a record says of every place is one text here, in the few characters that a cell has room for; places count from 1.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from pipeline.common.records import CharacterRecord, ReadingRecord
+
+WORTH_SHOWING = 0.01
+"""Least probability of an alternative that a row names."""
+_UNGRADED = "?"
+_ACTIONS = ("clean", "clean first", "re-strike", "feel again")
+"""In this order; those of `recognition.grade.Action`."""
 
 
 @dataclass(frozen=True)
@@ -18,7 +32,7 @@ class Row:
         seconds: time spent, loading included.
         error: why there is no reading; empty when there is one.
         font: font whose templates answered best.
-        height_mm: character height found.
+        height_mm: character height found; None where it is not known in mm.
         rotation_deg: of the line, from +x towards +y.
         raised: raised marks.
         flags: what to know about the reading, and what the mark lacks for the rules asked for.
@@ -34,6 +48,7 @@ class Row:
         grade: mark quality, A to F, of the worst character; empty where none was graded.
         grades: of every character, a letter each; "?" where too little was felt.
         action: what to do about the mark and where, as "clean 3 5, re-strike 7"; empty where nothing is.
+        height_px: character height in pixels, of a photograph whose scale is not known; else None.
     """
 
     part: str
@@ -44,7 +59,7 @@ class Row:
     seconds: float = 0.0
     error: str = ""
     font: str = ""
-    height_mm: float = 0.0
+    height_mm: float | None = None
     rotation_deg: float = 0.0
     raised: bool = False
     flags: str = ""
@@ -60,3 +75,85 @@ class Row:
     grade: str = ""
     grades: str = ""
     action: str = ""
+    height_px: float | None = None
+
+    @classmethod
+    def of(cls, record: ReadingRecord) -> Row:
+        """The row of a record."""
+        places = record.characters
+        least = [c.depth_min_mm for c in places if c.depth_min_mm is not None]
+        means = [c.depth_mean_mm for c in places if c.depth_mean_mm is not None]
+        grades = "".join(c.grade or _UNGRADED for c in places) if any(c.grade for c in places) else ""
+        return cls(
+            part=record.part,
+            text=record.text,
+            decision=record.decision,
+            confidence=record.confidence,
+            source=record.source,
+            seconds=record.seconds,
+            error=record.error,
+            font=record.font,
+            height_mm=_rounded(record.height_mm, 4),
+            rotation_deg=round(record.rotation_deg, 3),
+            raised=record.raised,
+            flags="; ".join(record.messages),
+            alternatives=alternatives_text(places),
+            depth_min_mm=_rounded(min(least, default=None), 4),
+            depth_mean_mm=_rounded(sum(means) / len(means) if means else None, 4),
+            depths=depths_text(places) if least or record.source != "vision" else "",
+            expected=record.expected,
+            verdict=record.verdict,
+            verify_probability=record.verify_probability,
+            states=states_text(places),
+            rivals=", ".join(f"{r.text} {r.probability:.3f}" for r in record.rivals),
+            grade=max(grades.replace(_UNGRADED, ""), default=grades[:1]),
+            grades=grades,
+            action=action_text(places),
+            height_px=_rounded(record.height_px, 1),
+        )
+
+
+def depths_text(places: Sequence[CharacterRecord]) -> str:
+    """Depths of every character."""
+    return " ".join(
+        f"{c.char} ?" if c.depth_min_mm is None else f"{c.char} {c.depth_min_mm:.3f}/{c.depth_mean_mm:.3f}"
+        for c in places
+    )
+
+
+def alternatives_text(places: Sequence[CharacterRecord]) -> str:
+    """Each place's other candidates with some belief: "3:8B 5:S"."""
+    named = (
+        (k, "".join(c.char for c in place.candidates[1:] if c.probability >= WORTH_SHOWING))
+        for k, place in enumerate(places, start=1)
+    )
+    return " ".join(f"{k}:{others}" for k, others in named if others)
+
+
+def states_text(places: Sequence[CharacterRecord]) -> str:
+    """Places that are not plainly read: "3:confused 8/B, 5:not read"."""
+    return ", ".join(
+        f"{k}:{state_text(c.state, c.state_chars)}"
+        for k, c in enumerate(places, start=1)
+        if c.state not in ("", "read")
+    )
+
+
+def state_text(state: str, chars: Sequence[str]) -> str:
+    """One place: "read", "not read", "confused 8/B", or "mismatch 8/B" where 8 stands in place of a B."""
+    return f"{state} {'/'.join(c or '-' for c in chars)}".strip()
+
+
+def action_text(places: Sequence[CharacterRecord]) -> str:
+    """What to do, and at which places: "clean 3 5, re-strike 7"; empty where nothing is."""
+    actions: dict[str, list[str]] = {}
+    for k, place in enumerate(places, start=1):
+        if place.action:
+            actions.setdefault(place.action, []).append(str(k))
+    return ", ".join(
+        f"{action} {' '.join(actions[action])}" for action in sorted(actions, key=_ACTIONS.index)
+    )
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None else round(value, digits)

@@ -25,7 +25,7 @@ from pipeline.files.remote import copied
 COLUMNS = ("part", "height_map", "scan", "photo", "expected", "format", "font")
 FILES = COLUMNS[1:4]
 """Those of files."""
-_OTHERS = ("height_mm",)
+_OTHERS = ("height_mm", "height_px")
 """Columns of this program's own tables that are spelled much like one of these, and are none."""
 _CLOSE = 0.8
 _DELIMITERS = ",;\t"

@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from pipeline.reading.row_texts import state_text
+from pipeline.common.row import state_text
 from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.scan.scan import only
@@ -273,7 +273,9 @@ def candidate_panel(axes: Axes, reading: Reading) -> None:
 
 def _judgement(character: CharacterReading) -> str:
     """State and grade of one place, a line each."""
-    lines = [] if character.state is None else [state_text(character.state)]
+    lines = (
+        [] if character.state is None else [state_text(character.state.state.value, character.state.chars)]
+    )
     if character.grade is not None:
         why = character.grade.limiting
         lines.append(f"grade {character.grade.letter}" + (f", {why}" if why else ""))

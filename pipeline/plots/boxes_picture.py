@@ -29,7 +29,7 @@ def boxes_picture(path: Path, meta: Mapping[str, float], reading: ReadingRecord)
     x0, y0, pitch = meta["x0_mm"], meta["y0_mm"], meta["mm_per_pixel"]
     thick = max(1, image.shape[1] // 600)
     for character in reading.characters:
-        left, top, right, bottom = character.box_mm
+        left, top, right, bottom = character.box
         corners = np.array([[left - x0, top - y0], [right - x0, bottom - y0]]) / pitch
         a, b = (tuple(round(v) for v in corner) for corner in np.clip(corners, -1e6, 1e6).tolist())
         cv2.rectangle(image, a, b, _ORANGE_BGR, thick, cv2.LINE_AA)
@@ -37,7 +37,7 @@ def boxes_picture(path: Path, meta: Mapping[str, float], reading: ReadingRecord)
         for colour, width in ((_WHITE_BGR, 4 * thick), (_ORANGE_BGR, 2 * thick)):
             cv2.putText(
                 image,
-                character.candidates[0].char,
+                character.char,
                 at,
                 cv2.FONT_HERSHEY_SIMPLEX,
                 0.9 * thick,

@@ -34,7 +34,7 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
         raise ValueError("a job has a photo, a scan or a height map; sight goes with one of the latter")
     with told(job, "database", job.database or settings.database):
         readers = readers_of(settings, job.database)
-    senses = JobSenses(job, readers, limits)
+    senses = JobSenses(job, readers, limits, settings)
     if not felt:
         return _by_vision(job, senses, settings, limits)
     return _by_touch(job, senses)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from pipeline.common.records import ReadingRecord
+from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import check_map, check_photo, check_scan
 from pipeline.reading.jobs import Job, Limits, told
 from pipeline.reading.photo_sizes import read_at_sizes
@@ -59,13 +60,13 @@ class Seen:
 class JobSenses:
     """Sees and feels the part of one job."""
 
-    def __init__(self, job: Job, readers: Readers, limits: Limits) -> None:
+    def __init__(self, job: Job, readers: Readers, limits: Limits, settings: ReadSettings) -> None:
         """Take the job.
 
         Raises:
             FileError: an expected text that the format does not allow.
         """
-        self.job, self.readers, self.limits = job, readers, limits
+        self.job, self.readers, self.limits, self.settings = job, readers, limits, settings
         self.expected = job.expected.strip()
         if self.expected and readers.grammar is not None:
             broken = readers.grammar.objections(self.expected)
@@ -182,10 +183,14 @@ class JobSenses:
 
     def record(self, sensed: Sensed, seconds: float) -> ReadingRecord:
         """The record of a reading of this job."""
-        from pipeline.reading.job_records import reading_record
+        from pipeline.reading.as_record import reading_record
 
-        database = self.job.database.stem if self.job.database is not None else ""
-        return reading_record(sensed, seconds=seconds, database=database)
+        settings = self.settings
+        if self.job.database is not None:
+            settings = settings.model_copy(update={"database": self.job.database})
+        return reading_record(
+            sensed, settings, self.readers.grammar, part=self.job.part_name, seconds=seconds
+        )
 
     def _verified(self, sensed: Sensed, lattice: Lattice | None, *, contradicted: bool = False) -> Sensed:
         if not self.expected:

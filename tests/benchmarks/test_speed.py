@@ -188,7 +188,7 @@ def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) 
             def run(crew: PoolExecutor = crew) -> float:
                 started = time.perf_counter()
                 outcomes = list(crew.calls(read_listed, order, listed))
-                assert all(o.result is not None and o.result.row.text for o in outcomes)
+                assert all(o.result is not None and o.result.record.text for o in outcomes)
                 return time.perf_counter() - started
 
             run()

@@ -57,7 +57,7 @@ def _percent(share: float) -> int:
 
 
 def _position(reading: ReadingRecord | None) -> dict[str, int]:
-    boxes = [character.box_mm for character in reading.characters] if reading else []
+    boxes = [c.box_mm for c in reading.characters if c.box_mm is not None] if reading else []
     if reading is None or not boxes:
         return dict.fromkeys(("PositionX", "PositionY", "SizeX", "SizeY", "Rotation"), 0)
     x0, y0 = min(box[0] for box in boxes), min(box[1] for box in boxes)

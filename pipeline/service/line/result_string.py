@@ -104,7 +104,7 @@ def _values(part: PartRecord) -> dict[str, str | float]:
         "font": reading.font if reading else "",
         "database": part.database,
         "confidence": reading.confidence if reading else 0.0,
-        "height_mm": reading.height_mm if reading else 0.0,
+        "height_mm": (reading.height_mm or 0.0) if reading else 0.0,
         "rotation_deg": reading.rotation_deg if reading else 0.0,
         "seconds": reading.seconds if reading else 0.0,
     }

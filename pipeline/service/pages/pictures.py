@@ -200,7 +200,7 @@ def _boxes(
     x0_mm, y0_mm, mm = frame
     made = []
     for place, character, answer in zip(places, reading.characters, answers, strict=True):
-        left, top, right, bottom = character.box_mm
+        left, top, right, bottom = character.box
         pixels = (
             (left - x0_mm) / mm + 0.5,
             (top - y0_mm) / mm + 0.5,

@@ -21,7 +21,6 @@ from pipeline.batch.setup import ExecutorOptions, Target, opened
 from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
 from pipeline.cli.main import main
 from pipeline.common.records import EvidenceKind, ReadingRecord
-from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.listed import ListedPart
 from pipeline.files.manifest import read_manifest
@@ -31,6 +30,10 @@ from pipeline.workers.executors import InlineExecutor, Outcome
 
 ORDER = RunOrder(ReadSettings(font=("gothic",)))
 PARTS = [ListedPart(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
+
+
+def record(part: ListedPart, text: str, confidence: float = 0.9) -> ReadingRecord:
+    return ReadingRecord("tactile", text, "accept", confidence, part=part.name)
 
 
 class FakeCrew:
@@ -51,7 +54,7 @@ class FakeCrew:
             if part.name in self.bad:
                 yield Outcome(part, error=RuntimeError("its worker\nis lost"))
             else:
-                yield Outcome(part, ReadPart(part, Row(part.name, f"T{part.name[1:]}", "accept", 0.9)))
+                yield Outcome(part, ReadPart(part, record(part, f"T{part.name[1:]}")))
 
 
 def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
@@ -89,7 +92,7 @@ def test_a_store_has_a_part_before_the_table_does(tmp_path: Path) -> None:
         def add(self, read: ReadPart) -> None:
             if len(stored) == 3:
                 raise KeyboardInterrupt
-            stored.append(read.row.part)
+            stored.append(read.record.part)
 
     with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
         with pytest.raises(KeyboardInterrupt):
@@ -102,7 +105,7 @@ def test_a_row_that_no_table_holds_is_an_error_and_no_end(tmp_path: Path) -> Non
         def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
             for outcome in super().calls(*given):
                 part = outcome.task
-                yield Outcome(part, ReadPart(part, Row(part.name, "A", "accept", float("nan"))))
+                yield Outcome(part, ReadPart(part, record(part, "A", float("nan"))))
 
     with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
         run = Run(book)
@@ -121,24 +124,24 @@ def test_a_format_that_cannot_be_is_the_parts_own_error(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
     for own in ({"format": "re:["}, {"font": "nosuchfont"}):
         read = read_listed(ORDER, ListedPart("a", str(tmp_path / "a.npz"), **own))
-        assert "mend its format or font in the manifest" in read.row.error, read.row.error
+        assert "mend its format or font in the manifest" in read.record.error, read.record.error
     read = read_listed(ORDER, ListedPart("a", str(tmp_path / "a.npz")))
-    assert (read.row.error, read.row.decision) == ("", "reject")
+    assert (read.record.error, read.record.decision) == ("", "reject")
 
 
 def test_a_text_expected_that_the_format_forbids_is_told(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
     listed = ListedPart("a", str(tmp_path / "a.npz"), expected="A1", format="99")
-    assert "should bear 'A1'" in read_listed(ORDER, listed).row.error
+    assert "should bear 'A1'" in read_listed(ORDER, listed).record.error
     noted = read_listed(RunOrder(ORDER.settings, verify=True), ListedPart("a", str(tmp_path / "a.npz")))
-    assert "not verified" in noted.row.flags
+    assert "not verified" in noted.record.messages[-1]
 
 
 def test_a_url_is_read_and_its_error_names_it(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
     there, gone = (tmp_path / name for name in ("a.npz", "b.npz"))
-    assert read_listed(ORDER, ListedPart("a", there.as_uri())).row.decision == "reject"
-    error = read_listed(ORDER, ListedPart("b", gone.as_uri())).row.error
+    assert read_listed(ORDER, ListedPart("a", there.as_uri())).record.decision == "reject"
+    error = read_listed(ORDER, ListedPart("b", gone.as_uri())).record.error
     assert error.endswith("b.npz: is not there; check the name")
 
 
@@ -201,14 +204,13 @@ def test_a_part_that_no_store_holds_is_an_error_and_no_end(
 ) -> None:
     pytest.importorskip("sqlalchemy")
     monkeypatch.chdir(tmp_path)
-    record = ReadingRecord("tactile", "A1", "accept", 0.99)
     listed = [ListedPart("long", "a.npz", expected="A" * 300), ListedPart("odd \udcff", "b.npz"), PARTS[0]]
 
     class Read(FakeCrew):
         def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
             for outcome in super().calls(*given):
                 part = outcome.task
-                yield Outcome(part, ReadPart(part, Row(part.name, "A1", "accept", 0.99), record))
+                yield Outcome(part, ReadPart(part, record(part, "A1")))
 
     with opened(Target("sqlite:///parts.db"), {}) as run:
         run.work(listed, ORDER, Read())
@@ -235,11 +237,11 @@ def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
     part = tmp_path / "part"
     write_part(SynthSpec(mask="A9", seed=3, height_mm=4.0, variation=False), part, 0, photos=False)
     settings = ReadSettings(font=("gothic",), format=("A9",), height_mm=4.0)
-    order = RunOrder(settings, for_store=True, pictures=True)
+    order = RunOrder(settings, pictures=True)
     plain = read_listed(order, ListedPart("a", f"{part}.npz"))
-    assert (plain.row.decision, plain.pictures) == ("accept", ())
-    wrong = "Z9" if plain.row.text != "Z9" else "Y8"
+    assert (plain.record.decision, plain.pictures) == ("accept", ())
+    wrong = "Z9" if plain.record.text != "Z9" else "Y8"
     refuted = read_listed(order, ListedPart("a", f"{part}.npz", expected=wrong))
-    assert refuted.row.verdict == "refuted"
+    assert refuted.record.verdict == "refuted"
     assert [p.kind for p in refuted.pictures] == [EvidenceKind.EDGES_PICTURE]
     assert refuted.pictures[0].content.startswith(b"\xff\xd8")

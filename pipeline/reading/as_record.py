@@ -1,0 +1,165 @@
+"""From a part that was read to the record that is kept and sent of it, whatever happened to the part."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from glyphs.errors import MarksError
+from pipeline.common.records import Box, CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
+from pipeline.common.row import WORTH_SHOWING
+from pipeline.common.run_description import key_of
+from pipeline.common.settings import ReadSettings
+from pipeline.common.version import program_version
+
+if TYPE_CHECKING:
+    from pipeline.reading.part_reader import Sensed
+    from recognition.grammar import Grammar
+    from recognition.lattice import Lattice
+    from recognition.reading import CharacterReading, Reading
+
+MOST_RIVALS = 3
+
+
+def record_of_part(
+    name: str, file: str, read: Callable[[], tuple[Sensed, ReadSettings, Grammar | None]]
+) -> tuple[ReadingRecord, Sensed | None]:
+    """The record of a part, whatever happens to it, and what it was read from.
+
+    Args:
+        name: of the part.
+        file: named in an error that names no file itself.
+        read: loads and reads the part; also gives its settings, and what serials may be, of which rivals are.
+    """
+    started = time.perf_counter()
+    try:
+        sensed, settings, grammar = read()
+        seconds = time.perf_counter() - started
+        return reading_record(sensed, settings, grammar, part=name, seconds=seconds), sensed
+    except MarksError as problem:
+        error = str(problem) if problem.where else f"{file}: {problem}"
+    # A fault of the program in one part may not cost a night's run the other parts; the record names its kind.
+    except Exception as fault:
+        error = f"{file}: fault of the program, {type(fault).__name__}: {_one_line(fault)}"
+    return ReadingRecord.failed(name, error, seconds=round(time.perf_counter() - started, 4)), None
+
+
+def reading_record(
+    sensed: Sensed, settings: ReadSettings, grammar: Grammar | None, *, part: str, seconds: float
+) -> ReadingRecord:
+    """The record of a reading, with the verdict on the text expected if there was one.
+
+    Args:
+        sensed: as read.
+        settings: it was read with.
+        grammar: what serials may be; None for anything.
+        part: its name.
+        seconds: it took.
+    """
+    reading, verification = sensed.reading, sensed.verification
+    more = verification.messages() if verification is not None else ()
+    scaled = sensed.photo is None or sensed.touch is not None or sensed.photo.pitch_mm is not None
+    height = _finite(reading.height_mm) or None
+    return ReadingRecord(
+        source=reading.source,
+        text=reading.text,
+        decision=reading.decision.value,
+        confidence=_share(reading.confidence),
+        characters=tuple(_character(c, scaled) for c in reading.characters),
+        messages=tuple(dict.fromkeys((*reading.messages(), *more))),
+        font=reading.font,
+        height_mm=height if scaled else None,
+        rotation_deg=_finite(reading.rotation_deg),
+        verdict="" if verification is None else verification.verdict.value,
+        database=settings.database.stem if settings.database is not None else "",
+        seconds=round(seconds, 4),
+        at=datetime.now(UTC),
+        part=part,
+        height_px=None if scaled else height,
+        raised=bool(reading.raised),
+        expected="" if verification is None else verification.expected,
+        verify_probability=None if verification is None else _share(verification.probability),
+        rivals=rivals_of(reading, sensed.lattice, grammar),
+        program=program_version(),
+        settings=key_of(settings.model_dump(mode="json", exclude_defaults=True)),
+    )
+
+
+def rivals_of(reading: Reading, lattice: Lattice | None, grammar: Grammar | None) -> tuple[RivalRecord, ...]:
+    """Other serials that the format allows, and belief in them.
+
+    Args:
+        reading: its candidates stand in where there is no lattice.
+        lattice: beliefs of places that the reading was chosen from.
+        grammar: what serials may be; None for anything.
+    """
+    from recognition.constrained_decoding import choose
+
+    if lattice is None or lattice.n_places != len(reading.characters):
+        lattice = _of_candidates(reading)
+    if not lattice.n_places:
+        return ()
+    choice = choose(lattice, grammar, k=MOST_RIVALS + 1)
+    read = "".join(c.char for c in reading.characters)
+    named = [(choice.text, choice.probability), *((r.text, r.probability) for r in choice.rivals)]
+    others = [RivalRecord(t, _share(p)) for t, p in named if t and t != read and p >= WORTH_SHOWING]
+    return tuple(others[:MOST_RIVALS])
+
+
+def _of_candidates(reading: Reading) -> Lattice:
+    """The beliefs that a reading names."""
+    import numpy as np
+
+    from recognition.lattice import Lattice
+
+    chars = tuple(sorted({c.char for place in reading.characters for c in place.candidates}))
+    belief = np.zeros((len(reading.characters), len(chars)))
+    for row, place in zip(belief, reading.characters, strict=True):
+        for candidate in place.candidates:
+            row[chars.index(candidate.char)] = candidate.probability
+    belief /= np.maximum(1.0, belief.sum(axis=1, keepdims=True))
+    with np.errstate(divide="ignore"):
+        return Lattice(chars, np.log(belief))
+
+
+def _character(character: CharacterReading, scaled: bool) -> CharacterRecord:
+    from recognition.grade import Action
+
+    corners = character.box
+    box: Box = (
+        _finite(corners.x0_mm),
+        _finite(corners.y0_mm),
+        _finite(corners.x1_mm),
+        _finite(corners.y1_mm),
+    )
+    state, grade, depth = character.state, character.grade, character.depth
+    return CharacterRecord(
+        candidates=tuple(
+            CandidateRecord(c.char, _share(c.probability), _finite(c.score)) for c in character.candidates
+        ),
+        box_mm=box if scaled else None,
+        state="" if state is None else state.state.value,
+        grade="" if grade is None else grade.letter,
+        box_px=None if scaled else box,
+        state_chars=() if state is None else state.chars,
+        action="" if grade is None or grade.action is Action.NONE else grade.action.value,
+        depth_min_mm=None if depth is None else _finite(depth.min_mm),
+        depth_mean_mm=None if depth is None else _finite(depth.mean_mm),
+    )
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def _share(value: float) -> float:
+    return min(1.0, max(0.0, _finite(value)))
+
+
+def _finite(value: float) -> float:
+    """As JSON has numbers: no infinities, and no more digits than mean anything."""
+    number = float(value)
+    return round(number, 6) if math.isfinite(number) else 0.0

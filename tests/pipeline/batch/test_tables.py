@@ -1,0 +1,138 @@
+"""Tables of records: flat in CSV, with lists and structs in JSON lines and Parquet."""
+
+from __future__ import annotations
+
+import csv
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pyarrow.parquet
+import pytest
+
+from glyphs.errors import FileError
+from pipeline.batch.tables import check_output, record_of_json, write_records
+from pipeline.common.records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
+
+PLACE = CharacterRecord(
+    (CandidateRecord("8", 0.9, 0.8), CandidateRecord("B", 0.08)),
+    (1.0, 2.0, 4.0, 7.0),
+    "mismatch",
+    "C",
+    state_chars=("8", "B"),
+    action="clean",
+    depth_min_mm=0.21,
+    depth_mean_mm=0.23,
+)
+RECORDS = [
+    ReadingRecord(
+        "tactile",
+        "8",
+        "accept",
+        0.93,
+        (PLACE,),
+        ("marks are dirty", "this is not the serial expected"),
+        "gothic",
+        5.0,
+        verdict="refuted",
+        seconds=0.25,
+        at=datetime(2026, 11, 21, 9, 30, tzinfo=UTC),
+        part="p-0",
+        raised=True,
+        expected="B",
+        verify_probability=0.0004,
+        rivals=(RivalRecord("B", 0.08),),
+        program="1.2",
+        settings="0123456789abcdef",
+    ),
+    ReadingRecord.failed("p,1", '"a", ü\nline two'),
+]
+
+
+def test_csv_is_flat_and_holds_the_stated_columns_first(tmp_path: Path) -> None:
+    write_records(RECORDS, tmp_path / "t.CSV")
+    with (tmp_path / "t.CSV").open(newline="", encoding="utf-8") as stream:
+        table = list(csv.DictReader(stream))
+    assert list(table[0])[:7] == ["part", "text", "decision", "confidence", "source", "seconds", "error"]
+    assert [(r["part"], r["text"], float(r["confidence"]), r["error"]) for r in table] == [
+        (r.part, r.text, r.confidence, r.error) for r in RECORDS
+    ]
+    # what is not known is an empty field
+    assert [(r["height_mm"], r["height_px"], r["depth_min_mm"], r["depths"]) for r in table] == [
+        ("5.0", "", "0.21", "8 0.210/0.230"),
+        ("", "", "", ""),
+    ]
+    assert [(r["verdict"], r["verify_probability"], r["states"], r["action"]) for r in table] == [
+        ("refuted", "0.0004", "1:mismatch 8/B", "clean 1"),
+        ("", "", "", ""),
+    ]
+
+
+def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
+    for suffix in (".jsonl", ".parquet"):
+        write_records(RECORDS, tmp_path / f"t{suffix}")
+    lines = (tmp_path / "t.jsonl").read_bytes().splitlines()
+    assert [record_of_json(line) for line in lines] == RECORDS
+    told = json.loads(lines[0])
+    assert list(told)[:7] == ["part", "text", "decision", "confidence", "source", "seconds", "error"]
+    assert told["characters"] == [
+        {
+            "char": "8",
+            "probability": 0.9,
+            "score": 0.8,
+            "alternatives": [{"char": "B", "probability": 0.08, "score": 0.0}],
+            "box_mm": [1.0, 2.0, 4.0, 7.0],
+            "state": "mismatch",
+            "grade": "C",
+            "box_px": None,
+            "state_chars": ["8", "B"],
+            "action": "clean",
+            "depth_min_mm": 0.21,
+            "depth_mean_mm": 0.23,
+        }
+    ]
+    assert told["rivals"] == [{"text": "B", "probability": 0.08}]
+    assert (told["at"], told["program"], told["settings"]) == (
+        "2026-11-21T09:30:00+00:00",
+        "1.2",
+        "0123456789abcdef",
+    )
+    table = pyarrow.parquet.read_table(tmp_path / "t.parquet")
+    assert table.column_names == list(told)
+    parquet = table.to_pylist()[0]
+    assert parquet["characters"] == told["characters"]
+    assert parquet["at"] == RECORDS[0].at
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".parquet"])
+def test_an_empty_run_is_an_empty_table(suffix: str, tmp_path: Path) -> None:
+    write_records([], tmp_path / f"t{suffix}")
+    assert (tmp_path / f"t{suffix}").is_file()
+    if suffix == ".parquet":
+        assert pyarrow.parquet.read_table(tmp_path / "t.parquet").num_rows == 0
+
+
+def test_a_table_that_cannot_be_written_is_refused_before_the_work(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"\.csv, \.jsonl, \.parquet"):
+        check_output(tmp_path / "t.xlsx")
+    with pytest.raises(FileError, match="cannot be written"):
+        check_output(tmp_path / "none" / "t.csv")
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(FileError, match="is a folder"):
+        check_output(tmp_path / "folder.csv")
+    assert [p.name for p in tmp_path.iterdir()] == ["folder.csv"]
+
+
+def test_a_failed_write_leaves_the_old_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "t.csv"
+    write_records(RECORDS, path)
+    before = path.read_bytes()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pipeline.common.atomic.os.replace", full)
+    with pytest.raises(FileError, match="No space"):
+        write_records(RECORDS[:1], path)
+    assert path.read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 1

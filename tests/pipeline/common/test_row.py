@@ -1,0 +1,66 @@
+"""A record in the few characters that a table has room for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.common.records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
+from pipeline.common.row import _ACTIONS, Row
+from recognition.grade import Action
+
+
+def row(*places: CharacterRecord, source: str = "tactile", **more: Any) -> Row:
+    return Row.of(ReadingRecord(source, "AB", "review", 0.5, places, part="p", **more))
+
+
+def place(*candidates: tuple[str, float], **more: Any) -> CharacterRecord:
+    made = tuple(CandidateRecord(c, p) for c, p in candidates or (("A", 0.9),))
+    return CharacterRecord(made, (0.0, 0.0, 1.0, 1.0), **more)
+
+
+def test_states_name_the_places_that_are_not_plainly_read() -> None:
+    made = row(
+        place(state="read"),
+        place(state="confused", state_chars=("8", "B")),
+        place(state="not read"),
+        place(state="mismatch", state_chars=("8", "")),
+        place(),
+    )
+    assert made.states == "2:confused 8/B, 3:not read, 4:mismatch 8/-"
+    assert row().states == ""
+
+
+def test_alternatives_have_some_belief() -> None:
+    assert row(place(("8", 0.7), ("B", 0.2), ("S", 0.001)), place()).alternatives == "1:B"
+
+
+def test_grades_and_the_worst() -> None:
+    made = row(*(place(grade=g) for g in ("A", "C", "", "B", "?")))
+    assert (made.grades, made.grade) == ("AC?B?", "C")
+    ungraded = row(place())
+    assert (ungraded.grades, ungraded.grade, ungraded.action) == ("", "", "")
+    assert row(place(grade="?")).grade == "?"
+
+
+def test_actions_name_their_places() -> None:
+    assert (
+        row(*(place(action=a) for a in ("re-strike", "clean", "", "clean"))).action
+        == "clean 2 4, re-strike 1"
+    )
+    assert tuple(a.value for a in Action if a is not Action.NONE) == _ACTIONS
+
+
+def test_depths_are_of_touch() -> None:
+    made = row(place(), place(("B", 0.9), depth_min_mm=0.10004, depth_mean_mm=0.2))
+    assert (made.depths, made.depth_min_mm, made.depth_mean_mm) == ("A ? B 0.100/0.200", 0.1, 0.2)
+    assert row(place(), source="vision").depths == ""
+
+
+def test_a_height_is_in_mm_or_in_pixels() -> None:
+    assert (row(height_mm=5.00004).height_mm, row(height_mm=5.0).height_px) == (5.0, None)
+    made = row(height_px=399.57)
+    assert (made.height_mm, made.height_px) == (None, 399.6)
+
+
+def test_rivals_stand_with_their_probability() -> None:
+    assert row(rivals=(RivalRecord("KB", 0.0214), RivalRecord("KX", 0.01))).rivals == "KB 0.021, KX 0.010"

@@ -1,0 +1,172 @@
+"""What is kept of a part, whatever happens to it."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import x3pio
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap, MapError
+from pipeline.common.records import ReadingRecord
+from pipeline.common.row import Row
+from pipeline.common.run_description import key_of
+from pipeline.common.settings import ReadSettings
+from pipeline.common.version import program_version
+from pipeline.files.npz import write_npz
+from pipeline.files.parts import Part, discover
+from pipeline.reading.as_record import record_of_part, rivals_of
+from pipeline.reading.part_reader import Senses
+from recognition.grammar import Grammar
+from recognition.lattice import Lattice
+from recognition.reading import Box, Candidate, CharacterReading, Decision, MarkDepth, Reading, ReadingFlag
+
+BOX = Box(0.0, 0.0, 1.0, 1.0)
+
+
+def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decision.ACCEPT) -> Reading:
+    characters = tuple(
+        CharacterReading(
+            (Candidate(c, 0.9, 0.9), Candidate("X", 0.4, 0.08), Candidate("Y", 0.1, 0.002)), BOX, depth
+        )
+        for c, depth in zip(text, (MarkDepth(0.23141, 0.21211, 0.25), None), strict=True)
+    )
+    return Reading(
+        characters,
+        decision,
+        confidence,
+        flags=ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW,
+        notes=("too shallow for x: 1 0.212 mm (at least 0.3)",),
+        font="gothic",
+        height_mm=5.0,
+        raised=True,
+    )
+
+
+class FakeReader:
+    """Reads the mean height of the top row as a number."""
+
+    def read_height_map(self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Any:
+        value = round(float(height_map.z_mm[0].mean()))
+        if value == 13:
+            raise RuntimeError("a fault\nin the reader")
+        if value == 14:
+            raise MapError("no such thing")
+        if value == 15:
+            return felt(reading("15", confidence=0.2, decision=Decision.REVIEW))
+        return felt(reading(str(value)))
+
+    def read_scan(self, scan: object) -> Any:
+        raise AssertionError("no scan in these tests")
+
+
+def felt(found: Reading) -> Any:
+    return SimpleNamespace(reading=found, lattice=None, open_lattice=None, height_map=None)
+
+
+def fake_senses() -> Senses:
+    readers: Any = SimpleNamespace(touch=FakeReader(), vision=None, grammar=None, told=None)
+    return Senses(readers)
+
+
+def record_of(part: Part, senses: Senses | None = None) -> ReadingRecord:
+    senses = senses or fake_senses()
+    settings = ReadSettings(format=("99",))
+    return record_of_part(part.name, str(part.height_map), lambda: (senses.sense(part), settings, None))[0]
+
+
+def stamped(folder: Path, *values: int) -> Path:
+    for value in values:
+        write_npz(folder / f"part-{value}.npz", HeightMap(np.full((3, 4), value, np.float32), 0.1))
+    return folder
+
+
+def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
+    stamped(tmp_path, 11, 12, 13, 14)
+    (tmp_path / "part-12.npz").write_bytes(b"rubbish")
+    senses = fake_senses()
+    rows = [record_of(part, senses) for part in discover([tmp_path, tmp_path / "none.npz"])]
+    assert [r.part for r in rows] == ["part-11", "part-12", "part-13", "part-14", "none"]
+    assert [r.text for r in rows] == ["11", "", "", "", ""]
+    assert [bool(r.error) for r in rows] == [False, True, True, True, True]
+    for row in rows[1:]:
+        assert f"{row.part}.npz" in row.error
+        assert "\n" not in row.error
+        assert row.decision == ""
+    assert "RuntimeError" in rows[2].error
+    assert rows[3].error.endswith("part-14.npz: no such thing")
+    assert rows[0].seconds > 0.0
+
+
+def test_a_row_tells_the_reading(tmp_path: Path) -> None:
+    (record,) = map(record_of, discover([stamped(tmp_path, 11)]))
+    row = Row.of(record)
+    assert (row.decision, row.confidence, row.source, row.font) == ("accept", 0.97, "tactile", "gothic")
+    assert (row.height_mm, row.raised) == (5.0, True)
+    assert row.flags == "parts of the map are dropouts; too shallow for x: 1 0.212 mm (at least 0.3)"
+    assert (row.depth_min_mm, row.depth_mean_mm) == (0.2121, 0.2314)
+    assert row.depths == "1 0.212/0.231 1 ?"
+    assert row.alternatives == "1:X 2:X"
+    # what nobody asked for is empty
+    assert (row.expected, row.verdict, row.verify_probability) == ("", "", None)
+    assert (row.states, row.grade, row.grades, row.action) == ("", "", "", "")
+    # without a lattice the candidates tell the rivals: 0.9 0.08 and 0.002 a place, over at least (0.982 + 0.018)^2
+    assert row.rivals == "1X 0.072, X1 0.072"
+    # when, by what and with what it was read
+    assert record.at is not None
+    assert abs((datetime.now(UTC) - record.at).total_seconds()) < 60.0
+    assert record.program == program_version()
+    assert record.settings == key_of({"format": ["99"]})
+
+
+def test_a_format_met_with_either_row_first_is_tried_both_ways(tmp_path: Path) -> None:
+    z = np.full((4, 5), 15.0)
+    z[-1], z[0] = 15.0, 77.0  # by the standard the last row is the top
+    x3pio.write(tmp_path / "a.x3p", z * 1e-3, x_scale=1e-4, y_scale=1e-4)
+    (row,) = map(record_of, discover([tmp_path]))
+    assert (row.text, row.confidence) == ("77", 0.97)
+    write_npz(tmp_path / "a.npz", HeightMap(z[::-1].astype(np.float32), 0.1))
+    (row,) = map(record_of, discover([tmp_path / "a.npz"]))
+    assert row.text == "15"
+
+
+# ---------------------------------------------------------------------------------------------------- rivals
+
+
+def chosen(*places: tuple[tuple[str, float], ...]) -> Reading:
+    characters = tuple(CharacterReading(tuple(Candidate(c, p, p) for c, p in place), BOX) for place in places)
+    return Reading(characters, Decision.REVIEW, 0.5)
+
+
+PAIR = chosen((("8", 0.7), ("B", 0.29)), (("1", 0.6), ("7", 0.39)))
+
+
+def lattice() -> Lattice:
+    belief = np.array([[0.7, 0.29, 0.0, 0.0], [0.0, 0.0, 0.6, 0.39]])
+    with np.errstate(divide="ignore"):
+        return Lattice(("8", "B", "1", "7"), np.log(belief))
+
+
+def test_rivals_are_whole_serials_of_the_format() -> None:
+    free = rivals_of(PAIR, lattice(), None)
+    assert [r.text for r in free] == ["87", "B1", "B7"]
+    # 0.99 of belief in something at each place: the products as they are, but for doubt that counts once
+    assert [r.probability for r in free] == pytest.approx([0.273, 0.174, 0.113], abs=0.001)
+    (only,) = rivals_of(PAIR, lattice(), Grammar(lexicon=frozenset({"81", "B7", "8888"})))
+    assert only.text == "B7"
+
+
+def test_the_candidates_stand_in_for_a_lattice() -> None:
+    instead, wanted = rivals_of(PAIR, None, None), rivals_of(PAIR, lattice(), None)
+    assert [r.text for r in instead] == [r.text for r in wanted]
+    assert [r.probability for r in instead] == pytest.approx([r.probability for r in wanted], abs=1e-3)
+    assert rivals_of(chosen(), None, None) == ()
+
+
+def test_a_lattice_of_other_length_does_not_count() -> None:
+    assert rivals_of(chosen((("8", 0.7), ("B", 0.29))), lattice(), None)[0].text == "B"
