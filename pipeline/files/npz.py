@@ -21,11 +21,11 @@ from glyphs.errors import FileError, damage_reported, require_file
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS, HeightMap
 from pipeline.common.atomic import replacing
+from pipeline.files.units import MOST_PITCH_MM, Unit, factors_to_mm
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
 MAX_FILE_BYTES = 1_000_000_000
 MAX_HEIGHT_MM = 1000.0
-MAX_PITCH_MM = 10.0
 _HEADER_BYTES = 10_000
 _NEEDED = ("z_mm", "pitch_mm")
 DEFAULT_HARDNESS_MPA = 10.0
@@ -73,11 +73,15 @@ class _Member:
         return count
 
 
-def read_npz(path: Path) -> HeightMap:
+def read_npz(path: Path, *, unit: Unit = Unit.MM) -> HeightMap:
     """The height map of an `.npz` file.
 
+    Args:
+        path: the file.
+        unit: that its numbers are in, whatever their names say.
+
     Raises:
-        FileError: anything that keeps the file from being one.
+        FileError: anything that keeps the file from being one, numbers that are no millimetres among it.
     """
     require_file(path, most_bytes=MAX_FILE_BYTES)
     with damage_reported(path, kind=".npz"):
@@ -92,10 +96,13 @@ def read_npz(path: Path) -> HeightMap:
             _check_heights(path, heights)
             if pitch.size != 1:
                 raise FileError(path, f"pitch_mm has shape {pitch.shape}", "give one number, mm")
-            pitch_mm = float(_load(archive, "pitch_mm").reshape(()))
-            check_pitch(path, pitch_mm)
+            pitch = float(_load(archive, "pitch_mm").reshape(()))
+            if not (np.isfinite(pitch) and pitch > 0.0):
+                check_pitch(path, pitch)
             z = _load(archive, "z_mm")
-        return make_map(path, z, pitch_mm)
+        z_factor, pitch_factor = factors_to_mm(path, z, pitch, unit)
+        check_pitch(path, pitch * pitch_factor)
+        return make_map(path, z if z_factor == 1.0 else z * z_factor, pitch * pitch_factor)
 
 
 def read_soil(path: Path) -> Soil | None:
@@ -194,11 +201,11 @@ def check_pitch(path: Path, pitch_mm: float) -> None:
     Raises:
         FileError: not finite, not positive, or beyond 10 mm.
     """
-    if not (np.isfinite(pitch_mm) and 0.0 < pitch_mm <= MAX_PITCH_MM):
+    if not (np.isfinite(pitch_mm) and 0.0 < pitch_mm <= MOST_PITCH_MM):
         raise FileError(
             path,
             f"pitch_mm is {pitch_mm:g}",
-            f"give the distance of samples in mm, above 0 and at most {MAX_PITCH_MM:g}",
+            f"give the distance of samples in mm, above 0 and at most {MOST_PITCH_MM:g}",
         )
 
 

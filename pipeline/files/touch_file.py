@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, require_file
+from pipeline.files.units import Unit
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
@@ -22,7 +23,7 @@ __all__ = [
     "row_order_matters",
 ]
 
-CORE_SUFFIXES = (".npz", ".x3p", ".sdf")
+CORE_SUFFIXES = (".npz", ".x3p", ".sdf", ".stl", ".ply", ".xyz", ".asc")
 FORMATS_SUFFIXES = (
     *(".al3d", ".apx", ".bcr", ".bcrf", ".datx", ".ezd", ".frt", ".gwy", ".ibw", ".jpk", ".lext", ".mdt"),
     *(".mi", ".mnt", ".nid", ".nms", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
@@ -55,22 +56,29 @@ def row_order_matters(path: Path) -> bool:
     return path.suffix.lower() in (".x3p", ".sdf")
 
 
-def read_height_map(path: str | Path, *, row_order: RowOrder | None = None) -> HeightMap:
+def read_height_map(
+    path: str | Path, *, row_order: RowOrder | None = None, unit: Unit = Unit.MM
+) -> HeightMap:
     """The height map in a file, mm, row 0 at the top.
 
     Args:
         path: the file; its suffix says which format it is.
         row_order: of an X3P or SDF file, the standards' unless given.
+        unit: of the numbers in a format that states none: .npz, STL, PLY, XYZ.
 
     Raises:
-        FileError: whatever keeps it from being read, and how to mend it.
+        FileError: whatever keeps it from being read, and what to do about it.
     """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".npz":
         from pipeline.files.npz import read_npz
 
-        return read_npz(path)
+        return read_npz(path, unit=unit)
+    if suffix in (".stl", ".ply", ".xyz", ".asc"):
+        from pipeline.files.meshes import read_mesh
+
+        return read_mesh(path, unit=unit)
     from pipeline.files import instruments
 
     order = instruments.RowOrder.STANDARD if row_order is None else row_order

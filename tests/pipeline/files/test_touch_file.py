@@ -57,12 +57,12 @@ def test_npz_round_trip(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("dtype", ["float16", "float64", "int16", "uint8", ">f4"])
-@pytest.mark.parametrize("pitch", [0.05, np.array([0.05]), np.float32(0.05)])
+@pytest.mark.parametrize("pitch", [5.0, np.array([5.0]), np.float32(5.0)])
 def test_npz_of_any_real_type(tmp_path: Path, dtype: str, pitch: object) -> None:
     z = np.arange(12).reshape(3, 4).astype(dtype)
     loaded = read_height_map(save_npz(tmp_path / "a.npz", z_mm=np.asfortranarray(z), pitch_mm=pitch))
     np.testing.assert_array_equal(loaded.z_mm, z)
-    assert loaded.pitch_mm == pytest.approx(0.05)
+    assert loaded.pitch_mm == 5.0
 
 
 def test_x3p_is_turned_upright_and_scaled(tmp_path: Path) -> None:
@@ -244,7 +244,7 @@ BAD: dict[str, tuple[str, Callable[[], bytes], str]] = {
     "npz zero pitch": (".npz", lambda: npz_bytes(z_mm=Z, pitch_mm=0.0), "pitch_mm is 0"),
     "npz negative pitch": (".npz", lambda: npz_bytes(z_mm=Z, pitch_mm=-0.1), "pitch_mm is -0.1"),
     "npz NaN pitch": (".npz", lambda: npz_bytes(z_mm=Z, pitch_mm=np.nan), "pitch_mm is nan"),
-    "npz pitch in other units": (".npz", lambda: npz_bytes(z_mm=Z, pitch_mm=50.0), "pitch_mm is 50"),
+    "npz pitch in other units": (".npz", lambda: npz_bytes(z_mm=Z, pitch_mm=50.0), "samples lie 50 mm apart"),
     "npz two pitches": (".npz", lambda: npz_bytes(z_mm=Z, pitch_mm=[0.1, 0.1]), "shape (2,)"),
     "npz pitch a word": (".npz", lambda: npz_bytes(z_mm=Z, pitch_mm="0.05"), "of type <U4"),
     "npz NaN only": (".npz", lambda: npz_bytes(z_mm=Z * np.nan, pitch_mm=PITCH), "no finite height"),

@@ -1,0 +1,162 @@
+"""Height maps out of meshes and points: STL and PLY (by trimesh), XYZ and ASC columns (by numpy).
+
+x runs to the right, y up and z out of the surface: the first row of the map has the greatest y. Points on a grid keep
+their heights; others are joined by triangles, and what lies highest at a place counts, so that the underside
+of a closed body is not read. The files state no unit.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from glyphs.errors import FileError, damage_reported, require_file
+from glyphs.surface.maps import HeightMap
+from pipeline.files.grids import square_map
+from pipeline.files.npz import check_size
+from pipeline.files.units import Unit, factors_to_mm
+
+MESH_SUFFIXES = (".stl", ".ply")
+POINT_SUFFIXES = (".xyz", ".asc")
+MAX_FILE_BYTES = 500_000_000
+MOST_SCATTERED = 2_000_000
+"""Points off a grid, which are triangulated."""
+_LEAST_SAMPLES, _MOST_SAMPLES = 600, 4000
+"""Along the longer side of a map made of triangles, whose own size may say nothing: a flat land has two."""
+_GAP = 6.0
+"""Sides of a triangle between points, mean distances, from which it spans a dropout."""
+_LEAST_GRID, _LEAST_FILLED, _OFF_GRID = 8, 0.5, 0.1
+"""Of a grid: rows and columns, share of them with a point, and pitches by which a point may miss its place."""
+_NUMBERS = re.compile(r"\s*[-+.0-9]+[-+.0-9eE]*[\s,;]+[-+.0-9]")
+"""A line of columns, not of a heading."""
+
+Points = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+
+def read_mesh(path: Path, *, unit: Unit = Unit.MM) -> HeightMap:
+    """The height map of a mesh or of a list of points.
+
+    Raises:
+        FileError: the file cannot be used, or its numbers are no millimetres (`pipeline.files.units`).
+    """
+    require_file(path, most_bytes=MAX_FILE_BYTES)
+    with damage_reported(path, kind=path.suffix[1:].upper()):
+        points, faces = _loaded(path)
+        known = np.isfinite(points).all(axis=1)
+        if known.sum() < 4:
+            raise FileError(path, f"holds {known.sum()} points", "export the surface")
+        z, x_pitch, y_pitch = _on_grid(points[known]) or _triangulated(path, points, faces, known)
+        z_factor, pitch_factor = factors_to_mm(path, z, min(x_pitch, y_pitch), unit)
+        return square_map(
+            path, z * z_factor, x_pitch_mm=x_pitch * pitch_factor, y_pitch_mm=y_pitch * pitch_factor
+        )
+
+
+def _loaded(path: Path) -> tuple[Points, Faces]:
+    """Points (n, 3) and triangles (m, 3) of them, none where the file has points alone."""
+    if path.suffix.lower() in POINT_SUFFIXES:
+        with path.open(encoding="utf-8", errors="replace") as text:
+            heading, first = next(((n, line) for n, line in enumerate(text) if _NUMBERS.match(line)), (0, ""))
+        delimiter = next((d for d in ",;" if d in first), None)
+        points = np.loadtxt(path, skiprows=heading, delimiter=delimiter, usecols=(0, 1, 2), ndmin=2)
+        return points, np.empty((0, 3), dtype=np.int64)
+    import trimesh
+
+    with path.open("rb") as stream:  # an open file has no neighbours, whose textures would be looked for
+        scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
+    points, faces, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+    for geometry in scene.geometry.values():
+        points.append(np.asarray(geometry.vertices, dtype=np.float64))
+        faces.append(np.asarray(getattr(geometry, "faces", faces[0]), dtype=np.int64) + before)
+        before += len(points[-1])
+    return np.concatenate(points), np.concatenate(faces)
+
+
+def _on_grid(points: Points) -> tuple[Points, float, float] | None:
+    """Heights (rows, cols) and distances along x and y of points that lie on a grid; None of others."""
+    places, pitches = [], []
+    for along in (points[:, 0], -points[:, 1]):
+        gaps = np.diff(np.unique(along))
+        if not gaps.size:
+            return None
+        # numbers written with few digits make gaps of different sizes, and rounded ones tiny gaps
+        count = round((along.max() - along.min()) / float(np.median(gaps[gaps > 0.3 * gaps.max()])))
+        pitch = float((along.max() - along.min()) / max(count, 1))
+        at = (along - along.min()) / pitch
+        places.append(np.rint(at).astype(np.int64))
+        pitches.append(pitch)
+        if np.abs(at - places[-1]).max() > _OFF_GRID:
+            return None
+    cols, rows = (int(p.max()) + 1 for p in places)
+    if min(rows, cols) < _LEAST_GRID or rows * cols > len(points) / _LEAST_FILLED:
+        return None
+    z = np.full((rows, cols), -np.inf)
+    np.maximum.at(z, (places[1], places[0]), points[:, 2])
+    return np.where(np.isfinite(z), z, np.nan), pitches[0], pitches[1]
+
+
+def _triangulated(
+    path: Path, points: Points, faces: Faces, known: NDArray[np.bool_]
+) -> tuple[Points, float, float]:
+    """Heights on a grid of our own, as the uppermost triangles have them, and its pitch twice."""
+    width, height = (float(np.ptp(points[known, axis])) for axis in (0, 1))
+    if not min(width, height) > 0.0:
+        raise FileError(path, "is a profile: its points lie in one plane", "measure a surface")
+    if len(faces):
+        faces = faces[known[faces].all(axis=1)]
+        pitch = float(np.median(_longest_sides(points, faces))) / math.sqrt(2.0)
+        longer = max(width, height)
+        pitch = min(max(pitch, longer / _MOST_SAMPLES), longer / _LEAST_SAMPLES)
+    else:
+        points = points[known]
+        if len(points) > MOST_SCATTERED:
+            raise FileError(path, f"holds {len(points):,} points off a grid", "export them on a grid")
+        from scipy.spatial import Delaunay
+
+        pitch = math.sqrt(width * height / len(points))
+        faces = Delaunay(points[:, :2]).simplices.astype(np.int64)
+        faces = faces[_longest_sides(points, faces) < _GAP * pitch]
+    rows, cols = int(height / pitch + 1e-6) + 1, int(width / pitch + 1e-6) + 1
+    check_size(path, rows, cols)
+    left, top = np.nanmin(points[:, 0]), np.nanmax(points[:, 1])
+    places = np.column_stack([(points[:, 0] - left) / pitch, (top - points[:, 1]) / pitch, points[:, 2]])
+    z = np.full((rows, cols), np.nan)
+    _draw(z, places, faces)
+    return z, pitch, pitch
+
+
+def _longest_sides(points: Points, faces: Faces) -> NDArray[np.float64]:
+    """(m,) as seen from above."""
+    corners = points[faces][:, :, :2]
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1))
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _draw(z, places, faces):  # type: ignore[no-untyped-def]
+    """Raise z (rows, cols), NaN where nothing is, to the triangles of places (n, 3): column, row, height."""
+    for i in range(faces.shape[0]):
+        a, b, c = places[faces[i, 0]], places[faces[i, 1]], places[faces[i, 2]]
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+        if abs(area) < 1e-12:  # a wall
+            continue
+        for v in range(
+            max(0, math.ceil(min(a[1], b[1], c[1]) - 1e-6)),
+            min(z.shape[0] - 1, math.floor(max(a[1], b[1], c[1]) + 1e-6)) + 1,
+        ):
+            for u in range(
+                max(0, math.ceil(min(a[0], b[0], c[0]) - 1e-6)),
+                min(z.shape[1] - 1, math.floor(max(a[0], b[0], c[0]) + 1e-6)) + 1,
+            ):
+                second = ((u - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (v - a[1])) / area
+                third = ((b[0] - a[0]) * (v - a[1]) - (u - a[0]) * (b[1] - a[1])) / area
+                if min(second, third, 1.0 - second - third) < -1e-6:
+                    continue
+                height = a[2] + second * (b[2] - a[2]) + third * (c[2] - a[2])
+                if not z[v, u] >= height:
+                    z[v, u] = height
