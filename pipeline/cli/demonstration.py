@@ -15,11 +15,12 @@ from pipeline.common.atomic import replacing
 from pipeline.files.lead_in import calibrate_scan
 from pipeline.files.npz import write_npz
 from pipeline.plots.pictures import SheetPart, inspect_figure, overview_figure, same_text, save_figure
-from pipeline.reading.simulated_scan import feel, plan_for
+from pipeline.reading.simulated_scan import feel
 from recognition.levelling import level
 from recognition.reader import Reader, ReaderSettings, ReadingTrace
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan
+from whisker_array.whisker.array import default_plan
 
 _SEED = 2024
 
@@ -108,8 +109,10 @@ def _stamped(demo: DemoPart, number: int) -> Part:
 
 def _recorded(part: Part, path: Path, number: int) -> Scan:
     """Scan the part, record the raw moments, calibrate the recording and load it again."""
-    plan, height = plan_for(part.height_map, height_mm=part.height_mm)
-    scan = feel(part.height_map, plan=plan, height_mm=height, sensor_seed=_SEED + number, part_id=path.stem)
+    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=part.height_mm)
+    scan = feel(
+        part.height_map, plan=plan, height_mm=part.height_mm, sensor_seed=_SEED + number, part_id=path.stem
+    )
     save_scan(scan, path)
     save_calibration(path, calibrate_scan(scan).calibration)
     return load_scan(path)

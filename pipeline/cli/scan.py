@@ -10,6 +10,7 @@ from typing import Literal
 from pipeline.cli.exit_status import USAGE, CommandError, failures_told
 
 FidelityName = Literal["pointwise", "contact"]
+UnitName = Literal["um", "mm", "m", "in"]
 
 
 def scan(
@@ -24,18 +25,19 @@ def scan(
     friction: float | None = None,
     profilers: bool = False,
     two_way: bool = False,
+    unit: UnitName = "mm",
 ) -> int:
-    """Feel a height map with the virtual whisker array and record the raw moments.
+    """Scan a height map with the virtual whisker array and record the raw moments.
 
     Parameters
     ----------
     height_map
-        .npz, .x3p, .sdf, .sur ... An .npz that tells of friction and soft dirt, as `synth --dirt` writes it, is felt
-        with them.
+        .npz, .x3p, .sdf, .sur ... An .npz that tells of friction and soft dirt, as `synth --dirt` writes it, is
+        scanned with them.
     out
         Recording to write, .h5.
     height_mm
-        Character height, which sets the scale of array and raster; found out if not given.
+        Character height, which sets the scale of array and raster; unless given the map is read, as by `read`, for it.
     fidelity
         How touch is simulated.
     noise
@@ -49,16 +51,20 @@ def scan(
     profilers
         A second row of whiskers, whose moment is the profile: with it slopes are told apart from heights.
     two_way
-        Feel every pass again on its return, pushed back: with it friction is measured.
+        Repeat every pass on its return, pushed back: with it friction is measured.
+    unit
+        Unit of the numbers in a height file that states none (.npz, STL, PLY, XYZ).
     """
     with failures_told():
         from pipeline.common.atomic import check_writable
         from pipeline.files.npz import read_soil
         from pipeline.files.touch_file import is_scan, read_height_map
+        from pipeline.files.units import Unit
         from pipeline.files.whisker_file import read_whisker_file
-        from pipeline.reading.simulated_scan import feel, plan_for
+        from pipeline.reading.simulated_scan import feel, find_height_mm
         from whisker_array.scan.recording import save_scan
         from whisker_array.simulation.traces import Fidelity
+        from whisker_array.whisker.array import default_plan
         from whisker_array.whisker.defaults import default_whisker
         from whisker_array.whisker.touch import default_touch
         from whisker_array.whisker.validity import linear_beam_messages
@@ -70,14 +76,20 @@ def scan(
                 f"--height-mm is {height_mm}", hint="it lies between 0 and 1000 mm", status=USAGE
             )
         check_writable(out)
-        surface = read_height_map(height_map)
+        surface = read_height_map(height_map, unit=Unit(unit))
         soil = read_soil(height_map) if height_map.suffix.lower() == ".npz" else None
         if friction is not None and not 0.0 <= friction <= 1.0:
             raise CommandError(f"--friction is {friction}", hint="it lies between 0 and 1", status=USAGE)
         built = read_whisker_file(whisker) if whisker is not None else None
         if height_mm is None and built is not None:
             height_mm = built.character_height_mm
-        plan, height = plan_for(surface, height_mm=height_mm, rows=2 if profilers else 1, two_way=two_way)
+        height = height_mm if height_mm is not None else find_height_mm(surface, soil=soil)
+        plan = default_plan(
+            (0.0, 0.0, *surface.size_mm),
+            character_height_mm=height,
+            rows=2 if profilers else 1,
+            two_way=two_way,
+        )
         if built is not None:
             plan = replace(plan, speed_mm_s=built.speed_mm_s)
         print(plan.describe())
@@ -110,16 +122,22 @@ def scan(
     return 0
 
 
-def calibrate(recording: Path, *, out: Path | None = None) -> int:
-    """Find gain and offset of each whisker from the lifted and lead-in samples of a scan, and write them in.
+def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = False) -> int:
+    """Find gain and offset of each whisker from the lifted and lead-in samples of a scan; write a calibrated copy.
 
     Parameters
     ----------
     recording
         The scan, .h5.
     out
-        Write a calibrated copy instead.
+        Copy to write; NAME-calibrated.h5 beside the recording unless given.
+    in_place
+        Write the calibration into the recording itself.
     """
+    if in_place and out is not None:
+        raise CommandError("calibrate: --out and --in-place", hint="give one of them", status=USAGE)
+    if not in_place and out is None:
+        out = recording.with_name(f"{recording.stem}-calibrated{recording.suffix}")
     with failures_told():
         from glyphs.errors import FileError
         from pipeline.files.lead_in import calibrate_scan
@@ -128,19 +146,22 @@ def calibrate(recording: Path, *, out: Path | None = None) -> int:
 
         try:
             lead_in = calibrate_scan(load_scan(recording, raw=True))
-            save_calibration(recording, lead_in.calibration, out=out)
+            unit = save_calibration(recording, lead_in.calibration, out=out)
         except SensorError as error:
             raise FileError(recording, f"cannot be calibrated: {error.what}", error.hint) from error
-    print("whisker      gain    offset   air  land")
+    gain_unit = "1" if unit == "N mm" else f"{unit} / (N mm)"
+    print(f"{'':7}  {'gain':>10}  {'offset':>9}  {'residual':>10}      samples\n"
+          f"whisker  {gain_unit:>10}  {unit:>9}  {'N mm, rms':>10}    air   land")  # fmt: skip
     rows = zip(
         lead_in.calibration.gain,
         lead_in.calibration.offset_n_mm,
+        lead_in.residual_n_mm,
         lead_in.air_samples,
         lead_in.land_samples,
         strict=True,
     )
-    for whisker, (gain, offset, air, land) in enumerate(rows):
-        note = "" if land else "  never ran in on the part: gain left at 1"
-        print(f"{whisker:7d}  {gain:8.4f}  {offset:+8.4f}  {air:4d}  {land:4d}{note}")
-    print(f"wrote the calibration into {out or recording}")
+    for whisker, (gain, offset, residual, air, land) in enumerate(rows):
+        note = "" if land else "  never on the land: gain left at 1"
+        print(f"{whisker:7d}  {gain:10.4f}  {offset:+9.4f}  {residual:10.4f}  {air:5d}  {land:5d}{note}")
+    print(f"wrote {out or recording}")
     return 0

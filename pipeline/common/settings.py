@@ -145,3 +145,7 @@ class ReadSettings(Settings):
         description="Least lead of the best candidate over the second, 0 to 1, for a reading to be accepted; the "
         "reader's own unless given.",
     )
+    unit: Literal["um", "mm", "m", "in"] = Field(
+        default="mm",
+        description="Unit of the numbers in height files that do not state theirs (.npz, STL, PLY, XYZ).",
+    )

@@ -20,11 +20,14 @@ class LeadIn:
         air_samples: (whiskers,) samples in the air used for each.
         land_samples: (whiskers,) samples on the land; 0 for a whisker that never ran in on the part, whose
             gain is left at 1.
+        residual_n_mm: (whiskers,) rms by which those samples, calibrated, miss what they should be: 0 in the air,
+            the moment that the whisker model expects on the land.
     """
 
     calibration: Calibration
     air_samples: NDArray[np.int64]
     land_samples: NDArray[np.int64]
+    residual_n_mm: NDArray[np.float64]
 
 
 def calibrate_scan(scan: Scan) -> LeadIn:
@@ -40,7 +43,7 @@ def calibrate_scan(scan: Scan) -> LeadIn:
     if all(s.air_n_mm.shape[2] == 0 for s in scan.sweeps):
         raise SensorError("no samples in the air", hint="record some with the array lifted before each pass")
     expected = [scan.touches[kind].land_moment_n_mm() for kind in scan.kind]
-    gain, offset = np.ones(scan.n_whiskers), np.zeros(scan.n_whiskers)
+    gain, offset, residual = np.ones(scan.n_whiskers), np.zeros(scan.n_whiskers), np.zeros(scan.n_whiskers)
     n_air, n_land = np.zeros((2, scan.n_whiskers), dtype=np.int64)
     for whisker in range(scan.n_whiskers):
         air, land = _samples(scan, whisker)
@@ -48,14 +51,18 @@ def calibrate_scan(scan: Scan) -> LeadIn:
         if land.size == 0:
             air = np.concatenate([s.air_n_mm[:, whisker].ravel() for s in scan.sweeps])
             offset[whisker] = float(air.mean(dtype=np.float64))
-            continue
-        try:
-            one = calibrate_lead_in(air[None], land[None], expected_land_moment_n_mm=expected[whisker])
-        except SensorError as error:
-            what = error.what.replace("on whiskers 0 ", "").replace("on whisker 0 ", "")
-            raise SensorError(what, where=f"whisker {whisker}", hint=error.hint) from error
-        gain[whisker], offset[whisker] = one.gain[0], one.offset_n_mm[0]
-    return LeadIn(Calibration(gain=gain, offset_n_mm=offset, from_land=True), n_air, n_land)
+        else:
+            try:
+                one = calibrate_lead_in(air[None], land[None], expected_land_moment_n_mm=expected[whisker])
+            except SensorError as error:
+                what = error.what.replace("on whiskers 0 ", "").replace("on whisker 0 ", "")
+                raise SensorError(what, where=f"whisker {whisker}", hint=error.hint) from error
+            gain[whisker], offset[whisker] = one.gain[0], one.offset_n_mm[0]
+        over = (np.concatenate([air, land]) - offset[whisker]) / gain[whisker]
+        over[air.size :] -= expected[whisker]
+        residual[whisker] = np.sqrt(np.mean(over**2))
+    calibration = Calibration(gain=gain, offset_n_mm=offset, from_land=True)
+    return LeadIn(calibration, n_air, n_land, residual)
 
 
 def _samples(scan: Scan, whisker: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

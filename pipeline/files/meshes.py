@@ -21,8 +21,6 @@ from pipeline.files.grids import square_map
 from pipeline.files.npz import check_size
 from pipeline.files.units import Unit, factors_to_mm
 
-MESH_SUFFIXES = (".stl", ".ply")
-POINT_SUFFIXES = (".xyz", ".asc")
 MAX_FILE_BYTES = 500_000_000
 MOST_SCATTERED = 2_000_000
 """Points off a grid, which are triangulated."""
@@ -48,7 +46,7 @@ def read_mesh(path: Path, *, unit: Unit = Unit.MM) -> HeightMap:
     require_file(path, most_bytes=MAX_FILE_BYTES)
     with damage_reported(path, kind=path.suffix[1:].upper()):
         points, faces = _loaded(path)
-        known = np.isfinite(points).all(axis=1)
+        known = np.asarray(np.isfinite(points).all(axis=1))
         if known.sum() < 4:
             raise FileError(path, f"holds {known.sum()} points", "export the surface")
         z, x_pitch, y_pitch = _on_grid(points[known]) or _triangulated(path, points, faces, known)
@@ -60,7 +58,7 @@ def read_mesh(path: Path, *, unit: Unit = Unit.MM) -> HeightMap:
 
 def _loaded(path: Path) -> tuple[Points, Faces]:
     """Points (n, 3) and triangles (m, 3) of them, none where the file has points alone."""
-    if path.suffix.lower() in POINT_SUFFIXES:
+    if path.suffix.lower() in (".xyz", ".asc"):
         with path.open(encoding="utf-8", errors="replace") as text:
             heading, first = next(((n, line) for n, line in enumerate(text) if _NUMBERS.match(line)), (0, ""))
         delimiter = next((d for d in ",;" if d in first), None)
@@ -70,12 +68,12 @@ def _loaded(path: Path) -> tuple[Points, Faces]:
 
     with path.open("rb") as stream:  # an open file has no neighbours, whose textures would be looked for
         scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
-    points, faces, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+    corners, triangles, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for geometry in scene.geometry.values():
-        points.append(np.asarray(geometry.vertices, dtype=np.float64))
-        faces.append(np.asarray(getattr(geometry, "faces", faces[0]), dtype=np.int64) + before)
-        before += len(points[-1])
-    return np.concatenate(points), np.concatenate(faces)
+        corners.append(np.asarray(geometry.vertices, dtype=np.float64))
+        triangles.append(np.asarray(getattr(geometry, "faces", triangles[0]), dtype=np.int64) + before)
+        before += len(corners[-1])
+    return np.concatenate(corners), np.concatenate(triangles)
 
 
 def _on_grid(points: Points) -> tuple[Points, float, float] | None:

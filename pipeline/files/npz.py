@@ -92,10 +92,10 @@ def read_npz(path: Path, *, unit: Unit = Unit.MM) -> HeightMap:
                     raise FileError(
                         path, f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it"
                     )
-            heights, pitch = (_look(path, archive, name) for name in _NEEDED)
+            heights, distance = (_look(path, archive, name) for name in _NEEDED)
             _check_heights(path, heights)
-            if pitch.size != 1:
-                raise FileError(path, f"pitch_mm has shape {pitch.shape}", "give one number, mm")
+            if distance.size != 1:
+                raise FileError(path, f"pitch_mm has shape {distance.shape}", "give one number, mm")
             pitch = float(_load(archive, "pitch_mm").reshape(()))
             if not (np.isfinite(pitch) and pitch > 0.0):
                 check_pitch(path, pitch)

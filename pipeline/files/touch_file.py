@@ -23,7 +23,8 @@ __all__ = [
     "row_order_matters",
 ]
 
-CORE_SUFFIXES = (".npz", ".x3p", ".sdf", ".stl", ".ply", ".xyz", ".asc")
+MESH_SUFFIXES = (".stl", ".ply", ".xyz", ".asc")
+CORE_SUFFIXES = (".npz", ".x3p", ".sdf", *MESH_SUFFIXES)
 FORMATS_SUFFIXES = (
     *(".al3d", ".apx", ".bcr", ".bcrf", ".datx", ".ezd", ".frt", ".gwy", ".ibw", ".jpk", ".lext", ".mdt"),
     *(".mi", ".mnt", ".nid", ".nms", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
@@ -75,7 +76,7 @@ def read_height_map(
         from pipeline.files.npz import read_npz
 
         return read_npz(path, unit=unit)
-    if suffix in (".stl", ".ply", ".xyz", ".asc"):
+    if suffix in MESH_SUFFIXES:
         from pipeline.files.meshes import read_mesh
 
         return read_mesh(path, unit=unit)

@@ -210,6 +210,7 @@ def _cuts(
     """The characters of a part; ExemplarError where there are none."""
     from pipeline.files.npz import read_soil
     from pipeline.files.touch_file import read_height_map, read_scan
+    from pipeline.files.units import Unit
     from recognition.tactile_part import cut_height_map, cut_scan
 
     if part.scan is not None:
@@ -218,7 +219,7 @@ def _cuts(
         assert part.height_map is not None
         soil = read_soil(part.height_map) if part.height_map.suffix.lower() == ".npz" else None
         cuts = cut_height_map(
-            read_height_map(part.height_map),
+            read_height_map(part.height_map, unit=Unit(settings.unit)),
             text,
             fonts,
             soil=soil,

@@ -142,7 +142,7 @@ class JobSenses:
                 return felt(Part(name, scan=path), self.readers.touch)
             named = _with_suffix(path, Path(job.name_of(what)).suffix, job.folder)
             check_map(named, most=self.limits.max_map_samples)
-            return felt(Part(name, height_map=named), self.readers.touch)
+            return felt(Part(name, height_map=named), self.readers.touch, unit=self.readers.unit)
 
     def of_touch(self, touch: ReadingTrace) -> Sensed:
         """Touch's word, held against the text expected.

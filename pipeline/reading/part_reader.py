@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 from glyphs.errors import FileError
 from pipeline.files.parts import Part
 from pipeline.files.touch_file import read_height_map, read_scan, row_order_matters
+from pipeline.files.units import Unit
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -84,6 +85,10 @@ class SenseReaders(Protocol):
     @property
     def fonts(self) -> tuple[Font, ...]:
         """Fonts of the database."""
+
+    @property
+    def unit(self) -> Unit:
+        """Unit of height files that state none."""
 
     @property
     def touch(self) -> TouchReader:
@@ -156,7 +161,7 @@ class Senses:
             raise part.problem
         senses = senses_of(part, self.mode)
         if senses == (Sense.TOUCH,):
-            touch = felt(part, self.readers.touch)
+            touch = felt(part, self.readers.touch, unit=self.readers.unit)
             found = Sensed(touch.reading, touch, lattice=touch.lattice)
         elif senses == (Sense.VISION,):
             photo = load_photo(part)
@@ -173,7 +178,7 @@ class Senses:
         return self._verified(found, text)
 
     def _fused(self, part: Part) -> Sensed:
-        touch = felt(part, self.readers.touch)
+        touch = felt(part, self.readers.touch, unit=self.readers.unit)
         try:
             photo = load_photo(part, over=touch.height_map)
         except FileError as problem:
@@ -215,11 +220,16 @@ class Senses:
         return (felt, False) if fused is None else (fused[0], bool(fused[1]))
 
 
-def felt(part: Part, reader: TouchReader) -> ReadingTrace:
+def felt(part: Part, reader: TouchReader, *, unit: Unit = Unit.MM) -> ReadingTrace:
     """Load what there is to be felt and read it; a recorded scan goes before a height map.
 
     Of a format that is met with either row first, the other order is tried where the standards' is not
     accepted.
+
+    Args:
+        part: with a scan or a height map.
+        reader: reads it.
+        unit: of height files that state none.
 
     Raises:
         FileError: the file cannot be used.
@@ -229,7 +239,7 @@ def felt(part: Part, reader: TouchReader) -> ReadingTrace:
     if part.height_map is None:
         raise FileError(part.photo or part.name, "has no height map and no scan", "add one")
     found = reader.read_height_map(
-        read_height_map(part.height_map), soil=_soil(part.height_map), part_id=part.name
+        read_height_map(part.height_map, unit=unit), soil=_soil(part.height_map), part_id=part.name
     )
     if not row_order_matters(part.height_map) or not found.reading.text or found.reading.decision == "accept":
         return found

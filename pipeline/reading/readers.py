@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from glyphs.fonts.outlines import Font
 from pipeline.common.settings import ReadSettings
+from pipeline.files.units import Unit
 from recognition.depth_rules import DepthRule, depth_rule, least_depth
 from recognition.reader import Reader, ReaderSettings
 
@@ -34,6 +35,7 @@ class Readers:
         from whisker_array.simulation.traces import Fidelity
 
         names, self.fonts = _fonts(settings)
+        self.unit = Unit(settings.unit)
         self._open: dict[tuple[str, ...], VisionReader] = {}
         thresholds: dict[str, Any] = {
             key: value

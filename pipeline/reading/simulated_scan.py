@@ -10,37 +10,29 @@ import numpy as np
 from glyphs.errors import MarksError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from recognition.levelling import first_look, level
+from recognition.levelling import level
+from recognition.reader import Reader
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import RasterPlan, default_plan
+from whisker_array.whisker.array import RasterPlan
 from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
 
 _RANGE_LAND_MOMENTS = 3.0
 
 
-def plan_for(
-    height_map: HeightMap, *, height_mm: float | None, rows: int = 1, two_way: bool = False
-) -> tuple[RasterPlan, float]:
-    """The raster over the whole map, and the character height that it is made for.
+def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
+    """The character height that reading the part finds.
 
-    Args:
-        height_map: the part.
-        height_mm: character height; found out unless given.
-        rows: of whiskers, see `feel`.
-        two_way: every pass is felt again on its return.
+    Dirt shows bands of its own, so that only reading tells which of them is the line.
 
     Raises:
-        MarksError: no height given, and none to be seen in the map.
+        ValueError: nothing to be read.
     """
-    if height_mm is None:
-        heights = first_look(level(height_map)).heights_mm
-        if not heights:
-            raise MarksError("no characters to be seen, so the scale is unknown", hint="give --height-mm")
-        height_mm = float(f"{heights[0]:.3g}")
-    region = (0.0, 0.0, *height_map.size_mm)
-    return default_plan(region, character_height_mm=height_mm, rows=rows, two_way=two_way), height_mm
+    reading = Reader().read_height_map(height_map, soil=soil).reading
+    if not reading.characters:
+        raise ValueError("no characters were found, so the scale is unknown; give --height-mm")
+    return float(f"{reading.height_mm:.3g}")
 
 
 def feel(

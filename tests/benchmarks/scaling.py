@@ -32,10 +32,11 @@ from scipy.stats import theilslopes
 from glyphs.fonts.glyph import Font, FontError, Glyph
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from pipeline.files.synth import SynthSpec, make_part
-from pipeline.reading.simulated_scan import feel, plan_for
+from pipeline.reading.simulated_scan import feel
 from recognition.reader import ALPHABET, Reader, ReaderSettings
 from whisker_array.scan.recording import save_scan
 from whisker_array.scan.scan import Scan
+from whisker_array.whisker.array import default_plan
 
 HEIGHT_MM = 5.0
 ONE_CORE = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
@@ -83,7 +84,7 @@ def mask_of(count: int) -> str:
 def a_scan(mask: str, number: int) -> tuple[str, Scan]:
     """What was stamped, and the recording of it."""
     part = make_part(SynthSpec(mask=mask, seed=400), number)
-    plan, _ = plan_for(part.height_map, height_mm=HEIGHT_MM)
+    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=HEIGHT_MM)
     scan = feel(part.height_map, plan=plan, height_mm=HEIGHT_MM, sensor_seed=number)
     return "".join(part.text.split()), scan
 

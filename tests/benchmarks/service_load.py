@@ -27,9 +27,10 @@ import numpy as np
 
 from glyphs.soiling.dirty import Dirt
 from pipeline.files.synth import SynthSpec, make_part, write_part
-from pipeline.reading.simulated_scan import feel, plan_for
+from pipeline.reading.simulated_scan import feel
 from pipeline.service.process import service_process
 from whisker_array.scan.recording import save_scan
+from whisker_array.whisker.array import default_plan
 
 HEIGHT_MM = 5.0
 MASK = "AA999999"
@@ -61,8 +62,8 @@ def make_supplies(folder: Path, *, parts: int, dirt: float, seed: int = 5) -> Su
         write_part(spec, stem, number, photos=True)
         photos.append(stem.with_suffix(".png").read_bytes())
         soiled = make_part(spec, number)
-        plan, height = plan_for(soiled.height_map, height_mm=HEIGHT_MM)
-        scan = feel(soiled.height_map, plan=plan, height_mm=height, sensor_seed=number, soil=soiled.soil)
+        plan = default_plan((0.0, 0.0, *soiled.height_map.size_mm), character_height_mm=HEIGHT_MM)
+        scan = feel(soiled.height_map, plan=plan, height_mm=HEIGHT_MM, sensor_seed=number, soil=soiled.soil)
         save_scan(scan, stem.with_suffix(".h5"))
         scans.append(stem.with_suffix(".h5").read_bytes())
     return Supplies(tuple(photos), tuple(scans))

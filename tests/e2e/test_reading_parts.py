@@ -44,6 +44,10 @@ def test_a_part_is_scanned_calibrated_read_and_drawn(parts: Path, capsys: pytest
     assert scan.part_id == "part-000"
     assert scan.start_time
     assert main(["calibrate", "part-000.h5"]) == 0
+    assert load_scan("part-000.h5").calibration is None
+    assert load_scan("part-000-calibrated.h5").calibration is not None
+    assert main(["calibrate", "part-000.h5", "--in-place", "--out", "other.h5"]) == 2
+    assert main(["calibrate", "part-000.h5", "--in-place"]) == 0
     calibrated = load_scan("part-000.h5").calibration
     assert calibrated is not None
     assert abs(calibrated.gain - 1.0).max() < 0.12

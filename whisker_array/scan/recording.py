@@ -63,8 +63,11 @@ def save_scan(scan: Scan, path: str | Path) -> None:
         _write(scan, file)
 
 
-def save_calibration(path: str | Path, calibration: Calibration, *, out: str | Path | None = None) -> None:
+def save_calibration(path: str | Path, calibration: Calibration, *, out: str | Path | None = None) -> str:
     """Put a calibration into a recording, leaving all else of it as it is; into a copy where `out` is given.
+
+    Returns:
+        Unit of the raw signal, and so of the offsets: "V" or "N mm".
 
     Raises:
         FileError: the recording cannot be read or the file cannot be written.
@@ -80,7 +83,9 @@ def save_calibration(path: str | Path, calibration: Calibration, *, out: str | P
     with _replacing(Path(out) if out is not None else path) as temporary:
         shutil.copyfile(path, temporary)
         with h5py.File(temporary, "r+") as file:
-            _write_calibration(file, calibration, volt=text_attribute(file.attrs, "units", "N*mm") == VOLT)
+            volt = text_attribute(file.attrs, "units", "N*mm") == VOLT
+            _write_calibration(file, calibration, volt=volt)
+    return VOLT if volt else "N mm"
 
 
 @contextlib.contextmanager

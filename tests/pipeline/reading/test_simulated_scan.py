@@ -1,0 +1,24 @@
+"""The scale of a scan when nobody gives the character height."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from glyphs import HeightMap, stamp
+from pipeline.reading.simulated_scan import find_height_mm
+from recognition.levelling import first_look, level
+
+
+def test_dirt_does_not_make_the_characters_taller() -> None:
+    """On this part the highest band is dirt and line together."""
+    part = stamp("KX407251", font="gothic", height_mm=5.0, seed=3, dirt=0.6)
+    assert first_look(level(part.height_map)).heights_mm[0] > 8.0
+    # shops stamp within a few percent of the height asked for
+    assert find_height_mm(part.height_map, soil=part.soil) == pytest.approx(5.0, rel=0.06)
+
+
+def test_a_map_without_characters_needs_a_height() -> None:
+    flat = HeightMap(np.zeros((40, 120), np.float32), 0.1)
+    with pytest.raises(ValueError, match="--height-mm"):
+        find_height_mm(flat)
