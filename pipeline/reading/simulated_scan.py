@@ -27,11 +27,11 @@ def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
     Dirt shows bands of its own, so that only reading tells which of them is the line.
 
     Raises:
-        ValueError: nothing to be read.
+        MarksError: nothing to be read.
     """
     reading = Reader().read_height_map(height_map, soil=soil).reading
     if not reading.characters:
-        raise ValueError("no characters were found, so the scale is unknown; give --height-mm")
+        raise MarksError("no characters were found, so the scale is unknown", hint="give --height-mm")
     return float(f"{reading.height_mm:.3g}")
 
 

@@ -343,7 +343,7 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
         with pytest.raises(FileError, match="is not there"):
             (read_scan if path.suffix == ".h5" else read_height_map)(path)
     (tmp_path / "folder.npz").mkdir()
-    with pytest.raises(FileError, match="is no file"):
+    with pytest.raises(FileError, match="is not a file"):
         read_height_map(tmp_path / "folder.npz")
 
 

@@ -20,6 +20,7 @@ from pipeline.files.listing import list_parts
 from pipeline.files.npz import soil_members, write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.files.photos import write_photo
+from pipeline.files.units import Unit
 from pipeline.reading.expected import Expected
 from pipeline.reading.part_reader import Mode, Sense, Senses, senses_of
 from recognition.grammar import Grammar
@@ -48,6 +49,7 @@ class FakeReaders:
     grammar: Grammar | None = None
     told: ReaderSettings = field(default_factory=lambda: ReaderSettings(mask="A9"))
     fonts: tuple[Font, ...] = ()
+    unit: Unit = Unit.MM
     given: list[Any] = field(default_factory=list)
     opened: list[str] = field(default_factory=list)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from glyphs import HeightMap, stamp
+from glyphs.errors import MarksError
 from pipeline.reading.simulated_scan import find_height_mm
 from recognition.levelling import first_look, level
 
@@ -20,5 +21,5 @@ def test_dirt_does_not_make_the_characters_taller() -> None:
 
 def test_a_map_without_characters_needs_a_height() -> None:
     flat = HeightMap(np.zeros((40, 120), np.float32), 0.1)
-    with pytest.raises(ValueError, match="--height-mm"):
+    with pytest.raises(MarksError, match="--height-mm"):
         find_height_mm(flat)
