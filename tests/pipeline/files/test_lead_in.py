@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from glyphs.errors import MarksError
 from glyphs.surface.maps import HeightMap
 from pipeline.files.lead_in import calibrate_scan
 from whisker_array.scan.scan import Scan, trace_scan
