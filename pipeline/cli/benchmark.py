@@ -24,11 +24,11 @@ FidelityName = Literal["pointwise", "contact"]
 def benchmark(
     *,
     out: Path,
-    severities: str | None = None,
+    dirt: str | None = None,
     parts: int | None = None,
-    modes: str = "tactile,vision,fused",
-    fonts: str | None = None,
-    formats: str | None = None,
+    mode: str = "tactile,vision,fused",
+    font: str | None = None,
+    format: str | None = None,
     seed: int = 1,
     jobs: int = 1,
     cluster: str | None = None,
@@ -52,16 +52,16 @@ def benchmark(
     ----------
     out
         Folder for the trials and the report; made if it is not there.
-    severities
-        Of the dirt, 0 to 1, separated by commas; 0,0.3,0.6,0.9 unless given. Of --inputs: theirs, if known.
+    dirt
+        How dirty, 0 to 1, separated by commas; 0,0.3,0.6,0.9 unless given. Of --inputs: theirs, if known.
     parts
-        Of every severity, font and format; 200 unless given.
-    modes
-        Senses that read: tactile, vision, fused, separated by commas.
-    fonts
+        Number of parts for every dirt, font and format; 200 unless given.
+    mode
+        What reads: tactile, vision, fused, separated by commas.
+    font
         Built-in names or TTF/OTF files, separated by commas; gothic unless given. The reader is told which. Of
         --inputs: those that may be theirs, all built-in ones unless given.
-    formats
+    format
         Masks of the serials, separated by commas; AA999999 unless given. The reader is told which. Of --inputs:
         theirs, if known.
     seed
@@ -96,10 +96,8 @@ def benchmark(
             raise CommandError("benchmark: --inputs and --truth go together", status=USAGE)
         if jobs < 1:
             raise CommandError(f"benchmark: jobs is {jobs}", hint="it must be at least 1", status=USAGE)
-        if inputs is not None and (severities is not None or parts is not None):
-            raise CommandError(
-                "benchmark: --severities and --parts are for parts that are made", status=USAGE
-            )
+        if inputs is not None and (dirt is not None or parts is not None):
+            raise CommandError("benchmark: --dirt and --parts are for parts that are made", status=USAGE)
         from glyphs.stamping.die import Face
         from pipeline.benchmark.mode import ModeSettings
         from pipeline.benchmark.modes import PEERS
@@ -114,17 +112,17 @@ def benchmark(
         if inputs is not None and truth is not None:
             from dataclasses import replace
 
-            masks, known = _listed(formats or ""), _numbers(severities or "")
+            masks, known = _listed(format or ""), _numbers(dirt or "")
             if len(masks) > 1 or len(known) > 1:
-                raise CommandError("benchmark: a folder has one format and one severity", status=USAGE)
-            told = replace(told, fonts=_listed(fonts or ""))
+                raise CommandError("benchmark: a folder has one format and one dirt", status=USAGE)
+            told = replace(told, fonts=_listed(font or ""))
             condition = Condition(known[0] if known else None, "", masks[0] if masks else "")
             source = FolderParts.load(inputs, truth, condition)
         else:
             source = SynthParts(
-                severities=tuple(_numbers(severities or "0,0.3,0.6,0.9")),
-                fonts=_listed(fonts or "gothic"),
-                formats=_listed(formats or "AA999999"),
+                severities=tuple(_numbers(dirt or "0,0.3,0.6,0.9")),
+                fonts=_listed(font or "gothic"),
+                formats=_listed(format or "AA999999"),
                 parts=200 if parts is None else parts,
                 seed=seed,
                 height_mm=height_mm,
@@ -133,7 +131,7 @@ def benchmark(
                 light_azimuth_deg=light_azimuth_deg,
                 light_elevation_deg=light_elevation_deg,
             )
-        chosen = _listed(modes) + (tuple(PEERS) if peers else ())
+        chosen = _listed(mode) + (tuple(PEERS) if peers else ())
         written = _run(Benchmark(source, chosen, told), out, jobs=jobs, cluster=cluster)
     _tell(written)
     return 0
@@ -147,7 +145,7 @@ def _numbers(text: str) -> list[float]:
     try:
         return [float(item) for item in _listed(text)]
     except ValueError as error:
-        raise SettingsError(f"severities are {text!r}", hint="give numbers separated by commas") from error
+        raise SettingsError(f"--dirt is {text!r}", hint="give numbers separated by commas") from error
 
 
 def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:

@@ -24,7 +24,7 @@ def design(
     alpha: str,
     mu: str,
     depth_mm: float,
-    char_height_mm: float,
+    height_mm: float,
     wire: WireName = "music",
     section: SectionName = "auto",
     speed_mm_s: float | None = None,
@@ -44,7 +44,7 @@ def design(
         Friction, least:greatest, e.g. 0.1:0.5.
     depth_mm
         Depth of the deepest marks.
-    char_height_mm
+    height_mm
         Character height.
     wire
         What whiskers are made of.
@@ -82,7 +82,7 @@ def design(
             alpha_rad=(math.radians(low), math.radians(high)),
             mu=_range("--mu", mu),
             depth_mm=depth_mm,
-            character_height_mm=char_height_mm,
+            character_height_mm=height_mm,
             speed_mm_s=speed_mm_s,
         )
         limits = Limits(beta_rad=(math.radians(flat), math.radians(steep)))

@@ -14,7 +14,7 @@ def figures(
     mu: float = 0.2,
     noise: float = 0.0,
     seed: int = 0,
-    format: Literal["png", "svg"] = "png",
+    picture_format: Literal["png", "svg"] = "png",
 ) -> int:
     """Draw Figs. 4, 6 and 7 of the paper, with the step F read off simulated traces beside eq. (16), and more.
 
@@ -30,8 +30,8 @@ def figures(
         Rms noise of the moment as a share of its value on the land, 0 to 0.02.
     seed
         Seed of the noise.
-    format
-        Picture format.
+    picture_format
+        Of the pictures.
     """
     with failures_told():
         from pipeline.plots.drawing import FigureSettings
@@ -39,7 +39,7 @@ def figures(
 
         settings = FigureSettings(mu=mu, noise=noise, seed=seed)
         print("tracing and drawing (the first time also compiles the kernels) ...", flush=True)
-        gallery = draw_gallery(out, settings=settings, picture_format=format)
+        gallery = draw_gallery(out, settings=settings, picture_format=picture_format)
     print("\n".join(step_table(gallery.rows)))
     print(
         "peak: highest moment over the land's; the ball rounds the edge, and in contact the tip slides off it"

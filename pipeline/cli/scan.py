@@ -20,7 +20,7 @@ def scan(
     height_mm: float | None = None,
     fidelity: FidelityName = "contact",
     noise: bool = True,
-    sensor_seed: int = 0,
+    seed: int = 0,
     whisker: Path | None = None,
     friction: float | None = None,
     profilers: bool = False,
@@ -42,7 +42,7 @@ def scan(
         How touch is simulated.
     noise
         Sensors as they come from the bench: gains, offsets, noise, drift, 16 bits.
-    sensor_seed
+    seed
         Of gains, offsets and noise.
     whisker
         Whisker to scan with, as `design --out` writes it; one for the character height unless given.
@@ -108,7 +108,7 @@ def scan(
             height_mm=height,
             fidelity=Fidelity(fidelity),
             noise=noise,
-            sensor_seed=sensor_seed,
+            sensor_seed=seed,
             part_id=height_map.stem,
             touch=touch,
             friction=friction,

@@ -79,8 +79,8 @@ def test_a_worker_lost_in_the_middle_costs_no_part(parts: Path, tmp_path: Path) 
 def test_a_benchmark_is_the_same_on_a_cluster(tmp_path: Path) -> None:
     (logs := tmp_path / "logs").mkdir()
     arguments = (
-        *("benchmark", "--out", "there", "--parts", "4", "--severities", "0", "--modes", "tactile"),
-        *("--formats", "A9", "--height-mm", "4"),
+        *("benchmark", "--out", "there", "--parts", "4", "--dirt", "0", "--mode", "tactile"),
+        *("--format", "A9", "--height-mm", "4"),
     )
     with cluster_process(logs) as cluster:
         process = run(cluster, tmp_path, *arguments)

@@ -21,7 +21,7 @@ ASKED = [
     "0.1:0.5",
     "--depth-mm",
     "0.2",
-    "--char-height-mm",
+    "--height-mm",
     "5",
     "--no-trade-offs",
 ]
@@ -61,7 +61,7 @@ def test_what_is_designed_is_written_drawn_and_scanned_with(
         ("--alpha", "steep"),
         ("--mu", "0.5:0.1"),
         ("--depth-mm", "-1"),
-        ("--char-height-mm", "nan"),
+        ("--height-mm", "nan"),
     ],
 )
 def test_a_request_that_makes_no_sense_is_refused(

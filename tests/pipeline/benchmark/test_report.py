@@ -168,8 +168,8 @@ def test_two_parts_from_the_command_line(
 ) -> None:
     out = tmp_path / "out"
     arguments = [
-        "benchmark", "--out", str(out), "--severities", "0", "--parts", "2", "--modes", "tactile",
-        "--formats", "99", "--fidelity", "pointwise",
+        "benchmark", "--out", str(out), "--dirt", "0", "--parts", "2", "--mode", "tactile",
+        "--format", "99", "--fidelity", "pointwise",
     ]  # fmt: skip
     assert main(arguments) == 0
     said = capsys.readouterr().out
@@ -194,9 +194,9 @@ def test_two_parts_from_the_command_line(
     [
         (["--inputs", "x"], "go together"),
         (["--jobs", "0"], "at least 1"),
-        (["--severities", "a"], "numbers separated by commas"),
-        (["--severities", "2"], "between 0 and 1"),
-        (["--modes", "smell"], "no mode 'smell'"),
+        (["--dirt", "a"], "numbers separated by commas"),
+        (["--dirt", "2"], "between 0 and 1"),
+        (["--mode", "smell"], "no mode 'smell'"),
     ],
 )
 def test_bad_usage_is_told(

@@ -11,7 +11,7 @@ from pipeline.cli.exit_status import FAILED, USAGE, CommandError
 from pipeline.files.whisker_file import read_whisker_file
 from whisker_array.whisker.shapes import LShaped
 
-ASKED = {"alpha": "30:60", "mu": "0.1:0.5", "depth_mm": 0.2, "char_height_mm": 5.0}
+ASKED = {"alpha": "30:60", "mu": "0.1:0.5", "depth_mm": 0.2, "height_mm": 5.0}
 
 
 def test_a_design_is_told_written_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,7 +63,7 @@ def test_a_level_whisker_can_be_asked_for(capsys: pytest.CaptureFixture[str]) ->
         ({"mu": "0.1:nan"}, "--mu"),
         ({"mu": "-0.1:0.5"}, "friction"),
         ({"depth_mm": 0.0}, "depth_mm"),
-        ({"char_height_mm": -5.0}, "character_height_mm"),
+        ({"height_mm": -5.0}, "character_height_mm"),
         ({"beta_deg": "-10:45"}, "--beta-deg"),
         ({"section": "round"}, "take a ribbon"),
         ({"sensitive_to": 3.0}, "cannot be singled out"),
