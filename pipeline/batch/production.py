@@ -11,15 +11,7 @@ from typing import Any
 
 from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
-from pipeline.batch.setup import (
-    ExecutorOptions,
-    Target,
-    absolute,
-    open_readers,
-    opened,
-    order_for,
-    with_expected,
-)
+from pipeline.batch.setup import Target, absolute, open_readers, opened, order_for, with_expected
 from pipeline.common.atomic import check_writable, replacing
 from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings
@@ -30,6 +22,7 @@ from pipeline.files.truth import Scores, load_truth
 from pipeline.reading.expected import load_expected
 from pipeline.reading.part_reader import Mode
 from pipeline.reading.readers import Readers
+from pipeline.workers.options import ExecutorOptions
 
 MOST_SHOWN = 200
 """Parts whose rows are printed; of more the counts are, and the table has the rows."""
@@ -97,9 +90,9 @@ def produce(asked: Asked, settings: ReadSettings, target: Target, means: Executo
 
             run.on_any_row = on_any_row
             began = time.monotonic()
-            with means.crew(settings, len(parts) - done) as crew:
-                run.work(parts, order, crew)
-                workers = crew.workers
+            with means.opened(len(parts) - done) as executor:
+                run.work(parts, order, executor)
+                workers = executor.workers
         elapsed_s = time.monotonic() - began
     if shown is not None:
         from pipeline.batch.read_table import print_table

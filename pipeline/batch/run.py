@@ -1,6 +1,6 @@
-"""A night's production: many parts, read by a crew, every row on the disk before the next one counts.
+"""A night's production: many parts, read by an executor, every row on the disk before the next one counts.
 
-    listed parts --not done yet--> crew --> store --> table (RunJournal) --> quarantine, summary
+    listed parts --not done yet--> executor --> store --> table (RunJournal) --> quarantine, summary
 
 Whatever ends the run, the same command goes on where it ended: a part whose row is in the table is not read again. One
 that the store has and the table has not is read again, and the store takes it once.
@@ -60,7 +60,7 @@ class Run:
     read_now: int = 0
     finished: bool = False
 
-    def work(self, parts: Sequence[ListedPart], order: RunOrder, crew: Executor) -> None:
+    def work(self, parts: Sequence[ListedPart], order: RunOrder, executor: Executor) -> None:
         """Read every part whose row the book does not hold, and put the table in the order of the parts.
 
         Raises:
@@ -70,7 +70,7 @@ class Run:
         if self.book is not None:
             for row in self.book.rows():
                 self._count(row)
-        for outcome in crew.calls(read_listed, order, self.missing(parts)):
+        for outcome in executor.calls(read_listed, order, self.missing(parts)):
             self._take(_read_of(outcome))
         if self.book is not None:
             self.book.finish(part.name for part in parts)

@@ -1,4 +1,4 @@
-"""From what a command line names to a run that is ready: its table, list of bad parts, store and crew."""
+"""From what a command line names to a run that is ready: its table, list of bad parts, and store."""
 
 from __future__ import annotations
 
@@ -14,14 +14,11 @@ from pipeline.batch.run import Run
 from pipeline.batch.task import RunOrder
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.listed import ListedPart
-from pipeline.workers.executors import PART_TIMEOUT_S, Executor, InlineExecutor, PoolExecutor, cores
+from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
     from pipeline.reading.expected import Expected
     from pipeline.reading.part_reader import Mode, SenseReaders
-
-FEW_PARTS = 12
-"""So many are read here and now: to start processes would take longer."""
 
 
 @dataclass(frozen=True)
@@ -56,43 +53,6 @@ class Target:
             raise SettingsError("--evidence goes with a store: --out sqlite:///parts.db")
         if self.out is not None and self.store is None:
             check_output(Path(self.out))
-
-
-@dataclass(frozen=True)
-class ExecutorOptions:
-    """Who reads.
-
-    Attributes:
-        jobs: processes; as many as there are cores, or none for a few parts, unless given.
-        cluster: address of a Dask scheduler, whose workers read instead.
-        part_timeout_s: after which a process of this machine gives a part up.
-    """
-
-    jobs: int | None = None
-    cluster: str | None = None
-    part_timeout_s: float = PART_TIMEOUT_S
-
-    @contextmanager
-    def crew(self, settings: ReadSettings, parts: int) -> Iterator[Executor]:
-        """The crew for so many parts.
-
-        Raises:
-            ClusterError: no cluster, or none that can be used.
-            SettingsError: a number of jobs that cannot be.
-        """
-        if self.cluster is not None:
-            from pipeline.workers.cluster import ClusterExecutor
-
-            with ClusterExecutor(self.cluster) as cluster:
-                yield cluster
-            return
-        few = self.jobs is None and parts <= FEW_PARTS
-        jobs = min(cores() if self.jobs is None else self.jobs, max(1, parts))
-        if few or jobs == 1:
-            yield InlineExecutor()
-            return
-        with PoolExecutor(settings, jobs, timeout_s=self.part_timeout_s) as pool:
-            yield pool
 
 
 @contextmanager
@@ -134,7 +94,7 @@ def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
 
 
 def order_for(settings: ReadSettings, target: Target, means: ExecutorOptions, *, verify: bool) -> RunOrder:
-    """How the parts are read, ready to be sent to the crew.
+    """How the parts are read, ready to be sent to the workers.
 
     Raises:
         FileError: a file of the settings that cannot be sent.

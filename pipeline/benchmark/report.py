@@ -14,6 +14,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,13 +25,14 @@ from pipeline.benchmark.charts import inlined, modes_in, severities_in, severity
 from pipeline.benchmark.confusion import characters_right
 from pipeline.benchmark.modes import PEERS
 from pipeline.benchmark.peers import ACCEPTED_FROM
-from pipeline.benchmark.run import Benchmark, in_workers
+from pipeline.benchmark.run import Benchmark
 from pipeline.benchmark.shares import Share
 from pipeline.benchmark.statistics import Group, Statistics, plain, statistics_of
 from pipeline.benchmark.targets import Verdict, verdicts
 from pipeline.benchmark.trials import Trial
 from pipeline.benchmark.worst_parts import WorstPart, draw_worst, marked, rank_worst
 from pipeline.common.atomic import replacing
+from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
 
 PAGE, TABLE, FIGURES = "report.html", "benchmark.csv", "benchmark.json"
 _TEMPLATE = "report.html.j2"
@@ -81,7 +83,7 @@ def write_report(
     folder: Path,
     *,
     command: str = "",
-    jobs: int = 1,
+    executor: Executor | None = None,
 ) -> Written:
     """Write the page, the table and the figures.
 
@@ -90,7 +92,7 @@ def write_report(
         trials: of all parts and modes, in order.
         folder: for them.
         command: how to do it again, as typed.
-        jobs: worker processes that draw the worst parts.
+        executor: who draws the worst parts; this process unless given.
 
     Raises:
         FileError: the folder cannot be written.
@@ -100,8 +102,8 @@ def write_report(
     found = statistics_of(trials)
     judged = tuple(verdicts(found))
     items = {item.part: item for item in benchmark.parts.items()}
-    ranked = [(part, benchmark, items[part.part]) for part in rank_worst(trials)]
-    worst = list(in_workers(draw_worst, ranked, jobs=jobs))
+    ranked = [(part, items[part.part]) for part in rank_worst(trials)]
+    worst = list(ordered_map(executor or InlineExecutor(), partial(draw_worst, benchmark), ranked))
     written = Written(folder / PAGE, folder / TABLE, folder / FIGURES, found, judged)
     _write_table(trials, written.table)
     with replacing(written.figures) as temporary:

@@ -8,31 +8,20 @@ order, and how often the run was broken off.
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from glyphs.errors import MarksError
 from pipeline.benchmark.mode import ModeReader, ModeSettings, Readers, Senses
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Condition, Item, Parts
 from pipeline.benchmark.trials import Trial, TrialJournal, answer_of
-from pipeline.common.allocator import kept_memory
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
-from pipeline.workers.executors import Executor
-
-Result = TypeVar("Result")
-_AGAIN = "what is done is kept, the same command goes on from there; try fewer --jobs"
-
-
-class WorkerDiedError(MarksError):
-    """A worker process was killed from outside."""
+from pipeline.workers.executors import Executor, InlineExecutor
 
 
 @dataclass(frozen=True)
@@ -79,8 +68,7 @@ def run_benchmark(
     benchmark: Benchmark,
     folder: Path,
     *,
-    jobs: int = 1,
-    crew: Executor | None = None,
+    executor: Executor | None = None,
     on_start: Callable[[int, int], None] | None = None,
     on_part: Callable[[Sequence[Trial]], None] | None = None,
 ) -> list[Trial]:
@@ -89,8 +77,7 @@ def run_benchmark(
     Args:
         benchmark: what to try.
         folder: where the trials are kept; made if need be.
-        jobs: worker processes; 1 works in this one.
-        crew: works instead, such as a cluster.
+        executor: who works; this process unless given.
         on_start: told how many parts there are and how many of these are done already.
         on_part: told of every part as it is done.
 
@@ -110,64 +97,21 @@ def run_benchmark(
     missing = [item for item in items if item.part not in book.done]
     if on_start is not None:
         on_start(len(items), len(items) - len(missing))
-    for trials in _tried(benchmark, missing, jobs=jobs, crew=crew):
+    for trials in _tried(benchmark, missing, executor or InlineExecutor()):
         book.add(trials[0].part, trials)
         if on_part is not None:
             on_part(trials)
     return [trial for item in items for trial in book.done[item.part]]
 
 
-def _tried(
-    benchmark: Benchmark, items: Sequence[Item], *, jobs: int, crew: Executor | None
-) -> Iterator[tuple[Trial, ...]]:
+def _tried(benchmark: Benchmark, items: Sequence[Item], executor: Executor) -> Iterator[tuple[Trial, ...]]:
     """The trials of every part, as they are done."""
-    if crew is None:
-        tasks = [(benchmark, item) for item in items]
-        yield from in_workers(try_part, tasks, jobs=jobs, ordered=False)
-        return
-    for outcome in crew.calls(try_part, benchmark, items):
+    for outcome in executor.calls(try_part, benchmark, items):
         if outcome.result is not None:
             yield outcome.result
         else:
             assert outcome.error is not None
             yield _failed(benchmark, outcome.task, outcome.error)
-
-
-def in_workers(
-    act: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], *, jobs: int, ordered: bool = True
-) -> Iterator[Result]:
-    """What `act` makes of every task's arguments, from processes of their own unless `jobs` is 1.
-
-    Args:
-        act: a function of a module.
-        tasks: its arguments, which must be picklable.
-        jobs: processes; none is forked, for a forked child dies in its first parallel kernel.
-        ordered: in the order of the tasks; otherwise as they are done.
-
-    Raises:
-        WorkerDiedError: a process was killed.
-    """
-    if jobs == 1 or len(tasks) < 2:
-        yield from (act(*task) for task in tasks)
-        return
-    import joblib
-
-    how = "generator" if ordered else "generator_unordered"
-    with kept_memory(), joblib.parallel_config(backend="loky", inner_max_num_threads=1):
-        pool = joblib.Parallel(n_jobs=jobs, return_as=how, batch_size=1, pre_dispatch="2*n_jobs")
-        try:
-            yield from pool(joblib.delayed(_alone)(act, task) for task in tasks)
-        except BrokenExecutor as error:
-            raise WorkerDiedError("a worker died, perhaps for want of memory", hint=_AGAIN) from error
-
-
-def _alone(act: Callable[..., Result], task: tuple[Any, ...]) -> Result:
-    """In a worker: the other workers have the other cores."""
-    with contextlib.suppress(ImportError):
-        from recognition.opencv import cv2
-
-        cv2.setNumThreads(1)
-    return act(*task)
 
 
 def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:

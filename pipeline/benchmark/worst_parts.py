@@ -85,8 +85,9 @@ def _why(trial: Trial) -> str:
     return f"{trial.mode}: right, but little sure ({trial.confidence:.3f}, {trial.decision})"
 
 
-def draw_worst(worst: WorstPart, benchmark: Benchmark, item: Item) -> WorstPart:
-    """Make the part again and draw it; a part that cannot be drawn tells why."""
+def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPart:
+    """Make the part again and draw it; a part that cannot be drawn says why."""
+    worst, item = ranked
     try:
         specimen = benchmark.parts.make(item)
         senses = Senses(specimen, readers_for(benchmark.settings_for(item.condition)))

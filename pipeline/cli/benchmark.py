@@ -149,32 +149,27 @@ def _numbers(text: str) -> list[float]:
 
 
 def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:
-    from contextlib import nullcontext
-
     from pipeline.benchmark.report import command_line, write_report
-    from pipeline.benchmark.run import WorkerDiedError, run_benchmark
-    from pipeline.workers.cluster import ClusterError, ClusterExecutor
+    from pipeline.benchmark.run import run_benchmark
+    from pipeline.workers.cluster import ClusterError
+    from pipeline.workers.options import ExecutorOptions
+    from pipeline.workers.pool import WorkerLostError
 
     with _Progress() as progress:
         try:
-            with ClusterExecutor(cluster) if cluster is not None else nullcontext() as crew:
+            with ExecutorOptions(jobs, cluster).opened(len(benchmark.parts.items())) as executor:
                 trials = run_benchmark(
-                    benchmark,
-                    out,
-                    jobs=jobs,
-                    crew=crew,
-                    on_start=progress.start,
-                    on_part=progress.on_part,
+                    benchmark, out, executor=executor, on_start=progress.start, on_part=progress.on_part
                 )
-            progress.say("drawing the report")
-            return write_report(benchmark, trials, out, command=command_line(), jobs=jobs)
+                progress.say("drawing the report")
+                return write_report(benchmark, trials, out, command=command_line(), executor=executor)
         except KeyboardInterrupt as error:
             raise CommandError(
                 "interrupted",
                 hint=f"what is done stands in {out}, the same command goes on from there",
                 status=INTERRUPTED,
             ) from error
-        except (WorkerDiedError, ClusterError) as error:
+        except (WorkerLostError, ClusterError) as error:
             raise CommandError(str(error)) from error
 
 

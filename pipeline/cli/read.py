@@ -60,9 +60,10 @@ def read(
         A part that takes a worker process longer is given up.
     """
     from pipeline.batch.production import Asked, produce
-    from pipeline.batch.setup import ExecutorOptions, Target
+    from pipeline.batch.setup import Target
     from pipeline.store.errors import StoreError
     from pipeline.workers.cluster import ClusterError
+    from pipeline.workers.options import ExecutorOptions
 
     given = (*inputs, *(manifest or ()))
     if not given:

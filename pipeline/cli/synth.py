@@ -97,10 +97,13 @@ def synth(
     """
     with failures_told():
         from dataclasses import replace
+        from functools import partial
 
         from glyphs.soiling.dirty import Dirt
         from glyphs.stamping.die import Face
         from pipeline.files.synth import SynthSpec, write_parts
+        from pipeline.workers.executors import ordered_map
+        from pipeline.workers.options import ExecutorOptions
 
         own = {
             "grime": grime,
@@ -126,6 +129,8 @@ def synth(
             light_elevation_deg=light_elevation_deg,
             pixel_mm=pixel_mm,
         )
-        made = write_parts(spec, out, parts=parts, photos=photo, workers=workers, overwrite=overwrite)
+        with ExecutorOptions(jobs=workers).opened(parts) as executor:
+            each = partial(ordered_map, executor)
+            made = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)
     print(f"wrote {len(made)} parts and truth.csv to {out}")
     return 0

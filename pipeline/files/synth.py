@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -118,8 +119,8 @@ def write_parts(
     *,
     parts: int,
     photos: bool = True,
-    workers: int = 1,
     overwrite: bool = False,
+    each: Callable[[Callable[[int], str], Iterable[int]], Iterable[str]] = map,
     on_part: Callable[[str], None] | None = None,
 ) -> list[tuple[str, str]]:
     """Write the parts as `.npz`, their photographs as `.png` and the truth as `truth.csv`.
@@ -129,8 +130,9 @@ def write_parts(
         folder: for them, made if need be.
         parts: how many.
         photos: whether photographs are taken.
-        workers: processes; what is written does not depend on it.
         overwrite: write into a folder that is not empty.
+        each: calls a function with every number and gives the results in order, as `map` does; what is written does
+            not depend on who does it.
         on_part: called with the name of every part when it is written, in order.
 
     Returns:
@@ -139,17 +141,16 @@ def write_parts(
     Raises:
         FileError: the folder is not empty and not to be overwritten, or cannot be written.
         MapError: a photograph too large.
-        SettingsError: a number of parts or workers that cannot be.
+        SettingsError: a number of parts that cannot be.
     """
     if not 1 <= parts <= MAX_PARTS:
         raise SettingsError(f"the number of parts is {parts}", hint=f"it lies between 1 and {MAX_PARTS:,}")
-    if workers < 1:
-        raise SettingsError(f"the number of workers is {workers}", hint="it must be at least 1")
     _prepare(folder, overwrite=overwrite)
     digits = max(3, len(str(parts - 1)))
-    names = [f"part-{number:0{digits}d}" for number in range(parts)]
     truth = []
-    for name, text in zip(names, _written(spec, folder, names, photos, workers), strict=True):
+    texts = each(partial(_write_numbered, spec, folder, digits, photos), range(parts))
+    for number, text in enumerate(texts):
+        name = _name(number, digits)
         truth.append((name, text))
         if on_part is not None:
             on_part(name)
@@ -163,16 +164,12 @@ def write_parts(
     return truth
 
 
-def _written(spec: SynthSpec, folder: Path, names: list[str], photos: bool, workers: int) -> Iterable[str]:
-    """The texts of the parts, each once it is written, in order."""
-    if workers == 1 or len(names) == 1:
-        return (write_part(spec, folder / name, k, photos=photos) for k, name in enumerate(names))
-    from joblib import Parallel, delayed
+def _name(number: int, digits: int) -> str:
+    return f"part-{number:0{digits}d}"
 
-    texts: Iterable[str] = Parallel(n_jobs=min(workers, len(names)), return_as="generator")(
-        delayed(write_part)(spec, folder / name, k, photos=photos) for k, name in enumerate(names)
-    )
-    return texts
+
+def _write_numbered(spec: SynthSpec, folder: Path, digits: int, photos: bool, number: int) -> str:
+    return write_part(spec, folder / _name(number, digits), number, photos=photos)
 
 
 def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str:

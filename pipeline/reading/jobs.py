@@ -36,14 +36,12 @@ class Limits:
         max_photo_pixels: of a photograph.
         max_map_samples: of a height map.
         max_scan_samples: of a recording, instants times channels.
-        memory_mb: a worker's writable memory; 0: no limit. Kept by `pipeline.workers.pool`.
         stage_field_mm: width and height that the stage can feel, where a photograph has no scale.
     """
 
     max_photo_pixels: int = 40_000_000
     max_map_samples: int = 30_000_000
     max_scan_samples: int = 60_000_000
-    memory_mb: int = 4096
     stage_field_mm: tuple[float, float] = (60.0, 25.0)
 
 

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from fastapi.responses import Response
 
 from pipeline.common.version import program_version
 from pipeline.reading.jobs import Limits
+from pipeline.reading.warm_up import warm_up
 from pipeline.service.access import Access
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
@@ -65,10 +67,13 @@ class Service:
         limits = Limits(
             max_photo_pixels=settings.max_photo_pixels,
             max_map_samples=settings.max_map_samples,
-            memory_mb=settings.worker_memory_mb,
         )
         self.pool = WorkPool(
-            reading, limits, workers=settings.jobs, queue=settings.queue, timeout_s=settings.part_timeout_s
+            settings.jobs,
+            queue=settings.queue,
+            timeout_s=settings.part_timeout_s,
+            memory_mb=settings.worker_memory_mb,
+            warm_up=partial(warm_up, reading, limits),
         )
         self.ports = Ports(settings)
         self.desk = PartService(

@@ -1,7 +1,6 @@
-"""A Dask cluster as the crew of a run: workers on many machines, of which any may be lost.
+"""A Dask cluster as an executor: workers on many machines, of which any may be lost.
 
-Dask gives the task of a lost worker to another one, and gives up a task that several workers have died of. joblib's
-own way to Dask is not used: there such a task ends the run, or, asked for results as they come, hangs it.
+Dask gives the task of a lost worker to another one, and gives up a task that several workers have died of.
 """
 
 from __future__ import annotations

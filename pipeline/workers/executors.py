@@ -1,9 +1,10 @@
-"""Who does a run's work: this process, processes of this machine, or a Dask cluster (`pipeline.workers.cluster`).
+"""Who does the work: this process, processes of this machine, or a Dask cluster (`pipeline.workers.cluster`).
 
-    tasks (as they are asked for) --> crew --> outcomes (as they are done)
+    tasks (as they are asked for) --> executor --> outcomes (as they are done)
 
-A crew holds only the few tasks that are at work, so that a run may have any number of them. A worker that is lost
-costs no other task; one that is lost again and again with the same task costs that task, and the run goes on.
+* Every task has one outcome: its result, its exception, or what became of its worker.
+* Only the few tasks at work are taken, so there may be any number of them.
+* A lost worker costs no other task; a task that loses its worker again and again is given up, and the others go on.
 """
 
 from __future__ import annotations
@@ -21,8 +22,6 @@ from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
-
-    from pipeline.common.settings import ReadSettings
 
 O = TypeVar("O")  # noqa: E741 - an order
 T = TypeVar("T")
@@ -79,11 +78,10 @@ class InlineExecutor:
 class PoolExecutor:
     """Processes of this machine, each on one core and within its share of the memory."""
 
-    def __init__(self, settings: ReadSettings, jobs: int, *, timeout_s: float = PART_TIMEOUT_S) -> None:
-        """Tell how; the processes start with the block.
+    def __init__(self, jobs: int, *, timeout_s: float = PART_TIMEOUT_S) -> None:
+        """Make ready; the processes start with the block.
 
         Args:
-            settings: of reading.
             jobs: processes.
             timeout_s: after which a task is given up and its process replaced.
 
@@ -93,17 +91,18 @@ class PoolExecutor:
         if jobs < 1 or not timeout_s > 0.0:
             raise SettingsError(f"{jobs} jobs, {timeout_s} s a part: give at least 1, and a time above 0")
         self.workers = jobs
-        self._settings, self._timeout_s = settings, timeout_s
+        self._timeout_s = timeout_s
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> PoolExecutor:
-        from pipeline.reading.jobs import Limits
         from pipeline.workers.pool import WorkPool
 
         self._stack.enter_context(kept_memory())
-        limits = Limits(memory_mb=_share_mb(self.workers))
         self._pool = WorkPool(
-            self._settings, limits, self.workers, _AHEAD * self.workers, self._timeout_s, warm=False
+            self.workers,
+            queue=_AHEAD * self.workers,
+            timeout_s=self._timeout_s,
+            memory_mb=_share_mb(self.workers),
         )
         self._stack.callback(self._pool.close, 0.0)
         return self
@@ -148,6 +147,29 @@ class PoolExecutor:
                 yield Outcome(task, error=error)
             else:
                 raise error
+
+
+def ordered_map(executor: Executor, function: Callable[[T], R], tasks: Iterable[T]) -> Iterator[R]:
+    """What the function makes of every task, in the order of the tasks.
+
+    Raises:
+        Exception: what the function raised, or WorkerLostError.
+    """
+    done: dict[int, R] = {}
+    following = 0
+    for outcome in executor.calls(_numbered, function, enumerate(tasks)):
+        if outcome.error is not None:
+            raise outcome.error
+        assert outcome.result is not None
+        number, result = outcome.result
+        done[number] = result
+        while following in done:
+            yield done.pop(following)
+            following += 1
+
+
+def _numbered(function: Callable[[T], R], task: tuple[int, T]) -> tuple[int, R]:
+    return task[0], function(task[1])
 
 
 def cores() -> int:

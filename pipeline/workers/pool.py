@@ -1,13 +1,16 @@
-"""Worker processes, each with a thread of the service that feeds it; what does not fit is refused at once.
+"""Worker processes, each fed by a thread of this one: for runs, the service, benchmarks and made parts.
 
 ::
 
     submit --> waiting (bounded) --> thread 1 <== pipe ==> worker 1
                                  --> thread 2 <== pipe ==> worker 2
 
-A worker that dies, or takes longer than a job may, costs its own job and is replaced; no lock is shared between
-processes, so that one killed at any moment leaves nothing held. Workers keep to a limit of memory, use one core each,
-and end when the service does, however that ends.
+* Every job ends: with its result, its exception, or WorkerLostError.
+* A worker that dies, or takes longer than a job may, costs its own job alone and is replaced, also while it is idle.
+* No lock is shared between processes, so a worker killed at any moment leaves nothing locked.
+* A job beyond those at work and those that may wait is refused at once.
+* A worker uses one core and keeps to its memory; none is forked, for a forked child dies in its first parallel kernel.
+* Workers end when this process does, however that ends.
 """
 
 from __future__ import annotations
@@ -19,15 +22,11 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from glyphs.errors import MarksError
 from pipeline.workers.process import Answer
 from pipeline.workers.slot import Slot, SlotOrder, Task, Tasks, WorkerLostError
-
-if TYPE_CHECKING:
-    from pipeline.common.settings import ReadSettings
-    from pipeline.reading.jobs import Limits
 
 __all__ = ["BusyError", "WorkPool", "WorkerLostError"]
 
@@ -56,23 +55,21 @@ class WorkPool:
 
     def __init__(
         self,
-        settings: ReadSettings,
-        limits: Limits,
         workers: int,
+        *,
         queue: int,
         timeout_s: float,
-        *,
-        warm: bool = True,
+        memory_mb: int = 0,
+        warm_up: Callable[[], object] | None = None,
     ) -> None:
         """Start the workers; they warm up by themselves, see `ready`.
 
         Args:
-            settings: how the workers read; they make their readers while they warm up.
-            limits: memory of a worker.
             workers: processes.
             queue: jobs that may wait beyond those that run.
             timeout_s: a job may take.
-            warm: whether workers read a small part before their first job.
+            memory_mb: of a worker; 0: no limit.
+            warm_up: called by every worker before its first job; it can be pickled.
 
         Raises:
             ValueError: numbers that cannot be.
@@ -82,7 +79,7 @@ class WorkPool:
                 f"{workers} workers, {queue} waiting, {timeout_s} s: give at least 1, 0 and above 0"
             )
         self.workers, self.queue, self.timeout_s = workers, queue, timeout_s
-        self._order = SlotOrder(settings, limits, timeout_s, warm)
+        self._order = SlotOrder(timeout_s, memory_mb, warm_up)
         self._tasks: Tasks = _no_tasks()
         self._lock = threading.Lock()
         self._jobs = 0

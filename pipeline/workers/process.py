@@ -1,4 +1,4 @@
-"""A worker process: keeps to its means, warms up, and calls what it is sent until the service is gone."""
+"""A worker process: keeps to its memory and its core, and calls what it is sent until its parent is gone."""
 
 from __future__ import annotations
 
@@ -8,20 +8,14 @@ import pickle
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from pipeline.common.settings import ReadSettings
-    from pipeline.reading.jobs import Limits
+from typing import Any
 
 _THREADS = (
-    "OPENBLAS_NUM_THREADS",
-    "OMP_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
+    *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"),
+    *("NUMBA_NUM_THREADS", "NUMEXPR_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"),
 )
 _PR_SET_PDEATHSIG = 1
 _MB = 1 << 20
@@ -35,29 +29,26 @@ class Answer:
 
 
 def serve_jobs(
-    pipe: Connection, life: Connection, parent: int, settings: ReadSettings, limits: Limits, warm: bool
+    pipe: Connection, life: Connection, parent: int, memory_mb: int, warm_up: Callable[[], object] | None
 ) -> None:
     """Call the functions that come through the pipe, and send back `Answer` or the exception.
 
     Args:
-        pipe: (function, arguments) in, answers out; the first answer tells that the worker is warm.
-        life: nothing ever comes through it; it closes when the service ends.
-        parent: process of the service.
-        settings: how to read, to warm up with.
-        limits: memory.
-        warm: read a small part first.
+        pipe: (function, arguments) in, answers out; the first answer says that the worker is warm.
+        life: nothing ever comes through it; it closes when the parent ends.
+        parent: process that started this one.
+        memory_mb: to keep to; 0: no limit.
+        warm_up: called first.
     """
     _end_with(parent, life)
-    # the service is told to stop; it then tells its workers
+    # the parent gets the signal; it then ends its workers
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     for name in _THREADS:
         os.environ[name] = "1"  # before the libraries are loaded
-    _bound_memory(limits.memory_mb)
-    if warm:
-        from pipeline.reading.warm_up import warm_up
-
-        warm_up(settings, limits)
+    _bound_memory(memory_mb)
+    if warm_up is not None:
+        warm_up()
     pipe.send(Answer(None))
     while True:
         try:
@@ -93,7 +84,7 @@ def _sendable(error: Exception) -> Exception:
 
 
 def _end_with(parent: int, life: Connection) -> None:
-    """End this process when the service does, even by `kill -9`."""
+    """End this process when its parent does, even by `kill -9`."""
 
     def watch() -> None:
         try:

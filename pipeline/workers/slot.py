@@ -21,9 +21,6 @@ from pipeline.workers.process import Answer, serve_jobs
 if TYPE_CHECKING:
     from multiprocessing.context import SpawnProcess
 
-    from pipeline.common.settings import ReadSettings
-    from pipeline.reading.jobs import Limits
-
 _log = logging.getLogger(__name__)
 _PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
 _WARM_UP_S = 180.0
@@ -61,18 +58,16 @@ class SlotOrder:
     """How workers are to be, and when to end.
 
     Attributes:
-        settings: how they read.
-        limits: memory of a worker.
         timeout_s: a job may take.
-        warm: whether they read a small part first.
+        memory_mb: of a worker; 0: no limit.
+        warm_up: called by a worker before its first job.
         closing: no more jobs come.
         stopped: jobs that are not done are lost.
     """
 
-    settings: ReadSettings
-    limits: Limits
     timeout_s: float
-    warm: bool
+    memory_mb: int
+    warm_up: Callable[[], object] | None
     closing: threading.Event = field(default_factory=threading.Event)
     stopped: threading.Event = field(default_factory=threading.Event)
 
@@ -89,7 +84,7 @@ class Slot:
             number: for the thread's name.
             order: how the worker is to be, and when to end.
             tasks: where jobs come from; one None for each slot at the end.
-            settle: told of every job what came of it: an `Answer` or an exception.
+            settle: called with every job and what came of it: an `Answer` or an exception.
         """
         self.order, self.tasks, self.settle = order, tasks, settle
         self.restarts, self.warm = 0, False
@@ -153,7 +148,7 @@ class Slot:
         life_end, self._life = context.Pipe(duplex=False)
         process = context.Process(
             target=serve_jobs,
-            args=(theirs, life_end, os.getpid(), self.order.settings, self.order.limits, self.order.warm),
+            args=(theirs, life_end, os.getpid(), self.order.memory_mb, self.order.warm_up),
             name="tactile-marks-worker",
             daemon=True,
         )
@@ -214,12 +209,12 @@ class Slot:
 
     def _fate(self, timed_out: bool) -> str:
         if timed_out:
-            return f"reading took longer than {self.order.timeout_s:g} s and was stopped"
+            return f"the part took longer than {self.order.timeout_s:g} s and was stopped"
         process = self.process
         if process is not None:
             process.join(1.0)
         code = process.exitcode if process is not None else None
-        return f"the worker that was reading has ended (exit code {code})"
+        return f"the worker at the part has ended (exit code {code})"
 
     def _end(self) -> None:
         self.warm = False

@@ -183,11 +183,11 @@ def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) 
     ]
     quickest: dict[int, float] = {}
     for jobs in (1, 2):
-        with PoolExecutor(order.settings, jobs) as crew:
+        with PoolExecutor(jobs) as executor:
 
-            def run(crew: PoolExecutor = crew) -> float:
+            def run(executor: PoolExecutor = executor) -> float:
                 started = time.perf_counter()
-                outcomes = list(crew.calls(read_listed, order, listed))
+                outcomes = list(executor.calls(read_listed, order, listed))
                 assert all(o.result is not None and o.result.record.text for o in outcomes)
                 return time.perf_counter() - started
 

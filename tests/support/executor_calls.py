@@ -1,4 +1,4 @@
-"""Functions that workers of a crew are asked to call: those of a test module are not theirs."""
+"""Functions that workers of an executor are asked to call: those of a test module are not theirs."""
 
 from __future__ import annotations
 
@@ -16,6 +16,13 @@ def odd_fails(order: str, task: int) -> int:
     if task % 2:
         raise ValueError(f"{order}: {task} is odd")
     return task
+
+
+def late_first(task: int) -> int:
+    """The first task is done last of those at work with it."""
+    if task == 0:
+        time.sleep(0.2)
+    return -task
 
 
 def dies_of_seven(folder: str, task: int) -> int:

@@ -12,11 +12,9 @@ from typing import Any
 
 def parent(marks: str) -> None:
     """A service with two workers, one of them at work, until it is killed: tells their processes in a file."""
-    from pipeline.common.settings import ReadSettings
-    from pipeline.reading.jobs import Limits
     from pipeline.workers.pool import WorkPool
 
-    pool = WorkPool(ReadSettings(), Limits(), 2, 2, 600.0, warm=False)
+    pool = WorkPool(2, queue=2, timeout_s=600.0)
     pool.wait_ready(120.0)
     pool.submit(time.sleep, 600.0)
     path = Path(marks)

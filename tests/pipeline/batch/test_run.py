@@ -17,7 +17,7 @@ from pipeline.batch.journal import RunJournal
 from pipeline.batch.quarantine import Quarantine
 from pipeline.batch.run import Run
 from pipeline.batch.setting_files import files_to_send, settled
-from pipeline.batch.setup import ExecutorOptions, Target, opened
+from pipeline.batch.setup import Target, opened
 from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
 from pipeline.cli.main import main
 from pipeline.common.records import EvidenceKind, ReadingRecord
@@ -26,7 +26,7 @@ from pipeline.files.listed import ListedPart
 from pipeline.files.manifest import read_manifest
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, write_part
-from pipeline.workers.executors import InlineExecutor, Outcome
+from pipeline.workers.executors import Outcome
 
 ORDER = RunOrder(ReadSettings(font=("gothic",)))
 PARTS = [ListedPart(f"p{k}", height_map=f"p{k}.npz") for k in range(6)]
@@ -36,7 +36,7 @@ def record(part: ListedPart, text: str, confidence: float = 0.9) -> ReadingRecor
     return ReadingRecord("tactile", text, "accept", confidence, part=part.name)
 
 
-class FakeCrew:
+class FakeExecutor:
     """Reads nothing; says what it is told of every part, and breaks off after some."""
 
     workers = 2
@@ -64,17 +64,17 @@ def test_a_run_broken_off_goes_on_and_ends_in_order(tmp_path: Path) -> None:
             listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
             run = Run(book, listed)
             with pytest.raises(KeyboardInterrupt):
-                run.work(PARTS, ORDER, FakeCrew(bad=bad, breaks_after=breaks_after))
+                run.work(PARTS, ORDER, FakeExecutor(bad=bad, breaks_after=breaks_after))
             listed.close()
         assert marker.exists()
     with RunJournal.open(path, {"a": 1}) as book:
         told: list[str] = []
         listed = Quarantine(tmp_path / "bad.csv", keep=book.resumed)
         run = Run(book, listed, on_row=lambda row: told.append(row.part))
-        crew = FakeCrew()
-        run.work(PARTS, ORDER, crew)
+        executor = FakeExecutor()
+        run.work(PARTS, ORDER, executor)
         listed.close()
-    assert crew.read == told == ["p0"]
+    assert executor.read == told == ["p0"]
     assert (run.read_now, run.summary.parts, run.summary.errors) == (1, 6, 2)
     assert not marker.exists()
     with path.open(newline="") as stream:
@@ -96,12 +96,12 @@ def test_a_store_has_a_part_before_the_table_does(tmp_path: Path) -> None:
 
     with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
         with pytest.raises(KeyboardInterrupt):
-            Run(book, store=Store()).work(PARTS, ORDER, FakeCrew())
+            Run(book, store=Store()).work(PARTS, ORDER, FakeExecutor())
         assert book.done == set(stored)
 
 
 def test_a_row_that_no_table_holds_is_an_error_and_no_end(tmp_path: Path) -> None:
-    class Odd(FakeCrew):
+    class Odd(FakeExecutor):
         def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
             for outcome in super().calls(*given):
                 part = outcome.task
@@ -175,25 +175,11 @@ def test_pictures_go_with_a_store_alone() -> None:
     Target("sqlite:///parts.db", Path("evidence")).check()
 
 
-@pytest.mark.parametrize(
-    ("jobs", "parts", "workers"), [(None, 3, 1), (1, 500, 1), (2, 500, 2), (4, 2, 2), (1, 0, 1)]
-)
-def test_who_reads(jobs: int | None, parts: int, workers: int) -> None:
-    with ExecutorOptions(jobs).crew(ReadSettings(), parts) as crew:
-        assert crew.workers == workers
-        assert isinstance(crew, InlineExecutor) == (workers == 1)
-
-
-def test_no_jobs_are_refused() -> None:
-    with pytest.raises(SettingsError, match="give at least 1"), ExecutorOptions(0).crew(ReadSettings(), 20):
-        pass
-
-
 def test_a_run_into_a_store_leaves_no_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sqlalchemy")
     monkeypatch.chdir(tmp_path)
     with opened(Target("sqlite:///parts.db"), {"inputs": ["a"]}) as run:
-        run.work(PARTS, ORDER, FakeCrew(bad=["p2"]))
+        run.work(PARTS, ORDER, FakeExecutor(bad=["p2"]))
     assert sorted(p.name for p in tmp_path.iterdir() if not p.name.startswith("parts.db")) == [
         "parts.quarantine.csv"
     ]
@@ -206,7 +192,7 @@ def test_a_part_that_no_store_holds_is_an_error_and_no_end(
     monkeypatch.chdir(tmp_path)
     listed = [ListedPart("long", "a.npz", expected="A" * 300), ListedPart("odd \udcff", "b.npz"), PARTS[0]]
 
-    class Read(FakeCrew):
+    class Read(FakeExecutor):
         def calls(self, *given: Any) -> Iterator[Outcome[Any, Any]]:
             for outcome in super().calls(*given):
                 part = outcome.task

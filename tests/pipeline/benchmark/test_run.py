@@ -20,6 +20,7 @@ from pipeline.benchmark.statistics import plain, statistics_of
 from pipeline.benchmark.trials import TRIALS_FILE, Trial, TrialJournal
 from pipeline.common.run_description import key_of
 from pipeline.common.settings import SettingsError
+from pipeline.workers.executors import PoolExecutor
 from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
 from whisker_array.simulation.traces import Fidelity
 
@@ -170,7 +171,8 @@ def test_the_parts_of_a_seed_are_all_kinds_in_turn() -> None:
 def test_two_workers_say_what_one_says_and_the_scan_takes_its_time(tmp_path: Path) -> None:
     benchmark = Benchmark(SynthParts((0.0, 0.3), ("gothic",), ("99",), 1, seed=2), ("tactile",), FAST)
     alone = run_benchmark(benchmark, tmp_path / "one")
-    shared = run_benchmark(benchmark, tmp_path / "two", jobs=2)
+    with PoolExecutor(2) as executor:
+        shared = run_benchmark(benchmark, tmp_path / "two", executor=executor)
     assert told(alone) == told(shared)
     assert not any(t.error for t in alone)
     assert alone[0].text == alone[0].truth

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from pipeline.files.photos import read_photo
 from pipeline.files.synth import SynthSpec, make_part, write_parts
 from pipeline.files.touch_file import read_height_map
 from pipeline.files.truth import load_truth
+from pipeline.workers.executors import PoolExecutor, ordered_map
 
 
 def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
@@ -102,8 +104,6 @@ def test_a_number_of_parts_that_cannot_be_is_refused(parts: int, tmp_path: Path)
     with pytest.raises(SettingsError, match="number of parts"):
         write_parts(SynthSpec(mask="9"), tmp_path / "out", parts=parts)
     assert not (tmp_path / "out").exists()
-    with pytest.raises(SettingsError, match="number of workers"):
-        write_parts(SynthSpec(mask="9"), tmp_path / "out", parts=1, workers=0)
 
 
 def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
@@ -154,7 +154,9 @@ def test_workers_write_the_same(tmp_path: Path) -> None:
     spec = SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(0.5))
     named: list[str] = []
     one = write_parts(spec, tmp_path / "one", parts=2)
-    two = write_parts(spec, tmp_path / "two", parts=2, workers=2, on_part=named.append)
+    with PoolExecutor(2) as executor:
+        each = partial(ordered_map, executor)
+        two = write_parts(spec, tmp_path / "two", parts=2, each=each, on_part=named.append)
     assert one == two
     assert named == ["part-000", "part-001"]
     for path in sorted((tmp_path / "one").glob("*.png")):

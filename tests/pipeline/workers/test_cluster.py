@@ -25,18 +25,18 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ClusterProcess
 
 
 def test_every_task_has_one_outcome_from_both_workers(cluster: ClusterProcess, tmp_path: Path) -> None:
-    with ClusterExecutor(cluster.address) as crew:
-        wait_for(crew, 2)
-        outcomes = list(crew.calls(noted, str(tmp_path), range(COUNT)))
+    with ClusterExecutor(cluster.address) as executor:
+        wait_for(executor, 2)
+        outcomes = list(executor.calls(noted, str(tmp_path), range(COUNT)))
         assert sorted(o.task for o in outcomes) == list(range(COUNT))
         assert [o.error for o in outcomes if o.result != o.task] == []
-        assert crew.workers == 2
+        assert executor.workers == 2
     assert len({p.read_text().split()[0] for p in tmp_path.iterdir()}) == 2, cluster.told()
 
 
 def test_an_exception_is_its_tasks_own(cluster: ClusterProcess) -> None:
-    with ClusterExecutor(cluster.address) as crew:
-        outcomes = {o.task: o for o in crew.calls(odd_fails, "told", range(COUNT))}
+    with ClusterExecutor(cluster.address) as executor:
+        outcomes = {o.task: o for o in executor.calls(odd_fails, "told", range(COUNT))}
     assert [o.task for o in outcomes.values() if o.error is None] == [k for k in outcomes if k % 2 == 0]
     assert str(outcomes[3].error) == "told: 3 is odd"
 
@@ -50,8 +50,8 @@ def test_tasks_are_taken_as_they_are_needed(cluster: ClusterProcess) -> None:
             taken += 1
             yield taken
 
-    with ClusterExecutor(cluster.address) as crew:
-        for done, _ in enumerate(crew.calls(doubled, 0, endless())):
+    with ClusterExecutor(cluster.address) as executor:
+        for done, _ in enumerate(executor.calls(doubled, 0, endless())):
             # a few for each worker, whatever the number of tasks
             assert taken <= done + 10
             if done == COUNT:
@@ -62,10 +62,10 @@ def test_a_worker_lost_in_the_middle_costs_nothing(tmp_path: Path) -> None:
     calls, logs = tmp_path / "calls", tmp_path / "logs"
     calls.mkdir()
     logs.mkdir()
-    with cluster_process(logs) as cluster, ClusterExecutor(cluster.address) as crew:
-        wait_for(crew, 2)
+    with cluster_process(logs) as cluster, ClusterExecutor(cluster.address) as executor:
+        wait_for(executor, 2)
         outcomes = []
-        for outcome in crew.calls(noted, str(calls), range(COUNT)):
+        for outcome in executor.calls(noted, str(calls), range(COUNT)):
             outcomes.append(outcome)
             if len(outcomes) == COUNT // 4:
                 cluster.lose(cluster.workers[0])
@@ -77,8 +77,8 @@ def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> Non
     calls, logs = tmp_path / "calls", tmp_path / "logs"
     calls.mkdir()
     logs.mkdir()
-    with cluster_process(logs) as cluster, ClusterExecutor(cluster.address) as crew:
-        outcomes = {o.task: o for o in crew.calls(dies_of_seven, str(calls), range(12))}
+    with cluster_process(logs) as cluster, ClusterExecutor(cluster.address) as executor:
+        outcomes = {o.task: o for o in executor.calls(dies_of_seven, str(calls), range(12))}
         assert sorted(outcomes) == list(range(12)), cluster.told()
         assert [task for task, o in outcomes.items() if o.error is not None] == [7], cluster.told()
         assert "workers have died of it" in str(outcomes[7].error)
@@ -87,10 +87,10 @@ def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> Non
 def test_a_lost_scheduler_ends_the_run_with_the_mend(tmp_path: Path) -> None:
     with (
         cluster_process(tmp_path, workers=1) as cluster,
-        ClusterExecutor(cluster.address, patience_s=5.0, connect_s=2.0) as crew,
+        ClusterExecutor(cluster.address, patience_s=5.0, connect_s=2.0) as executor,
         pytest.raises(ClusterError, match="run the same command again"),
     ):
-        read_and_lose(cluster, crew, tmp_path)
+        read_and_lose(cluster, executor, tmp_path)
 
 
 def test_no_scheduler_is_told() -> None:
@@ -121,8 +121,8 @@ def test_no_worker_is_told(tmp_path: Path) -> None:
 def test_workers_that_come_late_are_waited_for(tmp_path: Path) -> None:
     with cluster_process(tmp_path, workers=0) as cluster:
         threading.Timer(1.0, cluster.add_worker).start()
-        with ClusterExecutor(cluster.address, patience_s=60.0) as crew:
-            assert [o.result for o in crew.calls(doubled, 1, [20])] == [41]
+        with ClusterExecutor(cluster.address, patience_s=60.0) as executor:
+            assert [o.result for o in executor.calls(doubled, 1, [20])] == [41]
 
 
 def test_another_version_of_the_program_is_refused(
@@ -133,14 +133,14 @@ def test_another_version_of_the_program_is_refused(
         pass
 
 
-def read_and_lose(cluster: ClusterProcess, crew: ClusterExecutor, folder: Path) -> None:
-    for count, _ in enumerate(crew.calls(noted, str(folder), range(10_000))):
+def read_and_lose(cluster: ClusterProcess, executor: ClusterExecutor, folder: Path) -> None:
+    for count, _ in enumerate(executor.calls(noted, str(folder), range(10_000))):
         if count == 5:
             cluster.lose(cluster.scheduler)
 
 
-def wait_for(crew: ClusterExecutor, workers: int) -> None:
+def wait_for(executor: ClusterExecutor, workers: int) -> None:
     until = time.monotonic() + 60.0
-    while crew.count() < workers:
+    while executor.count() < workers:
         assert time.monotonic() < until
         time.sleep(0.1)

@@ -6,7 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ import pytest
 from glyphs.errors import FileError
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.jobs import Limits
+from pipeline.reading.warm_up import warm_up
 from pipeline.workers.pool import BusyError, WorkerLostError, WorkPool
 from tests.support import pool_calls as calls
 
@@ -23,22 +24,14 @@ LONG_S = 120.0
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[WorkPool]:
-    made = WorkPool(ReadSettings(), Limits(memory_mb=2048), 1, 2, LONG_S, warm=False)
+    made = WorkPool(1, queue=2, timeout_s=LONG_S, memory_mb=2048)
     yield made
     made.close(LONG_S)
 
 
 @contextlib.contextmanager
-def opened(**how: float) -> Iterator[WorkPool]:
-    settled = {"workers": 1, "queue": 1, "timeout_s": LONG_S, **how}
-    made = WorkPool(
-        ReadSettings(),
-        Limits(),
-        int(settled["workers"]),
-        int(settled["queue"]),
-        settled["timeout_s"],
-        warm=False,
-    )
+def opened(workers: int = 1, queue: int = 1, timeout_s: float = LONG_S) -> Iterator[WorkPool]:
+    made = WorkPool(workers, queue=queue, timeout_s=timeout_s)
     try:
         yield made
     finally:
@@ -93,7 +86,7 @@ def test_memory_is_bounded(pool: WorkPool) -> None:
 def test_workers_use_one_thread_and_leave_interrupts_to_the_service(pool: WorkPool) -> None:
     facts = pool.submit(calls.facts).result(LONG_S)
     assert facts["interrupt"]
-    assert (facts["blas"], facts["numba"]) == ("1", "1")
+    assert (facts["blas"], facts["numba"], facts["cv2"]) == ("1", "1", 1)
 
 
 def test_more_than_may_wait_are_refused_at_once(tmp_path: Path) -> None:
@@ -155,7 +148,7 @@ def test_job_that_takes_too_long_is_stopped() -> None:
 
 
 def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
-    pool = WorkPool(ReadSettings(), Limits(), 1, 5, LONG_S, warm=False)
+    pool = WorkPool(1, queue=5, timeout_s=LONG_S)
     jobs = [pool.submit(time.sleep, 0.05) for _ in range(4)]
     pool.wait_ready(LONG_S)
     pids = pool.pids
@@ -169,7 +162,7 @@ def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
 
 
 def test_closing_without_patience_loses_what_is_left(tmp_path: Path) -> None:
-    pool = WorkPool(ReadSettings(), Limits(), 1, 5, LONG_S, warm=False)
+    pool = WorkPool(1, queue=5, timeout_s=LONG_S)
     mark = tmp_path / "mark"
     jobs = [pool.submit(calls.mark_and_wait, str(mark), "never"), pool.submit(os.getpid)]
     until(mark.exists)
@@ -195,8 +188,8 @@ def test_workers_die_with_a_service_that_is_killed(tmp_path: Path) -> None:
 
 
 def test_warm_worker_has_read_a_part() -> None:
-    limits = replace(Limits(), memory_mb=3072)
-    pool = WorkPool(ReadSettings(font=("gothic",), height_mm=5.0), limits, 1, 1, LONG_S)
+    ready = partial(warm_up, ReadSettings(font=("gothic",), height_mm=5.0), Limits())
+    pool = WorkPool(1, queue=1, timeout_s=LONG_S, memory_mb=3072, warm_up=ready)
     try:
         assert pool.wait_ready(LONG_S)
         facts = pool.submit(calls.facts).result(LONG_S)
@@ -210,4 +203,4 @@ def test_warm_worker_has_read_a_part() -> None:
 @pytest.mark.parametrize(("workers", "queue", "timeout_s"), [(0, 1, 1.0), (1, -1, 1.0), (1, 1, 0.0)])
 def test_numbers_that_cannot_be_are_refused(workers: int, queue: int, timeout_s: float) -> None:
     with pytest.raises(ValueError, match="give at least"):
-        WorkPool(ReadSettings(), Limits(), workers, queue, timeout_s)
+        WorkPool(workers, queue=queue, timeout_s=timeout_s)
