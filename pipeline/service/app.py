@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import structlog
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
+from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from pipeline.common.version import program_version
 from pipeline.reading.jobs import Limits
@@ -29,6 +30,7 @@ from pipeline.service.part_service import PartService
 from pipeline.service.ports import Ports
 from pipeline.service.problem import Problem
 from pipeline.service.problem_responses import add_problem_handlers
+from pipeline.service.reading_jobs import ReadingJobs
 from pipeline.service.stage import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
 from pipeline.service.stage_driver import load_driver
 from pipeline.store.evidence_folder import EvidenceFolder
@@ -76,15 +78,20 @@ class Service:
             warm_up=partial(warm_up, reading, limits),
         )
         self.ports = Ports(settings)
-        self.desk = PartService(
-            store=self.store,
+        jobs = ReadingJobs(
             evidence=self.evidence,
             pool=self.pool,
-            stage=_stage(settings),
-            camera=_camera(settings),
             databases=self.databases.path,
             reading=reading,
             limits=limits,
+            metrics=self.metrics,
+        )
+        self.parts = PartService(
+            store=self.store,
+            evidence=self.evidence,
+            jobs=jobs,
+            stage=_stage(settings),
+            camera=_camera(settings),
             metrics=self.metrics,
             targets=tuple(self.ports.senders),
         )
@@ -116,7 +123,7 @@ class Service:
         """Everything that runs beside the requests."""
         sweeper = asyncio.create_task(self._sweep_for_ever())
         try:
-            async with self.ports.opened(self.desk):
+            async with self.ports.opened(self.parts):
                 yield
         finally:
             sweeper.cancel()
@@ -154,31 +161,34 @@ def create_app(service: Service) -> FastAPI:
         telemetry={"tracing": False, "metrics": False, "logs": False},
         redirect_slashes=False,
     )
-    app.include_router(parts_router(service.desk, service.access))
-    app.include_router(lookup_router(service.desk, service.access))
-    app.include_router(pages_router(service.store, service.evidence, service.access, review=service.desk.say))
+    app.include_router(parts_router(service.parts, service.access))
+    app.include_router(lookup_router(service.parts, service.access))
+    app.include_router(
+        pages_router(service.store, service.evidence, service.access, review=service.parts.review)
+    )
     _add_service_routes(app, service)
     add_problem_handlers(app)
     app.openapi = lambda: described(app, asked=service.access.required)  # type: ignore[method-assign]
     app.add_middleware(
         DoorLayer,
-        hosts=_names(settings),
-        busy=lambda: service.desk.busy,
+        busy=lambda: service.parts.jobs.busy,
         refused=service.metrics.refused.inc,
         uploads=lambda path: (
             path == "/v1/parts" or (path.startswith("/v1/parts/") and path.endswith("/scan"))
         ),
         most_bytes=settings.max_upload_mb * 1_000_000,
     )
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     app.add_middleware(RequestLayer, metrics=service.metrics)
     return app
 
 
 def _names(settings: ServiceSettings) -> tuple[str, ...]:
-    """Names that the service answers to; with tokens asked for, or a given list, the browser is no danger."""
+    """Names that the service answers to; any where tokens are asked for and no list is given."""
     if settings.tokens_asked and not settings.hosts:
-        return ()
-    return (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")
+        return ("*",)
+    names = (*settings.hosts, settings.host, "localhost", "127.0.0.1", "::1")
+    return tuple(f"[{name}]" if ":" in name and not name.startswith("[") else name for name in names)
 
 
 def _add_service_routes(app: FastAPI, service: Service) -> None:

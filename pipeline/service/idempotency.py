@@ -1,4 +1,9 @@
-"""A request with a key is carried out once, however often and at whatever times it is sent."""
+"""Idempotent requests: one with a key is carried out once, however often and at whatever times it is sent.
+
+* While it is at work in this process, the same request waits for it; both get one answer.
+* After a failure each of those that waited makes its own try.
+* What other processes did, or this one before it was started anew, the store knows.
+"""
 
 from __future__ import annotations
 
@@ -25,14 +30,14 @@ class Received:
     replayed: bool = False
 
 
-class Once:
-    """Remembers what is being done in this process; what was done is for the store to know."""
+class IdempotentRequests:
+    """The requests that are at work in this process, by their keys."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
         self._running: dict[str, asyncio.Future[PartRecord]] = {}
 
-    async def done(
+    async def carry_out(
         self, idempotency: IdempotencyKey | None, work: Callable[[], Awaitable[PartRecord]]
     ) -> Received:
         """Do the work, or find what came of it before.
@@ -48,7 +53,6 @@ class Once:
             return Received(await work())
         running = self._running.get(idempotency.key)
         if running is not None:
-            # asked again while the first is at work: one answer for both, and after a failure each its own try
             with contextlib.suppress(Problem):
                 await asyncio.shield(running)
         known = await asyncio.to_thread(self._store.remembered, idempotency.key)

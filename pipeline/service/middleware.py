@@ -1,4 +1,4 @@
-"""What lies around every request: its id, its log line, its figures, its time, and who may send one at all."""
+"""What lies around every request: its id, its log line, its count, its time, and who may send one at all."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import asyncio
 import re
 import secrets
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -38,7 +38,7 @@ def problem_answer(problem: Problem, request_id: str) -> JSONResponse:
 
 
 class RequestLayer:
-    """Gives each request an id, a log line and its place in the figures; drops uploads that have stalled."""
+    """Gives each request an id, a log line and its place in the metrics; drops uploads that have stalled."""
 
     def __init__(self, app: ASGIApp, *, metrics: Metrics) -> None:
         self._app, self._metrics = app, metrics
@@ -123,17 +123,17 @@ def _patient(receive: Receive) -> Receive:
 
 
 class DoorLayer:
-    """Turns away what needs no look: calls by another name, calls out of foreign pages, uploads that have no room.
+    """Turns away what needs no look: calls out of pages of other sites, and uploads that have no room.
 
     Where no token is asked for, a page of another site that the operator has open must not reach the service through
-    the operator's browser: neither by a name of its own that it lets point here, nor by a form.
+    the operator's browser: not by a form, which is seen here, nor by a name of its own that it lets point here, which
+    Starlette's TrustedHostMiddleware sees.
     """
 
     def __init__(
         self,
         app: ASGIApp,
         *,
-        hosts: Collection[str],
         busy: Callable[[], float | None],
         refused: Callable[[], Any],
         uploads: Callable[[str], bool],
@@ -143,14 +143,13 @@ class DoorLayer:
 
         Args:
             app: what lies within.
-            hosts: names that the service is called by; any if empty.
             busy: seconds after which to ask again, None while there is room.
             refused: told of every upload turned away.
             uploads: whether a path takes uploads.
             most_bytes: of one request.
         """
-        self._app, self._hosts, self._busy = app, frozenset(h.lower() for h in hosts), busy
-        self._refused, self._uploads, self._most_bytes = refused, uploads, most_bytes
+        self._app, self._busy, self._refused = app, busy, refused
+        self._uploads, self._most_bytes = uploads, most_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Turn a request away, or let it in."""
@@ -163,9 +162,6 @@ class DoorLayer:
         return await self._app(scope, receive, send)
 
     def _problem(self, scope: Scope, headers: Headers) -> Problem | None:
-        host = _host_name(headers.get("host", ""))
-        if self._hosts and host not in self._hosts:
-            return Problem(421, f"the service is not called {host[:100]!r}; add the name with --hosts")
         origin = headers.get("origin")
         if origin is not None and scope["method"] not in _SAFE_METHODS:
             called_by = urlsplit(origin).netloc.lower()
@@ -187,11 +183,3 @@ class DoorLayer:
                     headers={"Retry-After": seconds, **close},
                 )
         return None
-
-
-def _host_name(host: str) -> str:
-    """The name in a Host header, without its port."""
-    host = host.strip().lower()
-    if host.startswith("["):
-        return host.partition("]")[0].lstrip("[")
-    return host.rpartition(":")[0] if ":" in host else host

@@ -1,9 +1,11 @@
-"""The desk: takes parts in, has them read, keeps what came of it, and sends them on.
+"""The service's work with parts: takes them in, has them read, keeps what came of it, and sends them on.
 
-    photo, scan --> work folder --> worker: readings, pictures --> evidence folder --> store: one transaction --> answer
+    photo, scan --> reading job: readings, files --> store: one transaction --> answer, outbox
 
-Nothing is answered before it is on the disk. What ends on the way, by a bad file or a lost machine, leaves no part;
-the sender asks again, with the same idempotency key, and one part comes of it.
+* Nothing is answered before it is on the disk.
+* What ends on the way, by a bad file or a lost machine, leaves no part; the sender asks again, with the same
+  idempotency key, and one part comes of it.
+* A real stage scans one part at a time.
 """
 
 from __future__ import annotations
@@ -11,37 +13,27 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
-from glyphs.errors import FileError
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import (
-    EvidenceKind,
-    EvidenceRecord,
-    PartRecord,
-    PartState,
-)
-from pipeline.reading.job_reading import read_job
-from pipeline.reading.jobs import Done, Job
+from pipeline.common.records import EvidenceKind, PartRecord, PartState
+from pipeline.reading.jobs import Done
 from pipeline.reading.triage import state_after
-from pipeline.service.idempotency import Once, Received
+from pipeline.service.idempotency import IdempotentRequests, Received
 from pipeline.service.problem import Problem
+from pipeline.service.reading_jobs import ReadingJobs
 from pipeline.service.stage import Camera, ScanOrder, SimulatedStage, Stage, StageError
 from pipeline.service.uploads import Upload
 from pipeline.store.store import IdempotencyKey, Store
-from pipeline.workers.pool import BusyError, WorkerLostError
 
 if TYPE_CHECKING:
-    from pipeline.common.settings import ReadSettings
-    from pipeline.reading.jobs import Limits
     from pipeline.service.metrics import Metrics
     from pipeline.store.evidence_folder import EvidenceFolder
-    from pipeline.workers.pool import WorkPool
 
 T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
@@ -49,13 +41,13 @@ log = structlog.get_logger("tactile-marks")
 
 @dataclass(frozen=True)
 class NewPart:
-    """What is told of a part beside its files.
+    """What is known of a part beside its files.
 
     Attributes:
         name: what the line calls it.
         expected: text that it should bear; empty where none is.
         database: name of the glyph database; empty for the service's own choice.
-        touch: have the stage feel it at once where the camera is unsure.
+        touch: have the stage scan it at once where the camera is unsure.
     """
 
     name: str = ""
@@ -72,12 +64,9 @@ class PartService:
         *,
         store: Store,
         evidence: EvidenceFolder,
-        pool: WorkPool,
+        jobs: ReadingJobs,
         stage: Stage,
         camera: Camera,
-        databases: Callable[[str], Path | None],
-        reading: ReadSettings,
-        limits: Limits,
         metrics: Metrics,
         targets: Sequence[str] = (),
     ) -> None:
@@ -86,30 +75,21 @@ class PartService:
         Args:
             store: where records are kept.
             evidence: where files are kept.
-            pool: where parts are read.
-            stage: feels what the camera is unsure of.
+            jobs: who reads files and keeps them.
+            stage: scans what the camera is unsure of.
             camera: photographs a part when a trigger comes.
-            databases: file of the glyph database of a name; raises Problem for one that is not there.
-            reading: how parts are read.
-            limits: of files.
             metrics: what is counted.
             targets: of results: webhook, mqtt; `on_result` is called when there is something for them,
                 `on_part` with every part that was read.
         """
-        self.store, self.evidence, self.pool, self.metrics = store, evidence, pool, metrics
+        self.store, self.evidence, self.jobs, self.metrics = store, evidence, jobs, metrics
         self.stage, self.camera = stage, camera
-        self._databases, self._reading, self._limits = databases, reading, limits
         self._targets = tuple(targets)
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
-        self._telling: set[asyncio.Future[None]] = set()
-        self._once = Once(store)
+        self._announcing: set[asyncio.Future[None]] = set()
+        self._requests = IdempotentRequests(store)
         self._one_at_the_stage = asyncio.Lock()
-
-    @property
-    def busy(self) -> float | None:
-        """Seconds after which to ask again, while no more parts are taken in; None while they are."""
-        return self.pool.retry_after_s()
 
     async def receive(
         self,
@@ -131,7 +111,7 @@ class PartService:
 
         async def work() -> PartRecord:
             part_id = new_part_id()
-            done, kept = await self._read(
+            done, kept = await self.jobs.read(
                 {"photo": photo, "scan": scan}, name=new.name, expected=new.expected, database=new.database
             )
             state = state_after(done.readings[-1])
@@ -150,16 +130,16 @@ class PartService:
             )
             self._count(part, done)
             if new.touch and part.state is PartState.TOUCH_NEEDED:
-                with contextlib.suppress(Problem):  # told in its history; the part still waits for touch
+                with contextlib.suppress(Problem):  # its history says so; the part still waits for touch
                     return await self.touch(part.id)
             return part
 
-        return await self._once.done(idempotency, work)
+        return await self._requests.carry_out(idempotency, work)
 
     async def add_scan(
         self, part_id: str, scan: Upload, *, idempotency: IdempotencyKey | None = None
     ) -> Received:
-        """Read a part again with what was felt of it, fused with what the camera saw.
+        """Read a part again with its scan, fused with the camera's reading.
 
         Raises:
             Problem: as `receive`; no such part, or one that a person has reviewed.
@@ -168,36 +148,36 @@ class PartService:
         async def work() -> PartRecord:
             part = await self._stored(self.store.part, part_id)
             _not_reviewed(part)
-            return await self._read_felt(part, scan, idempotency)
+            return await self._read_scan(part, scan, idempotency)
 
-        return await self._once.done(idempotency, work)
+        return await self._requests.carry_out(idempotency, work)
 
     async def touch(self, part_id: str) -> PartRecord:
-        """Have the service's own stage feel a part, and read it again.
+        """Have the service's own stage scan a part, and read it again.
 
         Raises:
-            Problem: as `add_scan`; a stage that cannot feel it.
+            Problem: as `add_scan`; a stage that cannot scan it.
         """
         part = await self._stored(self.store.part, part_id)
         _not_reviewed(part)
         if part.plan is None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
-        with self._work_folder() as folder:
+        with self.jobs.work_folder() as folder:
             order = ScanOrder(part_name=part.name, plan=part.plan)
             try:
-                path = await self._feel(order, folder)
+                path = await self._scan(order, folder)
             except StageError as error:
                 await self._stored(self.store.note_event, part.id, "touch_failed", {"why": str(error)})
                 raise Problem(422, str(error)) from error
-            return await self._read_felt(part, Upload(path, path.name), None)
+            return await self._read_scan(part, Upload(path, path.name), None)
 
     async def trigger(self, name: str) -> PartRecord:
-        """Photograph and read the part under the camera; feel it where the camera is unsure.
+        """Photograph and read the part under the camera; scan it where the camera is unsure.
 
         Raises:
-            Problem: as `receive`; no photograph and nothing to feel.
+            Problem: as `receive`; no photograph and nothing to scan.
         """
-        with self._work_folder() as folder:
+        with self.jobs.work_folder() as folder:
             try:
                 taken = await asyncio.to_thread(self.camera.take, name)
                 copy = folder / f"taken{taken.suffix.lower()}"
@@ -211,8 +191,8 @@ class PartService:
             done = await self.receive(NewPart(name=name, touch=True), photo=Upload(copy, taken.name))
         return done.part
 
-    def say(self, part_id: str, **said: Any) -> PartRecord:
-        """Keep what a person says of a part, and send it on; arguments as `Store.review`.
+    def review(self, part_id: str, **said: Any) -> PartRecord:
+        """Keep a person's review of a part, and send it on; arguments as `Store.review`.
 
         Raises:
             StoreError: as `Store.review`.
@@ -223,14 +203,14 @@ class PartService:
             self.metrics.reviews.labels(part.review.action.value).inc()
         return part
 
-    async def _feel(self, order: ScanOrder, folder: Path) -> Path:
-        """The recording; a stage of iron feels one part at a time, a simulated one as many as there are workers."""
+    async def _scan(self, order: ScanOrder, folder: Path) -> Path:
+        """The recording; a real stage scans one part at a time, a simulated one as many as there are workers."""
         if isinstance(self.stage, SimulatedStage):
-            return await self._in_worker(self.stage.feel, order, folder)
+            return await self.jobs.in_worker(self.stage.feel, order, folder)
         async with self._one_at_the_stage:
             return await asyncio.to_thread(self.stage.feel, order, folder)
 
-    async def _read_felt(
+    async def _read_scan(
         self, part: PartRecord, scan: Upload, idempotency: IdempotencyKey | None
     ) -> PartRecord:
         records = await self._stored(self.store.evidence, part.id)
@@ -238,16 +218,16 @@ class PartService:
         for record in records:
             if not record.gone and record.kind in (EvidenceKind.VISION, EvidenceKind.PHOTO):
                 before[record.kind] = self.evidence.path(record.sha256)
-        seen = before if EvidenceKind.VISION in before else {}
-        done, kept = await self._read(
+        by_camera = before if EvidenceKind.VISION in before else {}
+        done, kept = await self.jobs.read(
             {"scan": scan},
             name=part.name,
             expected=part.expected,
             database=part.database,
-            vision=seen.get(EvidenceKind.VISION),
-            photo=seen.get(EvidenceKind.PHOTO) if part.expected else None,
+            vision=by_camera.get(EvidenceKind.VISION),
+            photo=by_camera.get(EvidenceKind.PHOTO) if part.expected else None,
         )
-        told = await self._stored(
+        read = await self._stored(
             self.store.add_readings,
             part.id,
             readings=done.readings,
@@ -256,72 +236,8 @@ class PartService:
             targets=self._targets,
             idempotency=idempotency,
         )
-        self._count(told, done)
-        return told
-
-    async def _read(
-        self,
-        uploads: dict[str, Upload | None],
-        *,
-        name: str,
-        expected: str,
-        database: str,
-        vision: Path | None = None,
-        photo: Path | None = None,
-    ) -> tuple[Done, list[EvidenceRecord]]:
-        """Read the files in a worker; keep them and what was made of them."""
-        given = {role: upload for role, upload in uploads.items() if upload is not None}
-        with self._work_folder() as folder:
-            raw = {upload.kind(role): upload for role, upload in given.items()}
-            paths = {kind: upload.path for kind, upload in raw.items()}
-            job = Job(
-                folder=folder,
-                photo=paths.get(EvidenceKind.PHOTO, photo),
-                scan=paths.get(EvidenceKind.SCAN),
-                height_map=paths.get(EvidenceKind.HEIGHT_MAP),
-                vision=vision,
-                part_name=name,
-                expected=expected,
-                database=self._databases(database),
-                names={kind.value: upload.name for kind, upload in raw.items()},
-            )
-            done = await self._in_worker(read_job, job, self._reading, self._limits)
-            try:
-                return done, await asyncio.to_thread(self._keep, raw, done)
-            except FileError as problem:
-                log.error("evidence not kept", why=str(problem))
-                busy = "the service cannot keep what was sent; its log tells why"
-                raise Problem(503, busy, headers={"Retry-After": "30"}) from problem
-
-    def _keep(self, raw: dict[EvidenceKind, Upload], done: Done) -> list[EvidenceRecord]:
-        kept = []
-        for kind, upload in raw.items():
-            sha256, n_bytes = self.evidence.keep(upload.path)
-            kept.append(
-                EvidenceRecord(kind, sha256, n_bytes, name=upload.name, media_type=upload.media_type(kind))
-            )
-        for made in done.made:
-            sha256, n_bytes = self.evidence.keep(made.path)
-            kept.append(
-                EvidenceRecord(made.kind, sha256, n_bytes, media_type=made.media_type, meta=made.meta)
-            )
-        return kept
-
-    async def _in_worker(self, function: Callable[..., T], *arguments: Any) -> T:
-        try:
-            future = self.pool.submit(function, *arguments)
-        except BusyError as error:
-            self.metrics.refused.inc()
-            seconds = max(1, round(error.retry_after_s))
-            raise Problem(503, str(error), headers={"Retry-After": str(seconds)}) from error
-        try:
-            return await asyncio.wrap_future(future)
-        except FileError as problem:
-            raise Problem(422, str(problem)) from problem
-        except WorkerLostError as error:
-            self.metrics.lost_workers.inc()
-            log.warning("worker lost", why=str(error))
-            raise Problem(422, str(error)) from error
+        self._count(read, done)
+        return read
 
     async def _stored(self, function: Callable[..., T], *arguments: Any, **options: Any) -> T:
         return await asyncio.to_thread(function, *arguments, **options)
@@ -329,9 +245,9 @@ class PartService:
     def _count(self, part: PartRecord, done: Done) -> None:
         self.on_result()
         if self.on_part is not None and part.state is not PartState.TOUCH_NEEDED:
-            telling = asyncio.ensure_future(self.on_part(part))
-            self._telling.add(telling)  # a task that nobody holds may vanish
-            telling.add_done_callback(self._telling.discard)
+            announcing = asyncio.ensure_future(self.on_part(part))
+            self._announcing.add(announcing)  # a task that nobody holds may vanish
+            announcing.add_done_callback(self._announcing.discard)
         self.metrics.parts.labels(part.state.value).inc()
         for reading in done.readings:
             self.metrics.readings.labels(reading.source, reading.decision).inc()
@@ -344,14 +260,6 @@ class PartService:
             text=part.text,
             readings=[f"{r.source}: {r.decision}" for r in done.readings],
         )
-
-    @contextlib.contextmanager
-    def _work_folder(self) -> Iterator[Path]:
-        folder = self.evidence.new_work_folder()
-        try:
-            yield folder
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _not_reviewed(part: PartRecord) -> None:

@@ -50,7 +50,7 @@ class Ports:
             require_asyncua()
 
     @contextlib.asynccontextmanager
-    async def opened(self, desk: PartService) -> AsyncIterator[None]:
+    async def opened(self, parts: PartService) -> AsyncIterator[None]:
         """Open the ports and send what waits; on leaving, what is at work may end first.
 
         Raises:
@@ -59,18 +59,18 @@ class Ports:
         settings, grace_s = self._settings, self._settings.shutdown_grace_s
         async with contextlib.AsyncExitStack() as stack:
             if self.senders:
-                dispatcher = Dispatcher(desk.store, self.senders)
+                dispatcher = Dispatcher(parts.store, self.senders)
                 dispatcher.start()
                 loop = asyncio.get_running_loop()
                 # results come from threads as well
-                desk.on_result = partial(loop.call_soon_threadsafe, dispatcher.wake)
+                parts.on_result = partial(loop.call_soon_threadsafe, dispatcher.wake)
                 stack.push_async_callback(dispatcher.stop, grace_s=min(grace_s, 10.0))
             if settings.tcp_port is not None:
                 from pipeline.service.line.result_string import DEFAULT_FORMAT
                 from pipeline.service.line.tcp import TcpPort
 
                 tcp = TcpPort(
-                    desk.trigger,
+                    parts.trigger,
                     host=settings.line_host,
                     port=settings.tcp_port,
                     template=settings.tcp_format or DEFAULT_FORMAT,
@@ -83,7 +83,7 @@ class Ports:
                 from pipeline.service.line.opcua import OpcUaPort
 
                 opcua = OpcUaPort(
-                    desk.trigger,
+                    parts.trigger,
                     host=settings.line_host,
                     port=settings.opcua_port,
                     version=program_version(),
@@ -93,6 +93,6 @@ class Ports:
                 )
                 await opcua.start()
                 stack.push_async_callback(opcua.stop, grace_s=grace_s)
-                desk.on_part = opcua.show
+                parts.on_part = opcua.show
                 log.info("OPC UA server", host=opcua.host, port=opcua.port)
             yield

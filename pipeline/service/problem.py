@@ -17,7 +17,6 @@ TITLES = {
     408: "The upload has stalled",
     413: "The upload is too large",
     415: "Files of this kind are not read",
-    421: "The service does not go by this name",
     422: "What was sent cannot be used",
     429: "Too many requests",
     500: "The service failed",

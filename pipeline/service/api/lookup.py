@@ -28,7 +28,7 @@ from pipeline.service.part_service import PartService
 from pipeline.service.problem import Problem
 
 
-def lookup_router(desk: PartService, access: Access) -> APIRouter:
+def lookup_router(service: PartService, access: Access) -> APIRouter:
     """The routes that look up /v1/parts."""
     router = APIRouter(prefix="/v1", tags=["parts"])
     Reads = may(access, Scope.READ)
@@ -49,7 +49,7 @@ def lookup_router(desk: PartService, access: Access) -> APIRouter:
         limit: Annotated[int, Query(ge=1, le=500)] = 50,
         caller: Caller = Reads,
     ) -> Any:
-        parts = desk.store.parts(state=state, text=text, name=name, before=before, limit=limit)
+        parts = service.store.parts(state=state, text=text, name=name, before=before, limit=limit)
         return [answer(part) for part in parts]
 
     @router.get(
@@ -62,7 +62,7 @@ def lookup_router(desk: PartService, access: Access) -> APIRouter:
         },
     )
     def one_part(part_id: PartId, caller: Caller = Reads) -> Any:
-        return answer(desk.store.part(checked_id(part_id)))
+        return answer(service.store.part(checked_id(part_id)))
 
     @router.get(
         "/parts/{part_id}/history",
@@ -74,7 +74,7 @@ def lookup_router(desk: PartService, access: Access) -> APIRouter:
         },
     )
     def history(part_id: PartId, caller: Caller = Reads) -> Any:
-        store = desk.store
+        store = service.store
         store.part(checked_id(part_id))
         return HistoryAnswer(
             store.history(part_id), store.readings(part_id), store.reviews(part_id), store.evidence(part_id)
@@ -87,14 +87,14 @@ def lookup_router(desk: PartService, access: Access) -> APIRouter:
         responses={200: {"content": {"image/*": {}}}, **problems(401, 403, 404, 422)},
     )
     def picture(part_id: PartId, picture: PictureName, caller: Caller = Reads) -> Any:
-        store = desk.store
+        store = service.store
         part, evidence = store.part(checked_id(part_id)), store.evidence(part_id)
         if picture == "boxes":
-            return _boxes(desk, part, evidence)
+            return _boxes(service, part, evidence)
         record = _last(evidence, PICTURES[picture])
         if record is None:
             raise Problem(404, f"the part {part_id} has no picture {picture!r}")
-        return _file(desk, record)
+        return _file(service, record)
 
     @router.get(
         "/parts/{part_id}/evidence/{sha256}",
@@ -105,10 +105,10 @@ def lookup_router(desk: PartService, access: Access) -> APIRouter:
     def evidence_file(
         part_id: PartId, sha256: Annotated[str, Path(pattern="^[0-9a-f]{64}$")], caller: Caller = Reads
     ) -> Any:
-        records = [e for e in desk.store.evidence(checked_id(part_id)) if e.sha256 == sha256]
+        records = [e for e in service.store.evidence(checked_id(part_id)) if e.sha256 == sha256]
         if not records:
             raise Problem(404, f"the part {part_id} has no such file; its history lists them")
-        return _file(desk, records[0], download=True)
+        return _file(service, records[0], download=True)
 
     @router.get(
         "/figures",
@@ -121,7 +121,7 @@ def lookup_router(desk: PartService, access: Access) -> APIRouter:
         hours: Annotated[float, Query(gt=0.0, le=24.0 * 366, allow_inf_nan=False)] = 24.0,
         caller: Caller = Reads,
     ) -> Any:
-        return desk.store.statistics(datetime.now(UTC) - timedelta(hours=hours))
+        return service.store.statistics(datetime.now(UTC) - timedelta(hours=hours))
 
     return router
 
@@ -130,8 +130,8 @@ def _last(evidence: tuple[EvidenceRecord, ...], kind: EvidenceKind) -> EvidenceR
     return next((e for e in reversed(evidence) if e.kind is kind), None)
 
 
-def _file(desk: PartService, record: EvidenceRecord, *, download: bool = False) -> Response:
-    path = desk.evidence.path(record.sha256)
+def _file(service: PartService, record: EvidenceRecord, *, download: bool = False) -> Response:
+    path = service.evidence.path(record.sha256)
     if record.gone or not path.is_file():
         raise Problem(404, f"the {record.kind.value} is no longer kept; its time was up")
     headers = {"Cache-Control": "private, max-age=31536000, immutable", "ETag": f'"{record.sha256}"'}
@@ -145,7 +145,7 @@ def _file(desk: PartService, record: EvidenceRecord, *, download: bool = False) 
     return FileResponse(path, media_type=record.media_type, headers=headers)
 
 
-def _boxes(desk: PartService, part: PartRecord, evidence: tuple[EvidenceRecord, ...]) -> Response:
+def _boxes(service: PartService, part: PartRecord, evidence: tuple[EvidenceRecord, ...]) -> Response:
     """What the last reading was made from, with its characters' boxes drawn in."""
     reading = part.reading
     kind = (
@@ -154,7 +154,7 @@ def _boxes(desk: PartService, part: PartRecord, evidence: tuple[EvidenceRecord, 
         else EvidenceKind.EDGES_PICTURE
     )
     record = _last(evidence, kind)
-    path = None if record is None or record.gone else desk.evidence.path(record.sha256)
+    path = None if record is None or record.gone else service.evidence.path(record.sha256)
     if record is None or reading is None or path is None or not path.is_file():
         raise Problem(404, f"the part {part.id} has no picture to draw boxes in")
     return Response(boxes_picture(path, record.meta, reading), media_type="image/png")

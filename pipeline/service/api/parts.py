@@ -31,7 +31,7 @@ from pipeline.service.uploads import Upload, receive
 from pipeline.store.store import IdempotencyKey
 
 
-def parts_router(desk: PartService, access: Access) -> APIRouter:
+def parts_router(service: PartService, access: Access) -> APIRouter:
     """The routes that add to /v1/parts."""
     router = APIRouter(prefix="/v1", tags=["parts"])
 
@@ -81,14 +81,14 @@ def parts_router(desk: PartService, access: Access) -> APIRouter:
         caller: Caller = Writes,
     ) -> Any:
         new = NewPart(name=name, expected=expected.strip(), database=database, touch=touch == "stage")
-        folder = desk.evidence.new_work_folder()
+        folder = service.evidence.new_work_folder()
         try:
             seen = await receive(photo, "photo", folder) if photo is not None else None
             felt = await receive(scan, "scan", folder) if scan is not None else None
             key = _idempotency(
                 request, caller, idempotency_key, (seen, felt), (name, expected, database, touch)
             )
-            done = await desk.receive(new, photo=seen, scan=felt, idempotency=key)
+            done = await service.receive(new, photo=seen, scan=felt, idempotency=key)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
         return _answered(done, response)
@@ -113,11 +113,11 @@ def parts_router(desk: PartService, access: Access) -> APIRouter:
         caller: Caller = Writes,
     ) -> Any:
         checked_id(part_id)
-        folder = desk.evidence.new_work_folder()
+        folder = service.evidence.new_work_folder()
         try:
             felt = await receive(scan, "scan", folder)
             key = _idempotency(request, caller, idempotency_key, (felt,), (part_id,))
-            done = await desk.add_scan(part_id, felt, idempotency=key)
+            done = await service.add_scan(part_id, felt, idempotency=key)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
         return _answered(done, response)
@@ -132,7 +132,7 @@ def parts_router(desk: PartService, access: Access) -> APIRouter:
         },
     )
     async def touch_part(part_id: PartId, caller: Caller = Writes) -> Any:
-        return answer(await desk.touch(checked_id(part_id)))
+        return answer(await service.touch(checked_id(part_id)))
 
     @router.post(
         "/parts/{part_id}/review",
@@ -143,7 +143,7 @@ def parts_router(desk: PartService, access: Access) -> APIRouter:
     def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> Any:
         if body.action is not ReviewAction.UNREADABLE and not body.text.strip():
             raise Problem(422, "the text is empty; give the serial, or the action unreadable")
-        part = desk.say(
+        part = service.review(
             checked_id(part_id),
             action=body.action,
             text=body.text.strip(),

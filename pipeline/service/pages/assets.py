@@ -1,66 +1,39 @@
-"""Script, style and icon of the pages: read once, served from memory under addresses that change with them."""
+"""Script, style and icon of the pages, under addresses that change with what they hold."""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
-from importlib.resources import files
+import os
+from pathlib import Path
 
-from starlette.requests import Request
 from starlette.responses import Response
+from starlette.staticfiles import StaticFiles
+from starlette.types import Scope
 
-_MEDIA_TYPES = {
-    "css": "text/css; charset=utf-8",
-    "js": "text/javascript; charset=utf-8",
-    "svg": "image/svg+xml",
-}
 _A_YEAR_S = 365 * 24 * 3600
 
 
-@dataclass(frozen=True)
-class StaticFile:
-    """One file.
-
-    Attributes:
-        content: bytes.
-        media_type: for the browser.
-        tag: of the content.
-    """
-
-    content: bytes
-    media_type: str
-    tag: str
-
-
-class StaticFiles:
-    """The files of `static`; no other name answers, so no path can lead out."""
+class Assets(StaticFiles):
+    """The files of `static`; a browser keeps what it was given under a file's own address, and asks again else."""
 
     def __init__(self) -> None:
-        self._files = {
-            found.name: StaticFile(
-                found.read_bytes(),
-                _MEDIA_TYPES[found.name.rpartition(".")[2]],
-                hashlib.sha256(found.read_bytes()).hexdigest()[:16],
-            )
-            for found in files("pipeline.service.pages").joinpath("static").iterdir()
-            if found.name.rpartition(".")[2] in _MEDIA_TYPES
-        }
+        super().__init__(packages=[(__package__, "static")])
+        folder = Path(self.all_directories[0])
+        self._tags = {f.name: hashlib.sha256(f.read_bytes()).hexdigest()[:16] for f in folder.iterdir()}
 
     def address(self, name: str) -> str:
-        """Where a page finds it; another content has another address."""
-        return f"/static/{name}?v={self._files[name].tag}"
+        """Where a page finds a file; another content has another address."""
+        return f"/static/{name}?v={self._tags[name]}"
 
-    def answer(self, request: Request, name: str) -> Response:
-        """The file; 304 where the browser has it, 404 where there is none."""
-        found = self._files.get(name)
-        if found is None:
-            return Response("no such file\n", status_code=404, media_type="text/plain")
-        lasting = request.query_params.get("v") == found.tag
-        headers = {
-            "Cache-Control": f"public, max-age={_A_YEAR_S}, immutable" if lasting else "no-cache",
-            "ETag": f'"{found.tag}"',
-            "X-Content-Type-Options": "nosniff",
-        }
-        if request.headers.get("if-none-match") == headers["ETag"]:
-            return Response(status_code=304, headers=headers)
-        return Response(found.content, media_type=found.media_type, headers=headers)
+    def file_response(
+        self,
+        full_path: str | os.PathLike[str],
+        stat_result: os.stat_result,
+        scope: Scope,
+        status_code: int = 200,
+    ) -> Response:
+        """The file, or 304 where the browser has it."""
+        answer = super().file_response(full_path, stat_result, scope, status_code)
+        lasting = scope["query_string"] == f"v={self._tags.get(Path(full_path).name)}".encode()
+        answer.headers["Cache-Control"] = f"public, max-age={_A_YEAR_S}, immutable" if lasting else "no-cache"
+        return answer

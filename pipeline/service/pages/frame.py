@@ -23,7 +23,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from glyphs.errors import MarksError
 from pipeline.common.records import PartRecord, PartState, Scope
 from pipeline.service.access import Access, Caller, DeniedError
-from pipeline.service.pages.assets import StaticFiles
+from pipeline.service.pages.assets import Assets
 from pipeline.service.pages.places import LOW_MARGIN, part_cells
 from pipeline.store.errors import NotFoundError, StoreError, UnfitError
 
@@ -72,7 +72,7 @@ class Frame:
         store: of the parts.
         evidence: where their pictures are kept.
         access: who may look and who may say.
-        static: script and style.
+        assets: script and style.
         environment: templates.
         low_margin: lead of the first over the second candidate below which a place is unsure.
         review: keeps what a person says; arguments as `Store.review`.
@@ -81,7 +81,7 @@ class Frame:
     store: Store
     evidence: EvidenceFolder
     access: Access
-    static: StaticFiles
+    assets: Assets
     environment: jinja2.Environment
     low_margin: float
     review: Callable[..., PartRecord]
@@ -97,7 +97,7 @@ class Frame:
         review: Callable[..., PartRecord] | None = None,
     ) -> Frame:
         """With the templates and files of the package."""
-        static = StaticFiles()
+        assets = Assets()
         environment = jinja2.Environment(
             loader=jinja2.PackageLoader("pipeline.service.pages", "templates"),
             autoescape=True,
@@ -105,11 +105,11 @@ class Frame:
             lstrip_blocks=True,
             undefined=jinja2.StrictUndefined,
         )
-        environment.globals["static"] = static.address
+        environment.globals["static"] = assets.address
         environment.globals["state_names"] = STATE_NAMES
         environment.globals["part_cells"] = lambda part: part_cells(part, low_margin=low_margin)
         environment.filters.update(iso=_iso, utc=_utc, view=_view)
-        return cls(store, evidence, access, static, environment, low_margin, review or store.review)
+        return cls(store, evidence, access, assets, environment, low_margin, review or store.review)
 
     def page(
         self,

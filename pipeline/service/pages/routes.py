@@ -51,7 +51,7 @@ def pages_router(
     add_login(router, frame)
 
     @router.get("/static/{name}")
-    def static(request: Request, name: str) -> Response:
-        return frame.static.answer(request, name)
+    async def static(request: Request, name: str) -> Response:
+        return await frame.assets.get_response(name, request.scope)
 
     return router

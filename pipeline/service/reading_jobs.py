@@ -1,0 +1,159 @@
+"""Reading jobs: a part's files go to a worker, and what comes of them into the evidence folder.
+
+photo, scan --> work folder --> worker: readings, pictures --> evidence folder
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import structlog
+
+from glyphs.errors import FileError
+from pipeline.common.records import EvidenceKind, EvidenceRecord
+from pipeline.reading.job_reading import read_job
+from pipeline.reading.jobs import Done, Job
+from pipeline.service.problem import Problem
+from pipeline.service.uploads import Upload
+from pipeline.workers.pool import BusyError, WorkerLostError
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
+    from pipeline.reading.jobs import Limits
+    from pipeline.service.metrics import Metrics
+    from pipeline.store.evidence_folder import EvidenceFolder
+    from pipeline.workers.pool import WorkPool
+
+T = TypeVar("T")
+log = structlog.get_logger("tactile-marks")
+
+
+class ReadingJobs:
+    """Has files read by the pool's workers, and keeps them with what was made of them.
+
+    * A work folder lasts as long as its request; what is to be kept is moved out of it.
+    * Every file of a returned record is on the disk.
+    """
+
+    def __init__(
+        self,
+        *,
+        evidence: EvidenceFolder,
+        pool: WorkPool,
+        databases: Callable[[str], Path | None],
+        reading: ReadSettings,
+        limits: Limits,
+        metrics: Metrics,
+    ) -> None:
+        """Take what it works with.
+
+        Args:
+            evidence: where files are kept.
+            pool: where parts are read.
+            databases: file of the glyph database of a name; raises Problem for one that is not there.
+            reading: how parts are read.
+            limits: of files.
+            metrics: what is counted.
+        """
+        self._evidence, self._pool, self._databases = evidence, pool, databases
+        self._reading, self._limits, self._metrics = reading, limits, metrics
+
+    @property
+    def busy(self) -> float | None:
+        """Seconds after which to ask again, while no more parts are taken in; None while they are."""
+        return self._pool.retry_after_s()
+
+    async def read(
+        self,
+        uploads: dict[str, Upload | None],
+        *,
+        name: str,
+        expected: str,
+        database: str,
+        vision: Path | None = None,
+        photo: Path | None = None,
+    ) -> tuple[Done, list[EvidenceRecord]]:
+        """Read the files in a worker; keep them and what was made of them.
+
+        Args:
+            uploads: photo and scan, as they were sent.
+            name: what the line calls the part.
+            expected: text that it should bear.
+            database: name of the glyph database.
+            vision: the camera's reading from before, as it was kept.
+            photo: the photograph from before.
+
+        Raises:
+            Problem: files that cannot be used, no room in the queue, a worker that was lost, a full disk.
+        """
+        given = {role: upload for role, upload in uploads.items() if upload is not None}
+        with self.work_folder() as folder:
+            raw = {upload.kind(role): upload for role, upload in given.items()}
+            paths = {kind: upload.path for kind, upload in raw.items()}
+            job = Job(
+                folder=folder,
+                photo=paths.get(EvidenceKind.PHOTO, photo),
+                scan=paths.get(EvidenceKind.SCAN),
+                height_map=paths.get(EvidenceKind.HEIGHT_MAP),
+                vision=vision,
+                part_name=name,
+                expected=expected,
+                database=self._databases(database),
+                names={kind.value: upload.name for kind, upload in raw.items()},
+            )
+            done = await self.in_worker(read_job, job, self._reading, self._limits)
+            try:
+                return done, await asyncio.to_thread(self._keep, raw, done)
+            except FileError as problem:
+                log.error("evidence not kept", why=str(problem))
+                busy = "the service cannot keep what was sent; its log says why"
+                raise Problem(503, busy, headers={"Retry-After": "30"}) from problem
+
+    def _keep(self, raw: dict[EvidenceKind, Upload], done: Done) -> list[EvidenceRecord]:
+        kept = []
+        for kind, upload in raw.items():
+            sha256, n_bytes = self._evidence.keep(upload.path)
+            kept.append(
+                EvidenceRecord(kind, sha256, n_bytes, name=upload.name, media_type=upload.media_type(kind))
+            )
+        for made in done.made:
+            sha256, n_bytes = self._evidence.keep(made.path)
+            kept.append(
+                EvidenceRecord(made.kind, sha256, n_bytes, media_type=made.media_type, meta=made.meta)
+            )
+        return kept
+
+    async def in_worker(self, function: Callable[..., T], *arguments: Any) -> T:
+        """What a function returns that a worker calls.
+
+        Raises:
+            Problem: no room in the queue, files that cannot be used, a worker that was lost.
+        """
+        try:
+            future = self._pool.submit(function, *arguments)
+        except BusyError as error:
+            self._metrics.refused.inc()
+            seconds = max(1, round(error.retry_after_s))
+            raise Problem(503, str(error), headers={"Retry-After": str(seconds)}) from error
+        try:
+            return await asyncio.wrap_future(future)
+        except FileError as problem:
+            raise Problem(422, str(problem)) from problem
+        except WorkerLostError as error:
+            self._metrics.lost_workers.inc()
+            log.warning("worker lost", why=str(error))
+            raise Problem(422, str(error)) from error
+
+    @contextlib.contextmanager
+    def work_folder(self) -> Iterator[Path]:
+        """A folder for the length of a request."""
+        folder = self._evidence.new_work_folder()
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
