@@ -37,7 +37,7 @@ def synth(
     pixel_mm: float = 0.06,
     light_azimuth_deg: float | None = None,
     light_elevation_deg: float | None = None,
-    workers: int = 1,
+    jobs: int = 1,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Stamp serials on plates: part-000.npz, part-000.png and so on, and truth.csv.
@@ -90,7 +90,7 @@ def synth(
         Where the lamp stands: 0 at the right, 90 below, 270 above; any unless given.
     light_elevation_deg
         How high it stands over the plate; 25 to 65 unless given.
-    workers
+    jobs
         Processes.
     overwrite
         Write into a folder that is not empty.
@@ -129,7 +129,7 @@ def synth(
             light_elevation_deg=light_elevation_deg,
             pixel_mm=pixel_mm,
         )
-        with ExecutorOptions(jobs=workers).opened(parts) as executor:
+        with ExecutorOptions(jobs=jobs).opened(parts) as executor:
             each = partial(ordered_map, executor)
             made = write_parts(spec, out, parts=parts, photos=photo, overwrite=overwrite, each=each)
     print(f"wrote {len(made)} parts and truth.csv to {out}")
