@@ -2,7 +2,17 @@
 
 from typing import Any
 
+from pipeline.cli.main import app, whole_help
 from pipeline.cli.settings_reference import settings_reference
+
+
+def on_startup(**_: Any) -> None:
+    """Let the command reference have all that the commands say of themselves."""
+    for name in app:
+        whole_help(name)
+        if name in ("tokens", "glyphs"):
+            for sub in app[name]:
+                whole_help(name, sub)
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

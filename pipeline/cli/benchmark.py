@@ -43,10 +43,10 @@ def benchmark(
     inputs: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
 ) -> int:
-    """Make parts of growing dirt, read each by every mode, and write report.html, benchmark.csv and benchmark.json.
+    """Make dirtier and dirtier parts, read each in every mode, and write report.html, benchmark.csv and benchmark.json.
 
-    A run that was broken off is taken up by the same command; more --parts go on where fewer ended. With --inputs
-    and --truth the parts of a folder are read in place of made ones.
+    Start an interrupted run again with the same command; with more --parts it goes on where it ended. With --inputs
+    and --truth the parts of a folder are read instead.
 
     Parameters
     ----------
@@ -59,23 +59,23 @@ def benchmark(
     mode
         What reads: tactile, vision, fused, separated by commas.
     font
-        Built-in names or TTF/OTF files, separated by commas; gothic unless given. The reader is told which. Of
+        Built-in names or TTF/OTF files, separated by commas; gothic unless given. The reader knows which. Of
         --inputs: those that may be theirs, all built-in ones unless given.
     format
-        Masks of the serials, separated by commas; AA999999 unless given. The reader is told which. Of --inputs:
+        Masks of the serials, separated by commas; AA999999 unless given. The reader knows which. Of --inputs:
         theirs, if known.
     seed
-        Of everything random.
+        Of everything random: the same seed gives the same parts.
     jobs
         Worker processes.
     cluster
         Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
     peers
-        RapidOCR and Tesseract read the same photographs and edge maps.
+        Let RapidOCR and Tesseract read the same photographs and edge maps, for comparison (extra peers).
     height_mm
-        Character height.
+        Character height, mm.
     depth_mm
-        Depth of the marks.
+        Depth of the marks, mm.
     face
         Face of the die.
     fidelity

@@ -39,23 +39,23 @@ def design(
     Parameters
     ----------
     alpha
-        Walls of the marks, gentlest:steepest, degrees, e.g. 30:60.
+        Slopes of the walls of the marks, least:greatest, degrees, such as 30:60.
     mu
-        Friction, least:greatest, e.g. 0.1:0.5.
+        Friction, least:greatest, such as 0.1:0.5.
     depth_mm
-        Depth of the deepest marks.
+        Depth of the deepest marks, mm.
     height_mm
-        Character height.
+        Character height, mm.
     wire
         What whiskers are made of.
     section
         Section of the whisker.
     speed_mm_s
-        Scan speed to be reached; the usual one for the height unless given.
+        Scan speed to reach, mm/s; the usual one for the height unless given.
     beta_deg
-        Setting angles that can be had, least:greatest, degrees; 0 keeps l1 level.
+        Setting angles that the holder allows, least:greatest, degrees; 0 keeps l1 level.
     sensitive_to
-        Instead single out walls of this inclination, degrees.
+        Tune the whisker to walls of this slope instead, degrees.
     trade_offs
         Also say what a larger sideways slide, or another speed, would give.
     out

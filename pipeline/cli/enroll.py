@@ -34,22 +34,22 @@ def enroll(
     service: ServiceOfFile = SERVICE,
     config: Config = None,
 ) -> int:
-    """Enroll reviewed parts: their characters teach the database the die's own shapes.
+    """Learn the shapes of a die from reviewed parts, and keep them in a glyph database.
 
     Parameters
     ----------
     inputs
         Height maps and scans, folders or globs of them.
     database
-        Glyph database; made with the built-in fonts if it is not there. Then: read --database.
+        Glyph database to add them to, for read --database; made, with the built-in fonts, if it is missing.
     font
-        Name for the die's shapes, such as press-7; given again, it learns more.
+        Name for this die, such as press-7; use it again to learn more of the same die.
     truth
-        Table of the inputs' texts as a person knows them: CSV with the columns part and text.
+        CSV with the columns part and text: what a person read on each part.
     from_store
         Take the reviewed parts of the service's store instead.
     since
-        Only parts reviewed in the last so many days.
+        Only parts reviewed in this many days up to now.
     """
     if from_store == bool(inputs):
         raise CommandError("enroll: name parts with --truth, or give --from-store", status=USAGE)

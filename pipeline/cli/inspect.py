@@ -20,9 +20,9 @@ def inspect(
     reading: Reading = READING,
     config: Config = None,
 ) -> int:
-    """Draw how one part was felt, seen and read: heights, moments, edges, depth, slope, boxes and candidates.
+    """Draw how one part was read: heights, moments, edges, depth, slope, boxes and candidates.
 
-    A photograph of the same stem beside the file is shown, too, whether or not it is read.
+    A photograph beside the file with the same name is shown, too, whether or not it is read.
 
     Parameters
     ----------

@@ -53,25 +53,33 @@ app = App(
 _LIBRARY = App(name="glyphs", help="List, show and collect the fonts of steel stamps.")
 
 app.command("pipeline.cli.read:read", name="read", help="Read the serials of parts.")
-app.command("pipeline.cli.inspect:inspect", name="inspect", help="Draw how one part was felt, seen and read.")
-app.command("pipeline.cli.synth:synth", name="synth", help="Make stamped parts, their dirt and photographs.")
-app.command("pipeline.cli.scan:scan", name="scan", help="Feel a height map with the virtual array.")
-app.command("pipeline.cli.scan:calibrate", name="calibrate", help="Calibrate a scan from its lead-in.")
-app.command("pipeline.cli.demo:demo", name="demo", help="Make, scan and read a few parts.")
-app.command("pipeline.cli.figures:figures", name="figures", help="Draw the paper's results and beyond.")
-app.command("pipeline.cli.benchmark:benchmark", name="benchmark", help="How well dirty parts are read.")
+app.command("pipeline.cli.inspect:inspect", name="inspect", help="Draw how one part was read, step by step.")
+app.command(
+    "pipeline.cli.synth:synth", name="synth", help="Make stamped, dirty parts and photographs of them."
+)
+app.command("pipeline.cli.scan:scan", name="scan", help="Scan a height map with the simulated array.")
+app.command(
+    "pipeline.cli.scan:calibrate", name="calibrate", help="Calibrate a recorded scan from its lead-in."
+)
+app.command("pipeline.cli.demo:demo", name="demo", help="Make, scan and read a few parts; start here.")
+app.command("pipeline.cli.figures:figures", name="figures", help="Compute and draw the results of the paper.")
+app.command(
+    "pipeline.cli.benchmark:benchmark", name="benchmark", help="Measure how well dirty parts are read."
+)
 app.command("pipeline.cli.design:design", name="design", help="Find the whisker to build.")
-app.command("pipeline.cli.serve:serve", name="serve", help="The service: camera first, touch when unsure.")
+app.command(
+    "pipeline.cli.serve:serve", name="serve", help="Run the service: camera first, touch when unsure."
+)
 app.command(
     "pipeline.cli.enroll:enroll",
     name="enroll",
-    help="Learn a die's shapes from parts that were reviewed.",
+    help="Learn the shapes of a die from reviewed parts.",
 )
-app.command("pipeline.cli.worker:worker", name="worker", help="Lend this machine to runs on a cluster.")
+app.command("pipeline.cli.worker:worker", name="worker", help="Lend this machine's cores to a cluster.")
 _TOKENS = App(name="tokens", help="Make, list and revoke tokens of the service.")
 _TOKENS.command("pipeline.cli.tokens:add", name="add", help="Make a token.")
 _TOKENS.command("pipeline.cli.tokens:list_tokens", name="list", help="List the tokens.")
-_TOKENS.command("pipeline.cli.tokens:revoke", name="revoke", help="Take a token back.")
+_TOKENS.command("pipeline.cli.tokens:revoke", name="revoke", help="Revoke a token.")
 app.command(_TOKENS)
 _LIBRARY.command("pipeline.cli.glyphs:list_fonts", name="list", help="List the fonts.")
 _LIBRARY.command("pipeline.cli.glyphs:show", name="show", help="Draw a sheet of fonts.")
@@ -81,7 +89,7 @@ app.command(_LIBRARY)
 
 @app.command
 def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
-    """Print what makes a shell complete commands and options.
+    """Print the script with which a shell completes commands and options.
 
     For bash, in ~/.bashrc: eval "$(tactile-marks completion bash)"; for zsh the same in ~/.zshrc, after compinit; for
     fish: tactile-marks completion fish > ~/.config/fish/completions/tactile-marks.fish
@@ -102,6 +110,21 @@ def completion(shell: Literal["bash", "zsh", "fish"]) -> int:
     return 0
 
 
+def whole_help(*names: str) -> None:
+    """Let the help of a command be all that its function says, not the line that the list of commands has.
+
+    Args:
+        names: of the command, such as tokens, add; what follows it on a command line may follow.
+    """
+    command = app
+    for name in names:
+        if name.startswith("-") or name not in command:
+            break
+        command = command[name]
+    if command.default_command is not None:
+        command.help = None
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
@@ -111,9 +134,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a file's name may be no text
             stream.reconfigure(errors="backslashreplace")
+    given = sys.argv[1:] if arguments is None else list(arguments)
     try:
+        if not {"--help", "-h"}.isdisjoint(given):
+            whole_help(*given)
         status = app(
-            sys.argv[1:] if arguments is None else list(arguments),
+            given,
             exit_on_error=False,
             print_error=False,
             result_action="return_value",

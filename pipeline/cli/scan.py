@@ -32,26 +32,27 @@ def scan(
     Parameters
     ----------
     height_map
-        .npz, .x3p, .sdf, .sur ... An .npz that tells of friction and soft dirt, as `synth --dirt` writes it, is
-        scanned with them.
+        .npz, .x3p, .sdf, .sur ... Friction and soft dirt count where an .npz holds them, as `synth --dirt` writes
+        it.
     out
         Recording to write, .h5.
     height_mm
-        Character height, which sets the scale of array and raster; unless given the map is read, as by `read`, for it.
+        Character height in mm, which sets the scale of array and raster; measured unless given, which takes as long as
+        to read the part.
     fidelity
         How touch is simulated.
     noise
-        Sensors as they come from the bench: gains, offsets, noise, drift, 16 bits.
+        Sensors as real ones are: gains, offsets, noise, drift, 16 bits.
     seed
-        Of gains, offsets and noise.
+        Of gains, offsets and noise: the same seed gives the same scan.
     whisker
         Whisker to scan with, as `design --out` writes it; one for the character height unless given.
     friction
         True friction of the part, 0 to 1; what the file says, or the whisker's nominal one, unless given.
     profilers
-        A second row of whiskers, whose moment is the profile: with it slopes are told apart from heights.
+        Add a second row of whiskers that measures the profile; it separates slopes from heights.
     two_way
-        Repeat every pass on its return, pushed back: with it friction is measured.
+        Scan every pass again on its return, pushed backwards; it measures friction.
     unit
         Unit of the numbers in a height file that states none (.npz, STL, PLY, XYZ).
     """

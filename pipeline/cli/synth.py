@@ -47,7 +47,7 @@ def synth(
     out
         Folder for them.
     parts
-        How many.
+        Number of parts.
     format
         Mask of the serials: A letter, 9 digit, * either, any other character itself.
     font
@@ -55,21 +55,21 @@ def synth(
     seed
         Of everything random: the same seed gives the same parts.
     height_mm
-        Character height.
+        Character height in mm.
     depth_mm
-        Depth of the marks; usual for the height unless given.
+        Depth of the marks in mm; the usual one for the height unless given.
     face
         Face of the die.
     bevel_deg
-        Slope of the walls.
+        Slope of the walls, degrees.
     raised
         Raised marks instead of sunk ones.
     variation
         Let blows and plates differ as in a shop.
     dirt
-        How dirty, 0 to 1: a mixture of all that follows.
+        How dirty, 0 to 1: a mixture of the seven kinds that follow.
     grime
-        Grime caked into the grooves, 0 to 1, in place of the mixture's share; likewise the next six.
+        Grime caked into the grooves, 0 to 1, in place of its share of the mixture; likewise the next six.
     oil
         Oil: slippery, dark and glossy.
     swarf
@@ -85,11 +85,11 @@ def synth(
     photo
         Take a photograph of every part.
     pixel_mm
-        Size of its pixels on the part.
+        Size of a pixel on the part, mm.
     light_azimuth_deg
-        Where the lamp stands: 0 at the right, 90 below, 270 above; any unless given.
+        Where the lamp stands: 0 at the right, 90 below, 270 above; drawn at random unless given.
     light_elevation_deg
-        How high it stands over the plate; 25 to 65 unless given.
+        How high it stands over the plate; drawn from 25 to 65 unless given.
     jobs
         Processes.
     overwrite

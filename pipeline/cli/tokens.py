@@ -30,16 +30,16 @@ def add(
     service: ServiceOfFile = SERVICE,
     config: Config = None,
 ) -> int:
-    """Make a token and print its secret. It is shown this once; the store keeps its hash alone.
+    """Make a token and print its secret, once: the store keeps only its hash.
 
     Parameters
     ----------
     name
-        Whose it is, such as line-3; every review done with it bears that name.
+        Name of the user or machine, such as line-3; reviews made with the token are signed with it.
     scope
-        What it allows: read, write (send parts) or review. May be given several times.
+        What it allows: read, write (send parts) or review. May be repeated.
     days
-        After how many days it is refused; never unless given.
+        Days for which it is valid; for ever unless given.
     """
     if days is not None and not 1 <= days <= _MAX_DAYS:
         raise CommandError(f"tokens add: {days} days cannot be", hint=f"give 1 to {_MAX_DAYS}", status=USAGE)
@@ -78,7 +78,7 @@ def revoke(
     Parameters
     ----------
     name
-        Whose it is.
+        Name of the user or machine.
     """
     with _opened(store or service.store_url) as opened:
         opened.revoke(name)

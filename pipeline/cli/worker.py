@@ -9,7 +9,7 @@ from pipeline.cli.exit_status import USAGE, CommandError, failures_told
 
 
 def worker(address: str, *, jobs: int | None = None, memory_gb: float | None = None) -> int:
-    """Work for a Dask scheduler until it ends: one process a core, which is replaced when it is lost.
+    """Work for a Dask scheduler until it ends, one process a core; a lost process is replaced.
 
     Start the scheduler with: dask scheduler. This is `dask worker` with one thread a process and the memory of maps
     kept between parts, without which a part costs up to three times as much.
@@ -17,11 +17,11 @@ def worker(address: str, *, jobs: int | None = None, memory_gb: float | None = N
     Parameters
     ----------
     address
-        Of the scheduler, such as tcp://HOST:8786.
+        Address of the scheduler, such as tcp://HOST:8786.
     jobs
-        Processes; one for each core unless given.
+        Worker processes; one for each core unless given.
     memory_gb
-        Of each process, beyond which it is replaced; its share of the machine's unless given.
+        Memory of each process, in GB; one that takes more is replaced. Its share of the machine unless given.
     """
     from pipeline.common.allocator import MALLOC
     from pipeline.workers.cluster import require_distributed

@@ -235,3 +235,8 @@ def test_every_setting_has_a_description_and_stands_in_help_and_reference(
     assert main(["read", "--help"]) == 0
     shown = capsys.readouterr().out
     assert all(str(field.description)[:60] in shown for field in ReadSettings.model_fields.values())
+
+
+def test_help_of_a_command_is_its_whole_docstring(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tokens", "add", "--help"]) == 0
+    assert "the store keeps only its hash" in capsys.readouterr().out
