@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.box import Box
 from recognition.lattice import Lattice
-from recognition.reading import Box
 
 
 @dataclass(frozen=True)

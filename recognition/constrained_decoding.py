@@ -1,6 +1,6 @@
 """The best serial that its format allows, and how sure it is: beliefs of places, and a grammar, to a choice.
 
-    lattice: 8 0.6  B 0.3 | 5 0.7  S 0.2 | ...        grammar: mask, check digit ...
+    lattice: 8 0.6  B 0.3 | 5 0.7  S 0.2 | ...        grammar: format, check digit ...
     b_i(c): belief in c at place i                    a_i: sum of b_i over the characters that some allowed
     r_i = 1 - sum of b_i: "no character"                   string of this length has at place i
 
@@ -10,7 +10,7 @@
     probability of s = w(s) / (Z + N)
 
 The best *allowed* string is found, not the best string checked afterwards, and Z is exact: see
-`recognition.automaton`. N is exact for masks and sets; elsewhere it is an upper bound, for what stands at the other
+`recognition.automaton`. N is exact for formats and sets; elsewhere it is an upper bound, for what stands at the other
 places is held to the places' characters only. Strings that are not allowed count for nothing: the format is taken
 for certain. How far the lattice believes in it is the valid mass, Z: where it is small something else was read
 than the format allows. The reward that a string deserves for being one of few (a check digit holds by chance in one

@@ -104,9 +104,7 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
             state = reached[key]
             if state not in numbers:
                 if len(numbers) >= MOST_STATES:
-                    raise FormatError(
-                        f"{pattern!r} is too involved", hint="give a mask or sets a place instead"
-                    )
+                    raise FormatError(f"{pattern!r} is too involved", hint="give mask: or sets: instead")
                 numbers[state] = len(numbers)
                 waiting.append(state)
             row[k] = numbers[state]
@@ -124,7 +122,7 @@ class _Net:
 
     def node(self, *free: int) -> int:
         if len(self.free) >= MOST_NODES:
-            raise FormatError(f"{self.text!r} repeats too much", hint="give a mask or sets a place instead")
+            raise FormatError(f"{self.text!r} repeats too much", hint="give mask: or sets: instead")
         self.free.append(list(free))
         return len(self.free) - 1
 

@@ -8,7 +8,7 @@ More than one may be given, and all must hold:
     vin                      17 characters with the check digit of 49 CFR 565.15
     check:luhn               nothing but a check digit
     ...+check=RULE           as well, see `recognition.check_digits`
-    ...+exclude=IOQ          these characters nowhere, but where a mask writes them themselves
+    ...+exclude=IOQ          these characters nowhere, but where a mask: writes them itself
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from recognition.remainders import FIGURES, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN
 
 
 @dataclass(frozen=True)
-class Said:
-    """What the texts say; see `recognition.grammar.Grammar`."""
+class FormatParts:
+    """The parts that the texts give; see `recognition.grammar.Grammar`."""
 
-    mask: str | None
+    format: str | None
     expression: str | None
     sets: tuple[str, ...] | None
     checks: tuple[CheckDigit, ...]
     exclude: str
 
 
-def said_by(texts: Iterable[str]) -> Said:
-    """What several texts say together.
+def parts_of(texts: Iterable[str]) -> FormatParts:
+    """The parts that several texts give together.
 
     Raises:
         FormatError: a text that cannot be understood, or two of one kind.
@@ -56,7 +56,7 @@ def said_by(texts: Iterable[str]) -> Said:
         checks.extend(CheckDigit.parse(value) for key, value in options if key == "check")
         exclude += "".join(value for key, value in options if key == "exclude")
     sets = _sets(given["sets"]) if "sets" in given else None
-    return Said(given.get("mask"), given.get("re"), sets, tuple(checks), exclude)
+    return FormatParts(given.get("mask"), given.get("re"), sets, tuple(checks), exclude)
 
 
 _OPTION = re.compile(r"(?P<body>.*)\+(?P<key>check|exclude)=(?P<value>[^+]+)", re.DOTALL)
@@ -81,7 +81,7 @@ def _kind(body: str) -> tuple[str, str]:
     if not colon or kind not in ("mask", "re", "sets", "check"):
         if not body:
             raise FormatError(
-                "the format is empty", hint="write a mask such as AA999999, or re:, sets:, vin or check:"
+                "the format is empty", hint="write for example AA999999, or re:, sets:, vin or check:"
             )
         return "mask", body
     if not rest:

@@ -18,7 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import EdgeMap, TraceDirection
-from recognition.reading import Box
+from recognition.box import Box
 
 MOST_RESAMPLED = 8
 """Grids that an image keeps its averages on."""

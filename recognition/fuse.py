@@ -1,108 +1,89 @@
-"""Touch and sight read as one.
+"""Touch and vision read as one.
 
-    touch.lattice ------------------------------+
-        |  places, characters                   |
-        v                                       v
-    register --> sight at those places --> fuse_lattices --> choose under the grammar --> Reading
-                 ("edges"), or the photograph's own
-                 reading ("decision", the default)
+    touch.trace.lattice ------------------+
+        |  places, characters             |
+        v                                 v
+    register --> vision's lattice --> fuse_lattices --> choose under the grammar --> Reading
 
-Asked at the places of touch, templates read far more of a dirty line than the camera's own reader, which must find
-the line first. But that reader has a network beside its templates; fused with touch, it adds as many characters,
-and more readings are accepted. Where the picture cannot be laid over the map, it speaks at either level.
+Where the photograph cannot be laid over the map, as many places are taken for the same ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
 
-from glyphs.fonts.glyph import Font
 from recognition.acceptance import CANDIDATES
 from recognition.confusions import state_of
 from recognition.constrained_decoding import Choice, blind_warnings, choose
 from recognition.fuse_lattices import (
     VISION_ALONE,
-    VISION_AT_TOUCH,
     Reliability,
     contradictions,
     fuse_lattices,
     tempered,
 )
-from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.overlay import allowed_at, line_of, registered, seen_at
-from recognition.reader import ReaderSettings, ReadingTrace
-from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.overlay import line_of, registered
+from recognition.reader_settings import ReaderSettings
+from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag, ReadingTrace
 from recognition.verdict import CHOICE_FLAGS, choice_flags, decision_of
-from recognition.vision import VisionReading
 from recognition.vision_combine import as_reading
 
-Level = Literal["decision", "edges"]
-DEFAULT_LEVEL: Level = "decision"
-"""As many characters right as by edges, and more readings accepted where touch is in doubt."""
 ALONE_WRONG = 0.02
 """Share of places at which the camera may be wrong whatever it believes, with no touch to compare it with."""
 
 
 def fuse(
-    touch: ReadingTrace,
-    vision: VisionReading,
+    touch: Reading,
+    vision: Reading,
     settings: ReaderSettings,
-    *,
-    level: Level = DEFAULT_LEVEL,
-    fonts: Sequence[Font] = (),
 ) -> Reading:
     """One reading of both senses; of the one that has read where the other has not.
 
     Args:
-        touch: as felt.
-        vision: as seen.
+        touch: the reading of touch.
+        vision: the reading of vision.
         settings: thresholds, grammar, fonts.
-        level: its own reading ("decision"), or sight asked at the places of touch ("edges").
-        fonts: fonts already loaded, beside those the settings name.
 
     Returns:
-        A reading of source "fused" in the plate frame. Accepted by the settings' thresholds, and never where both
-        senses are sure of different characters.
+        A reading of source "fused" in the plate frame, whose trace holds both. Accepted by the settings' thresholds,
+        and never where both senses are sure of different characters.
     """
-    grammar = _grammar(settings)
-    if touch.lattice is None or not touch.reading.characters:
-        return _by_vision_alone(touch, vision, settings, grammar)
-    found = fused_lattice(touch, vision, settings, level=level, fonts=fonts)
+    made = _fused(touch, vision, settings)
+    return replace(
+        made, source="fused", trace=ReadingTrace(touch=touch, vision=vision, photo=vision.trace.photo)
+    )
+
+
+def _fused(touch: Reading, vision: Reading, settings: ReaderSettings) -> Reading:
+    own = touch.trace.lattice
+    if own is None or not touch.characters:
+        return _by_vision_alone(touch, vision, settings)
+    found = fused_lattice(touch, vision, settings)
     if found is None:
-        note = "the camera has read nothing; read by touch alone"
-        return replace(touch.reading, source="fused", notes=(*touch.reading.notes, note))
+        return replace(touch, notes=(*touch.notes, "the camera has read nothing; read by touch alone"))
     lattice, contradicted = found
-    choice = choose(lattice, grammar)
+    choice = choose(lattice, settings.grammar)
     if not choice.text:
-        return replace(touch.reading, source="fused")
-    return _reading(touch.reading, touch.lattice, lattice, choice, contradicted, settings, grammar, vision)
+        return touch
+    return _reading(touch, own, lattice, choice, contradicted, settings, vision)
 
 
 def fused_lattice(
-    touch: ReadingTrace,
-    vision: VisionReading,
+    touch: Reading,
+    vision: Reading,
     settings: ReaderSettings,
-    *,
-    level: Level = DEFAULT_LEVEL,
-    fonts: Sequence[Font] = (),
 ) -> tuple[Lattice, tuple[str, ...]] | None:
     """The beliefs of both, and where they contradict each other in words; None where sight has nothing to say."""
-    felt = touch.lattice
+    felt = touch.trace.lattice
     if felt is None:
         return None
-    line = line_of(touch, settings, fonts) if vision.edges is not None else None
+    edges, seen = vision.trace.edge_map, vision.trace.lattice
+    line = line_of(touch, settings) if edges is not None else None
     where = registered(touch, vision, line)
-    if level == "edges" and line is not None and where is not None and where.failure is None:
-        assert vision.edges is not None
-        seen = seen_at(line, vision, where, allowed_at(_grammar(settings), felt.n_places, line.basis.chars))
-        return _joined(felt, seen, VISION_AT_TOUCH)
-    if vision.lattice is None:
+    if seen is None:
         return None
-    seen = vision.lattice
     if where is not None and where.failure is None:
         seen = replace(seen, boxes=tuple(where.box(b) for b in seen.boxes))
     elif seen.n_places == felt.n_places:
@@ -111,12 +92,6 @@ def fused_lattice(
     else:
         return None
     return _joined(felt, seen, VISION_ALONE)
-
-
-def _grammar(settings: ReaderSettings) -> Grammar | None:
-    if settings.grammar is not None:
-        return settings.grammar
-    return Grammar(mask=settings.mask) if settings.mask is not None else None
 
 
 def _joined(felt: Lattice, seen: Lattice, reliability: Reliability) -> tuple[Lattice, tuple[str, ...]]:
@@ -134,10 +109,10 @@ def _reading(
     choice: Choice,
     contradicted: tuple[str, ...],
     settings: ReaderSettings,
-    grammar: Grammar | None,
-    vision: VisionReading,
+    vision: Reading,
 ) -> Reading:
     """Touch's reading with the beliefs of both."""
+    grammar = settings.grammar
     characters = []
     for k in range(lattice.n_places):
         # what was measured at the place stays with it
@@ -175,36 +150,33 @@ def _reading(
         decision=decision_of(flags, characters),
         confidence=choice.probability,
         flags=flags,
-        source="fused",
         notes=(*old_blind, *blind, *contradicted),
         seconds=_seconds(told, vision),
     )
 
 
-def _by_vision_alone(
-    touch: ReadingTrace, vision: VisionReading, settings: ReaderSettings, grammar: Grammar | None
-) -> Reading:
-    """Sight's reading, doubted as sight is; nothing where it has read nothing either."""
-    if vision.lattice is None or not vision.reading.characters:
-        flags = touch.reading.flags | ReadingFlag.NO_CHARACTERS
-        return replace(touch.reading, decision=Decision.REJECT, flags=flags, source="fused")
-    lattice = tempered(vision.lattice, Reliability(rates=(ALONE_WRONG,)))
-    doubts = vision.reading.flags & ~CHOICE_FLAGS
-    made = as_reading(lattice, settings, flags=doubts or None, source="fused")
-    choice = choose(lattice, grammar)
+def _by_vision_alone(touch: Reading, vision: Reading, settings: ReaderSettings) -> Reading:
+    """Vision's reading, doubted as vision is; nothing where it has read nothing either."""
+    seen = vision.trace.lattice
+    if seen is None or not vision.characters:
+        return replace(touch, decision=Decision.REJECT, flags=touch.flags | ReadingFlag.NO_CHARACTERS)
+    lattice = tempered(seen, Reliability(rates=(ALONE_WRONG,)))
+    doubts = vision.flags & ~CHOICE_FLAGS
+    made = as_reading(lattice, settings, flags=doubts or None)
+    choice = choose(lattice, settings.grammar)
     if choice.text and choice.text != "".join(c.char for c in made.characters):
         made = replace(made, decision=Decision.REVIEW, flags=made.flags | ReadingFlag.FORMAT_OVERRULED)
     note = "touch has found no characters; read by the camera alone"
     return replace(
         made,
-        font=vision.reading.font,
-        height_mm=vision.reading.height_mm,
-        rotation_deg=vision.reading.rotation_deg,
-        notes=(*vision.reading.notes, note),
-        seconds=_seconds(touch.reading, vision),
+        font=vision.font,
+        height_mm=vision.height_mm,
+        rotation_deg=vision.rotation_deg,
+        notes=(*vision.notes, note),
+        seconds=_seconds(touch, vision),
     )
 
 
-def _seconds(felt: Reading, vision: VisionReading) -> MappingProxyType[str, float]:
+def _seconds(touch: Reading, vision: Reading) -> MappingProxyType[str, float]:
     """What both senses took, step by step."""
-    return MappingProxyType({**felt.seconds, **{f"sight {k}": v for k, v in vision.reading.seconds.items()}})
+    return MappingProxyType({**touch.seconds, **{f"sight {k}": v for k, v in vision.seconds.items()}})

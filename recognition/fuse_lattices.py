@@ -25,8 +25,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.box import Box
 from recognition.lattice import Lattice
-from recognition.reading import Box
 
 SAME_PLACE_SHARE = 0.5
 """Of the usual step between characters, how far a place seen may lie from the one felt that it belongs to."""
@@ -63,8 +63,6 @@ class Reliability:
 
 VISION_ALONE = Reliability(power=0.7, rates=(0.02, 0.1, 0.3, 0.6, 0.9), convincing=0.8)
 """Of a reader of photographs."""
-VISION_AT_TOUCH = Reliability(power=0.7, rates=(0.02, 0.1, 0.3, 0.6, 0.9), convincing=0.8)
-"""Of sight asked at the places of touch."""
 
 
 def fuse_lattices(

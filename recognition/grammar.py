@@ -17,10 +17,8 @@ from recognition.automaton import Automaton, Machine, Strings, WordList, coded, 
 from recognition.check_digits import CheckDigit
 from recognition.expression import MOST_PLACES, expression_machine
 from recognition.expression_tree import expression_tree
-from recognition.format_text import said_by
+from recognition.format_text import parts_of
 from recognition.remainders import ALPHANUMERIC
-
-__all__ = ["FormatError", "Grammar"]
 
 MOST_WORDS = 100_000
 
@@ -30,19 +28,19 @@ class Grammar:
     """All that is known of a serial before it is read; what is None or empty limits nothing.
 
     Attributes:
-        mask: as `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
+        format: as `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
         expression: regular expression that the serial without blanks must match as a whole.
         sets: characters at each place.
         lexicon: the serials that there are; blanks in them do not count.
         checks: check digits that must hold.
-        exclude: characters that stand nowhere, except where the mask writes them themselves.
+        exclude: characters that stand nowhere, except where the format writes them themselves.
         alphabet: characters that stand where nothing else says so (`.` in an expression).
 
     Raises:
         FormatError: a part that cannot be used, or parts that no serial meets together.
     """
 
-    mask: str | None = None
+    format: str | None = None
     expression: str | None = None
     sets: tuple[str, ...] | None = None
     lexicon: frozenset[str] | None = None
@@ -63,7 +61,7 @@ class Grammar:
             f"no serial meets {self}",
             hint=(
                 "see that its parts agree in length and characters (serials have at most "
-                f"{MOST_PLACES} characters; an expression says nothing of blanks, a mask does)"
+                f"{MOST_PLACES} characters; an expression says nothing of blanks, mask: does)"
             ),
         )
 
@@ -74,15 +72,15 @@ class Grammar:
         Raises:
             FormatError: a text that cannot be understood, or two of one kind.
         """
-        said = said_by(texts)
+        parts = parts_of(texts)
         words = None if lexicon is None else frozenset(lexicon)
         return cls(
-            mask=said.mask,
-            expression=said.expression,
-            sets=said.sets,
+            format=parts.format,
+            expression=parts.expression,
+            sets=parts.sets,
             lexicon=words,
-            checks=said.checks,
-            exclude=said.exclude,
+            checks=parts.checks,
+            exclude=parts.exclude,
         )
 
     def with_lexicon(self, words: Iterable[str]) -> Grammar:
@@ -95,20 +93,20 @@ class Grammar:
 
     def __str__(self) -> str:
         """The parts, about as `parse` reads them."""
-        said = [
-            f"mask:{self.mask}" if self.mask is not None else "",
+        parts = [
+            f"mask:{self.format}" if self.format is not None else "",
             f"re:{self.expression}" if self.expression is not None else "",
             f"sets:{','.join(self.sets)}" if self.sets is not None else "",
             f"lexicon of {len(self.lexicon)}" if self.lexicon is not None else "",
             *(f"check={check}" for check in self.checks),
             f"exclude={self.exclude}" if self.exclude else "",
         ]
-        return " + ".join(part for part in said if part) or "any serial"
+        return " + ".join(part for part in parts if part) or "any serial"
 
     @property
     def gaps(self) -> frozenset[int]:
-        """Places that the mask has a word gap after."""
-        inked = [k for k, c in enumerate(self.mask or "") if c != " "]
+        """Places that the format has a word gap after."""
+        inked = [k for k, c in enumerate(self.format or "") if c != " "]
         return frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
 
     @property
@@ -127,8 +125,8 @@ class Grammar:
         A superset, of lengths up to `expression.MOST_PLACES`.
         """
         limits: list[frozenset[int]] = []
-        if self.mask is not None:
-            limits.append(frozenset({sum(c != " " for c in self.mask)} - {0}))
+        if self.format is not None:
+            limits.append(frozenset({sum(c != " " for c in self.format)} - {0}))
         if self.sets is not None:
             limits.append(frozenset({len(self.sets)} - {0}))
         if self.lexicon is not None:
@@ -175,8 +173,8 @@ class Grammar:
         """A grammar for each part but lexicon and check digits."""
         bare = Grammar(exclude=self.exclude, alphabet="".join(self.characters))
         parts = []
-        if self.mask is not None:
-            parts.append(replace(bare, mask=self.mask))
+        if self.format is not None:
+            parts.append(replace(bare, format=self.format))
         if self.expression is not None:
             parts.append(replace(bare, expression=self.expression, alphabet=self.alphabet))
         if self.sets is not None:
@@ -212,8 +210,8 @@ class _SetsMachine:
 @lru_cache(maxsize=128)
 def _characters(grammar: Grammar) -> tuple[str, ...]:
     known = set(grammar.alphabet)
-    if grammar.mask is not None:
-        known.update(*allowed_characters(grammar.mask))
+    if grammar.format is not None:
+        known.update(*allowed_characters(grammar.format))
     if grammar.expression is not None:
         known |= expression_tree(grammar.expression).written()
     known.update(*(grammar.sets or ()), *(grammar.lexicon or ()))
@@ -224,8 +222,8 @@ def _characters(grammar: Grammar) -> tuple[str, ...]:
 @lru_cache(maxsize=128)
 def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings:
     machines: list[Machine] = [c for c in grammar.checks if c.remainder is not None]
-    if grammar.mask is not None:
-        every = allowed_characters(grammar.mask, exclude=grammar.exclude)
+    if grammar.format is not None:
+        every = allowed_characters(grammar.format, exclude=grammar.exclude)
         machines.append(_SetsMachine(_as_long([p for p in every if p != " "], n_places)))
     elif grammar.exclude:
         kept = "".join(c for c in chars if c not in grammar.exclude)
@@ -234,7 +232,7 @@ def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings
         machines.append(_SetsMachine(_as_long(grammar.sets, n_places)))
     if grammar.expression is not None:
         machines.append(expression_machine(grammar.expression, chars))
-    if grammar.mask is None and grammar.sets is None and grammar.expression is None:
+    if grammar.format is None and grammar.sets is None and grammar.expression is None:
         known = "".join(_characters(grammar))
         machines.append(_SetsMachine((known,) * n_places))
     automaton = unrolled(machines, n_places, chars)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.reading import Box
+from recognition.box import Box
 
 
 @dataclass(frozen=True, eq=False)

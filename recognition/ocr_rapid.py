@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
+from recognition.box import Box
 from recognition.lattice import Lattice
 from recognition.ocr_ctc import count_belief, place_belief
 from recognition.ocr_views import VIEWS, View, view_of
-from recognition.reading import Box
 from recognition.vision_engine import EngineMissingError
 
 ROWS, LEAST_COLS = 48, 320

@@ -1,339 +1,182 @@
-"""The one composition: how a scan becomes a reading.
+"""The one composition: from what is known of a part to its reading.
 
-scan --edge_map--> EdgeMap --localise--> hypotheses --search--> line --refine--> cells --decide--> Reading
-                      |                                                            |                ^
-                      +------------------------relief-------------------------> mark depths --------+
+height map --scan--> Scan --TactileReader--> Reading --+
+                                                       +--fuse--> Reading --verify--> Reading
+photograph ----------------VisionReader----> Reading --+
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Unpack
 
-import numpy as np
-
-from glyphs.errors import MarksError
-from glyphs.fonts.glyph import Font, FontError
-from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
-from glyphs.fonts.serials import FormatError
-from glyphs.soiling.soil import Soil
-from glyphs.surface.maps import EdgeMap, HeightMap, MapError
-from recognition.acceptance import Decided, ScoredLine, decide
-from recognition.constrained_decoding import Choice
-from recognition.depth import mark_depths
-from recognition.depth_rules import judged_by
-from recognition.evidence_cache import EvidenceCache
-from recognition.grading import graded
 from recognition.grammar import Grammar
-from recognition.lattice import Lattice
-from recognition.levelling import first_look, level
-from recognition.lines import find_lines, hypotheses
-from recognition.reader_settings import ReaderSettings
-from recognition.reading import Decision, Reading, ReadingFlag
-from recognition.refine import refine_line
-from recognition.robust_reading import RobustReading, is_crisp, lattice_of_reading, read_robustly, untroubled
-from recognition.search import LineFit, LineSearch
-from recognition.step_timer import StepTimer
-from recognition.templates import TemplateCache
-from recognition.unseen_glyphs import doubted_guesses
-from whisker_array.estimation.edges import edge_map
-from whisker_array.estimation.profiled import estimate_relief
-from whisker_array.estimation.relief import Relief, relief_from_edges
-from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.simulation.traces import SampleFlag
-from whisker_array.whisker.array import default_plan
-from whisker_array.whisker.touch import Touch, default_touch
+from recognition.reader_settings import ALPHABET, ReaderOptions, ReaderSettings, Repertoire
+from recognition.reading import Reading
 
-__all__ = ["ALPHABET", "Reader", "ReaderSettings", "ReadingTrace", "relief_of"]
-
-ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
-MOST_SCANS = 2
-"""Scales at which a height map is scanned in search of a reading that is accepted."""
-
-
-@dataclass(frozen=True, eq=False)
-class ReadingTrace:
-    """A reading and what it was made from.
-
-    Attributes:
-        reading: the answer.
-        edge_map: what matching worked on, if it came to that.
-        scan: the moments, if it came to that.
-        height_map: the levelled height map, if one was given.
-        support_mm: length of line that the templates explain, weighted by how well.
-        relief: heights and slopes as felt, if it came to that.
-        lattice: beliefs of the places before the grammar has its say; None where nothing was read.
-        choice: what the grammar made of them; None where the reading rests on correlation alone.
-        open_lattice: beliefs over the whole alphabet, for verification.
-    """
-
-    reading: Reading
-    edge_map: EdgeMap | None = None
-    scan: Scan | None = None
-    height_map: HeightMap | None = None
-    support_mm: float = 0.0
-    relief: Relief | None = None
-    lattice: Lattice | None = None
-    choice: Choice | None = None
-    open_lattice: Lattice | None = None
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from glyphs.soiling.soil import Soil
+    from glyphs.surface.maps import HeightMap
+    from recognition.tactile_reader import TactileReader
+    from recognition.vision_reader import VisionReader
+    from whisker_array.scan.scan import Scan
 
 
 class Reader:
-    """Reads parts one after the other; keeps fonts and predicted templates between them."""
+    """Reads parts one after the other; each sense keeps its templates between them.
 
-    def __init__(self, settings: ReaderSettings | None = None, *, fonts: tuple[Font, ...] = ()) -> None:
-        """Load the fonts.
+    Example::
+
+        reading = Reader(fonts=["gothic"], format="AA999999").read(part.height_map)
+
+    Attributes:
+        settings: how it reads.
+    """
+
+    def __init__(self, settings: ReaderSettings | None = None, /, **options: Unpack[ReaderOptions]) -> None:
+        """Check the settings and load the fonts; templates are made when a sense first needs them.
 
         Args:
-            settings: what to read with.
-            fonts: fonts already loaded (from a glyph database), beside those the settings name.
+            settings: how to read.
+            options: fields of `ReaderSettings`, in place of those of `settings`.
 
         Raises:
             FontError: a font that cannot be loaded, or that lacks what the format needs.
-            FormatError: a format that cannot be met.
+            FormatError: a format that no serial meets.
+            TypeError: an option that there is not.
+            ValueError: a number out of range.
         """
-        self.settings = settings if settings is not None else ReaderSettings()
-        names = self.settings.fonts if self.settings.fonts or fonts else BUILTIN_FONTS
-        self.fonts = (*fonts, *(load_font(name) for name in names))
-        mask = self.settings.mask
-        self.grammar = self.settings.grammar
-        if self.grammar is None and mask is not None:
-            if not mask.strip():
-                raise FormatError(
-                    f"the mask {mask!r} is blank", hint="write one character a position: A, 9, * or itself"
-                )
-            self.grammar = Grammar(mask=mask)
-        self.places: tuple[str, ...] | None = None
-        self.gaps: frozenset[int] = frozenset()
-        chars = ALPHABET
-        if self.grammar is not None:
-            # characters that the format forbids are looked for as well: where one stands, it is not passed over
-            chars = "".join(sorted({*ALPHABET, *self.grammar.characters}))
-            lengths = self.grammar.lengths()
-            if lengths is not None and len(lengths) == 1:
-                self.places = self.grammar.places(next(iter(lengths)))
-                self.gaps = self.grammar.gaps
-        if self.places is not None:
-            lacks = {
-                font.name: next((p for p in self.places if not any(c in font.glyphs for c in p)), "")
-                for font in self.fonts
-            }
-            if not (self.settings.fonts or fonts) and not all(lacks.values()):
-                # of fonts that nobody named, those that can compete
-                self.fonts = tuple(font for font in self.fonts if not lacks[font.name])
-            for font in self.fonts:
-                if lacks[font.name]:
-                    raise FontError(
-                        f"font {font.name!r} has no {lacks[font.name]!r}, which the format {mask or 'given'!r} needs"
-                    )
-        self.chars = chars
-        self.cache = TemplateCache()
+        self.settings = replace(settings or ReaderSettings(), **options)
+        Repertoire(self.settings)
+        self._open: dict[tuple[str, ...], VisionReader] = {}
 
-    def read_height_map(
-        self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = ""
-    ) -> ReadingTrace:
-        """Mount, scan with the virtual array at the scale of the characters, and read.
+    @property
+    def grammar(self) -> Grammar | None:
+        """What serials may be; None where nothing is known."""
+        return self.settings.grammar
 
-        Of several plausible character heights each is scanned, until one reads well.
+    @cached_property
+    def touch(self) -> TactileReader:
+        """Reads height maps and scans."""
+        from recognition.tactile_reader import TactileReader
+
+        return TactileReader(self.settings)
+
+    @cached_property
+    def vision(self) -> VisionReader:
+        """Reads photographs."""
+        from recognition.vision_reader import VisionReader
+
+        return VisionReader(self.settings)
+
+    def read(
+        self,
+        part: HeightMap | Scan | Photo,
+        /,
+        *more: HeightMap | Scan | Photo,
+        soil: Soil | None = None,
+        part_id: str = "",
+    ) -> Reading:
+        """Read one part by all that is given of it.
+
+        A scan goes before a height map; touch and a photograph are fused. The middle of a photograph of known scale
+        is taken to lie over the middle of the height map.
 
         Args:
-            height_map: the part's surface, the top of what lies on it.
-            soil: dirt into which the tip sinks, and the part's friction, if known.
+            part: its height map, scan or photograph.
+            more: others of the same part, one of a kind.
+            soil: dirt on the height map into which the tip sinks, and the part's friction, if known.
             part_id: what the part is called.
 
         Raises:
             MapError: a map that cannot be scanned, a soil on another grid.
+            TypeError: something else than a height map, a scan or a photograph.
+            ValueError: two of a kind.
         """
-        timer = StepTimer()
-        with timer.step("mount"):
-            levelled = level(height_map)
-            look = first_look(levelled)
-        heights = (self.settings.height_mm,) if self.settings.height_mm else look.heights_mm
-        if not heights:
-            return ReadingTrace(_nothing(timer), height_map=levelled)
-        best: ReadingTrace | None = None
-        for height in heights[:MOST_SCANS]:
-            touch = default_touch(height)
-            with timer.step("scan"):
-                plan = default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height)
-                scan = trace_scan(
-                    levelled,
-                    touch=touch,
-                    plan=plan,
-                    fidelity=self.settings.fidelity,
-                    part_id=part_id,
-                    soil=soil,
-                )
-            tried = self._read(scan, timer, height_map=levelled)
-            if best is None or _merit(tried) > _merit(best):
-                best = tried
-            if best.reading.decision is Decision.ACCEPT:
-                break
-        assert best is not None
-        return best
+        from glyphs.camera.photo import Photo
+        from glyphs.surface.maps import HeightMap
+        from whisker_array.scan.scan import Scan
 
-    def read_scan(self, scan: Scan) -> ReadingTrace:
-        """Read a recorded or simulated scan."""
-        return self._read(scan, StepTimer(), height_map=None)
+        given: dict[type, HeightMap | Scan | Photo] = {}
+        for one in (part, *more):
+            kind = next((k for k in (HeightMap, Scan, Photo) if isinstance(one, k)), None)
+            if kind is None:
+                raise TypeError(f"a {type(one).__name__} cannot be read; give a HeightMap, a Scan or a Photo")
+            if kind in given:
+                raise ValueError(f"two of {kind.__name__} are given; read one part at a time")
+            given[kind] = one
+        surface, scan, photo = given.get(HeightMap), given.get(Scan), given.get(Photo)
+        touch = None
+        if isinstance(scan, Scan):
+            touch = self.touch.read_scan(scan)
+        elif isinstance(surface, HeightMap):
+            touch = self.touch.read_height_map(surface, soil=soil, part_id=part_id)
+        if not isinstance(photo, Photo):
+            assert touch is not None
+            return touch
+        if isinstance(surface, HeightMap):
+            photo = centred(photo, surface)
+        vision = self.vision.read_photo(photo)
+        return vision if touch is None else self.fuse(touch, vision)
 
-    def _read(self, scan: Scan, timer: StepTimer, *, height_map: HeightMap | None) -> ReadingTrace:
-        with timer.step("edge map"):
-            try:
-                edges = edge_map(scan)
-            except MapError:
-                return ReadingTrace(_nothing(timer, _scan_flags(scan)), scan=scan, height_map=height_map)
-        with timer.step("depth"):
-            relief = relief_of(scan, edges)
-        found = self.read_edge_map(edges, scan.touch, relief=relief, timer=timer, flags=_scan_flags(scan))
-        return replace(found, scan=scan, height_map=height_map)
+    def fuse(self, touch: Reading, vision: Reading) -> Reading:
+        """One reading of both senses, whose trace holds both."""
+        from recognition.fuse import fuse
 
-    def read_edge_map(
-        self,
-        edges: EdgeMap,
-        touch: Touch,
-        *,
-        relief: Relief | None = None,
-        timer: StepTimer | None = None,
-        flags: ReadingFlag = ReadingFlag.NONE,
-    ) -> ReadingTrace:
-        """Read an edge map felt with the given touch. Without a relief the reading tells no depths."""
-        timer = timer if timer is not None else StepTimer()
-        made = ReadingTrace(_nothing(timer, flags), edge_map=edges, relief=relief)
-        search = LineSearch(edges, touch, self.cache, chars=self.chars, places=self.places)
-        look = EvidenceCache(search, places=self.places, gaps=self.gaps)
-        with timer.step("localise"):
-            tried = hypotheses(search, self.fonts, height_mm=self.settings.height_mm)
-        if not tried:
-            return made
-        with timer.step("search"):
-            height_known = self.settings.height_mm is not None
-            lines = find_lines(search, tried, height_known=height_known, look=look)
-        if not lines:
-            return made
-        with timer.step("match"):
-            judged = [self._judge(search, line) for line in lines]
-        with timer.step("decide"):
-            decided = decide(judged, places=self.places, gaps=self.gaps, settings=self.settings, flags=flags)
-        with timer.step("evidence"):
-            again = None
-            if not untroubled(decided, self.grammar):
-                again = self._again(look, judged, flags, nothing_read=decided.judged is None)
-        if self.places is None:
-            decided, again = _counted_alike(decided, again)
-        reading, support, line_read = decided.reading, decided.support_mm, decided.judged
-        lattice, choice = lattice_of_reading(decided), None
-        if again is not None:
-            reading, line_read, lattice, choice = again.reading, again.judged, again.lattice, again.choice
-        with timer.step("depth"):
-            if relief is not None and line_read is not None:
-                reading = _with_depths(reading, line_read, relief)
-            reading = judged_by(reading, self.settings.depth_rules)
-        if line_read is not None:
-            reading = doubted_guesses(reading, line_read, self.places)
-        if line_read is not None:
-            with timer.step("grade"):
-                image = search.image(line_read[0].hypothesis.rotation_deg)
-                reading = graded(reading, line_read, image, edges.directions)
-        return replace(
-            made,
-            reading=_timed(reading, timer),
-            support_mm=support,
-            lattice=lattice,
-            choice=choice,
-            open_lattice=lattice,
-        )
+        return fuse(touch, vision, self.settings)
 
-    @staticmethod
-    def _judge(search: LineSearch, line: LineFit) -> ScoredLine:
-        templates = search.templates(line.hypothesis, raised=line.raised)
-        image = search.image(line.hypothesis.rotation_deg)
-        settled, cells = refine_line(line, image, templates, search.edges.directions)
-        return settled, templates, cells
+    def open_vision(self, expected: str) -> VisionReader:
+        """Reads photographs for verification: any character at as many places as the text has."""
+        from recognition.vision_reader import VisionReader
 
-    def _again(
-        self, look: EvidenceCache, judged: list[ScoredLine], flags: ReadingFlag, *, nothing_read: bool
-    ) -> RobustReading | None:
-        """The reading by evidence, of the line that has most; None where no line is of a font's own shapes."""
-        seen = [
-            (look.at(line), (line, templates, cells)) for line, templates, cells in judged if is_crisp(line)
-        ]
-        if nothing_read and not seen and look.best is not None:
-            # no hand explains the line; dirt may
-            seen = [(look.at(look.best), self._judge(look.search, look.best))]
-        kept = [(evidence, one) for evidence, one in seen if evidence is not None]
-        if not kept:
-            return None
-        evidence, best = max(kept, key=lambda pair: pair[0].total)
-        if not (nothing_read or look.stands(evidence)) and len(seen) < len(judged):
-            return None  # a foreign hand explains the line better than dirt does
-        image = look.search.image(best[0].hypothesis.rotation_deg)
-        gaps = self.gaps if self.places is not None else None
-        return read_robustly(
-            evidence, best, image, grammar=self.grammar, gaps=gaps, settings=self.settings, flags=flags
-        )
+        text = "".join(expected.split())
+        sets = ("".join(sorted({*ALPHABET, *text})),) * len(text)
+        if sets not in self._open:
+            self._open[sets] = VisionReader(replace(self.settings, format=Grammar(sets=sets)))
+        return self._open[sets]
+
+    def opened(self, vision: Reading, expected: str) -> Reading:
+        """The reading of vision with beliefs that a wrong serial has its place in, as `verify` needs them.
+
+        Where a format limited the reading, the photograph is read anew without it.
+        """
+        lattice, photo = vision.trace.lattice, vision.trace.photo
+        if self.grammar is not None and photo is not None:
+            lattice = self.open_vision(expected).read_photo(photo).trace.lattice
+        return vision.traced(open_lattice=lattice)
+
+    def verify(self, reading: Reading, expected: str) -> Reading:
+        """The reading with the verdict on an expected text: `reading.trace.verification`.
+
+        Args:
+            reading: as read; of a photograph, `opened` for this text, or it will be.
+            expected: text that the part should bear.
+
+        Raises:
+            VerifyError: a text that cannot be looked for.
+        """
+        from recognition.fuse import fused_lattice
+        from recognition.verified import verified
+
+        touch, vision = reading.touch, reading.vision
+        lattice = touch.trace.lattice if touch is not None else None
+        contradicted = False
+        if vision is not None:
+            if vision.trace.open_lattice is None:
+                vision = self.opened(vision, expected)
+            theirs = vision.traced(lattice=vision.trace.open_lattice)
+            if touch is None or lattice is None:
+                lattice = theirs.trace.lattice
+            elif (both := fused_lattice(touch, theirs, self.settings)) is not None:
+                lattice, contradicted = both[0], bool(both[1])
+        return verified(reading, lattice, expected, grammar=self.grammar, contradicted=contradicted)
 
 
-def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
-    """The surface as felt; None where friction or whisker tell no heights."""
-    try:
-        if scan.others or any(s.plan.pushed for s in scan.sweeps):
-            return estimate_relief(scan, edges)
-        return relief_from_edges(edges, scan.touch)
-    except MarksError:
-        return None
-
-
-def _with_depths(reading: Reading, judged: ScoredLine, relief: Relief) -> Reading:
-    line, templates, cells = judged
-    depths = mark_depths(relief, line, templates, cells, [c.char for c in reading.characters])
-    characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
-    return replace(reading, characters=characters)
-
-
-def _counted_alike(decided: Decided, again: RobustReading | None) -> tuple[Decided, RobustReading | None]:
-    """Without a format: evidence judges the characters that correlation counts, and doubts the count.
-
-    Evidence passes over a faint character that correlation reads; but what it finds beyond is there.
-    """
-    if again is None or decided.judged is None or len(again.judged[2]) == len(decided.judged[2]):
-        return decided, again
-    if len(again.judged[2]) < len(decided.judged[2]):
-        return decided, None
-    reading = decided.reading
-    decision = Decision.REVIEW if reading.decision is Decision.ACCEPT else reading.decision
-    doubted = replace(reading, decision=decision, flags=reading.flags | ReadingFlag.UNREAD_MARKS)
-    return decided._replace(reading=doubted), None
-
-
-def _scan_flags(scan: Scan) -> ReadingFlag:
-    """Flags of the samples that are common enough (0.5 %) to matter."""
-    table = (
-        (SampleFlag.CONTACT_LOST, ReadingFlag.CONTACT_LOST),
-        (SampleFlag.JAMMED, ReadingFlag.JAMMED),
-        (SampleFlag.OUT_OF_RANGE, ReadingFlag.OUT_OF_RANGE),
-        (SampleFlag.DROPOUT, ReadingFlag.DROPOUTS),
-    )
-    flags = ReadingFlag.NONE
-    for sample, reading in table:
-        bad = sum(int(np.count_nonzero(s.flags & np.uint8(sample))) for s in scan.sweeps)
-        if bad > 0.005 * scan.n_samples:
-            flags |= reading
-    return flags
-
-
-def _nothing(timer: StepTimer, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
-    return Reading(
-        characters=(),
-        decision=Decision.REJECT,
-        confidence=0.0,
-        flags=flags | ReadingFlag.NO_CHARACTERS,
-        seconds=MappingProxyType(dict(timer.seconds)),
-    )
-
-
-def _timed(reading: Reading, timer: StepTimer) -> Reading:
-    return replace(reading, seconds=MappingProxyType(dict(timer.seconds)))
-
-
-def _merit(tried: ReadingTrace) -> tuple[bool, float]:
-    return (tried.reading.decision is not Decision.REJECT, tried.support_mm)
+def centred(photo: Photo, surface: HeightMap) -> Photo:
+    """The photograph with its middle over that of the height map, where its scale is known."""
+    if photo.pitch_mm is None:
+        return photo
+    width, height = surface.size_mm
+    return replace(photo, centre_mm=(0.5 * width, 0.5 * height))

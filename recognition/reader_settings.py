@@ -1,43 +1,127 @@
-"""What a reader is told before it reads."""
+"""How to read: the settings of a reader, and the characters that they let stand on a part."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypedDict
 
 import numpy as np
 
+from glyphs.fonts.glyph import Font, FontError
+from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
+from glyphs.fonts.serials import FormatError
 from recognition.depth_rules import DepthRule
 from recognition.grammar import Grammar
 from whisker_array.simulation.traces import Fidelity
 
+ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+
+
+class ReaderOptions(TypedDict, total=False):
+    """The fields of `ReaderSettings`, as keywords of a reader."""
+
+    fonts: Sequence[str | Font]
+    format: str | Grammar | None
+    height_mm: float | None
+    fidelity: Fidelity
+    accept_confidence: float
+    accept_margin: float
+    depth_rules: tuple[DepthRule, ...]
+
 
 @dataclass(frozen=True)
 class ReaderSettings:
-    """What a reader is told.
+    """How to read.
 
     Attributes:
-        fonts: names of built-in fonts or paths of TTF/OTF files; empty for all built-ins.
-        mask: format of the serial (`A` letter, `9` digit, `*` either, others themselves; blanks are word gaps).
+        fonts: fonts, names of built-in fonts, paths of TTF/OTF files; empty for all built-ins.
+        format: of the serial (`A` letter, `9` digit, `*` either, others themselves; blanks are word gaps), or a
+            grammar; None where nothing is known.
         height_mm: character height, if known.
         fidelity: how the virtual array feels a height map.
         accept_confidence: readings at least so sure, and with every margin above `accept_margin`, are accepted.
         accept_margin: least lead of the first over the second candidate for acceptance.
         depth_rules: what the mark must meet; a mark that does not is flagged, read all the same.
-        grammar: what the serial obeys; the mask's grammar unless given.
+
+    Raises:
+        FormatError: a format that no serial meets.
+        ValueError: a number out of range.
     """
 
-    fonts: tuple[str, ...] = ()
-    mask: str | None = None
+    fonts: Sequence[str | Font] = ()
+    format: str | Grammar | None = None
     height_mm: float | None = None
     fidelity: Fidelity = Fidelity.CONTACT
     accept_confidence: float = 0.9
     accept_margin: float = 0.3
     depth_rules: tuple[DepthRule, ...] = ()
-    grammar: Grammar | None = None
 
     def __post_init__(self) -> None:
+        fonts = (self.fonts,) if isinstance(self.fonts, str) else tuple(self.fonts)
+        object.__setattr__(self, "fonts", fonts)
         if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
             raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
         for name in ("accept_confidence", "accept_margin"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it lies between 0 and 1")
+        _ = self.grammar
+
+    @cached_property
+    def grammar(self) -> Grammar | None:
+        """What serials may be; None where nothing is known."""
+        if not isinstance(self.format, str):
+            return self.format
+        if not self.format.strip():
+            raise FormatError(
+                f"the format {self.format!r} is blank",
+                hint="write one character a position: A, 9, * or itself",
+            )
+        return Grammar(format=self.format)
+
+
+class Repertoire:
+    """The fonts of a reader, and the characters that it looks for at each place.
+
+    Attributes:
+        fonts: loaded.
+        grammar: what serials may be.
+        places: characters at each place; None where their number is open.
+        gaps: places followed by a word gap.
+        chars: all that is looked for.
+    """
+
+    def __init__(self, settings: ReaderSettings) -> None:
+        """Load the fonts.
+
+        Raises:
+            FontError: a font that cannot be loaded, or that lacks what the format needs.
+        """
+        named = settings.fonts or BUILTIN_FONTS
+        self.fonts = tuple(font if isinstance(font, Font) else load_font(font) for font in named)
+        self.grammar = settings.grammar
+        self.places: tuple[str, ...] | None = None
+        self.gaps: frozenset[int] = frozenset()
+        self.chars = ALPHABET
+        if self.grammar is None:
+            return
+        # characters that the format forbids are looked for as well: where one stands, it is not passed over
+        self.chars = "".join(sorted({*ALPHABET, *self.grammar.characters}))
+        lengths = self.grammar.lengths()
+        if lengths is None or len(lengths) != 1:
+            return
+        self.places = self.grammar.places(next(iter(lengths)))
+        self.gaps = self.grammar.gaps
+        if self.places is None:
+            return
+        lacks = {f: next((p for p in self.places if not set(p) & set(f.glyphs)), "") for f in self.fonts}
+        if not settings.fonts and not all(lacks.values()):
+            # of fonts that nobody named, those that can compete
+            self.fonts = tuple(font for font in self.fonts if not lacks[font])
+        for font in self.fonts:
+            if lacks[font]:
+                raise FontError(
+                    f"font {font.name!r} has no {lacks[font]!r}, which the format "
+                    f"{settings.format if isinstance(settings.format, str) else 'given'!r} needs"
+                )

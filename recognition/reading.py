@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Flag, StrEnum, auto
 from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
+from recognition.box import Box
 from recognition.confusions import PlaceState
 from recognition.grade import MarkGrade
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from glyphs.surface.maps import EdgeMap, HeightMap
+    from recognition.constrained_decoding import Choice
+    from recognition.lattice import Lattice
+    from recognition.verify import Verification
+    from recognition.vision_frame import LinePlace
+    from whisker_array.estimation.relief import Relief
+    from whisker_array.scan.scan import Scan
 
 
 class Decision(StrEnum):
@@ -70,20 +82,6 @@ _MESSAGES = {
 }
 MEASURE_FLAGS = ReadingFlag.TOO_SHALLOW | ReadingFlag.TOO_SMALL | ReadingFlag.DEPTH_UNKNOWN
 """What a rule for the mark found; `Reading.notes` says it with figures."""
-
-
-@dataclass(frozen=True)
-class Box:
-    """A rectangle of the plate frame, mm."""
-
-    x0_mm: float
-    y0_mm: float
-    x1_mm: float
-    y1_mm: float
-
-    def __post_init__(self) -> None:
-        if self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm:
-            raise ValueError(f"box {self} runs backwards")
 
 
 @dataclass(frozen=True)
@@ -159,6 +157,48 @@ class CharacterReading:
         return self.candidates[0].probability - self.candidates[1].probability
 
 
+@dataclass(frozen=True, eq=False)
+class ReadingTrace:
+    """What a reading was made from; what it did not come to is None.
+
+    Attributes:
+        edge_map: what matching worked on: of touch in the plate frame, of vision in the photo frame.
+        lattice: beliefs of the places before the format has its say; None of a fused reading.
+        open_lattice: of vision: beliefs that a wrong serial has its place in; None where nobody asked.
+        choice: what the format made of them; None where the reading rests on correlation alone.
+        support_mm: length of line that the templates explain, weighted by how well.
+        scan: the moments.
+        height_map: the levelled height map.
+        relief: heights and slopes by touch.
+        photo: the photograph.
+        place: where the line lies in the photograph.
+        engine: of vision: "rapidocr", "templates", or both joined by "+".
+        by_engine: of vision: the lattice of each engine by itself.
+        touch: the reading of touch that was fused.
+        vision: the reading of vision that was fused.
+        verification: of the text expected.
+    """
+
+    edge_map: EdgeMap | None = None
+    lattice: Lattice | None = None
+    open_lattice: Lattice | None = None
+    choice: Choice | None = None
+    support_mm: float = 0.0
+    scan: Scan | None = None
+    height_map: HeightMap | None = None
+    relief: Relief | None = None
+    photo: Photo | None = None
+    place: LinePlace | None = None
+    engine: str = ""
+    by_engine: Mapping[str, Lattice] = field(default_factory=lambda: MappingProxyType({}))
+    touch: Reading | None = None
+    vision: Reading | None = None
+    verification: Verification | None = None
+
+
+_NO_TRACE = ReadingTrace()
+
+
 @dataclass(frozen=True)
 class Reading:
     """The reading of one part.
@@ -175,7 +215,8 @@ class Reading:
         box: the whole line; None when none was found.
         source: "tactile", "vision" or "fused".
         seconds: where the time went, by step.
-        notes: what the rules for the mark found, with figures: "too shallow for ...".
+        notes: what the rules for the mark found, with numbers: "too shallow for ...".
+        trace: what it was made from.
     """
 
     characters: tuple[CharacterReading, ...]
@@ -191,6 +232,21 @@ class Reading:
     spaces_after: frozenset[int] = frozenset()
     seconds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[str, ...] = ()
+    trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
+
+    @property
+    def touch(self) -> Reading | None:
+        """The reading of touch: this one, or what was fused; None where touch was not asked."""
+        return self if self.source == "tactile" else self.trace.touch
+
+    @property
+    def vision(self) -> Reading | None:
+        """The reading of vision: this one, or what was fused; None where vision was not asked."""
+        return self if self.source == "vision" else self.trace.vision
+
+    def traced(self, **fields: Any) -> Reading:
+        """The same reading, with these fields of its trace."""
+        return replace(self, trace=replace(self.trace, **fields))
 
     @property
     def depth_min_mm(self) -> float | None:

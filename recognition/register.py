@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from glyphs.camera.pose import mapped
 from glyphs.surface.maps import EdgeMap
+from recognition.box import Box
 from recognition.frames import channels, is_edge_channel
-from recognition.reading import Box
 
 GRID_HEIGHTS = 0.04
 """Pitch of the grid on which the maps are compared, character heights."""

@@ -23,6 +23,7 @@ from recognition.acceptance import (
     crowded,
     word_gaps,
 )
+from recognition.box import Box
 from recognition.calibrate import DEFAULT_WEIGHTS, Scored, Weights, lattice_of, residual_of
 from recognition.confusions import state_of
 from recognition.constrained_decoding import Choice, blind_warnings, choose
@@ -31,7 +32,7 @@ from recognition.frames import LineImage
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
 from recognition.place_evidence import PlaceEvidence
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.refine import Cell
 from recognition.search import LineFit
 from recognition.template_variants import TemplateVariants
@@ -192,11 +193,11 @@ def is_crisp(line: LineFit) -> bool:
 
 
 def untroubled(decided: Decided, grammar: Grammar | None) -> bool:
-    """Whether correlation alone settles the line: every shape is its template's, and the format is a plain mask.
+    """Whether correlation alone settles the line: every shape is its template's, and the format is a plain format.
 
     Without a format nothing says how many characters there are, and a faint one may be taken for a gap.
     """
-    plain = grammar is not None and grammar == Grammar(mask=grammar.mask)
+    plain = grammar is not None and grammar == Grammar(format=grammar.format)
     return (
         plain
         and decided.judged is not None

@@ -11,7 +11,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
 from recognition.exemplars import Cut, ExemplarError, cut_line
 from recognition.levelling import first_look, level
-from recognition.reader import MOST_SCANS, relief_of
+from recognition.tactile_reader import MOST_SCANS, relief_of
 from recognition.templates import TemplateCache
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import Scan, trace_scan

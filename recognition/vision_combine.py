@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.acceptance import Thresholds
+from recognition.box import Box
 from recognition.constrained_decoding import ChoiceFlag, choose
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.verdict import LEAST_VALID_MASS
 
 FLOOR = 1e-4

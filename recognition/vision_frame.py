@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import MapError
-from recognition.reading import Box
+from recognition.box import Box
 
 CROP_MARGIN_HEIGHTS = 0.15
 """Land around the line in a crop, character heights: an engine sees little but the line, and all of it."""

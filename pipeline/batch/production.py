@@ -11,7 +11,7 @@ from typing import Any
 
 from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
-from pipeline.batch.setup import Target, absolute, open_readers, opened, order_for, with_expected
+from pipeline.batch.setup import Target, absolute, opened, order_for, with_expected
 from pipeline.common.atomic import check_writable, replacing
 from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings
@@ -20,8 +20,7 @@ from pipeline.files.listed import ListedPart
 from pipeline.files.listing import list_parts
 from pipeline.files.truth import Scores, load_truth
 from pipeline.reading.expected import load_expected
-from pipeline.reading.part_reader import Mode
-from pipeline.reading.readers import Readers
+from pipeline.reading.readers import open_reader
 from pipeline.workers.options import ExecutorOptions
 
 MOST_SHOWN = 200
@@ -66,11 +65,10 @@ def produce(asked: Asked, settings: ReadSettings, target: Target, means: Executo
     parts = list_parts(
         asked.inputs, manifests=asked.manifests, photos=vision and settings.mode != "fused", beside=vision
     )
-    readers = Readers(settings)
-    expected = load_expected(asked.verify, readers.grammar) if asked.verify is not None else None
+    reader = open_reader(settings)
+    expected = load_expected(asked.verify, reader.grammar) if asked.verify is not None else None
     if expected is not None:
         parts = with_expected(parts, expected)
-    open_readers(readers, parts, mode=Mode(settings.mode) if settings.mode is not None else None)
     if means.cluster is not None:
         parts = absolute(parts)
     order = order_for(settings, target, means, verify=expected is not None)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from glyphs.errors import FileError
 from pipeline.batch.run import Run
 from pipeline.batch.task import RunOrder
 from pipeline.common.settings import ReadSettings, SettingsError
@@ -18,7 +17,6 @@ from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
     from pipeline.reading.expected import Expected
-    from pipeline.reading.part_reader import Mode, SenseReaders
 
 
 @dataclass(frozen=True)
@@ -103,27 +101,6 @@ def order_for(settings: ReadSettings, target: Target, means: ExecutorOptions, *,
 
     sent = files_to_send(settings) if means.cluster is not None else {}
     return RunOrder(settings, verify, target.store is not None and target.evidence is not None, sent)
-
-
-def open_readers(readers: SenseReaders, parts: Sequence[ListedPart], *, mode: Mode | None) -> None:
-    """Open the readers that the parts need, so that what cannot be used is told before the run.
-
-    Raises:
-        SettingsError: a font or format that cannot be used.
-    """
-    from pipeline.reading.part_reader import Sense, senses_of
-
-    needed: set[Sense] = set()
-    for part in parts:
-        if part.problem is None and not (part.font or part.format):
-            with suppress(FileError):  # told in its row
-                needed.update(senses_of(part, mode))
-        if len(needed) == len(Sense):
-            break
-    if Sense.TOUCH in needed or not needed:
-        _ = readers.touch
-    if Sense.VISION in needed:
-        _ = readers.vision
 
 
 def with_expected(parts: Sequence[ListedPart], expected: Expected) -> list[ListedPart]:

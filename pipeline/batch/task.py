@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -17,9 +17,9 @@ from pipeline.reading.as_record import record_of_part
 
 if TYPE_CHECKING:
     from pipeline.reading.jobs import MadeFile
-    from pipeline.reading.part_reader import Sense, Sensed
-    from pipeline.reading.readers import Readers
     from recognition.grammar import Grammar
+    from recognition.reader import Reader
+    from recognition.reading import Reading
 
 MOST_READERS = 16
 """Fonts and formats that a worker keeps readers of; a manifest may name any number."""
@@ -71,14 +71,14 @@ class ReadPart:
 def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
     """Fetch a part's files and read it; a part that cannot be read has a record with its error."""
     file = listed.files[0] if listed.files else listed.name
-    record, sensed = record_of_part(listed.name, file, lambda: _sensed(order, listed))
-    if sensed is None or not order.pictures:
+    record, reading = record_of_part(listed.name, file, lambda: _read(order, listed))
+    if reading is None or not order.pictures:
         return ReadPart(listed, record)
     from pipeline.common.records import PartState
     from pipeline.reading.triage import state_after
 
     accepted = state_after(record) is PartState.ACCEPTED
-    return ReadPart(listed, record, () if accepted else _pictures(sensed))
+    return ReadPart(listed, record, () if accepted else _pictures(reading))
 
 
 def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
@@ -91,45 +91,41 @@ def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
     return settings.model_copy(update=own) if own else settings
 
 
-def _sensed(order: RunOrder, listed: ListedPart) -> tuple[Sensed, ReadSettings, Grammar | None]:
+def _read(order: RunOrder, listed: ListedPart) -> tuple[Reading, ReadSettings, Grammar | None]:
     from glyphs.errors import MissingExtraError
     from pipeline.files.remote import fetched, originally
+    from pipeline.files.units import Unit
     from pipeline.reading.expected import Expected
-    from pipeline.reading.part_reader import Mode, Senses, senses_of
+    from pipeline.reading.part_reader import Mode, Senses
 
     mode = Mode(order.settings.mode) if order.settings.mode is not None else None
-    readers = _readers_for(order, listed, senses_of(listed, mode) if listed.problem is None else ())
+    reader = _reader_for(order, listed)
     expected = Expected(listed.expected) if listed.expected or order.verify else None
-    if listed.expected and readers.grammar is not None:
-        broken = readers.grammar.objections(listed.expected)
+    if listed.expected and reader.grammar is not None:
+        broken = reader.grammar.objections(listed.expected)
         if broken:
             raise FileError(
                 listed.name, f"should bear {listed.expected!r}, but {'; '.join(broken)}", "mend one"
             )
     try:
         with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
-            sensed = Senses(readers, mode=mode, expected=expected).sense(part)
-            notes = tuple(originally(note, part, listed) for note in sensed.reading.notes)
-            sensed = replace(sensed, reading=replace(sensed.reading, notes=notes))
-            return sensed, settings_of(order.settings, listed), readers.grammar
+            reading = Senses(reader, mode=mode, expected=expected, unit=Unit(order.settings.unit)).sense(part)
+            notes = tuple(originally(note, part, listed) for note in reading.notes)
+            return replace(reading, notes=notes), settings_of(order.settings, listed), reader.grammar
     except MissingExtraError as error:
         raise FileError(listed.name, str(error), "where its worker runs") from error
 
 
-def _readers_for(order: RunOrder, listed: ListedPart, needed: Sequence[Sense]) -> Readers:
-    """The readers of a part, opened for the senses that are needed.
+def _reader_for(order: RunOrder, listed: ListedPart) -> Reader:
+    """The reader of a part.
 
     Raises:
         FileError: a font, format, database or lexicon that cannot be used.
     """
     from pipeline.batch.setting_files import settled
-    from pipeline.reading.part_reader import Sense
 
     try:
-        readers = _readers(settings_of(settled(order.settings, order.sent), listed))
-        for sense in needed:
-            _ = readers.touch if sense is Sense.TOUCH else readers.vision
-        return readers
+        return _reader(settings_of(settled(order.settings, order.sent), listed))
     except MarksError as error:
         own = listed.format or listed.font
         hint = "mend its format or font in the manifest" if own else "mend the settings"
@@ -137,25 +133,26 @@ def _readers_for(order: RunOrder, listed: ListedPart, needed: Sequence[Sense]) -
 
 
 @lru_cache(maxsize=MOST_READERS)
-def _readers(settings: ReadSettings) -> Readers:
-    from pipeline.reading.readers import Readers
+def _reader(settings: ReadSettings) -> Reader:
+    from pipeline.reading.readers import open_reader
 
-    return Readers(settings)
+    return open_reader(settings)
 
 
-def _pictures(sensed: Sensed) -> tuple[Picture, ...]:
+def _pictures(reading: Reading) -> tuple[Picture, ...]:
     """As the service keeps them of a part."""
     from pipeline.reading.job_pictures import edges_picture, photo_picture, vision_edges_picture
 
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
         folder = Path(name)
         made: list[MadeFile] = []
-        if sensed.touch is not None:
-            made += edges_picture(sensed.touch.edge_map, folder)
-        if sensed.photo is not None:
-            place = sensed.vision.place if sensed.vision is not None else None
-            made.append(photo_picture(sensed.photo, folder))
-            made += vision_edges_picture(sensed.photo, place.height_mm if place is not None else 0.0, folder)
+        if reading.touch is not None:
+            made += edges_picture(reading.touch.trace.edge_map, folder)
+        photo = reading.trace.photo
+        if photo is not None:
+            place = reading.vision.trace.place if reading.vision is not None else None
+            made.append(photo_picture(photo, folder))
+            made += vision_edges_picture(photo, place.height_mm if place is not None else 0.0, folder)
         return tuple(
             Picture(m.kind, m.path.name, m.path.read_bytes(), m.media_type, dict(m.meta)) for m in made
         )

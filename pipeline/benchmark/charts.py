@@ -151,12 +151,12 @@ def kinds_figure(groups: Sequence[Group]) -> Figure:
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
     severities, modes = severities_in(groups), modes_in(groups)
     places = _places(severities)
-    for axes, (font, mask) in zip(panels.flat, kinds, strict=False):
+    for axes, (font, format) in zip(panels.flat, kinds, strict=False):
         for mode in modes:
-            own = [g for g in groups if (g.key.mode, g.key.font, g.key.format) == (mode, font, mask)]
+            own = [g for g in groups if (g.key.mode, g.key.font, g.key.format) == (mode, font, format)]
             own.sort(key=lambda g: places[g.key.severity])
             _shares(axes, np.array([places[g.key.severity] for g in own]), [g.serials for g in own], mode)
-        axes.set_title(f"{font}, {mask}".strip(", "), loc="left", fontsize=10)
+        axes.set_title(f"{font}, {format}".strip(", "), loc="left", fontsize=10)
         axes.set_ylim(-0.02, 1.03)
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
         axes.set_xticks([places[s] for s in severities], [severity_name(s) for s in severities])

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from pipeline.benchmark.mode import ModeReader, Readers, Senses
+from pipeline.benchmark.mode import ModeReader, Senses
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
+    from recognition.reader import Reader
     from recognition.reading import Reading
 
 
@@ -17,12 +18,12 @@ class TactileMode:
 
     uses: tuple[str, ...] = ("touch",)
 
-    def __init__(self, readers: Readers) -> None:
-        _ = readers.touch  # a font that cannot be used is told before the run
+    def __init__(self, reader: Reader) -> None:
+        _ = reader.touch
 
     def read(self, senses: Senses) -> Reading:
-        """What was felt."""
-        return senses.felt.reading
+        """The reading of touch."""
+        return senses.touch
 
 
 class VisionMode:
@@ -30,12 +31,12 @@ class VisionMode:
 
     uses: tuple[str, ...] = ("vision",)
 
-    def __init__(self, readers: Readers) -> None:
-        _ = readers.vision
+    def __init__(self, reader: Reader) -> None:
+        _ = reader.vision
 
     def read(self, senses: Senses) -> Reading:
-        """What was seen."""
-        return senses.seen.reading
+        """The reading of vision."""
+        return senses.vision
 
 
 class FusedMode:
@@ -43,33 +44,32 @@ class FusedMode:
 
     uses: tuple[str, ...] = ("touch", "vision")
 
-    def __init__(self, readers: Readers) -> None:
-        _ = readers.touch, readers.vision
-        self.settings = readers.touch.settings
+    def __init__(self, reader: Reader) -> None:
+        _ = reader.touch, reader.vision
+        self.reader = reader
 
     def read(self, senses: Senses) -> Reading:
-        """What was felt and seen, together."""
-        from recognition.fuse import fuse
-
-        return fuse(senses.felt, senses.seen, self.settings)
+        """Both readings fused."""
+        return self.reader.fuse(senses.touch, senses.vision)
 
 
-def _peer(engine: str, sense: str) -> Callable[[Readers], ModeReader]:
-    def make(readers: Readers) -> ModeReader:
+def _peer(engine: str, sense: str) -> Callable[[Reader], ModeReader]:
+    def make(reader: Reader) -> ModeReader:
         from pipeline.benchmark.peers import open_peer
 
-        return open_peer(engine, sense, mask=readers.settings.mask)
+        written = reader.settings.format
+        return open_peer(engine, sense, format=written if isinstance(written, str) else None)
 
     return make
 
 
-MODES: dict[str, Callable[[Readers], ModeReader]] = {
+MODES: dict[str, Callable[[Reader], ModeReader]] = {
     "tactile": TactileMode,
     "vision": VisionMode,
     "fused": FusedMode,
 }
 """The project's own modes by name."""
-PEERS: dict[str, Callable[[Readers], ModeReader]] = {
+PEERS: dict[str, Callable[[Reader], ModeReader]] = {
     f"{engine} {sense}": _peer(engine, sense)
     for engine in ("rapidocr", "tesseract")
     for sense in ("photo", "touch")
@@ -77,14 +77,14 @@ PEERS: dict[str, Callable[[Readers], ModeReader]] = {
 """Programs of others on the same parts, by name."""
 
 
-def open_mode(name: str, readers: Readers) -> ModeReader:
+def open_mode(name: str, reader: Reader) -> ModeReader:
     """The mode of that name.
 
     Raises:
         ModeUnavailableError: it cannot run here.
-        SettingsError: no such mode, or a font or mask it cannot use.
+        SettingsError: no such mode, or a font or format it cannot use.
     """
     makers = {**MODES, **PEERS}
     if name not in makers:
         raise SettingsError(f"there is no mode {name!r}", hint=f"the modes are {', '.join(MODES)}")
-    return makers[name](readers)
+    return makers[name](reader)

@@ -1,4 +1,4 @@
-"""Programs of others on the same parts: RapidOCR and Tesseract, on photographs and on what touch felt.
+"""Programs of others on the same parts: RapidOCR and Tesseract, on photographs and on the edge maps of touch.
 
 Both read one line of text and are told which characters there may be, not which place takes which. They see the
 photograph, or the edge map drawn in grey, cropped to the line: by the true place where it is known, else by the place
@@ -57,18 +57,18 @@ class Engine(Protocol):
         """Read a picture (rows, cols, 3) of one line."""
 
 
-def open_peer(engine: str, sense: str, *, mask: str | None) -> ModeReader:
+def open_peer(engine: str, sense: str, *, format: str | None) -> ModeReader:
     """A mode that has another's engine read.
 
     Args:
         engine: "rapidocr" or "tesseract".
         sense: "photo" or "touch".
-        mask: format of the serial; None: any letter or digit.
+        format: of the serial; None: any letter or digit.
 
     Raises:
         ModeUnavailableError: the engine or its data are not installed.
     """
-    places = tuple(p for p in allowed_characters(mask) if p != " ") if mask else ()
+    places = tuple(p for p in allowed_characters(format) if p != " ") if format else ()
     chars = "".join(sorted(set("".join(places)))) or _ALPHABET
     opened: Engine = _RapidOcr(chars) if engine == "rapidocr" else _Tesseract(chars)
     return _Peer(opened, sense, places)
@@ -88,8 +88,8 @@ class _Peer:
 
 def edge_map_seconds(senses: Senses) -> dict[str, float]:
     """Where the time of touch went for one who takes its edge map, and the place of the line if the truth lacks it."""
-    told = senses.felt.reading.seconds
-    steps = {step: told.get(step, 0.0) for step in ("mount", "scan", "edge map")}
+    spent = senses.touch.seconds
+    steps = {step: spent.get(step, 0.0) for step in ("mount", "scan", "edge map")}
     if senses.specimen.line_mm is not None:
         steps[UNUSED] = max(0.0, senses.seconds.get("touch", 0.0) - sum(steps.values()))
     return steps
@@ -97,7 +97,7 @@ def edge_map_seconds(senses: Senses) -> dict[str, float]:
 
 def reading_of(line: Line, *, places: tuple[str, ...] = ()) -> Reading:
     """What a peer read, as a reading: accepted where it fits the format and the peer is sure."""
-    from recognition.reading import Box as PlateBox
+    from recognition.box import Box as PlateBox
     from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 
     line = [(char, min(1.0, max(0.0, sure))) for char, sure in line if not char.isspace()]
@@ -134,14 +134,14 @@ def photo_picture(senses: Senses) -> NDArray[np.uint8]:
 
 
 def touch_picture(senses: Senses) -> NDArray[np.uint8]:
-    """The edge map that touch felt, drawn in grey and cropped to the line, (rows, cols, 3).
+    """The edge map of touch, drawn in grey and cropped to the line, (rows, cols, 3).
 
     Raises:
-        MarksError: touch felt no edges.
+        MarksError: touch has no edges.
     """
-    edges = senses.felt.edge_map
+    edges = senses.touch.trace.edge_map
     if edges is None:
-        raise MarksError("touch felt no edges, so there is nothing to draw")
+        raise MarksError("touch has no edges, so there is nothing to draw")
     drawn = np.repeat(draw_edges(edges)[..., None], 3, axis=2)
     box = _line(senses)
     if box is None:
@@ -159,7 +159,7 @@ def draw_edges(edges: EdgeMap) -> NDArray[np.uint8]:
 def _line(senses: Senses) -> Box | None:
     if senses.specimen.line_mm is not None:
         return senses.specimen.line_mm
-    found = senses.felt.reading.box
+    found = senses.touch.box
     return None if found is None else (found.x0_mm, found.y0_mm, found.x1_mm, found.y1_mm)
 
 

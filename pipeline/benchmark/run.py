@@ -10,18 +10,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmark.mode import ModeReader, ModeSettings, Readers, Senses
+from pipeline.benchmark.mode import ModeReader, Senses
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Condition, Item, Parts
 from pipeline.benchmark.trials import Trial, TrialJournal, answer_of
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
 from pipeline.workers.executors import Executor, InlineExecutor
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Benchmark:
     Attributes:
         parts: where the parts come from.
         modes: names of the modes.
-        told: what all readers are told; font and format come with the part where its kind names them.
+        reading: how all parts are read; font and format come with the part where its kind names them.
 
     Raises:
         SettingsError: no mode, or one twice.
@@ -39,7 +41,7 @@ class Benchmark:
 
     parts: Parts
     modes: tuple[str, ...]
-    told: ModeSettings
+    reading: ReaderSettings
 
     def __post_init__(self) -> None:
         if not self.modes or len(set(self.modes)) != len(self.modes):
@@ -47,20 +49,25 @@ class Benchmark:
 
     def description(self) -> dict[str, Any]:
         """All that the answers depend on, in plain JSON values; not how many parts there are."""
-        told = {**asdict(self.told), "fonts": list(self.told.fonts), "fidelity": self.told.fidelity.value}
+        reading = self.reading
         return {
             "parts": self.parts.description(),
             "modes": list(self.modes),
-            "told": told,
+            "reading": {
+                "fonts": [str(font) for font in reading.fonts],
+                "format": reading.format,
+                "height_mm": reading.height_mm,
+                "fidelity": reading.fidelity.value,
+            },
             "program": program_mark(),
         }
 
-    def settings_for(self, condition: Condition) -> ModeSettings:
-        """What the readers of a part of that kind are told."""
+    def settings_for(self, condition: Condition) -> ReaderSettings:
+        """How a part of that kind is read."""
         return replace(
-            self.told,
-            fonts=(condition.font,) if condition.font else self.told.fonts,
-            mask=condition.format or self.told.mask,
+            self.reading,
+            fonts=(condition.font,) if condition.font else self.reading.fonts,
+            format=condition.format or self.reading.format,
         )
 
 
@@ -92,7 +99,7 @@ def run_benchmark(
     items = benchmark.parts.items()
     for settings in dict.fromkeys(benchmark.settings_for(item.condition) for item in items):
         for mode in benchmark.modes:
-            open_mode(mode, Readers(settings))
+            open_mode(mode, Reader(settings))
     book = TrialJournal.open(folder, benchmark.description())
     missing = [item for item in items if item.part not in book.done]
     if on_start is not None:
@@ -121,9 +128,9 @@ def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
     except Exception as error:
         return _failed(benchmark, item, error)
     blanks = [replace(b, truth=specimen.truth) for b in _blanks(benchmark, item)]
-    readers = readers_for(benchmark.settings_for(item.condition))
-    senses = Senses(specimen, readers)
-    return tuple(_read(blank, senses, readers) for blank in blanks)
+    reader = reader_for(benchmark.settings_for(item.condition))
+    senses = Senses(specimen, reader)
+    return tuple(_read(blank, senses, reader) for blank in blanks)
 
 
 def _blanks(benchmark: Benchmark, item: Item) -> list[Trial]:
@@ -139,11 +146,11 @@ def _failed(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, 
     return tuple(replace(b, error=f"the part: {_told(error)}") for b in _blanks(benchmark, item))
 
 
-def _read(blank: Trial, senses: Senses, readers: Readers) -> Trial:
+def _read(blank: Trial, senses: Senses, reader: Reader) -> Trial:
     start, before = time.perf_counter(), sum(senses.seconds.values())
     # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
     try:
-        mode = _mode(blank.mode, readers)
+        mode = _mode(blank.mode, reader)
         reading = mode.read(senses)
     except Exception as error:
         return replace(blank, error=_told(error))
@@ -158,14 +165,14 @@ def _read(blank: Trial, senses: Senses, readers: Readers) -> Trial:
 
 
 @lru_cache(maxsize=64)
-def readers_for(settings: ModeSettings) -> Readers:
+def reader_for(settings: ReaderSettings) -> Reader:
     """Kept between parts, so that templates are predicted once a worker."""
-    return Readers(settings)
+    return Reader(settings)
 
 
 @lru_cache(maxsize=256)
-def _mode(name: str, readers: Readers) -> ModeReader:
-    return open_mode(name, readers)
+def _mode(name: str, reader: Reader) -> ModeReader:
+    return open_mode(name, reader)
 
 
 def _told(error: Exception) -> str:

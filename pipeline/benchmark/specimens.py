@@ -36,7 +36,7 @@ class Condition:
     Attributes:
         severity: of the dirt, 0 to 1; None where it is not known.
         font: of the mark: built-in name or file; empty where none was told.
-        format: mask of the serial; empty where none was told.
+        format: of the serial; empty where none was told.
     """
 
     severity: float | None
@@ -109,7 +109,7 @@ class SynthParts:
     Attributes:
         severities: of the dirt.
         fonts: built-in names or font files.
-        formats: masks.
+        formats: of serials.
         parts: of each severity, font and format.
         seed: of everything random.
         height_mm: character height.
@@ -119,7 +119,7 @@ class SynthParts:
         light_elevation_deg: how high it stands; likewise.
 
     Raises:
-        SettingsError: a number out of range, a font or mask that cannot be, two fonts of one name.
+        SettingsError: a number out of range, a font or format that cannot be, two fonts of one name.
     """
 
     severities: tuple[float, ...]
@@ -197,7 +197,7 @@ class SynthParts:
 
     def _spec(self, condition: Condition) -> SynthSpec:
         return SynthSpec(
-            mask=condition.format,
+            format=condition.format,
             font=condition.font,
             seed=self.seed,
             height_mm=self.height_mm,

@@ -51,7 +51,7 @@ class GroupKey:
         mode: what read.
         severity: of the dirt; None for all, or where it is not known.
         font: of the mark.
-        format: mask.
+        format: of the serial.
     """
 
     mode: str

@@ -55,7 +55,7 @@ class Trial:
         number: of the part among those of its severity, font and format.
         severity: of the dirt, 0 to 1; None where it is not known.
         font: of the mark.
-        format: mask of the serial; empty where none was told.
+        format: of the serial; empty where none was told.
         mode: what read it.
         truth: what was stamped, without spaces.
         text: what was read, without spaces; empty with an error.

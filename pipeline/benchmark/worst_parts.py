@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from pipeline.benchmark.charts import inlined
 from pipeline.benchmark.confusion import characters_right
 from pipeline.benchmark.mode import Senses
-from pipeline.benchmark.run import Benchmark, readers_for
+from pipeline.benchmark.run import Benchmark, reader_for
 from pipeline.benchmark.specimens import Item
 from pipeline.benchmark.trials import Trial
 from pipeline.common.alignment import align
@@ -90,7 +90,7 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
     worst, item = ranked
     try:
         specimen = benchmark.parts.make(item)
-        senses = Senses(specimen, readers_for(benchmark.settings_for(item.condition)))
+        senses = Senses(specimen, reader_for(benchmark.settings_for(item.condition)))
         picture = inlined(_figure(senses), kind="jpg")
     # The report of a night's run may not fail for a picture.
     except Exception as error:
@@ -99,14 +99,14 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
 
 
 def _figure(senses: Senses) -> Figure:
-    evidence, photographed = senses.felt, senses.specimen.take_photo is not None
+    reading, photographed = senses.touch, senses.specimen.take_photo is not None
     figure = Figure(figsize=(10.5, 1.75) if photographed else (8.0, 2.0), layout="constrained")
     axes = list(figure.subplots(1, 3 if photographed else 2))
     if photographed:
         _photo_panel(axes.pop(0), senses)
-    height_panel(axes[0], height_map=evidence.height_map, reading=evidence.reading, colour_bar=False)
-    if evidence.edge_map is not None:
-        edge_panel(axes[1], edges=evidence.edge_map, layer=0, reading=evidence.reading, colour_bar=False)
+    height_panel(axes[0], height_map=reading.trace.height_map, reading=reading, colour_bar=False)
+    if reading.trace.edge_map is not None:
+        edge_panel(axes[1], edges=reading.trace.edge_map, layer=0, reading=reading, colour_bar=False)
     else:
         axes[1].text(0.5, 0.5, "no edge map", ha="center", va="center")
     for each in figure.axes:

@@ -99,24 +99,24 @@ def benchmark(
         if inputs is not None and (dirt is not None or parts is not None):
             raise CommandError("benchmark: --dirt and --parts are for parts that are made", status=USAGE)
         from glyphs.stamping.die import Face
-        from pipeline.benchmark.mode import ModeSettings
         from pipeline.benchmark.modes import PEERS
         from pipeline.benchmark.report import check_report
         from pipeline.benchmark.run import Benchmark
         from pipeline.benchmark.specimens import Condition, FolderParts, Parts, SynthParts
+        from recognition.reader_settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 
         check_report()
         source: Parts
-        told = ModeSettings(height_mm=height_mm if tell_height else None, fidelity=Fidelity(fidelity))
+        reading = ReaderSettings(height_mm=height_mm if tell_height else None, fidelity=Fidelity(fidelity))
         if inputs is not None and truth is not None:
             from dataclasses import replace
 
-            masks, known = _listed(format or ""), _numbers(dirt or "")
-            if len(masks) > 1 or len(known) > 1:
+            formats, known = _listed(format or ""), _numbers(dirt or "")
+            if len(formats) > 1 or len(known) > 1:
                 raise CommandError("benchmark: a folder has one format and one dirt", status=USAGE)
-            told = replace(told, fonts=_listed(font or ""))
-            condition = Condition(known[0] if known else None, "", masks[0] if masks else "")
+            reading = replace(reading, fonts=_listed(font or ""))
+            condition = Condition(known[0] if known else None, "", formats[0] if formats else "")
             source = FolderParts.load(inputs, truth, condition)
         else:
             source = SynthParts(
@@ -132,7 +132,7 @@ def benchmark(
                 light_elevation_deg=light_elevation_deg,
             )
         chosen = _listed(mode) + (tuple(PEERS) if peers else ())
-        written = _run(Benchmark(source, chosen, told), out, jobs=jobs, cluster=cluster)
+        written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
     _tell(written)
     return 0
 

@@ -31,9 +31,9 @@ def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = Fa
         from pipeline.plots.pictures import SheetPart, headline, same_text
 
         def tell(part: SheetPart) -> None:
-            right = "right" if same_text(part.evidence.reading.text, part.truth) else "WRONG"
+            right = "right" if same_text(part.reading.text, part.truth) else "WRONG"
             print(
-                f"{part.name:<14} stamped {part.truth}: {right}: {headline(part.evidence.reading)}",
+                f"{part.name:<14} stamped {part.truth}: {right}: {headline(part.reading)}",
                 flush=True,
             )
 

@@ -17,7 +17,7 @@ from pipeline.files.npz import write_npz
 from pipeline.plots.pictures import SheetPart, inspect_figure, overview_figure, same_text, save_figure
 from pipeline.reading.simulated_scan import feel
 from recognition.levelling import level
-from recognition.reader import Reader, ReaderSettings, ReadingTrace
+from recognition.reader import Reader
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan
@@ -51,7 +51,7 @@ class DemoResult:
     """What came of it.
 
     Attributes:
-        parts: every plate with its evidence.
+        parts: every plate as it was read.
         overview: the picture.
         page: the self-contained page.
     """
@@ -63,7 +63,7 @@ class DemoResult:
     @property
     def all_right(self) -> bool:
         """Whether every serial was read as stamped."""
-        return all(same_text(p.evidence.reading.text, p.truth) for p in self.parts)
+        return all(same_text(p.reading.text, p.truth) for p in self.parts)
 
 
 def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None) -> DemoResult:
@@ -75,17 +75,14 @@ def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None
         FileError: the folder cannot be written.
         FileError: a recording cannot be written.
     """
-    reader = Reader(ReaderSettings(mask="********"))
+    reader = Reader(format="********")
     done = []
     for number, demo in enumerate(DEMO_PARTS):
         part = _stamped(demo, number)
         write_npz(folder / f"{demo.name}.npz", part.height_map)
         scan = _recorded(part, folder / f"{demo.name}.h5", number)
-        found = reader.read_scan(scan)
-        evidence = ReadingTrace(
-            found.reading, edge_map=found.edge_map, scan=scan, height_map=level(part.height_map)
-        )
-        done.append(SheetPart(demo.name, demo.text, evidence))
+        reading = reader.read(scan).traced(height_map=level(part.height_map), relief=None)
+        done.append(SheetPart(demo.name, demo.text, reading))
         if on_part is not None:
             on_part(done[-1])
     overview, page = folder / "overview.png", folder / "overview.html"
@@ -129,7 +126,7 @@ def _page(parts: list[SheetPart]) -> str:
     """One HTML file with its pictures inside."""
     rows, pictures = [], []
     for part in parts:
-        reading = part.evidence.reading
+        reading = part.reading
         verdict = "right" if same_text(reading.text, part.truth) else "wrong"
         cells = (
             html.escape(part.name),
@@ -156,7 +153,7 @@ def _page(parts: list[SheetPart]) -> str:
 
 def _inline(part: SheetPart) -> str:
     stream = io.BytesIO()
-    inspect_figure(part.evidence, title=part.name).savefig(stream, format="png")
+    inspect_figure(part.reading, title=part.name).savefig(stream, format="png")
     data = base64.b64encode(stream.getvalue()).decode("ascii")
     name = html.escape(part.name)
     return f'<h2>{name}</h2><img alt="{name}" src="data:image/png;base64,{data}">'

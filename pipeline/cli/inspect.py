@@ -10,7 +10,7 @@ from pipeline.cli.settings import READING, Config, Reading
 
 if TYPE_CHECKING:
     from pipeline.files.parts import Part
-    from pipeline.reading.part_reader import Sensed
+    from recognition import reading as readings
 
 
 def inspect(
@@ -33,10 +33,11 @@ def inspect(
     """
     with failures_told():
         from pipeline.files.parts import discover
+        from pipeline.files.units import Unit
         from pipeline.plots.inspection import inspection_figure
         from pipeline.plots.pictures import check_picture, headline, save_figure
         from pipeline.reading.part_reader import Mode, Senses
-        from pipeline.reading.readers import Readers
+        from pipeline.reading.readers import open_reader
 
         picture = out if out is not None else Path(f"{file.stem}-inspect.png")
         check_picture(picture)
@@ -46,27 +47,26 @@ def inspect(
                 f"{file}: holds {len(parts)} parts", hint="inspect draws one, name its file", status=FAILED
             )
         (part,) = parts
-        sensed = Senses(Readers(reading), mode=Mode(reading.mode) if reading.mode else None).sense(part)
-        save_figure(inspection_figure(_with_photo(sensed, part), title=part.name), picture)
-    print(f"{part.name}: {headline(sensed.reading)}")
-    for message in sensed.reading.messages():
+        mode = Mode(reading.mode) if reading.mode else None
+        found = Senses(open_reader(reading), mode=mode, unit=Unit(reading.unit)).sense(part)
+        save_figure(inspection_figure(_with_photo(found, part), title=part.name), picture)
+    print(f"{part.name}: {headline(found)}")
+    for message in found.messages():
         print(f"  {message}")
     print(f"wrote {picture}")
     return 0
 
 
-def _with_photo(sensed: Sensed, part: Part) -> Sensed:
+def _with_photo(reading: readings.Reading, part: Part) -> readings.Reading:
     """The part with its photograph to be shown; without one that cannot be used, which nobody asked for."""
-    from dataclasses import replace
-
     from glyphs.errors import FileError
     from pipeline.reading.part_reader import load_photo
 
-    if sensed.photo is not None or part.photo is None:
-        return sensed
+    if reading.trace.photo is not None or part.photo is None:
+        return reading
     try:
-        photo = load_photo(part, over=None if sensed.touch is None else sensed.touch.height_map)
+        photo = load_photo(part, over=None if reading.touch is None else reading.touch.trace.height_map)
     except FileError as problem:
         print(f"  not shown: {problem}")
-        return sensed
-    return replace(sensed, photo=photo)
+        return reading
+    return reading.traced(photo=photo)

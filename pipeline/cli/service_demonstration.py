@@ -13,7 +13,7 @@ from pipeline.plots.pictures import same_text
 from pipeline.service.client import Client
 from pipeline.service.process import service_process
 
-MASK = "AA999999"
+FORMAT = "AA999999"
 SEVERITIES = (0.0, 0.2, 0.5, 0.7, 0.9, 1.0)
 """How dirty the parts are, one after the other."""
 _SEED = 11
@@ -73,7 +73,7 @@ def run_service_demo(
     say(f"making {len(SEVERITIES)} parts, from clean to filthy, and their photographs in {parts} ...")
     truths = {}
     for number, severity in enumerate(SEVERITIES):
-        spec = SynthSpec(mask=MASK, seed=_SEED, dirt=Dirt.of(severity))
+        spec = SynthSpec(format=FORMAT, seed=_SEED, dirt=Dirt.of(severity))
         truths[f"part-{number}"] = write_part(spec, parts / f"part-{number}", number, photos=True)
     say("starting the service (the first start compiles the kernels) ...")
     served = []
@@ -83,7 +83,7 @@ def run_service_demo(
         "--camera",
         str(parts),
         "--format",
-        MASK,
+        FORMAT,
         "--font",
         "gothic",
         "--height-mm",

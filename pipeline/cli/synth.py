@@ -115,7 +115,7 @@ def synth(
             "burr": burr,
         }
         spec = SynthSpec(
-            mask=format,
+            format=format,
             font=font,
             seed=seed,
             height_mm=height_mm,

@@ -30,7 +30,7 @@ class ListedPart:
         scan: file of its recorded scan.
         photo: file of its photograph.
         expected: text that it should bear; empty where none is known.
-        format: mask of its serial; empty where the run's is meant.
+        format: of its serial; empty where the run's is meant.
         font: font of its mark; empty where the run's are meant.
         problem: why it cannot be read, found before any file was opened.
         photo_problem: why its photograph cannot be used, likewise.

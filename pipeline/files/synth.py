@@ -38,7 +38,7 @@ class SynthSpec:
     """What to stamp.
 
     Attributes:
-        mask: format of the serials.
+        format: of the serials.
         font: built-in name or font file.
         seed: of everything random.
         height_mm: character height.
@@ -53,10 +53,10 @@ class SynthSpec:
         pixel_mm: size of a pixel of the photographs on the part.
 
     Raises:
-        SettingsError: a mask, font, die, light or pixel that cannot be.
+        SettingsError: a format, font, die, light or pixel that cannot be.
     """
 
-    mask: str
+    format: str
     font: str = "gothic"
     seed: int = 0
     height_mm: float = 5.0
@@ -73,7 +73,7 @@ class SynthSpec:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise SettingsError(f"seed is {self.seed}", hint="it cannot be negative")
-        allowed_characters(self.mask)
+        allowed_characters(self.format)
         draw_light(
             np.random.default_rng(0),
             azimuth_deg=self.light_azimuth_deg,
@@ -100,7 +100,7 @@ class SynthSpec:
 def make_part(spec: SynthSpec, number: int) -> Part:
     """The part of that number, the same whatever was made before it."""
     return stamp(
-        format=spec.mask,
+        format=spec.format,
         font=spec.font,
         height_mm=spec.height_mm,
         depth_mm=spec.depth_mm,

@@ -18,8 +18,7 @@ from whisker_array.scan.scan import only
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap, HeightMap
-    from recognition.reader import ReadingTrace
-    from recognition.reading import CharacterReading, Reading
+    from recognition.reading import CharacterReading, Reading, ReadingTrace
     from whisker_array.scan.scan import Sweep
 
 BOX_COLOUR = "#e4572e"
@@ -110,9 +109,9 @@ def _boxes(axes: Axes, reading: Reading, *, labelled: bool = True) -> None:
             )
 
 
-def relief_panel(axes: Axes, *, evidence: ReadingTrace, reading: Reading) -> None:
+def relief_panel(axes: Axes, *, trace: ReadingTrace, reading: Reading) -> None:
     """The surface as touch felt it, and the depth of every character."""
-    relief = evidence.relief
+    relief = trace.relief
     if relief is None:
         axes.set_title("height as felt", fontsize=9, loc="left")
         _say(axes, "no heights were felt")
@@ -122,7 +121,7 @@ def relief_panel(axes: Axes, *, evidence: ReadingTrace, reading: Reading) -> Non
     z = relief.height_mm
     extent = _extent(z.shape, relief.pitch_mm, relief.origin_mm)
     _picture(axes, z, extent, cmap="cividis", limits=_spread(z, 0.5, 99.5), bar="mm")
-    _boxes(axes, reading, labelled=evidence.height_map is None)
+    _boxes(axes, reading, labelled=trace.height_map is None)
     size = min(7.5, 90.0 / max(1, len(reading.characters)))
     for character in reading.characters:
         depth, box = character.depth, character.box
@@ -139,14 +138,12 @@ def relief_panel(axes: Axes, *, evidence: ReadingTrace, reading: Reading) -> Non
         )
 
 
-def steepness_panel(axes: Axes, *, evidence: ReadingTrace, reading: Reading) -> None:
+def steepness_panel(axes: Axes, *, trace: ReadingTrace, reading: Reading) -> None:
     """How steep touch felt the surface to be."""
-    relief = evidence.relief
+    relief = trace.relief
     felt = relief is not None and not (relief.slope_x is None and relief.slope_y is None)
-    if felt and evidence.scan is not None and evidence.edge_map is not None:
-        relief = estimate_relief(
-            evidence.scan, evidence.edge_map
-        )  # slower than the reader needs, walls truer
+    if felt and trace.scan is not None and trace.edge_map is not None:
+        relief = estimate_relief(trace.scan, trace.edge_map)  # slower than the reader needs, walls truer
     known = "" if relief is None else f", friction {relief.friction:.3f} "
     known += "" if relief is None else "assumed" if relief.friction_sd is None else "measured"
     axes.set_title(f"steepness as felt, |slope|{known}", fontsize=9, loc="left")
@@ -159,12 +156,12 @@ def steepness_panel(axes: Axes, *, evidence: ReadingTrace, reading: Reading) -> 
     _boxes(axes, reading, labelled=False)
 
 
-def moment_panel(axes: Axes, *, evidence: ReadingTrace, reading: Reading) -> None:
+def moment_panel(axes: Axes, *, trace: ReadingTrace, reading: Reading) -> None:
     """The raw moments of the first direction; characters are not shown, they are felt with a lag."""
-    if evidence.scan is None:
+    if trace.scan is None:
         _say(axes, "no scan")
         return
-    sweep = only(evidence.scan).sweeps[0]
+    sweep = only(trace.scan).sweeps[0]
     axes.set_title(
         f"raw moment, traced {int(sweep.plan.direction)}°, {sweep.plan.line_mm.size} lines",
         fontsize=9,

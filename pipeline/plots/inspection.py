@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -34,22 +33,20 @@ if TYPE_CHECKING:
 
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap
-    from pipeline.reading.part_reader import Sensed
-    from recognition.reader import ReadingTrace
-    from recognition.reading import Reading
+    from recognition.reading import Reading, ReadingTrace
 
 
-def inspection_figure(sensed: Sensed, *, title: str) -> Figure:
+def inspection_figure(reading: Reading, *, title: str) -> Figure:
     """All that is known of one part."""
-    reading, photo, touch = sensed.reading, sensed.photo, sensed.touch
+    photo, touch = reading.trace.photo, reading.touch
     if photo is None and touch is not None:
-        return inspect_figure(replace(touch, reading=reading), title=title)
+        return inspect_figure(reading, title=title)
     panels: list[Callable[[Axes], None]] = []
     if photo is not None:
-        panels.append(partial(photo_panel, photo=photo, reading=_shown_on(photo, sensed)))
-        panels.append(partial(vision_edge_panel, photo=photo, edges=_camera_edges(photo, sensed)))
+        panels.append(partial(photo_panel, photo=photo, reading=_shown_on(photo, reading)))
+        panels.append(partial(vision_edge_panel, photo=photo, edges=_camera_edges(photo, reading)))
     if touch is not None:
-        panels += _felt_panels(touch, reading)
+        panels += _touch_panels(touch.trace, reading)
     rows = (len(panels) + 1) // 2
     figure = Figure(figsize=(12.0, 3.5 + 2.1 * rows), dpi=110, layout="constrained")
     figure.suptitle(f"{title}: {headline(reading)}", fontsize=13, fontweight="bold")
@@ -64,32 +61,32 @@ def inspection_figure(sensed: Sensed, *, title: str) -> Figure:
     return figure
 
 
-def _shown_on(photo: Photo, sensed: Sensed) -> Reading | None:
+def _shown_on(photo: Photo, reading: Reading) -> Reading | None:
     """The reading whose boxes lie in the photograph's frame, if one's do."""
-    if sensed.vision is not None:
-        return sensed.vision.reading
-    return sensed.reading if photo.centre_mm is not None else None
+    if reading.vision is not None:
+        return reading.vision
+    return reading if photo.centre_mm is not None else None
 
 
-def _camera_edges(photo: Photo, sensed: Sensed) -> EdgeMap | None:
+def _camera_edges(photo: Photo, reading: Reading) -> EdgeMap | None:
     """At the scale of the characters seen, or felt; strong edges as they are, which a person sees more by."""
     from recognition.vision_edges import vision_edges
     from recognition.vision_frame import photo_pitch_mm
 
-    if sensed.vision is not None:
-        height_mm = sensed.vision.reading.height_mm
+    if reading.vision is not None:
+        height_mm = reading.vision.height_mm
     else:
-        height_mm = sensed.reading.height_mm if photo.pitch_mm is not None else 0.0
+        height_mm = reading.height_mm if photo.pitch_mm is not None else 0.0
     if not height_mm >= 8.0 * photo_pitch_mm(photo):
         return None
     return vision_edges(photo, height_mm=height_mm, even=False)
 
 
-def _felt_panels(touch: ReadingTrace, reading: Reading) -> list[Callable[[Axes], None]]:
+def _touch_panels(touch: ReadingTrace, reading: Reading) -> list[Callable[[Axes], None]]:
     """What was felt: heights first, if there are any, then moments and edges."""
-    relief = partial(relief_panel, evidence=touch, reading=reading)
-    steepness = partial(steepness_panel, evidence=touch, reading=reading)
-    moment = partial(moment_panel, evidence=touch, reading=reading)
+    relief = partial(relief_panel, trace=touch, reading=reading)
+    steepness = partial(steepness_panel, trace=touch, reading=reading)
+    moment = partial(moment_panel, trace=touch, reading=reading)
     edges, layers = touch.edge_map, list[Any]()
     if edges is not None:
         layers = [

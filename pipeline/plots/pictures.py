@@ -37,7 +37,6 @@ from pipeline.plots.axes import (
 )
 
 if TYPE_CHECKING:
-    from recognition.reader import ReadingTrace
     from recognition.reading import Reading
 
 _SUFFIXES = (".png", ".svg", ".pdf")
@@ -65,17 +64,18 @@ def save_figure(figure: Figure, path: Path) -> None:
         figure.savefig(temporary, format=path.suffix[1:].lower())
 
 
-def inspect_figure(evidence: ReadingTrace, *, title: str) -> Figure:
-    """All that is known of one part."""
-    reading, edges = evidence.reading, evidence.edge_map
+def inspect_figure(reading: Reading, *, title: str) -> Figure:
+    """All that is known of one part by touch."""
+    trace = reading.trace
+    edges = trace.edge_map
     layers = (
         [partial(edge_panel, edges=edges, layer=k) for k in range(len(edges.directions))] if edges else []
     )
-    relief, steepness = partial(relief_panel, evidence=evidence), partial(steepness_panel, evidence=evidence)
-    moment = partial(moment_panel, evidence=evidence)
+    relief, steepness = partial(relief_panel, trace=trace), partial(steepness_panel, trace=trace)
+    moment = partial(moment_panel, trace=trace)
     panels = [relief, steepness, *layers, moment]
-    if evidence.height_map is not None:
-        panels = [partial(height_panel, height_map=evidence.height_map), relief, moment, steepness, *layers]
+    if trace.height_map is not None:
+        panels = [partial(height_panel, height_map=trace.height_map), relief, moment, steepness, *layers]
     rows = (len(panels) + 1) // 2
     figure = Figure(figsize=(12.0, 3.5 + 2.1 * rows), dpi=110, layout="constrained")
     figure.suptitle(f"{title}: {headline(reading)}", fontsize=13, fontweight="bold")
@@ -108,11 +108,11 @@ def headline(reading: Reading) -> str:
 
 @dataclass(frozen=True, eq=False)
 class SheetPart:
-    """One part of the overview: its evidence, its name and what was stamped on it."""
+    """One part of the overview: its name, what was stamped on it and how it was read."""
 
     name: str
     truth: str
-    evidence: ReadingTrace
+    reading: Reading
 
 
 def overview_figure(parts: Sequence[SheetPart]) -> Figure:
@@ -120,12 +120,13 @@ def overview_figure(parts: Sequence[SheetPart]) -> Figure:
     figure = Figure(figsize=(12.0, 0.4 + 2.3 * len(parts)), dpi=110, layout="constrained")
     axes = figure.subplots(len(parts), 2, squeeze=False)
     for (left, right), part in zip(axes, parts, strict=True):
-        reading = part.evidence.reading
+        reading = part.reading
+        trace = reading.trace
         right_or_wrong = "right" if same_text(reading.text, part.truth) else "WRONG"
-        height_panel(left, height_map=part.evidence.height_map, reading=reading, colour_bar=False)
+        height_panel(left, height_map=trace.height_map, reading=reading, colour_bar=False)
         left.set_title(f"{part.name}: {headline(reading)}", fontsize=8.5, loc="left")
-        if part.evidence.edge_map is not None:
-            edge_panel(right, edges=part.evidence.edge_map, layer=0, reading=reading, colour_bar=False)
+        if trace.edge_map is not None:
+            edge_panel(right, edges=trace.edge_map, layer=0, reading=reading, colour_bar=False)
         right.set_title(
             f"felt along x; stamped “{part.truth}”, read {right_or_wrong}", fontsize=8.5, loc="left"
         )

@@ -16,7 +16,6 @@ from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 
 if TYPE_CHECKING:
-    from pipeline.reading.part_reader import Sensed
     from recognition.grammar import Grammar
     from recognition.lattice import Lattice
     from recognition.reading import CharacterReading, Reading
@@ -25,9 +24,9 @@ MOST_RIVALS = 3
 
 
 def record_of_part(
-    name: str, file: str, read: Callable[[], tuple[Sensed, ReadSettings, Grammar | None]]
-) -> tuple[ReadingRecord, Sensed | None]:
-    """The record of a part, whatever happens to it, and what it was read from.
+    name: str, file: str, read: Callable[[], tuple[Reading, ReadSettings, Grammar | None]]
+) -> tuple[ReadingRecord, Reading | None]:
+    """The record of a part, whatever happens to it, and its reading.
 
     Args:
         name: of the part.
@@ -36,9 +35,9 @@ def record_of_part(
     """
     started = time.perf_counter()
     try:
-        sensed, settings, grammar = read()
+        reading, settings, grammar = read()
         seconds = time.perf_counter() - started
-        return reading_record(sensed, settings, grammar, part=name, seconds=seconds), sensed
+        return reading_record(reading, settings, grammar, part=name, seconds=seconds), reading
     except MarksError as problem:
         error = str(problem) if problem.where else f"{file}: {problem}"
     # A fault of the program in one part may not cost a night's run the other parts; the record names its kind.
@@ -48,20 +47,20 @@ def record_of_part(
 
 
 def reading_record(
-    sensed: Sensed, settings: ReadSettings, grammar: Grammar | None, *, part: str, seconds: float
+    reading: Reading, settings: ReadSettings, grammar: Grammar | None, *, part: str, seconds: float
 ) -> ReadingRecord:
     """The record of a reading, with the verdict on the text expected if there was one.
 
     Args:
-        sensed: as read.
+        reading: as read.
         settings: it was read with.
         grammar: what serials may be; None for anything.
         part: its name.
         seconds: it took.
     """
-    reading, verification = sensed.reading, sensed.verification
+    verification, photo = reading.trace.verification, reading.trace.photo
     more = verification.messages() if verification is not None else ()
-    scaled = sensed.photo is None or sensed.touch is not None or sensed.photo.pitch_mm is not None
+    scaled = photo is None or reading.touch is not None or photo.pitch_mm is not None
     height = _finite(reading.height_mm) or None
     return ReadingRecord(
         source=reading.source,
@@ -82,7 +81,7 @@ def reading_record(
         raised=bool(reading.raised),
         expected="" if verification is None else verification.expected,
         verify_probability=None if verification is None else _share(verification.probability),
-        rivals=rivals_of(reading, sensed.lattice, grammar),
+        rivals=rivals_of(reading, reading.trace.lattice, grammar),
         program=program_version(),
         settings=key_of(settings.model_dump(mode="json", exclude_defaults=True)),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -14,9 +14,6 @@ from pipeline.files.truth import load_truth
 
 if TYPE_CHECKING:
     from recognition.grammar import Grammar
-    from recognition.lattice import Lattice
-    from recognition.reading import Reading
-    from recognition.verify import Verification
 
 
 @dataclass(frozen=True)
@@ -77,46 +74,3 @@ def _is_file(name: str) -> bool:
         return Path(name).is_file()
     except (OSError, ValueError):
         return False
-
-
-def verify_reading(
-    reading: Reading,
-    lattice: Lattice | None,
-    text: str,
-    *,
-    grammar: Grammar | None = None,
-    contradicted: bool = False,
-) -> tuple[Reading, Verification]:
-    """The verdict on an expected text, and the reading with the states of its places for that text.
-
-    Args:
-        reading: as read.
-        lattice: beliefs made without knowing the text; None where no characters were found.
-        text: expected.
-        grammar: names the rival.
-        contradicted: two senses are sure of different characters: nothing is confirmed.
-
-    Raises:
-        VerifyError: a text that cannot be looked for.
-    """
-    import numpy as np
-
-    from recognition.lattice import Lattice
-    from recognition.reading import ReadingFlag
-    from recognition.verify import Verdict, verify
-
-    if lattice is None:
-        lattice = Lattice((), np.zeros((0, 0)))
-    verification = verify(lattice, text, grammar=grammar)
-    if contradicted and verification.verdict is Verdict.CONFIRMED:
-        verification = replace(verification, verdict=Verdict.UNDECIDED)
-    flags = reading.flags
-    if contradicted:
-        flags |= ReadingFlag.SENSES_DISAGREE
-    if verification.verdict is Verdict.REFUTED:
-        flags |= ReadingFlag.MISMATCH
-    characters = reading.characters
-    if verification.places == len(characters):
-        states = {check.place: check.state for check in verification.characters if check.place is not None}
-        characters = tuple(replace(c, state=states.get(k, c.state)) for k, c in enumerate(characters))
-    return replace(reading, characters=characters, flags=flags), verification

@@ -27,14 +27,14 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
         ValueError: a job without any file to read, or sight without touch.
     """
     from pipeline.reading.job_senses import JobSenses
-    from pipeline.reading.kept_readers import readers_of
+    from pipeline.reading.kept_readers import reader_of
 
     felt = job.scan is not None or job.height_map is not None
     if not felt and (job.photo is None or job.vision is not None):
         raise ValueError("a job has a photo, a scan or a height map; sight goes with one of the latter")
     with told(job, "database", job.database or settings.database):
-        readers = readers_of(settings, job.database)
-    senses = JobSenses(job, readers, limits, settings)
+        reader = reader_of(settings, job.database)
+    senses = JobSenses(job, reader, limits, settings)
     if not felt:
         return _by_vision(job, senses, settings, limits)
     return _by_touch(job, senses)
@@ -47,7 +47,7 @@ def _by_vision(job: Job, senses: JobSenses, settings: ReadSettings, limits: Limi
     from pipeline.reading.vision_file import save_vision
 
     seen = senses.see()
-    record = senses.record(seen.sensed, seen.seconds)
+    record = senses.record(seen.vision, seen.seconds)
     made = [
         photo_picture(seen.photo, job.folder),
         *vision_edges_picture(seen.photo, seen.height_mm, job.folder),
@@ -72,17 +72,17 @@ def _by_touch(job: Job, senses: JobSenses) -> Done:
     remembered = senses.remembered() if job.vision is not None else None
     touch = senses.feel()
     readings: list[ReadingRecord] = []
-    made = edges_picture(touch.edge_map, job.folder)
+    made = edges_picture(touch.trace.edge_map, job.folder)
     seen: Seen | KeptVision | None = remembered
     if photo is not None:
-        looked = senses.see(photo, over=touch.height_map)
-        readings.append(senses.record(looked.sensed, looked.seconds))
+        looked = senses.see(photo, over=touch.trace.height_map)
+        readings.append(senses.record(looked.vision, looked.seconds))
         made = [
             photo_picture(looked.photo, job.folder),
             *made,
             *vision_edges_picture(looked.photo, looked.height_mm, job.folder),
         ]
         seen = looked
-    sensed = senses.of_touch(touch) if seen is None else senses.fused(touch, seen)
-    readings.append(senses.record(sensed, time.perf_counter() - started))
+    reading = senses.verified(touch) if seen is None else senses.fused(touch, seen)
+    readings.append(senses.record(reading, time.perf_counter() - started))
     return Done(tuple(readings), tuple(made))

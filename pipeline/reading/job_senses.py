@@ -8,7 +8,7 @@ own; the middle of the picture is then taken to lie over the middle of the map, 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from glyphs.errors import FileError
 from pipeline.common.records import ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import check_map, check_photo, check_scan
+from pipeline.files.units import Unit
 from pipeline.reading.jobs import Job, Limits, told
 from pipeline.reading.photo_sizes import read_at_sizes
 from pipeline.reading.vision_file import KeptVision, load_vision, moved
@@ -23,11 +24,8 @@ from pipeline.reading.vision_file import KeptVision, load_vision, moved
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import HeightMap
-    from pipeline.reading.part_reader import Sensed
-    from pipeline.reading.readers import Readers
-    from recognition.lattice import Lattice
-    from recognition.reader import ReadingTrace
-    from recognition.vision import VisionReading
+    from recognition.reader import Reader
+    from recognition.reading import Reading
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,41 +33,40 @@ class Seen:
     """What the camera's reader made of a photograph.
 
     Attributes:
-        sensed: its reading, held against the text expected if there is one.
-        photo: as it was read: in the frame and at the size.
+        vision: its reading, with the verdict on the text expected if there is one.
         kept: what a later job needs of it.
         seconds: it took.
     """
 
-    sensed: Sensed
-    photo: Photo
+    vision: Reading
     kept: KeptVision
     seconds: float
 
     @property
-    def vision(self) -> VisionReading:
-        """As the reader gave it."""
-        return self.kept.vision
+    def photo(self) -> Photo:
+        """As it was read: in the frame and at the size."""
+        assert self.vision.trace.photo is not None
+        return self.vision.trace.photo
 
     @property
     def height_mm(self) -> float:
         """Of the characters; 0 where no line was found."""
-        return self.vision.place.height_mm if self.vision.place is not None else 0.0
+        return self.vision.trace.place.height_mm if self.vision.trace.place is not None else 0.0
 
 
 class JobSenses:
     """Sees and feels the part of one job."""
 
-    def __init__(self, job: Job, readers: Readers, limits: Limits, settings: ReadSettings) -> None:
+    def __init__(self, job: Job, reader: Reader, limits: Limits, settings: ReadSettings) -> None:
         """Take the job.
 
         Raises:
             FileError: an expected text that the format does not allow.
         """
-        self.job, self.readers, self.limits, self.settings = job, readers, limits, settings
+        self.job, self.reader, self.limits, self.settings = job, reader, limits, settings
         self.expected = job.expected.strip()
-        if self.expected and readers.grammar is not None:
-            broken = readers.grammar.objections(self.expected)
+        if self.expected and reader.grammar is not None:
+            broken = reader.grammar.objections(self.expected)
             if broken:
                 raise FileError("expected", f"is {self.expected!r}, but {'; '.join(broken)}", "mend it")
 
@@ -96,22 +93,18 @@ class JobSenses:
         Raises:
             FileError: it cannot be used.
         """
-        from pipeline.reading.part_reader import Sensed
+        from recognition.reader import centred
 
         started = time.perf_counter()
         photo = photo if photo is not None else self.load_photo()
-        if over is not None and photo.pitch_mm is not None:
-            width, height = over.size_mm
-            photo = replace(photo, centre_mm=(0.5 * width, 0.5 * height))
+        if over is not None:
+            photo = centred(photo, over)
         with told(self.job, "photo", self.job.photo):
-            photo, vision = read_at_sizes(photo, self.readers.vision.read_photo)
-            open_lattice = None
-            if self.expected and self.readers.grammar is not None:
-                open_lattice = self.readers.open_vision(self.expected).read_photo(photo).lattice
-        kept = KeptVision.of(vision, photo, open_lattice=open_lattice, expected=self.expected)
-        sensed = Sensed(vision.reading, vision=vision, photo=photo, lattice=vision.lattice)
-        sensed = self._verified(sensed, kept.open_for(self.expected))
-        return Seen(sensed, photo, kept, time.perf_counter() - started)
+            vision = read_at_sizes(photo, self.reader.vision.read_photo)
+            if self.expected:
+                vision = self.reader.opened(vision, self.expected)
+        kept = KeptVision.of(vision, expected=self.expected)
+        return Seen(self.verified(vision), kept, time.perf_counter() - started)
 
     def remembered(self) -> KeptVision:
         """What an earlier job saw.
@@ -123,7 +116,7 @@ class JobSenses:
         with told(self.job, "vision", path):
             return load_vision(path)
 
-    def feel(self) -> ReadingTrace:
+    def feel(self) -> Reading:
         """Read by touch; a recorded scan goes before a height map.
 
         Raises:
@@ -139,49 +132,26 @@ class JobSenses:
         with told(job, what, path):
             if job.scan is not None:
                 check_scan(path, most=self.limits.max_scan_samples)
-                return felt(Part(name, scan=path), self.readers.touch)
+                return felt(Part(name, scan=path), self.reader.touch)
             named = _with_suffix(path, Path(job.name_of(what)).suffix, job.folder)
             check_map(named, most=self.limits.max_map_samples)
-            return felt(Part(name, height_map=named), self.readers.touch, unit=self.readers.unit)
+            return felt(Part(name, height_map=named), self.reader.touch, unit=Unit(self.settings.unit))
 
-    def of_touch(self, touch: ReadingTrace) -> Sensed:
-        """Touch's word, held against the text expected.
-
-        Raises:
-            FileError: a text that cannot be looked for.
-        """
-        from pipeline.reading.part_reader import Sensed
-
-        return self._verified(Sensed(touch.reading, touch, lattice=touch.lattice), touch.open_lattice)
-
-    def fused(self, touch: ReadingTrace, seen: Seen | KeptVision) -> Sensed:
+    def fused(self, touch: Reading, seen: Seen | KeptVision) -> Reading:
         """Both senses' word.
 
         Raises:
             FileError: a text that cannot be looked for, or beliefs that cannot be joined.
         """
-        from pipeline.reading.part_reader import Sensed
-        from recognition.fuse import fuse, fused_lattice
-
         kept = seen if isinstance(seen, KeptVision) else seen.kept
-        if isinstance(seen, KeptVision) and touch.height_map is not None and kept.middle_mm is not None:
-            width, height = touch.height_map.size_mm
+        surface = touch.trace.height_map
+        if isinstance(seen, KeptVision) and surface is not None and kept.middle_mm is not None:
+            width, height = surface.size_mm
             kept = moved(kept, 0.5 * width - kept.middle_mm[0], 0.5 * height - kept.middle_mm[1])
-        told_readers, fonts = self.readers.told, self.readers.fonts
         with told(self.job, "vision", self.job.vision):
-            reading = fuse(touch, kept.vision, told_readers, fonts=fonts)
-            sensed = Sensed(reading, touch, kept.vision)
-            felt = touch.open_lattice
-            if not self.expected or felt is None:
-                return self._verified(sensed, kept.open_for(self.expected))
-            freely = replace(told_readers, grammar=None, mask=None)
-            vision = replace(kept.vision, lattice=kept.open_for(self.expected))
-            both = fused_lattice(replace(touch, lattice=felt), vision, freely, fonts=fonts)
-        if both is None:
-            return self._verified(sensed, felt)
-        return self._verified(sensed, both[0], contradicted=bool(both[1]))
+            return self.verified(self.reader.fuse(touch, kept.vision_for(self.expected)))
 
-    def record(self, sensed: Sensed, seconds: float) -> ReadingRecord:
+    def record(self, reading: Reading, seconds: float) -> ReadingRecord:
         """The record of a reading of this job."""
         from pipeline.reading.as_record import reading_record
 
@@ -189,23 +159,19 @@ class JobSenses:
         if self.job.database is not None:
             settings = settings.model_copy(update={"database": self.job.database})
         return reading_record(
-            sensed, settings, self.readers.grammar, part=self.job.part_name, seconds=seconds
+            reading, settings, self.reader.grammar, part=self.job.part_name, seconds=seconds
         )
 
-    def _verified(self, sensed: Sensed, lattice: Lattice | None, *, contradicted: bool = False) -> Sensed:
-        if not self.expected:
-            return sensed
-        from pipeline.reading.expected import verify_reading
+    def verified(self, reading: Reading) -> Reading:
+        """The reading, with the verdict on the text expected if there is one.
 
+        Raises:
+            FileError: a text that cannot be looked for.
+        """
+        if not self.expected:
+            return reading
         with told(self.job, "expected", None):
-            reading, verification = verify_reading(
-                sensed.reading,
-                lattice,
-                self.expected,
-                grammar=self.readers.grammar,
-                contradicted=contradicted,
-            )
-        return replace(sensed, reading=reading, verification=verification)
+            return self.reader.verify(reading, self.expected)
 
     def _path(self, what: str) -> Path:
         path: Path | None = getattr(self.job, what)

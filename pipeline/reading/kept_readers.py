@@ -5,17 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.common.settings import ReadSettings
-from pipeline.reading.readers import Readers
+from pipeline.reading.readers import open_reader
+from recognition.reader import Reader
 
 MOST_KEPT = 4
 """Readers of so many databases at once; the one not used for longest goes."""
 
 _Key = tuple[str, int, ReadSettings]
-_KEPT: dict[_Key, Readers] = {}
+_KEPT: dict[_Key, Reader] = {}
 
 
-def readers_of(settings: ReadSettings, database: Path | None = None) -> Readers:
-    """The readers for these settings and this database, as the file now is.
+def reader_of(settings: ReadSettings, database: Path | None = None) -> Reader:
+    """The reader for these settings and this database, as the file now is.
 
     Raises:
         FileError: a lexicon that cannot be used.
@@ -26,7 +27,7 @@ def readers_of(settings: ReadSettings, database: Path | None = None) -> Readers:
     key = (str(settings.database or ""), _changed_ns(settings.database), settings)
     found = _KEPT.pop(key, None)
     if found is None:
-        found = Readers(settings)
+        found = open_reader(settings)
         # of a database that has changed the old readers are of no more use
         for old in [k for k in _KEPT if k[0] == key[0] and k[1] != key[1]]:
             del _KEPT[old]

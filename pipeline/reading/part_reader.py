@@ -10,10 +10,10 @@ auto       touch                sight             touch and sight, fused
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from pipeline.files.parts import Part
@@ -22,18 +22,13 @@ from pipeline.files.units import Unit
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
-    from glyphs.fonts.glyph import Font
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from pipeline.files.listed import ListedPart
     from pipeline.reading.expected import Expected
-    from recognition.grammar import Grammar
-    from recognition.lattice import Lattice
-    from recognition.reader import ReaderSettings, ReadingTrace
+    from recognition.reader import Reader
     from recognition.reading import Reading
-    from recognition.verify import Verification
-    from recognition.vision import VisionReading
-    from whisker_array.scan.scan import Scan
+    from recognition.tactile_reader import TactileReader
 
 
 class Mode(StrEnum):
@@ -50,77 +45,6 @@ class Sense(StrEnum):
 
     TOUCH = "touch"
     VISION = "vision"
-
-
-class TouchReader(Protocol):
-    """What reads by touch: `recognition.reader.Reader` is one."""
-
-    def read_height_map(
-        self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = ""
-    ) -> ReadingTrace:
-        """Scan a height map with the virtual array and read it."""
-
-    def read_scan(self, scan: Scan) -> ReadingTrace:
-        """Read a recorded scan."""
-
-
-class PhotoReader(Protocol):
-    """What reads by sight: `recognition.vision.VisionReader` is one."""
-
-    def read_photo(self, photo: Photo) -> VisionReading:
-        """Read a photograph."""
-
-
-class SenseReaders(Protocol):
-    """The readers of both senses: `pipeline.reading.readers.Readers` are."""
-
-    @property
-    def told(self) -> ReaderSettings:
-        """What the readers are told."""
-
-    @property
-    def grammar(self) -> Grammar | None:
-        """What serials may be."""
-
-    @property
-    def fonts(self) -> tuple[Font, ...]:
-        """Fonts of the database."""
-
-    @property
-    def unit(self) -> Unit:
-        """Unit of height files that state none."""
-
-    @property
-    def touch(self) -> TouchReader:
-        """Reads height maps and scans."""
-
-    @property
-    def vision(self) -> PhotoReader:
-        """Reads photographs."""
-
-    def open_vision(self, expected: str) -> PhotoReader:
-        """Reads photographs for verification: any character at as many places as the text has."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sensed:
-    """A part as it was read, and what it was read from.
-
-    Attributes:
-        reading: the answer of the senses asked.
-        touch: what was felt, if it was.
-        vision: what was seen, if it was.
-        photo: the photograph, if it was looked at.
-        lattice: beliefs of places that the reading was chosen from, where there is one.
-        verification: of the text expected, if one was.
-    """
-
-    reading: Reading
-    touch: ReadingTrace | None = None
-    vision: VisionReading | None = None
-    photo: Photo | None = None
-    lattice: Lattice | None = None
-    verification: Verification | None = None
 
 
 def senses_of(part: Part | ListedPart, mode: Mode | None) -> tuple[Sense, ...]:
@@ -143,14 +67,19 @@ def senses_of(part: Part | ListedPart, mode: Mode | None) -> tuple[Sense, ...]:
 
 
 class Senses:
-    """Reads parts with the senses that the mode asks for, and holds them against what is expected."""
+    """Reads parts with the senses that the mode asks for, and verifies what is expected of them."""
 
     def __init__(
-        self, readers: SenseReaders, *, mode: Mode | None = None, expected: Expected | None = None
+        self,
+        reader: Reader,
+        *,
+        mode: Mode | None = None,
+        expected: Expected | None = None,
+        unit: Unit = Unit.MM,
     ) -> None:
-        self.readers, self.mode, self.expected = readers, mode, expected
+        self.reader, self.mode, self.expected, self.unit = reader, mode, expected, unit
 
-    def sense(self, part: Part) -> Sensed:
+    def sense(self, part: Part) -> Reading:
         """Load the part, read it, and verify it if a text is expected of it.
 
         Raises:
@@ -161,12 +90,9 @@ class Senses:
             raise part.problem
         senses = senses_of(part, self.mode)
         if senses == (Sense.TOUCH,):
-            touch = felt(part, self.readers.touch, unit=self.readers.unit)
-            found = Sensed(touch.reading, touch, lattice=touch.lattice)
+            found = felt(part, self.reader.touch, unit=self.unit)
         elif senses == (Sense.VISION,):
-            photo = load_photo(part)
-            vision = self.readers.vision.read_photo(photo)
-            found = Sensed(vision.reading, vision=vision, photo=photo, lattice=vision.lattice)
+            found = self.reader.vision.read_photo(load_photo(part))
         else:
             found = self._fused(part)
         if self.expected is None:
@@ -174,53 +100,21 @@ class Senses:
         text = self.expected.of(part.name)
         if text is None:
             unknown = "not verified: the table of expected texts has no such part"
-            return replace(found, reading=_noted(found.reading, unknown))
-        return self._verified(found, text)
+            return _noted(found, unknown)
+        return self.reader.verify(found, text)
 
-    def _fused(self, part: Part) -> Sensed:
-        touch = felt(part, self.readers.touch, unit=self.readers.unit)
+    def _fused(self, part: Part) -> Reading:
+        touch = felt(part, self.reader.touch, unit=self.unit)
         try:
-            photo = load_photo(part, over=touch.height_map)
+            photo = load_photo(part, over=touch.trace.height_map)
         except FileError as problem:
             if self.mode is not Mode.AUTO:
                 raise
-            reading = _noted(touch.reading, f"read by touch alone: {problem}")
-            return Sensed(reading, touch, lattice=touch.lattice)
-        from recognition.fuse import fuse
-
-        vision = self.readers.vision.read_photo(photo)
-        reading = fuse(touch, vision, self.readers.told, fonts=self.readers.fonts)
-        return Sensed(reading, touch, vision, photo)
-
-    def _verified(self, found: Sensed, text: str) -> Sensed:
-        from pipeline.reading.expected import verify_reading
-
-        grammar = self.readers.grammar
-        lattice, contradicted = self._open_lattice(found, text)
-        reading, verification = verify_reading(
-            found.reading, lattice, text, grammar=grammar, contradicted=contradicted
-        )
-        return replace(found, reading=reading, verification=verification)
-
-    def _open_lattice(self, found: Sensed, text: str) -> tuple[Lattice | None, bool]:
-        """Beliefs that a wrong serial has its place in, and whether the senses contradict each other."""
-        felt = None if found.touch is None else found.touch.open_lattice
-        if found.vision is None or found.photo is None:
-            return felt, False
-        vision = found.vision
-        if self.readers.grammar is not None:
-            vision = self.readers.open_vision(text).read_photo(found.photo)
-        if found.touch is None or felt is None:
-            return vision.lattice, False
-        from recognition.fuse import fused_lattice
-
-        told = replace(self.readers.told, grammar=None, mask=None)
-        touch = replace(found.touch, lattice=felt)
-        fused = fused_lattice(touch, vision, told, fonts=self.readers.fonts)
-        return (felt, False) if fused is None else (fused[0], bool(fused[1]))
+            return _noted(touch, f"read by touch alone: {problem}")
+        return self.reader.fuse(touch, self.reader.vision.read_photo(photo))
 
 
-def felt(part: Part, reader: TouchReader, *, unit: Unit = Unit.MM) -> ReadingTrace:
+def felt(part: Part, reader: TactileReader, *, unit: Unit = Unit.MM) -> Reading:
     """Load what there is to be felt and read it; a recorded scan goes before a height map.
 
     Of a format that is met with either row first, the other order is tried where the standards' is not
@@ -241,13 +135,13 @@ def felt(part: Part, reader: TouchReader, *, unit: Unit = Unit.MM) -> ReadingTra
     found = reader.read_height_map(
         read_height_map(part.height_map, unit=unit), soil=_soil(part.height_map), part_id=part.name
     )
-    if not row_order_matters(part.height_map) or not found.reading.text or found.reading.decision == "accept":
+    if not row_order_matters(part.height_map) or not found.text or found.decision == "accept":
         return found
     from pipeline.files.instruments import RowOrder
 
     turned = read_height_map(part.height_map, row_order=RowOrder.TOP_FIRST)
     other = reader.read_height_map(turned, part_id=part.name)
-    return max(found, other, key=lambda e: e.reading.confidence)
+    return max(found, other, key=lambda reading: reading.confidence)
 
 
 def load_photo(part: Part, *, over: HeightMap | None = None) -> Photo:
@@ -261,16 +155,14 @@ def load_photo(part: Part, *, over: HeightMap | None = None) -> Photo:
         FileError: the file cannot be used.
     """
     from pipeline.files.photos import read_photo
+    from recognition.reader import centred
 
     if part.photo is None:
         raise FileError(part.name, "has no photograph", "add one of the same stem")
     if part.photo_problem is not None:
         raise part.photo_problem
     photo = read_photo(part.photo)
-    if over is None or photo.pitch_mm is None:
-        return photo
-    width, height = over.size_mm
-    return replace(photo, centre_mm=(0.5 * width, 0.5 * height))
+    return photo if over is None else centred(photo, over)
 
 
 def _noted(reading: Reading, note: str) -> Reading:

@@ -14,7 +14,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
-    from recognition.vision import VisionReading
+    from recognition.reading import Reading
 
 SIZES = (600_000, 4_000_000)
 """Pixels at which a photograph is read, one after the other, until its characters are high enough."""
@@ -23,13 +23,14 @@ ENOUGH_ROWS = 60
 _HARDLY_LARGER = 1.5
 
 
-def read_at_sizes(photo: Photo, read: Callable[[Photo], VisionReading]) -> tuple[Photo, VisionReading]:
-    """The reading at the first size at which the line found has enough pixels, and the photograph as it was read."""
+def read_at_sizes(photo: Photo, read: Callable[[Photo], Reading]) -> Reading:
+    """The reading at the first size at which the line found has enough pixels."""
     for small in _sizes(photo):
         seen = read(small)
-        if seen.place is not None and _rows(small, seen.place.height_mm) >= ENOUGH_ROWS:
+        place = seen.trace.place
+        if place is not None and _rows(small, place.height_mm) >= ENOUGH_ROWS:
             break
-    return small, seen
+    return seen
 
 
 def shrunk(photo: Photo, pixels: int) -> Photo:

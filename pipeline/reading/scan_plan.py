@@ -24,7 +24,7 @@ from pipeline.common.records import ScanPlanRecord
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from pipeline.common.settings import ReadSettings
-    from recognition.vision import VisionReading
+    from recognition.reading import Reading
     from whisker_array.whisker.array import RasterPlan
 
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
@@ -44,7 +44,7 @@ class _Line:
 
 
 def plan_of(
-    vision: VisionReading | None,
+    vision: Reading | None,
     photo: Photo,
     settings: ReadSettings,
     *,
@@ -86,7 +86,7 @@ def plan_of(
     )
 
 
-def _around(vision: VisionReading | None, photo: Photo, settings: ReadSettings) -> _Line:
+def _around(vision: Reading | None, photo: Photo, settings: ReadSettings) -> _Line:
     """The line and its margin, within the picture."""
     from pipeline.reading.vision_file import middle_mm
     from recognition.vision_frame import photo_origin_mm
@@ -94,7 +94,7 @@ def _around(vision: VisionReading | None, photo: Photo, settings: ReadSettings) 
     left, top = photo_origin_mm(photo)
     middle = middle_mm(photo)
     right, bottom = 2.0 * middle[0] - left, 2.0 * middle[1] - top
-    place = vision.place if vision is not None else None
+    place = vision.trace.place if vision is not None else None
     if place is None or vision is None:
         return _Line((left, top, right, bottom), settings.height_mm or USUAL_HEIGHT_MM)
     height = settings.height_mm or float(f"{place.height_mm:.3g}")
@@ -115,8 +115,8 @@ def _around(vision: VisionReading | None, photo: Photo, settings: ReadSettings) 
     return _Line((x0, y0, x1, y1), height)
 
 
-def _mean_belief(vision: VisionReading) -> float:
-    beliefs = [c.confidence for c in vision.reading.characters]
+def _mean_belief(vision: Reading) -> float:
+    beliefs = [c.confidence for c in vision.characters]
     return math.fsum(beliefs) / len(beliefs) if beliefs else 0.0
 
 

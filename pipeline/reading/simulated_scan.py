@@ -29,7 +29,7 @@ def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
     Raises:
         MarksError: nothing to be read.
     """
-    reading = Reader().read_height_map(height_map, soil=soil).reading
+    reading = Reader().read(height_map, soil=soil)
     if not reading.characters:
         raise MarksError("no characters were found, so the scale is unknown", hint="give --height-mm")
     return float(f"{reading.height_mm:.3g}")

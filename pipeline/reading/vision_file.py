@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap
     from recognition.lattice import Lattice
-    from recognition.vision import VisionReading
+    from recognition.reading import Reading, ReadingTrace
 
 FORMAT_VERSION = 1
 _MAX_BYTES = 200_000_000
@@ -39,29 +39,25 @@ class KeptVision:
     Attributes:
         vision: the reading; its edges may be thinned.
         middle_mm: photo frame (x, y) of the middle of the picture; None where its scale is unknown.
-        open_lattice: beliefs in any character at as many places as the text expected has; None where the reading's
-            own are as open.
-        expected: text that they were made for; empty for none.
+        expected: text that the reading was opened for; empty for none.
     """
 
-    vision: VisionReading
+    vision: Reading
     middle_mm: tuple[float, float] | None = None
-    open_lattice: Lattice | None = None
     expected: str = ""
 
     @classmethod
-    def of(
-        cls, vision: VisionReading, photo: Photo, *, open_lattice: Lattice | None = None, expected: str = ""
-    ) -> KeptVision:
-        """What to keep of a reading of this photograph."""
-        middle = middle_mm(photo) if photo.pitch_mm is not None else None
-        return cls(vision, middle, open_lattice, expected)
+    def of(cls, vision: Reading, *, expected: str = "") -> KeptVision:
+        """What to keep of a reading of a photograph."""
+        photo = vision.trace.photo
+        middle = middle_mm(photo) if photo is not None and photo.pitch_mm is not None else None
+        return cls(vision, middle, expected)
 
-    def open_for(self, expected: str) -> Lattice | None:
-        """Beliefs to hold an expected text against."""
-        if self.open_lattice is not None and expected == self.expected:
-            return self.open_lattice
-        return self.vision.lattice
+    def vision_for(self, expected: str) -> Reading:
+        """The reading, to verify this text with: its own beliefs where it was not opened for it."""
+        trace = self.vision.trace
+        known = trace.open_lattice is not None and expected == self.expected
+        return self.vision if known else self.vision.traced(open_lattice=trace.lattice)
 
 
 def middle_mm(photo: Photo) -> tuple[float, float]:
@@ -74,30 +70,27 @@ def middle_mm(photo: Photo) -> tuple[float, float]:
 
 def moved(kept: KeptVision, x_mm: float, y_mm: float) -> KeptVision:
     """The same in a frame that lies otherwise: all coordinates grow by so much."""
-    vision = kept.vision
-    edges, place = vision.edges, vision.place
+    reading, trace = kept.vision, kept.vision.trace
+    edges, place = trace.edge_map, trace.place
     if edges is not None:
         x0, y0 = edges.origin_mm
         edges = replace(edges, origin_mm=(x0 + x_mm, y0 + y_mm))
     if place is not None:
         place = replace(place, middle_mm=(place.middle_mm[0] + x_mm, place.middle_mm[1] + y_mm))
-    reading = vision.reading
+    lattices = {name: _shifted_lattice(own, x_mm, y_mm) for name, own in trace.by_engine.items()}
     characters = tuple(replace(c, box=_shifted(c.box, x_mm, y_mm)) for c in reading.characters)
     box = None if reading.box is None else _shifted(reading.box, x_mm, y_mm)
-    lattices = {name: _shifted_lattice(own, x_mm, y_mm) for name, own in vision.by_engine.items()}
     middle = kept.middle_mm
     return replace(
         kept,
-        vision=replace(
-            vision,
-            reading=replace(reading, characters=characters, box=box),
-            lattice=None if vision.lattice is None else _shifted_lattice(vision.lattice, x_mm, y_mm),
-            edges=edges,
+        vision=replace(reading, characters=characters, box=box).traced(
+            lattice=_shifted_lattice(trace.lattice, x_mm, y_mm),
+            open_lattice=_shifted_lattice(trace.open_lattice, x_mm, y_mm),
+            edge_map=edges,
             place=place,
             by_engine=MappingProxyType(lattices),
         ),
         middle_mm=None if middle is None else (middle[0] + x_mm, middle[1] + y_mm),
-        open_lattice=None if kept.open_lattice is None else _shifted_lattice(kept.open_lattice, x_mm, y_mm),
     )
 
 
@@ -105,7 +98,9 @@ def _shifted(box: Any, x_mm: float, y_mm: float) -> Any:
     return type(box)(box.x0_mm + x_mm, box.y0_mm + y_mm, box.x1_mm + x_mm, box.y1_mm + y_mm)
 
 
-def _shifted_lattice(lattice: Lattice, x_mm: float, y_mm: float) -> Lattice:
+def _shifted_lattice(lattice: Lattice | None, x_mm: float, y_mm: float) -> Lattice | None:
+    if lattice is None:
+        return None
     return replace(lattice, boxes=tuple(_shifted(b, x_mm, y_mm) for b in lattice.boxes))
 
 
@@ -117,21 +112,21 @@ def save_vision(path: Path, kept: KeptVision) -> None:
     """
     from pipeline.common.atomic import replacing
 
-    vision = kept.vision
+    reading, trace = kept.vision, kept.vision.trace
     told: dict[str, Any] = {
         "version": FORMAT_VERSION,
-        "reading": to_json(replace(vision.reading, seconds=dict(vision.reading.seconds))),
-        "engine": vision.engine,
-        "place": None if vision.place is None else to_json(vision.place),
-        "lattice": _told(vision.lattice),
-        "by_engine": {name: _told(lattice) for name, lattice in vision.by_engine.items()},
+        "reading": _reading_members(reading),
+        "engine": trace.engine,
+        "place": None if trace.place is None else to_json(trace.place),
+        "lattice": _told(trace.lattice),
+        "by_engine": {name: _told(lattice) for name, lattice in trace.by_engine.items()},
         "middle_mm": kept.middle_mm,
-        "open_lattice": _told(kept.open_lattice),
+        "open_lattice": _told(trace.open_lattice),
         "expected": kept.expected,
     }
     arrays: dict[str, NDArray[Any]] = {}
-    if vision.edges is not None:
-        edges = _thinned(vision.edges, vision.place.height_mm if vision.place is not None else 0.0)
+    if trace.edge_map is not None:
+        edges = _thinned(trace.edge_map, trace.place.height_mm if trace.place is not None else 0.0)
         arrays = {
             "edges": edges.enhancement.astype(np.float16),
             "valid": np.packbits(edges.valid),
@@ -145,6 +140,28 @@ def save_vision(path: Path, kept: KeptVision) -> None:
     text = json.dumps(told, allow_nan=False).encode("utf-8")
     with replacing(path) as temporary, temporary.open("wb") as stream:
         np.savez(stream, told=np.frombuffer(text, dtype=np.uint8), **arrays)  # type: ignore[arg-type]
+
+
+def _reading_members(reading: Reading) -> dict[str, Any]:
+    """All of a reading but its trace."""
+    members = {f.name: getattr(reading, f.name) for f in fields(reading) if f.name != "trace"}
+    return to_json({**members, "seconds": dict(reading.seconds)})
+
+
+def _reading(members: Mapping[str, Any], trace: ReadingTrace) -> Reading:
+    from recognition.box import Box
+    from recognition.reading import CharacterReading, Decision, Reading, ReadingFlag
+
+    made = {
+        "characters": tuple(from_json(CharacterReading, c) for c in members["characters"]),
+        "decision": Decision(members["decision"]),
+        "flags": ReadingFlag(members["flags"]),
+        "box": None if members["box"] is None else from_json(Box, members["box"]),
+        "spaces_after": frozenset(members["spaces_after"]),
+        "seconds": MappingProxyType(dict(members["seconds"])),
+        "notes": tuple(members["notes"]),
+    }
+    return Reading(**{**members, **made, "trace": trace})
 
 
 def _told(lattice: Lattice | None) -> dict[str, Any] | None:
@@ -196,32 +213,29 @@ def load_vision(path: Path) -> KeptVision:
 
 
 def _kept(told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> KeptVision:
-    from recognition.reading import Reading
-    from recognition.vision import VisionReading
+    from recognition.reading import ReadingTrace
     from recognition.vision_frame import LinePlace
 
-    reading = from_json(Reading, told["reading"])
     by_engine = {name: _lattice(own) for name, own in told["by_engine"].items()}
     middle = told["middle_mm"]
-    vision = VisionReading(
-        reading=replace(reading, seconds=MappingProxyType(dict(reading.seconds))),
+    trace = ReadingTrace(
         lattice=_lattice(told["lattice"]),
-        edges=_edges(told["edges"], arrays) if "edges" in told else None,
+        open_lattice=_lattice(told["open_lattice"]),
+        edge_map=_edges(told["edges"], arrays) if "edges" in told else None,
         engine=str(told["engine"]),
         place=None if told["place"] is None else from_json(LinePlace, told["place"]),
         by_engine=MappingProxyType({n: own for n, own in by_engine.items() if own is not None}),
     )
     return KeptVision(
-        vision,
+        _reading(told["reading"], trace),
         None if middle is None else (float(middle[0]), float(middle[1])),
-        _lattice(told["open_lattice"]),
         str(told["expected"]),
     )
 
 
 def _lattice(told: Mapping[str, Any] | None) -> Lattice | None:
+    from recognition.box import Box
     from recognition.lattice import Lattice
-    from recognition.reading import Box
 
     if told is None:
         return None

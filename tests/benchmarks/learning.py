@@ -26,10 +26,11 @@ from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, make_part
 from pipeline.reading.enrolment import ReviewedPart, enrol
-from recognition.reader import Reader, ReaderSettings
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
 from recognition.reading import Decision
 
-MASK = "AA999999"
+FORMAT = "AA999999"
 HELD_OUT = 1000
 Made = tuple[str, HeightMap, Soil | None]
 
@@ -43,7 +44,7 @@ def dejavu_bold() -> str:
 
 def unknown(number: int) -> Made:
     """A part stamped with a die of another make."""
-    part = make_part(SynthSpec(mask=MASK, font=dejavu_bold(), seed=100), number)
+    part = make_part(SynthSpec(format=FORMAT, font=dejavu_bold(), seed=100), number)
     return part.text, part.height_map, None
 
 
@@ -51,7 +52,7 @@ def worn(number: int) -> Made:
     """A part of a worn gothic die: a third as deep, rounded by 0.08 of the height, corners broken off."""
     from scipy.ndimage import gaussian_filter
 
-    spec = SynthSpec(mask=MASK, seed=200)
+    spec = SynthSpec(format=FORMAT, seed=200)
     font = load_font("gothic")
     die = replace(spec.die(font), depth_mm=0.07)
     rng = np.random.default_rng([spec.seed, number])
@@ -80,13 +81,13 @@ BROKEN = {"8": (-0.05, 0.55), "3": (0.6, 0.0), "B": (0.6, 0.5), "E": (0.6, -0.05
 
 def harm(number: int) -> Made:
     """A clean part of the usual gothic."""
-    part = make_part(SynthSpec(mask=MASK, seed=300), number)
+    part = make_part(SynthSpec(format=FORMAT, seed=300), number)
     return part.text, part.height_map, None
 
 
 def harm_dirty(number: int) -> Made:
     """A dirty part of the usual gothic."""
-    part = make_part(SynthSpec(mask=MASK, seed=300, dirt=Dirt.of(0.6)), number)
+    part = make_part(SynthSpec(format=FORMAT, seed=300, dirt=Dirt.of(0.6)), number)
     return part.text, part.height_map, part.soil
 
 
@@ -120,14 +121,14 @@ def read_all(reader: Reader, parts: Sequence[Made]) -> Score:
     """Read the parts and hold them against what was stamped."""
     edits = right = accepted = wrong = 0
     for text, height_map, soil in parts:
-        reading = reader.read_height_map(height_map, soil=soil).reading
+        reading = reader.read(height_map, soil=soil)
         distance = Levenshtein.distance(text, "".join(reading.text.split()))
         edits += distance
         right += distance == 0
         accepted += reading.decision is Decision.ACCEPT
         wrong += reading.decision is Decision.ACCEPT and distance > 0
     n = len(parts)
-    return Score(n, 1 - edits / (len(MASK) * n), right / n, accepted / n, wrong)
+    return Score(n, 1 - edits / (len(FORMAT) * n), right / n, accepted / n, wrong)
 
 
 def taught(parts: Sequence[Made], folder: Path, *, step: int, font: str) -> Path:
@@ -144,7 +145,7 @@ def taught(parts: Sequence[Made], folder: Path, *, step: int, font: str) -> Path
     return database
 
 
-def run(case: str, *, parts: int, steps: Sequence[int], masks: Sequence[str | None]) -> None:
+def run(case: str, *, parts: int, steps: Sequence[int], formats: Sequence[str | None]) -> None:
     """Print the table of one case."""
     from glyphs.stamping.database import load_database
 
@@ -157,9 +158,9 @@ def run(case: str, *, parts: int, steps: Sequence[int], masks: Sequence[str | No
             if step:
                 database = taught(to_enrol, Path(folder), step=step, font="press-7")
                 fonts = tuple(load_database(database).fonts.values())
-            for mask in masks:
-                score = read_all(Reader(ReaderSettings(mask=mask), fonts=fonts), held_out)
-                print(f"{case:<11} enrolled {step:2d}  {mask or 'no format':<9}  {score}", flush=True)
+            for format in formats:
+                score = read_all(Reader(ReaderSettings(format=format), fonts=fonts), held_out)
+                print(f"{case:<11} enrolled {step:2d}  {format or 'no format':<9}  {score}", flush=True)
 
 
 def main() -> None:
@@ -168,10 +169,10 @@ def main() -> None:
     parser.add_argument("--parts", type=int, default=24)
     parser.add_argument("--cases", nargs="+", choices=sorted(CASES), default=list(CASES))
     parser.add_argument("--steps", nargs="+", type=int, default=[0, 5, 10, 20])
-    parser.add_argument("--format", nargs="+", default=[MASK, ""], help="masks; '' is no format")
+    parser.add_argument("--format", nargs="+", default=[FORMAT, ""], help="formats; '' is no format")
     options = parser.parse_args()
     for case in options.cases:
-        run(case, parts=options.parts, steps=options.steps, masks=[m or None for m in options.format])
+        run(case, parts=options.parts, steps=options.steps, formats=[m or None for m in options.format])
 
 
 if __name__ == "__main__":

@@ -15,7 +15,8 @@ import numpy as np
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampedPart, stamp_line
-from recognition.reader import Reader, ReaderSettings
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
 from recognition.reading import Reading
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import Scan, trace_scan
@@ -45,7 +46,7 @@ def a_scan(text: str, seed: int) -> Scan:
 def task(name: str) -> Callable[[], str]:
     """What is to be done; everything before it is warm."""
     if name == "read_height_map":
-        reader = Reader(ReaderSettings(fonts=("gothic",), mask="AA999999", height_mm=HEIGHT_MM))
+        reader = Reader(ReaderSettings(fonts=("gothic",), format="AA999999", height_mm=HEIGHT_MM))
         reader.read_height_map(a_part("BZ135690", np.random.default_rng(2)).height_map)
         surface = a_part(TEXT, np.random.default_rng(1)).height_map
         return lambda: told(reader.read_height_map(surface).reading)
@@ -53,7 +54,7 @@ def task(name: str) -> Callable[[], str]:
     if name == "edge_map":
         return lambda: "x".join(str(n) for n in edge_map(scan).shape)
     height = HEIGHT_MM if name == "read_known_height" else None
-    reader = Reader(ReaderSettings(fonts=("gothic",), mask="AA999999", height_mm=height))
+    reader = Reader(ReaderSettings(fonts=("gothic",), format="AA999999", height_mm=height))
     reader.read_scan(a_scan("BZ135690", 2))  # another part, so that only the templates are kept
 
     return lambda: told(reader.read_scan(scan).reading)

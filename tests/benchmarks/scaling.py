@@ -33,7 +33,8 @@ from glyphs.fonts.glyph import Font, FontError, Glyph
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from pipeline.files.synth import SynthSpec, make_part
 from pipeline.reading.simulated_scan import feel
-from recognition.reader import ALPHABET, Reader, ReaderSettings
+from recognition.reader import Reader
+from recognition.reader_settings import ALPHABET, ReaderSettings
 from whisker_array.scan.recording import save_scan
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan
@@ -76,14 +77,14 @@ class Axis:
         )
 
 
-def mask_of(count: int) -> str:
+def format_of(count: int) -> str:
     """Two letters, then figures."""
     return "AA"[:count] + "9" * (count - 2)
 
 
-def a_scan(mask: str, number: int) -> tuple[str, Scan]:
+def a_scan(format: str, number: int) -> tuple[str, Scan]:
     """What was stamped, and the recording of it."""
-    part = make_part(SynthSpec(mask=mask, seed=400), number)
+    part = make_part(SynthSpec(format=format, seed=400), number)
     plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=HEIGHT_MM)
     scan = feel(part.height_map, plan=plan, height_mm=HEIGHT_MM, sensor_seed=number)
     return "".join(part.text.split()), scan
@@ -96,7 +97,7 @@ def timed(reader: Reader, scans: Sequence[tuple[str, Scan]], *, rounds: int) -> 
     for k in range(rounds + 1):
         for place, (text, scan) in enumerate(scans):
             start = time.perf_counter()
-            reading = reader.read_scan(scan).reading
+            reading = reader.read(scan)
             took = time.perf_counter() - start
             if k == 0:
                 right += "".join(reading.text.split()) == text
@@ -112,8 +113,8 @@ def over_characters(counts: Sequence[int], *, parts: int, rounds: int) -> Axis:
     """A reading of lines of so many characters, one font."""
     points = []
     for count in counts:
-        scans = [a_scan(mask_of(count), number) for number in range(parts)]
-        reader = Reader(ReaderSettings(fonts=("gothic",), mask=mask_of(count), height_mm=HEIGHT_MM))
+        scans = [a_scan(format_of(count), number) for number in range(parts)]
+        reader = Reader(ReaderSettings(fonts=("gothic",), format=format_of(count), height_mm=HEIGHT_MM))
         seconds, right, most = timed(reader, scans, rounds=rounds)
         points.append(Point(count, seconds, right, parts, most))
     return Axis("characters", "a reading, one font", tuple(points))
@@ -122,11 +123,11 @@ def over_characters(counts: Sequence[int], *, parts: int, rounds: int) -> Axis:
 def over_fonts(counts: Sequence[int], *, parts: int, rounds: int) -> Axis:
     """A reading of eight characters while so many fonts compete, the right one among them."""
     fonts, points = competing(max(counts)), []
-    scans = [a_scan(mask_of(8), number) for number in range(parts)]
+    scans = [a_scan(format_of(8), number) for number in range(parts)]
     for count in counts:
-        reader = Reader(ReaderSettings(mask=mask_of(8), height_mm=HEIGHT_MM), fonts=fonts[:count])
+        reader = Reader(ReaderSettings(format=format_of(8), height_mm=HEIGHT_MM), fonts=fonts[:count])
         start = time.perf_counter()
-        reader.read_scan(scans[0][1])
+        reader.read(scans[0][1])
         first_s = time.perf_counter() - start
         seconds, right, most = timed(reader, scans, rounds=rounds)
         points.append(
@@ -141,7 +142,7 @@ def over_parts(counts: Sequence[int], *, rounds: int) -> Axis:
     with tempfile.TemporaryDirectory() as folder:
         texts = {}
         for number in range(max(counts)):
-            texts[f"part-{number:03d}"], scan = a_scan(mask_of(8), number)
+            texts[f"part-{number:03d}"], scan = a_scan(format_of(8), number)
             save_scan(scan, Path(folder) / f"part-{number:03d}.h5")
         for count in counts:
             files = [f"{name}.h5" for name in list(texts)[:count]]
@@ -149,7 +150,7 @@ def over_parts(counts: Sequence[int], *, rounds: int) -> Axis:
                 "--font",
                 "gothic",
                 "--format",
-                mask_of(8),
+                format_of(8),
                 "--height-mm",
                 f"{HEIGHT_MM:g}",
                 "--jobs",

@@ -33,7 +33,7 @@ from whisker_array.scan.recording import save_scan
 from whisker_array.whisker.array import default_plan
 
 HEIGHT_MM = 5.0
-MASK = "AA999999"
+FORMAT = "AA999999"
 REQUEST_TIMEOUT_S = 120.0
 
 
@@ -55,7 +55,7 @@ class Supplies:
 
 def make_supplies(folder: Path, *, parts: int, dirt: float, seed: int = 5) -> Supplies:
     """Photographs and recorded scans of as many synthetic parts."""
-    spec = SynthSpec(mask=MASK, seed=seed, height_mm=HEIGHT_MM, dirt=Dirt.of(dirt))
+    spec = SynthSpec(format=FORMAT, seed=seed, height_mm=HEIGHT_MM, dirt=Dirt.of(dirt))
     photos, scans = [], []
     for number in range(parts):
         stem = folder / f"part-{number}"
@@ -128,7 +128,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         supplies = make_supplies(folder, parts=chosen.parts, dirt=chosen.dirt)
-        options = ("--jobs", str(chosen.jobs), "--format", MASK, "--font", "gothic", "--height-mm", "5")
+        options = ("--jobs", str(chosen.jobs), "--format", FORMAT, "--font", "gothic", "--height-mm", "5")
         print(
             f"{chosen.parts} parts, dirt {chosen.dirt}, {chosen.jobs} processes, {chosen.seconds:.0f} s each"
         )

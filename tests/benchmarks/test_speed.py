@@ -159,7 +159,7 @@ def test_cold_start(benchmark: BenchmarkFixture, tmp_path: Path, what: str, limi
     """The whole command, kernels compiled by its first round."""
     arguments = [what]
     if what == "read":
-        write_part(SynthSpec(mask="AA999999", seed=1), tmp_path / "part", 0, photos=False)
+        write_part(SynthSpec(format="AA999999", seed=1), tmp_path / "part", 0, photos=False)
         arguments += [str(tmp_path / "part.npz"), "--font", "gothic"]
     command = [sys.executable, "-m", "pipeline", *arguments]
 
@@ -174,7 +174,7 @@ def test_cold_start(benchmark: BenchmarkFixture, tmp_path: Path, what: str, limi
 
 def test_two_processes_against_one(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
     """Parts a second of two workers over those of one, both warm; the quickest of some rounds of each."""
-    spec = SynthSpec(mask="AA999999", seed=1, font="gothic")
+    spec = SynthSpec(format="AA999999", seed=1, font="gothic")
     for number in range(20):
         write_part(spec, tmp_path / f"part-{number}", number, photos=False)
     order = RunOrder(ReadSettings(font=("gothic",), format=("AA999999",), height_mm=5.0))

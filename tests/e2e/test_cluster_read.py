@@ -26,7 +26,7 @@ WAIT_S = 120.0
 def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A manifest of parts by URL and by name, one of which is not there."""
     folder = tmp_path_factory.mktemp("lot")
-    spec = SynthSpec(mask="A9", seed=3, height_mm=4.0, variation=False)
+    spec = SynthSpec(format="A9", seed=3, height_mm=4.0, variation=False)
     write_part(spec, folder / "made", 0, photos=False)
     surface = read_npz(folder / "made.npz")
     (folder / "made.npz").unlink()

@@ -185,14 +185,14 @@ import jinja2
 from pathlib import Path
 from pipeline.benchmark import report
 from pipeline.benchmark.run import Benchmark
-from pipeline.benchmark.mode import ModeSettings
+from recognition.reader_settings import ReaderSettings
 from pipeline.benchmark.specimens import SynthParts
 from pipeline.service.pages.assets import StaticFiles
 from pipeline.benchmark.trials import Trial
 
 report.rank_worst = lambda trials: []  # its pictures need touch, see above
 trials = [Trial("p", 0, 0.0, "gothic", "A9", "vision", "A1", "A1", "accept", 0.9)]
-benchmark = Benchmark(SynthParts((0.0,), ("gothic",), ("A9",), 1), ("vision",), ModeSettings())
+benchmark = Benchmark(SynthParts((0.0,), ("gothic",), ("A9",), 1), ("vision",), ReaderSettings())
 Path("bench").mkdir()
 print(report.write_report(benchmark, trials, Path("bench")).page.stat().st_size)
 for name in ("page.css", "page.js", "review.js", "page_icon.svg"):
@@ -211,15 +211,13 @@ def test_a_users_mypy_sees_the_types(installed: Installed) -> None:
         missing("mypy is not installed")
     script = installed.work / "use.py"
     script.write_text(
-        "from recognition.reader import Reader\n"
-        "reading = Reader().read_scan(3).reading\n"
-        "reveal_type(reading.confidence)\n"
+        "from recognition.reader import Reader\nreading = Reader().read(3)\nreveal_type(reading.confidence)\n"
     )
     python, cache = str(installed.bin / "python"), str(installed.work / "mypy")
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", "--python-executable", python, "--cache-dir", cache, script.name],
         cwd=installed.work, capture_output=True, text=True,
     )  # fmt: skip
-    assert 'has incompatible type "int"; expected "Scan"' in done.stdout
+    assert 'has incompatible type "int"; expected "HeightMap | Scan | Photo"' in done.stdout
     assert 'Revealed type is "float"' in done.stdout.replace("builtins.", "")
     assert "Found 1 error in 1 file" in done.stdout

@@ -30,7 +30,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of parts, one of them bad."""
     folder = tmp_path_factory.mktemp("night") / "parts"
     folder.mkdir()
-    spec = SynthSpec(mask="A9", seed=3, height_mm=4.0, variation=False)
+    spec = SynthSpec(format="A9", seed=3, height_mm=4.0, variation=False)
     write_part(spec, folder / "part-00", 0, photos=False)
     surface = read_npz(folder / "part-00.npz")
     for number in range(1, PARTS):

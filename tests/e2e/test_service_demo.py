@@ -33,7 +33,7 @@ def test_stay_goes_with_service(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_trigger_at_the_tcp_port_photographs_feels_and_reads(tmp_path: Path) -> None:
-    truth = write_part(SynthSpec(mask="AA99", seed=2), tmp_path / "P17", 0, photos=True)
+    truth = write_part(SynthSpec(format="AA99", seed=2), tmp_path / "P17", 0, photos=True)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

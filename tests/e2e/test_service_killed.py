@@ -27,7 +27,7 @@ OPTIONS = ("--jobs", "1", "--format", "A99", "--font", "gothic", "--height-mm", 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> list[bytes]:
     folder = tmp_path_factory.mktemp("parts")
-    spec = SynthSpec(mask="A99", seed=3, height_mm=4.0)
+    spec = SynthSpec(format="A99", seed=3, height_mm=4.0)
     for number in range(PARTS):
         write_part(spec, folder / f"part-{number}", number, photos=False)
     return [(folder / f"part-{number}.npz").read_bytes() for number in range(PARTS)]

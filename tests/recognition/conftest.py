@@ -13,7 +13,8 @@ from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap
-from recognition.reader import Reader, ReaderSettings
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
 from recognition.templates import TemplateSet, predict_templates, template_key
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import trace_scan

@@ -15,7 +15,8 @@ from glyphs.stamping.stamp import StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap
 from recognition.evidence import LineEvidence, PlaceEvidence
 from recognition.evidence_cache import OWN_QUANTILE, OWN_SHARE, EvidenceCache
-from recognition.reader import ALPHABET, Reader
+from recognition.reader import Reader
+from recognition.reader_settings import ALPHABET
 from recognition.search import Hypothesis, LineFit, LineSearch
 from recognition.templates import TemplateCache
 from whisker_array.estimation.edges import edge_map

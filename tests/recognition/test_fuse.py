@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from recognition.box import Box
 from recognition.constrained_decoding import choose
 from recognition.fuse import fuse
 from recognition.fuse_lattices import (
@@ -23,16 +24,15 @@ from recognition.fuse_lattices import (
 )
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.reader import ReaderSettings, ReadingTrace
-from recognition.reading import Box, Decision, Reading, ReadingFlag
-from recognition.vision import VisionReading
+from recognition.reader_settings import ReaderSettings
+from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.vision_combine import as_reading
 
 CHARS = tuple("ABC12")
 PLAIN = Reliability()
 EXACT = 1e-9
 """Relative: a handful of products in another order."""
-TOLD = ReaderSettings(mask="AA9999")
+SETTINGS = ReaderSettings(format="AA9999")
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 
 
@@ -61,19 +61,16 @@ def of_text(text: str, sure: float | list[float], *, rival: str = "", where: tup
     return lattice(out, where, tuple(LETTERS))
 
 
-def felt(beliefs: Lattice | None, flags: ReadingFlag = ReadingFlag.NONE) -> ReadingTrace:
+def touch(beliefs: Lattice | None, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
     if beliefs is None:
-        return ReadingTrace(Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS))
-    reading = as_reading(beliefs, TOLD, flags=flags or None, source="tactile")
-    return ReadingTrace(reading, lattice=beliefs)
+        return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS)
+    return as_reading(beliefs, SETTINGS, flags=flags or None, source="tactile").traced(lattice=beliefs)
 
 
-def seen(beliefs: Lattice | None) -> VisionReading:
-    empty: MappingProxyType[str, Lattice] = MappingProxyType({})
+def vision(beliefs: Lattice | None) -> Reading:
     if beliefs is None:
-        nothing = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision")
-        return VisionReading(nothing, None, None, "", None, empty)
-    return VisionReading(as_reading(beliefs, TOLD), beliefs, None, "templates", None, empty)
+        return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision")
+    return as_reading(beliefs, SETTINGS).traced(lattice=beliefs, engine="templates")
 
 
 @st.composite
@@ -160,7 +157,7 @@ def test_places_are_aligned_by_boxes() -> None:
     # the camera has lost the first and sees a bolt behind the last
     vision = of_text("B12347", 0.9, where=boxes(6, first=4.3))
     assert aligned(touch, vision) == [None, 0, 1, 2, 3, 4]
-    assert choose(fuse_lattices(touch, vision), Grammar(mask="AA9999")).text == "AB1234"
+    assert choose(fuse_lattices(touch, vision), Grammar(format="AA9999")).text == "AB1234"
     assert aligned(touch, of_text("B1", 0.9, where=boxes(2, first=4.3))) == [None, 0, 1, None, None, None]
     assert aligned(touch, of_text("B1", 0.9)) == [None] * 6
     assert aligned(touch, of_text("AB1234", 0.9)) == list(range(6))
@@ -191,53 +188,51 @@ def test_reliability_is_checked() -> None:
 
 
 def test_both_doubtful_of_the_same_are_sure_together() -> None:
-    touch = of_text("AB1234", [0.99, 0.99, 0.8, 0.99, 0.99, 0.99], rival="AB7234")
-    read = fuse(felt(touch), seen(of_text("AB1234", 0.97)), TOLD)
-    assert felt(touch).reading.decision is Decision.REVIEW
+    doubtful = touch(of_text("AB1234", [0.99, 0.99, 0.8, 0.99, 0.99, 0.99], rival="AB7234"))
+    read = fuse(doubtful, vision(of_text("AB1234", 0.97)), SETTINGS)
+    assert doubtful.decision is Decision.REVIEW
     assert (read.text, read.decision, read.source) == ("AB1234", Decision.ACCEPT, "fused")
     assert read.confidence > 0.9
 
 
 def test_senses_sure_of_different_characters_are_never_accepted() -> None:
-    touch, vision = of_text("AB1234", 0.9999), of_text("AB1284", 0.999)
-    assert contradictions(touch, vision) == ((4, "3", "8"),)
-    read = fuse(felt(touch), seen(vision), TOLD)
+    one, other = of_text("AB1234", 0.9999), of_text("AB1284", 0.999)
+    assert contradictions(one, other) == ((4, "3", "8"),)
+    read = fuse(touch(one), vision(other), SETTINGS)
     assert ReadingFlag.SENSES_DISAGREE in read.flags
     assert read.decision is Decision.REVIEW
     assert read.notes == ("place 5: touch has 3, the camera 8",)
     # a camera that reads something else altogether is not sure of anything
-    lost = fuse(felt(touch), seen(of_text("XY9876", 0.999)), TOLD)
+    lost = fuse(touch(one), vision(of_text("XY9876", 0.999)), SETTINGS)
     assert (lost.text, lost.decision) == ("AB1234", Decision.ACCEPT)
 
 
-@pytest.mark.parametrize("level", ["decision", "edges"])
-def test_one_sense_alone(level: str) -> None:
-    by_touch = fuse(felt(of_text("AB1234", 0.999)), seen(None), TOLD, level=level)  # type: ignore[arg-type]
+def test_one_sense_alone() -> None:
+    by_touch = fuse(touch(of_text("AB1234", 0.999)), vision(None), SETTINGS)
     assert (by_touch.text, by_touch.decision, by_touch.source) == ("AB1234", Decision.ACCEPT, "fused")
-    by_vision = fuse(felt(None), seen(of_text("AB1234", 0.999)), TOLD, level=level)  # type: ignore[arg-type]
+    by_vision = fuse(touch(None), vision(of_text("AB1234", 0.999)), SETTINGS)
     assert (by_vision.text, by_vision.source) == ("AB1234", "fused")
     # 2 % at each of six places is wrong whatever the camera believes
     assert by_vision.confidence < 0.98**6 + EXACT
-    by_none = fuse(felt(None), seen(None), TOLD, level=level)  # type: ignore[arg-type]
+    by_none = fuse(touch(None), vision(None), SETTINGS)
     assert (by_none.text, by_none.decision) == ("", Decision.REJECT)
 
 
 @pytest.mark.parametrize("text", ["AB1234", None])
 def test_the_time_of_both_senses_is_told(text: str | None) -> None:
-    touch, vision = felt(of_text(text, 0.999) if text else None), seen(of_text("AB1234", 0.999))
-    touch = replace(touch, reading=replace(touch.reading, seconds=MappingProxyType({"search": 2.0})))
-    vision = replace(vision, reading=replace(vision.reading, seconds=MappingProxyType({"rapidocr": 3.0})))
-    assert fuse(touch, vision, TOLD).seconds == {"search": 2.0, "sight rapidocr": 3.0}
+    one = replace(touch(of_text(text, 0.999) if text else None), seconds=MappingProxyType({"search": 2.0}))
+    other = replace(vision(of_text("AB1234", 0.999)), seconds=MappingProxyType({"rapidocr": 3.0}))
+    assert fuse(one, other, SETTINGS).seconds == {"search": 2.0, "sight rapidocr": 3.0}
 
 
 def test_doubts_of_touch_that_vision_cannot_lift_stay() -> None:
-    touch = felt(of_text("AB1234", 0.9999), ReadingFlag.UNREAD_MARKS)
-    read = fuse(touch, seen(of_text("AB1234", 0.999)), TOLD)
+    doubtful = touch(of_text("AB1234", 0.9999), ReadingFlag.UNREAD_MARKS)
+    read = fuse(doubtful, vision(of_text("AB1234", 0.999)), SETTINGS)
     assert read.decision is Decision.REVIEW
     assert ReadingFlag.UNREAD_MARKS in read.flags
 
 
 def test_other_counts_without_places_leave_touch_alone() -> None:
-    touch = felt(of_text("AB1234", 0.999, where=boxes(6)))
-    read = fuse(touch, seen(of_text("B123", 0.999)), TOLD)
+    placed = touch(of_text("AB1234", 0.999, where=boxes(6)))
+    read = fuse(placed, vision(of_text("B123", 0.999)), SETTINGS)
     assert (read.text, read.decision) == ("AB1234", Decision.ACCEPT)

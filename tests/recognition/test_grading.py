@@ -14,7 +14,7 @@ from recognition.acceptance import ScoredLine, decide
 from recognition.frames import LineImage, is_edge_channel
 from recognition.grade import Action, MarkGrade
 from recognition.grading import graded
-from recognition.reader import ReaderSettings
+from recognition.reader_settings import ReaderSettings
 from recognition.reading import Candidate, MarkDepth, Reading
 from recognition.refine import refine_line
 from recognition.search import Hypothesis, LineSearch

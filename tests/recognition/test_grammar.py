@@ -16,14 +16,14 @@ from recognition.remainders import ALPHANUMERIC, VIN_CHARACTERS
 
 
 @given(st.text("A9*X-", min_size=1, max_size=8), st.sampled_from(["", "IOQ", "X1"]))
-def test_a_mask_is_that_of_the_serials(mask: str, exclude: str) -> None:
-    grammar = Grammar(mask=mask, exclude=exclude)
-    places = grammar.places(len(mask))
+def test_a_mask_is_that_of_the_serials(format: str, exclude: str) -> None:
+    grammar = Grammar(format=format, exclude=exclude)
+    places = grammar.places(len(format))
     assert places is not None
-    expected = allowed_characters(mask, exclude=exclude)
+    expected = allowed_characters(format, exclude=exclude)
     assert [set(p) for p in places] == [set(p) for p in expected]
-    assert grammar.lengths() == {len(mask)}
-    assert grammar.places(len(mask) + 1) is None
+    assert grammar.lengths() == {len(format)}
+    assert grammar.places(len(format) + 1) is None
 
 
 def test_blanks_of_a_mask_are_word_gaps() -> None:
@@ -35,14 +35,14 @@ def test_blanks_of_a_mask_are_word_gaps() -> None:
 
 
 def test_texts() -> None:
-    assert Grammar.parse("AA99") == Grammar(mask="AA99") == Grammar.parse("mask:AA99")
+    assert Grammar.parse("AA99") == Grammar(format="AA99") == Grammar.parse("mask:AA99")
     assert Grammar.parse("re:A:B") == Grammar(expression="A:B")
     # the + in front of a check digit is not the expression's own
     assert Grammar.parse(r"re:[A-Z]\d++check=luhn@2-") == Grammar(
         expression=r"[A-Z]\d+", checks=(CheckDigit("luhn", 2),)
     )
     assert Grammar.parse("A99+exclude=IO+check=luhn@2-") == Grammar(
-        mask="A99", checks=(CheckDigit("luhn", 2),), exclude="IO"
+        format="A99", checks=(CheckDigit("luhn", 2),), exclude="IO"
     )
     assert Grammar.parse("check:ISO 7064 mod 37-2").checks == (CheckDigit("iso7064mod37_2"),)
     assert Grammar.parse("A9", "re:[AB].").places(2) == ("AB", "0123456789")

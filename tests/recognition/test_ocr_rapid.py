@@ -12,11 +12,11 @@ from glyphs.fonts.serials import allowed_characters
 from recognition import ocr_rapid
 from recognition.ocr_rapid import Frames, RapidEngine
 from recognition.ocr_views import FIRST_VIEW, VIEWS, View, view_of
-from recognition.reader import ALPHABET, ReaderSettings
+from recognition.reader_settings import ALPHABET, ReaderSettings
 from recognition.reading import Decision
-from recognition.vision import VisionReader
 from recognition.vision_engine import EngineMissingError
 from recognition.vision_frame import line_crop, whole
+from recognition.vision_reader import VisionReader
 
 PHOTO = Path(__file__).parents[1] / "data" / "photos" / "1X2100H.jpg"
 
@@ -112,13 +112,13 @@ def test_the_number_of_characters_is_found_without_a_format(engine: RapidEngine)
 
 
 def test_a_real_photograph_end_to_end(engine: RapidEngine) -> None:
-    found = VisionReader(ReaderSettings(mask="9A9999A")).read_photo(real_photo())
-    assert found.reading.text == "1X2100H"
-    assert found.reading.decision is not Decision.REJECT
-    assert found.reading.source == "vision"
+    found = VisionReader(ReaderSettings(format="9A9999A")).read_photo(real_photo())
+    assert found.text == "1X2100H"
+    assert found.decision is not Decision.REJECT
+    assert found.source == "vision"
     # boxes lie on the characters: the first on the left, the last on the right of 560 pixels
-    assert found.reading.characters[0].box.x1_mm < 150.0
-    assert found.reading.characters[-1].box.x0_mm > 400.0
+    assert found.characters[0].box.x1_mm < 150.0
+    assert found.characters[-1].box.x0_mm > 400.0
 
 
 def test_nothing_written_is_not_trusted(engine: RapidEngine) -> None:

@@ -15,7 +15,8 @@ from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import PlateVariation, StampedPart
 from glyphs.surface.maps import HeightMap, TraceDirection
 from recognition.depth_rules import depth_rule
-from recognition.reader import Reader, ReaderSettings, ReadingTrace
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings, Repertoire
 from recognition.reading import Decision, Reading, ReadingFlag
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
@@ -59,9 +60,9 @@ def check(reading: Reading, part: StampedPart, *, accepted: bool = True) -> None
 
 
 @pytest.fixture(scope="module")
-def plain(make_part: Make, reader: Readers) -> tuple[StampedPart, ReadingTrace]:
+def plain(make_part: Make, reader: Readers) -> tuple[StampedPart, Reading]:
     part = make_part()
-    return part, reader().read_height_map(part.height_map)
+    return part, reader().read(part.height_map)
 
 
 @pytest.mark.parametrize("fidelity", list(Fidelity))
@@ -69,16 +70,16 @@ def test_a_stamped_plate_is_read_at_either_fidelity(
     fidelity: Fidelity, make_part: Make, reader: Readers
 ) -> None:
     part = make_part("HM50R3X8", seed=2)
-    found = reader(fidelity=fidelity).read_height_map(part.height_map)
-    check(found.reading, part)
-    assert found.scan is not None
-    assert found.scan.fidelity == fidelity.value
+    found = reader(fidelity=fidelity).read(part.height_map)
+    check(found, part)
+    assert found.trace.scan is not None
+    assert found.trace.scan.fidelity == fidelity.value
 
 
-def test_what_a_reading_tells(plain: tuple[StampedPart, ReadingTrace]) -> None:
+def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
     part, found = plain
-    check(found.reading, part)
-    reading = found.reading
+    check(found, part)
+    reading = found
     assert reading.font == "gothic"
     assert reading.source == "tactile"
     assert not reading.raised
@@ -87,15 +88,15 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, ReadingTrace]) -> None:
     steps = {"mount", "scan", "edge map", "depth", "localise", "search", "match", "decide"}
     assert steps <= set(reading.seconds)
     assert all(t >= 0.0 for t in reading.seconds.values())
-    assert found.support_mm > 0.0
-    assert found.edge_map is not None
-    assert found.height_map is not None
+    assert found.trace.support_mm > 0.0
+    assert found.trace.edge_map is not None
+    assert found.trace.height_map is not None
 
 
 def test_candidates_are_sorted_and_their_shares_are_beliefs(
-    plain: tuple[StampedPart, ReadingTrace],
+    plain: tuple[StampedPart, Reading],
 ) -> None:
-    for character in plain[1].reading.characters:
+    for character in plain[1].characters:
         shares = [c.probability for c in character.candidates]
         assert shares == sorted(shares, reverse=True)
         assert len({c.char for c in character.candidates}) == len(shares) > 1
@@ -103,23 +104,23 @@ def test_candidates_are_sorted_and_their_shares_are_beliefs(
         assert character.margin >= 0.0
 
 
-def test_the_same_input_gives_the_same_reading(plain: tuple[StampedPart, ReadingTrace]) -> None:
+def test_the_same_input_gives_the_same_reading(plain: tuple[StampedPart, Reading]) -> None:
     part, found = plain
     # once with a reader that has just made its templates, once more with the same one
     fresh = Reader(ReaderSettings(fonts=("gothic",)))
-    first, second = (fresh.read_height_map(part.height_map).reading for _ in range(2))
+    first, second = (fresh.read(part.height_map) for _ in range(2))
     for reading in (first, second):
-        assert reading.characters == found.reading.characters
+        assert reading.characters == found.characters
         assert (reading.confidence, reading.height_mm, reading.rotation_deg) == (
-            found.reading.confidence,
-            found.reading.height_mm,
-            found.reading.rotation_deg,
+            found.confidence,
+            found.height_mm,
+            found.rotation_deg,
         )
 
 
 def test_raised_marks(make_part: Make, reader: Readers) -> None:
     part = make_part(raised=True)
-    reading = reader().read_height_map(part.height_map).reading
+    reading = reader().read(part.height_map)
     check(reading, part)
     assert reading.raised
 
@@ -127,7 +128,7 @@ def test_raised_marks(make_part: Make, reader: Readers) -> None:
 @pytest.mark.parametrize("angle", [-8.0, 5.0])
 def test_a_turned_line(angle: float, make_part: Make, reader: Readers) -> None:
     part = make_part("K7B29X4", line_rotation_deg=angle)
-    reading = reader().read_height_map(part.height_map).reading
+    reading = reader().read(part.height_map)
     check(reading, part)
     # the blows themselves leave the line: 2 % of the height over five heights of line
     assert reading.rotation_deg == pytest.approx(angle, abs=1.2)
@@ -138,7 +139,7 @@ def test_dropouts(make_part: Make, reader: Readers) -> None:
     z = part.height_map.z_mm.copy()
     z[np.random.default_rng(5).random(z.shape) < 0.03] = np.nan
     z[5:28, 80:140] = np.nan
-    reading = reader().read_height_map(HeightMap(z, part.height_map.pitch_mm)).reading
+    reading = reader().read(HeightMap(z, part.height_map.pitch_mm))
     check(reading, part, accepted=False)
     assert ReadingFlag.DROPOUTS in reading.flags
     assert reading.decision is not Decision.REJECT
@@ -149,31 +150,31 @@ def test_a_tilted_plate(make_part: Make, reader: Readers) -> None:
     rows, cols = np.indices(part.height_map.shape).astype(np.float32)
     slope, pitch = np.float32(np.tan(np.radians(2.0))), np.float32(part.height_map.pitch_mm)
     tilted = HeightMap(part.height_map.z_mm + slope * pitch * (cols - rows), part.height_map.pitch_mm)
-    check(reader().read_height_map(tilted).reading, part)
+    check(reader().read(tilted), part)
 
 
 @pytest.mark.parametrize("pitch_mm", [0.02, 0.1, 0.15])
 def test_pitches(pitch_mm: float, make_part: Make, reader: Readers) -> None:
     part = make_part(pitch_mm=pitch_mm)
-    check(reader().read_height_map(part.height_map).reading, part)
+    check(reader().read(part.height_map), part)
 
 
 @pytest.mark.parametrize("height_mm", [2.5, 10.0])
 def test_heights(height_mm: float, make_part: Make, reader: Readers) -> None:
     part = make_part(height_mm=height_mm)
-    check(reader().read_height_map(part.height_map).reading, part)
+    check(reader().read(part.height_map), part)
 
 
 def test_a_round_bottomed_face(make_part: Make, reader: Readers) -> None:
     part = make_part(face="round")
-    check(reader().read_height_map(part.height_map).reading, part)
+    check(reader().read(part.height_map), part)
 
 
 @pytest.mark.parametrize("face", ["sharp", "dotted"])
 def test_other_faces_are_read_for_review(face: str, make_part: Make, reader: Readers) -> None:
     # templates are of a flat face: the text is right, but nobody should trust it unseen
     part = make_part(face=face)
-    check(reader(mask="A9A99").read_height_map(part.height_map).reading, part, accepted=False)
+    check(reader(format="A9A99").read(part.height_map), part, accepted=False)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
@@ -185,7 +186,7 @@ def test_noisy_sensors(seed: int, make_part: Make, reader: Readers, touch: Touch
         plan.array.n_whiskers, rng=rng, full_scale_n_mm=3.0 * abs(touch.land_moment_n_mm())
     )
     scan = trace_scan(part.height_map, touch=touch, plan=plan, sensor=chain, rng=rng)
-    reading = reader().read_scan(scan).reading
+    reading = reader().read(scan)
     check(reading, part)
     assert "scan" not in reading.seconds
 
@@ -195,35 +196,33 @@ def test_fewer_directions_still_read(
     directions: tuple[TraceDirection, ...], make_part: Make, reader: Readers, touch: Touch
 ) -> None:
     part = make_part()
-    check(reader().read_scan(scan_of(part, touch, directions=directions)).reading, part)
+    check(reader().read(scan_of(part, touch, directions=directions)), part)
 
 
-def test_a_scan_reads_as_the_plate_it_came_from(
-    plain: tuple[StampedPart, ReadingTrace], reader: Readers
-) -> None:
+def test_a_scan_reads_as_the_plate_it_came_from(plain: tuple[StampedPart, Reading], reader: Readers) -> None:
     part, found = plain
-    assert found.scan is not None
-    again = reader().read_scan(found.scan).reading
-    assert again.characters == found.reading.characters
+    assert found.trace.scan is not None
+    again = reader().read(found.trace.scan)
+    assert again.characters == found.characters
     check(again, part)
 
 
-def test_a_mask_with_a_literal(make_part: Make, reader: Readers) -> None:
+def test_a_format_with_a_literal(make_part: Make, reader: Readers) -> None:
     part = make_part("AB-123")
-    reading = reader(mask="AA-999").read_height_map(part.height_map).reading
+    reading = reader(format="AA-999").read(part.height_map)
     check(reading, part)
     assert [c.char for c in reading.characters[2].candidates] == ["-"]
 
 
-@pytest.mark.parametrize("mask", ["AA 999", None])
-def test_a_word_gap(mask: str | None, make_part: Make, reader: Readers) -> None:
+@pytest.mark.parametrize("format", ["AA 999", None])
+def test_a_word_gap(format: str | None, make_part: Make, reader: Readers) -> None:
     part = make_part("AB 123")
-    check(reader(mask=mask).read_height_map(part.height_map).reading, part)
+    check(reader(format=format).read(part.height_map), part)
 
 
-def test_a_mask_leaves_only_what_it_allows(make_part: Make, reader: Readers) -> None:
+def test_a_format_leaves_only_what_it_allows(make_part: Make, reader: Readers) -> None:
     part = make_part("B8O0I1", seed=6)
-    reading = reader(mask="A9A9A9").read_height_map(part.height_map).reading
+    reading = reader(format="A9A9A9").read(part.height_map)
     check(reading, part, accepted=False)
     for k, character in enumerate(reading.characters):
         assert all(c.char.isdigit() == (k % 2 == 1) for c in character.candidates)
@@ -231,14 +230,14 @@ def test_a_mask_leaves_only_what_it_allows(make_part: Make, reader: Readers) -> 
 
 def test_the_font_may_be_unknown(make_part: Make, reader: Readers) -> None:
     part = make_part()
-    reading = reader(fonts=()).read_height_map(part.height_map).reading
+    reading = reader(fonts=()).read(part.height_map)
     check(reading, part)
     assert reading.font == "gothic"
 
 
 def test_a_known_height_is_kept_to(make_part: Make, reader: Readers) -> None:
     part = make_part()
-    check(reader(height_mm=5.0).read_height_map(part.height_map).reading, part)
+    check(reader(height_mm=5.0).read(part.height_map), part)
 
 
 def empty_plate() -> HeightMap:
@@ -252,7 +251,7 @@ def empty_plate() -> HeightMap:
     "surface", [empty_plate(), HeightMap(np.zeros((40, 60)), 0.1), HeightMap(np.ones((2, 2)), 1.0)]
 )
 def test_a_plate_without_marks_has_no_characters(surface: HeightMap, reader: Readers) -> None:
-    reading = reader().read_height_map(surface).reading
+    reading = reader().read(surface)
     assert reading.text == ""
     assert reading.decision is Decision.REJECT
     assert ReadingFlag.NO_CHARACTERS in reading.flags
@@ -262,7 +261,7 @@ def test_a_plate_without_marks_has_no_characters(surface: HeightMap, reader: Rea
 def test_a_scan_of_an_empty_plate_has_no_characters(reader: Readers, touch: Touch) -> None:
     surface = HeightMap(np.zeros((60, 100)), 0.1)
     plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=5.0)
-    reading = reader().read_scan(trace_scan(surface, touch=touch, plan=plan)).reading
+    reading = reader().read(trace_scan(surface, touch=touch, plan=plan))
     assert reading.decision is Decision.REJECT
     assert ReadingFlag.NO_CHARACTERS in reading.flags
 
@@ -284,10 +283,10 @@ def test_settings_out_of_range_are_refused(wrong: dict[str, float], message: str
         ReaderSettings(**wrong)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("mask", ["", "  ", "A\t9"])
-def test_masks_that_cannot_be_met_are_refused(mask: str) -> None:
+@pytest.mark.parametrize("format", ["", "  ", "A\t9"])
+def test_formats_that_cannot_be_met_are_refused(format: str) -> None:
     with pytest.raises(FormatError):
-        Reader(ReaderSettings(fonts=("gothic",), mask=mask))
+        Reader(ReaderSettings(fonts=("gothic",), format=format))
 
 
 @pytest.mark.parametrize("name", ["comic", "nowhere/letters.ttf"])
@@ -296,18 +295,18 @@ def test_fonts_that_are_not_there_are_refused(name: str) -> None:
         Reader(ReaderSettings(fonts=(name,)))
 
 
-@pytest.mark.parametrize("mask", ["A9~99", "a9A99", "€"])
-def test_a_font_that_lacks_what_the_format_needs_is_refused(mask: str) -> None:
+@pytest.mark.parametrize("format", ["A9~99", "a9A99", "€"])
+def test_a_font_that_lacks_what_the_format_needs_is_refused(format: str) -> None:
     with pytest.raises(FontError, match="gothic"):
-        Reader(ReaderSettings(fonts=("gothic",), mask=mask))
+        Reader(ReaderSettings(fonts=("gothic",), format=format))
 
 
 def test_of_fonts_that_nobody_named_those_with_the_format_compete() -> None:
-    assert [f.name for f in Reader(ReaderSettings(mask="A-9")).fonts] == list(BUILTIN_FONTS)
+    assert [f.name for f in Repertoire(ReaderSettings(format="A-9")).fonts] == list(BUILTIN_FONTS)
     # the gothic has no plus
-    assert {f.name for f in Reader(ReaderSettings(mask="A+9")).fonts} == set(BUILTIN_FONTS) - {"gothic"}
+    assert {f.name for f in Repertoire(ReaderSettings(format="A+9")).fonts} == set(BUILTIN_FONTS) - {"gothic"}
     with pytest.raises(FontError, match="€"):
-        Reader(ReaderSettings(mask="A€9"))
+        Reader(ReaderSettings(format="A€9"))
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (2, 300), (200, 3)])
@@ -316,40 +315,40 @@ def test_maps_too_small_for_characters_are_rejected(
     shape: tuple[int, int], height_mm: float | None, reader: Readers
 ) -> None:
     rough = HeightMap(np.random.default_rng(0).normal(size=shape), 0.1)
-    assert reader(height_mm=height_mm).read_height_map(rough).reading.decision is Decision.REJECT
+    assert reader(height_mm=height_mm).read(rough).decision is Decision.REJECT
 
 
-def test_a_mask_sets_the_places_and_the_gaps() -> None:
-    made = Reader(ReaderSettings(fonts=("gothic",), mask="A 9-9"))
+def test_a_format_sets_the_places_and_the_gaps() -> None:
+    made = Repertoire(ReaderSettings(fonts=("gothic",), format="A 9-9"))
     assert made.places is not None
     assert [len(p) for p in made.places] == [26, 10, 1, 10]
     assert made.gaps == {0}
     assert set(made.chars) == set("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-")
 
 
-def test_boxes_run_from_left_to_right(plain: tuple[StampedPart, ReadingTrace]) -> None:
-    boxes = [c.box for c in plain[1].reading.characters]
+def test_boxes_run_from_left_to_right(plain: tuple[StampedPart, Reading]) -> None:
+    boxes = [c.box for c in plain[1].characters]
     assert all(a.x0_mm < b.x0_mm and a.x1_mm < b.x1_mm for a, b in pairwise(boxes))
 
 
 # ------------------------------------------------------------------------------------------------------ depth
 
 
-def test_every_character_has_a_depth(plain: tuple[StampedPart, ReadingTrace]) -> None:
+def test_every_character_has_a_depth(plain: tuple[StampedPart, Reading]) -> None:
     part, found = plain
-    assert found.relief is not None
-    assert found.edge_map is not None
-    assert found.height_map is not None
-    assert found.relief.height_mm.shape == found.edge_map.shape
-    z, pitch = found.height_map.z_mm, found.height_map.pitch_mm
-    for character, (x0, y0, x1, y1) in zip(found.reading.characters, part.boxes_mm, strict=True):
+    assert found.trace.relief is not None
+    assert found.trace.edge_map is not None
+    assert found.trace.height_map is not None
+    assert found.trace.relief.height_mm.shape == found.trace.edge_map.shape
+    z, pitch = found.trace.height_map.z_mm, found.trace.height_map.pitch_mm
+    for character, (x0, y0, x1, y1) in zip(found.characters, part.boxes_mm, strict=True):
         assert character.depth is not None
         deepest = -z[int(y0 / pitch) : int(y1 / pitch) + 1, int(x0 / pitch) : int(x1 / pitch) + 1].min()
         # a plate waves by 10 micrometres, and a blow that leans is not as deep everywhere
         assert character.depth.max_mm == pytest.approx(deepest, abs=0.03)
-    known = [c.depth for c in found.reading.characters if c.depth is not None]
-    assert found.reading.depth_min_mm == min(d.min_mm for d in known)
-    assert found.reading.depth_mean_mm == pytest.approx(np.mean([d.mean_mm for d in known]))
+    known = [c.depth for c in found.characters if c.depth is not None]
+    assert found.depth_min_mm == min(d.min_mm for d in known)
+    assert found.depth_mean_mm == pytest.approx(np.mean([d.mean_mm for d in known]))
 
 
 def faint(part: StampedPart, which: int, floor_mm: float) -> HeightMap:
@@ -367,7 +366,7 @@ def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
     part = make_part("K7B29", calm=True)
     shallow = faint(part, 3, 0.05)
     rules = (depth_rule("27CFR478.92"),)
-    told = reader(depth_rules=rules).read_height_map(shallow).reading
+    told = reader(depth_rules=rules).read(shallow)
     assert told.text == part.text
     assert told.flags & ReadingFlag.TOO_SHALLOW
     (note,) = told.notes
@@ -377,19 +376,19 @@ def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
     assert depth is not None
     assert depth.min_mm == pytest.approx(0.05, abs=0.01)
     # without a rule the same is felt and nothing is said
-    plain = reader().read_height_map(shallow).reading
+    plain = reader().read(shallow)
     assert plain.flags is ReadingFlag.NONE
     assert plain.notes == ()
     assert plain.characters == told.characters
     assert (plain.decision, plain.confidence) == (told.decision, told.confidence)
     # nor with one that is met
-    met = reader(depth_rules=rules).read_height_map(part.height_map).reading
+    met = reader(depth_rules=rules).read(part.height_map)
     assert met.flags is ReadingFlag.NONE
 
 
 def test_the_depth_of_raised_marks_is_their_height(make_part: Make, reader: Readers) -> None:
     part = make_part("K7B29", calm=True, raised=True)
-    reading = reader().read_height_map(part.height_map).reading
+    reading = reader().read(part.height_map)
     top = float(part.height_map.z_mm.max())
     for character in reading.characters:
         assert character.depth is not None
@@ -397,11 +396,11 @@ def test_the_depth_of_raised_marks_is_their_height(make_part: Make, reader: Read
 
 
 def test_an_edge_map_alone_tells_no_depth(
-    plain: tuple[StampedPart, ReadingTrace], reader: Readers, touch: Touch
+    plain: tuple[StampedPart, Reading], reader: Readers, touch: Touch
 ) -> None:
     edges = plain[1].edge_map
     assert edges is not None
-    reading = reader().read_edge_map(edges, touch).reading
+    reading = reader().touch.read_edge_map(edges, touch)
     assert reading.text == plain[0].text
     assert reading.depth_min_mm is None
     assert all(c.depth is None for c in reading.characters)

@@ -18,12 +18,11 @@ from glyphs.fonts.outlines import load_font
 from glyphs.soiling.dirty import Dirt, SoiledPart
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.files.synth import SynthSpec, make_part
+from recognition.box import Box
 from recognition.lattice import Lattice
-from recognition.reading import Box
 from recognition.register import RegisterFailure, Registration, matched_boxes, register, same_field
 from recognition.register_line import register_line
 from recognition.tactile_line import FeltLine, felt_line
-from recognition.vision_at import vision_at
 from recognition.vision_edges import vision_edges
 from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
 from recognition.vision_templates import VisionBasis, predict_basis
@@ -38,7 +37,7 @@ CHARS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 
 @lru_cache(maxsize=8)
 def soiled(severity: float, number: int) -> SoiledPart:
-    return make_part(SynthSpec(mask="AA9999", seed=4242, dirt=Dirt.of(severity)), number).soiled
+    return make_part(SynthSpec(format="AA9999", seed=4242, dirt=Dirt.of(severity)), number).soiled
 
 
 @lru_cache(maxsize=8)
@@ -130,17 +129,6 @@ def test_by_characters_in_any_dirt(severity: float, number: int) -> None:
     assert found.failure is None
     assert np.median(errors) < LINE_MM
     assert errors.max() < LINE_WORST_MM
-
-
-def test_the_camera_reads_a_clean_line_at_the_places_of_touch() -> None:
-    part, (photo, _) = soiled(0.0, 1), taken(0.0, 1)
-    line, edges = line_of(part), vision_edges(photo, height_mm=HEIGHT_MM)
-    # touch is not believed: every character alike
-    blank = FeltLine(np.full_like(line.belief, 1 / len(CHARS)), line.middle_mm, HEIGHT_MM, 0.0, basis())
-    where = register_line(line, edges, [np.eye(3)])
-    allowed = np.array([[c.isalpha() == (k < 2) for c in CHARS] for k in range(6)])
-    evidence = np.where(allowed, vision_at(blank, edges, where.plate_from_photo, allowed=allowed), -np.inf)
-    assert sum(CHARS[t] == c for t, c in zip(evidence.argmax(axis=1), part.part.text, strict=True)) >= 5
 
 
 def test_noise_is_no_line() -> None:

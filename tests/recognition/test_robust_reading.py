@@ -20,8 +20,9 @@ from recognition.confusions import CharacterState
 from recognition.evidence import LineEvidence, line_evidence
 from recognition.frames import LineImage
 from recognition.grammar import Grammar
-from recognition.reader import Reader, ReaderSettings, ReadingTrace
-from recognition.reading import Decision, ReadingFlag
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
+from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.refine import refine_line
 from recognition.robust_reading import (
     BESIDE_SHARE,
@@ -39,7 +40,7 @@ from whisker_array.whisker.touch import Touch
 Make = Callable[..., StampedPart]
 Readers = Callable[..., Reader]
 CHARS = "K7B1"
-SERIAL, MASK = "KR80427", "AA99999"
+SERIAL, FORMAT = "KR80427", "AA99999"
 SOILED = 0.6
 """Severity: grime in the strokes and on the land, chips of swarf, scratches."""
 
@@ -134,8 +135,8 @@ def test_a_clean_line_is_accepted(line: Line) -> None:
 
 def test_what_is_known_of_the_scan_stays(line: Line) -> None:
     found = seen(line, flags=ReadingFlag.DROPOUTS)
-    assert found.reading.flags is ReadingFlag.DROPOUTS
-    assert found.reading.decision is Decision.ACCEPT
+    assert found.flags is ReadingFlag.DROPOUTS
+    assert found.decision is Decision.ACCEPT
 
 
 @pytest.mark.parametrize(
@@ -147,9 +148,9 @@ def test_what_is_known_of_the_scan_stays(line: Line) -> None:
 )
 def test_thresholds_are_kept(settings: ReaderSettings, flag: ReadingFlag, line: Line) -> None:
     found = seen(line, settings=settings)
-    assert found.reading.text == "K71B"
-    assert found.reading.flags & flag
-    assert found.reading.decision is Decision.REVIEW
+    assert found.text == "K71B"
+    assert found.flags & flag
+    assert found.decision is Decision.REVIEW
 
 
 @pytest.mark.parametrize("share", [BESIDE_SHARE - 0.01, BESIDE_SHARE + 0.01])
@@ -179,9 +180,9 @@ def test_a_place_where_nothing_is_found_is_not_read(line: Line) -> None:
 
 
 def test_the_format_has_its_say_and_tells(line: Line) -> None:
-    allowed = seen(line, grammar=Grammar(mask="A99A")).reading
+    allowed = seen(line, grammar=Grammar(format="A99A")).reading
     assert (allowed.text, allowed.decision) == ("K71B", Decision.ACCEPT)
-    forced = seen(line, grammar=Grammar(mask="AA9A"))
+    forced = seen(line, grammar=Grammar(format="AA9A"))
     # there is no 7 at the second place, whatever answers best
     assert forced.reading.text[1] in "KB"
     assert forced.choice.raw_text == "K71B"
@@ -191,12 +192,12 @@ def test_the_format_has_its_say_and_tells(line: Line) -> None:
 
 def test_a_lexicon_narrows(line: Line) -> None:
     found = seen(line, grammar=Grammar(lexicon=frozenset({"K71B", "K77B", "17KB"})))
-    assert found.reading.text == "K71B"
+    assert found.text == "K71B"
     assert {r.text for r in found.choice.rivals} <= {"K77B", "17KB"}
-    assert found.reading.decision is Decision.ACCEPT
+    assert found.decision is Decision.ACCEPT
 
 
-@pytest.mark.parametrize("grammar", [Grammar(mask="A99"), Grammar(sets=("XYZ",) * 4)])
+@pytest.mark.parametrize("grammar", [Grammar(format="A99"), Grammar(sets=("XYZ",) * 4)])
 def test_no_serial_of_the_format_is_no_reading(grammar: Grammar, line: Line) -> None:
     assert look(line, grammar=grammar) is None
 
@@ -244,13 +245,13 @@ def decided(line: Line) -> Decided:
 
 def test_only_a_plain_mask_leaves_correlation_alone(decided: Decided) -> None:
     assert decided.reading.decision is Decision.ACCEPT
-    assert untroubled(decided, Grammar(mask="A99A"))
+    assert untroubled(decided, Grammar(format="A99A"))
     # without a format a faint character may have been taken for a gap
     assert not untroubled(decided, None)
-    assert not untroubled(decided, Grammar(mask="A99A", lexicon=frozenset({"K71B", "K77B"})))
-    assert not untroubled(decided._replace(judged=None), Grammar(mask="A99A"))
+    assert not untroubled(decided, Grammar(format="A99A", lexicon=frozenset({"K71B", "K77B"})))
+    assert not untroubled(decided._replace(judged=None), Grammar(format="A99A"))
     doubted = replace(decided.reading, decision=Decision.REVIEW)
-    assert not untroubled(decided._replace(reading=doubted), Grammar(mask="A99A"))
+    assert not untroubled(decided._replace(reading=doubted), Grammar(format="A99A"))
 
 
 def test_the_lattice_of_a_reading_is_its_candidates(decided: Decided) -> None:
@@ -268,8 +269,8 @@ def test_the_lattice_of_a_reading_is_its_candidates(decided: Decided) -> None:
 # ---------------------------------------------------------------------------------- parts through the reader
 
 
-def states(found: ReadingTrace) -> list[CharacterState | None]:
-    return [c.state.state if c.state is not None else None for c in found.reading.characters]
+def states(found: Reading) -> list[CharacterState | None]:
+    return [c.state.state if c.state is not None else None for c in found.characters]
 
 
 @pytest.mark.parametrize("seed", [11, 14])
@@ -277,25 +278,25 @@ def test_a_soiled_part_is_read(seed: int, make_part: Make, reader: Readers) -> N
     part = make_part(SERIAL, seed=seed)
     soiled = soil_part(part, Dirt.of(SOILED), rng=np.random.default_rng(seed))
     assert np.abs(soiled.height_map.z_mm - part.height_map.z_mm).max() > 0.05
-    found = reader(mask=MASK).read_height_map(soiled.height_map, soil=soiled.soil)
-    assert found.reading.text == SERIAL
-    assert found.reading.decision is not Decision.REJECT
-    if found.lattice is not None:
-        assert found.lattice.n_places == len(SERIAL)
+    found = reader(format=FORMAT).read(soiled.height_map, soil=soiled.soil)
+    assert found.text == SERIAL
+    assert found.decision is not Decision.REJECT
+    if found.trace.lattice is not None:
+        assert found.trace.lattice.n_places == len(SERIAL)
 
 
 @pytest.mark.parametrize(("which", "share"), [(4, 0.0), (5, 0.08)])
 def test_a_wiped_character_is_not_read(which: int, share: float, make_part: Make, reader: Readers) -> None:
     part = make_part(SERIAL, seed=1)
-    found = reader(mask=MASK).read_height_map(spoilt(part, which, share))
-    assert len(found.reading.characters) == len(SERIAL)
-    assert found.reading.decision is not Decision.ACCEPT
-    assert found.reading.confidence < 0.5
+    found = reader(format=FORMAT).read(spoilt(part, which, share))
+    assert len(found.characters) == len(SERIAL)
+    assert found.decision is not Decision.ACCEPT
+    assert found.confidence < 0.5
     expected = [CharacterState.READ] * len(SERIAL)
     expected[which] = CharacterState.NOT_READ
     assert states(found) == expected
     kept = [k for k in range(len(SERIAL)) if k != which]
-    assert all(found.reading.text[k] == SERIAL[k] for k in kept)
+    assert all(found.text[k] == SERIAL[k] for k in kept)
 
 
 LEFT_OUT = pytest.mark.xfail(
@@ -317,7 +318,7 @@ def test_a_faint_character_is_not_left_out_unseen(
     seed: int, which: int, share: float, make_part: Make, reader: Readers
 ) -> None:
     # 0.04 to 0.08 mm deep, which is felt; no format says how many characters there are
-    found = reader().read_height_map(spoilt(make_part(SERIAL, seed=seed), which, share)).reading
+    found = reader().read(spoilt(make_part(SERIAL, seed=seed), which, share))
     assert found.decision is not Decision.ACCEPT or found.text == SERIAL
 
 
@@ -325,15 +326,15 @@ def test_a_check_digit_knows_what_grime_hides(make_part: Make, reader: Readers) 
     # an 8 without its left side is a 3; only one of them ends the number well (Luhn)
     part = make_part("42816074", seed=1)
     half = spoilt(part, 2, 0.0, half="left")
-    by_shape = reader(mask="99999999").read_height_map(half).reading
+    by_shape = reader(format="99999999").read(half)
     assert by_shape.text == "42316074"
-    checked = reader(grammar=Grammar.parse("mask:99999999+check=luhn")).read_height_map(half)
-    assert checked.reading.text == "42816074"
-    assert checked.choice is not None
-    assert checked.choice.raw_text == "42316074"
-    assert checked.choice.overruled == (2,)
+    checked = reader(format=Grammar.parse("mask:99999999+check=luhn")).read(half)
+    assert checked.text == "42816074"
+    assert checked.trace.choice is not None
+    assert checked.trace.choice.raw_text == "42316074"
+    assert checked.trace.choice.overruled == (2,)
     # what the shape speaks against is for a person to see
-    assert checked.reading.decision is Decision.REVIEW
+    assert checked.decision is Decision.REVIEW
 
 
 FOREIGN = "plain letters of another font pass for the gothic's own where their stroke is alike"
@@ -361,5 +362,5 @@ def test_another_font_is_never_accepted_wrongly(name: str, text: str, seed: int,
     )
     # far from the gothic every height is tried with every hand: there it is given, to save the time
     options = {"height_mm": 5.0} if name == "timesr" else {}
-    found = reader(**options).read_height_map(part.height_map).reading
+    found = reader(**options).read(part.height_map)
     assert found.decision is not Decision.ACCEPT or found.text == text

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
-from recognition.reader import Reader, ReaderSettings
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
 from recognition.reading import Decision, ReadingFlag
 
 ROOT = Path(__file__).parents[2]
@@ -33,7 +34,7 @@ def test_a_coin_is_read_for_review(strip: Path, font: str) -> None:
         pytest.skip(f"{strip} is not here: the team's shared data, not in the repository")
     with np.load(strip) as data:
         relief, text = HeightMap(data["z_mm"], float(data["pitch_mm"])), str(data["text"])
-    reading = Reader(ReaderSettings(fonts=(font,))).read_height_map(relief).reading
+    reading = Reader(ReaderSettings(fonts=(font,))).read(relief)
     assert reading.text == text
     assert reading.raised
     # the font is not the coin's own: never accepted unseen

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.outlines import load_font
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.box import Box
+from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.unseen_glyphs import doubted_guesses
 
 CHARS = ("E", "F", "Q", "O")

@@ -162,7 +162,7 @@ def test_the_grammar_names_the_rival_only() -> None:
         ("AB123456", {"prior": 0.0}, "prior"),
         ("AB123456", {"confirm": 0.3}, "confirm"),
         ("AB123456", {"refute": 1.1}, "refute"),
-        ("AB12345X", {"grammar": Grammar(mask="AA999999")}, "does not fit mask:AA999999"),
+        ("AB12345X", {"grammar": Grammar(format="AA999999")}, "does not fit mask:AA999999"),
     ],
 )
 def test_what_cannot_be_looked_for_is_said(expected: str, options: dict[str, object], said: str) -> None:

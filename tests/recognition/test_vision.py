@@ -10,15 +10,16 @@ import pytest
 
 from glyphs.camera.photo import Photo
 from glyphs.stamping.stamp import StampedPart
+from recognition.box import Box
 from recognition.lattice import Lattice
-from recognition.reader import ReaderSettings
-from recognition.reading import Box, Decision, ReadingFlag
-from recognition.vision import VisionReader
+from recognition.reader_settings import ReaderSettings
+from recognition.reading import Decision, ReadingFlag
 from recognition.vision_combine import as_reading, joined
 from recognition.vision_frame import LinePlace
+from recognition.vision_reader import VisionReader
 
 TEXT = "K7B29"
-SETTINGS = ReaderSettings(fonts=("gothic",), mask="A9A99", height_mm=5.0)
+SETTINGS = ReaderSettings(fonts=("gothic",), format="A9A99", height_mm=5.0)
 
 
 @pytest.fixture(scope="module")
@@ -41,15 +42,15 @@ def photo(make_part: Callable[..., StampedPart]) -> tuple[StampedPart, Photo]:
 def test_a_photograph_becomes_a_reading(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
     part, taken = photo
     found = reader.read_photo(taken)
-    assert found.reading.text == TEXT
-    assert found.reading.decision is Decision.ACCEPT
-    assert found.reading.source == "vision"
-    assert found.engine == "templates"
-    assert found.edges is not None
-    assert found.edges.pitch_mm == taken.pitch_mm
+    assert found.text == TEXT
+    assert found.decision is Decision.ACCEPT
+    assert found.source == "vision"
+    assert found.trace.engine == "templates"
+    assert found.trace.edge_map is not None
+    assert found.trace.edge_map.pitch_mm == taken.pitch_mm
     # the letter's die grows by its bevels: a few percent
-    assert found.reading.height_mm == pytest.approx(part.height_mm, rel=0.05)
-    for character, (x0, y0, x1, y1) in zip(found.reading.characters, part.boxes_mm, strict=True):
+    assert found.height_mm == pytest.approx(part.height_mm, rel=0.05)
+    for character, (x0, y0, x1, y1) in zip(found.characters, part.boxes_mm, strict=True):
         b = character.box
         assert b.x0_mm < 0.5 * (x0 + x1) < b.x1_mm
         assert b.y0_mm < 0.5 * (y0 + y1) < b.y1_mm
@@ -73,8 +74,8 @@ def test_a_rotation_that_dirt_hides_is_found_by_turning(
     found = reader.read_photo(
         Photo(np.rint(np.clip(grey, 0, 255)).astype(np.uint8), pitch_mm=part.height_map.pitch_mm)
     )
-    assert found.reading.text == TEXT
-    assert found.reading.rotation_deg == pytest.approx(8.0, abs=1.0)
+    assert found.text == TEXT
+    assert found.rotation_deg == pytest.approx(8.0, abs=1.0)
 
 
 def test_a_place_known_beforehand_is_kept_to(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
@@ -82,7 +83,7 @@ def test_a_place_known_beforehand_is_kept_to(reader: VisionReader, photo: tuple[
     boxes = np.array(part.boxes_mm)
     (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
     about = LinePlace((0.5 * (x0 + x1), 0.5 * (y0 + y1)), x1 - x0, y1 - y0)
-    assert reader.read_photo(taken, about=about).reading.text == TEXT
+    assert reader.read_photo(taken, about=about).text == TEXT
 
 
 def test_the_hook_for_calibration_has_the_last_word(photo: tuple[StampedPart, Photo]) -> None:
@@ -90,10 +91,10 @@ def test_the_hook_for_calibration_has_the_last_word(photo: tuple[StampedPart, Ph
         return replace(lattice, log_belief=lattice.log_belief + np.log(0.5))
 
     found = VisionReader(SETTINGS, engine="templates", calibrated=doubtful).read_photo(photo[1])
-    assert found.reading.text == TEXT
-    assert found.reading.confidence < 0.5**5 * 1.001
-    assert found.reading.decision is Decision.REVIEW
-    assert ReadingFlag.LOW_CONFIDENCE in found.reading.flags
+    assert found.text == TEXT
+    assert found.confidence < 0.5**5 * 1.001
+    assert found.decision is Decision.REVIEW
+    assert ReadingFlag.LOW_CONFIDENCE in found.flags
 
 
 def lattice_of(belief: list[list[float]], chars: str = "AB8") -> Lattice:

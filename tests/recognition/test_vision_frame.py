@@ -7,7 +7,7 @@ import pytest
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import MapError
-from recognition.reading import Box
+from recognition.box import Box
 from recognition.vision_frame import LinePlace, line_crop, rectify, whole
 
 PITCH_MM = 0.1

@@ -18,7 +18,7 @@ from recognition.vision_frame import rectify
 from recognition.vision_search import VisionSearch, lights
 from recognition.vision_templates import CLOSE_LOOK, GLANCE, VisionBasis, predict_basis
 
-TEXT, MASK, CHARS = "K7B29", "A9A99", "ABEFHKPRT0123456789"
+TEXT, FORMAT, CHARS = "K7B29", "A9A99", "ABEFHKPRT0123456789"
 HEIGHT_MM = 5.0
 NOISE = 3.0
 
@@ -42,7 +42,7 @@ def basis(gothic: Font) -> VisionBasis:
 
 
 def read(basis: VisionBasis, photo: Photo, *, height_mm: float = HEIGHT_MM, turn: float = 0.0) -> VisionFit:
-    search = VisionSearch(photo, places=allowed_characters(MASK))
+    search = VisionSearch(photo, places=allowed_characters(FORMAT))
     fit = search.fit(basis, Supposed(height_mm, turn))
     assert fit is not None
     return search.refined(fit)
@@ -136,7 +136,7 @@ def test_land_alone_explains_nothing(basis: VisionBasis, make_part: Callable[...
     line = read(basis, photo_of(make_part(TEXT), 30.0))
     grey = np.random.default_rng(4).normal(120.0, NOISE, (120, 400)).clip(0, 255).astype(np.uint8)
     pitch = make_part(TEXT).height_map.pitch_mm
-    land = VisionSearch(Photo(grey, pitch_mm=pitch), places=allowed_characters(MASK)).fit(
+    land = VisionSearch(Photo(grey, pitch_mm=pitch), places=allowed_characters(FORMAT)).fit(
         basis, Supposed(HEIGHT_MM)
     )
     assert land is None or land.value < 0.2 * line.value

@@ -16,7 +16,7 @@ from pipeline.service.app import Service, create_app
 from pipeline.service.settings import ServiceSettings
 from pipeline.workers.pool import BusyError
 
-MASK = "AA999999"
+FORMAT = "AA999999"
 
 
 class InlinePool:
@@ -56,7 +56,7 @@ def inline_service(
     service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        read = reading or ReadSettings(format=(MASK,), font=("gothic",), height_mm=5.0)
+        read = reading or ReadSettings(format=(FORMAT,), font=("gothic",), height_mm=5.0)
         service = Service(ServiceSettings(folder=folder, **settings), read)
         with TestClient(create_app(service), base_url="http://127.0.0.1:8417") as client:
             yield service, client

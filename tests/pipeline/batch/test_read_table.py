@@ -15,8 +15,9 @@ from pipeline.batch.read_table import notes, print_table, table_lines
 from pipeline.cli.read import read
 from pipeline.common.row import Row
 from pipeline.files.npz import write_npz
+from recognition.box import Box
 from recognition.lattice import Lattice
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
+from recognition.reading import Candidate, CharacterReading, Decision, Reading
 
 PLAIN = Row("a", "AB12", "accept", 0.98, "tactile", 1.0, rivals="A812 0.012", depth_min_mm=0.2)
 DOUBT = Row(

@@ -221,7 +221,7 @@ def test_a_store_that_does_not_answer_is_one_line(capsys: pytest.CaptureFixture[
 def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
     """A part that is read surely, and bears another text than expected, is to be reviewed."""
     part = tmp_path / "part"
-    write_part(SynthSpec(mask="A9", seed=3, height_mm=4.0, variation=False), part, 0, photos=False)
+    write_part(SynthSpec(format="A9", seed=3, height_mm=4.0, variation=False), part, 0, photos=False)
     settings = ReadSettings(font=("gothic",), format=("A9",), height_mm=4.0)
     order = RunOrder(settings, pictures=True)
     plain = read_listed(order, ListedPart("a", f"{part}.npz"))

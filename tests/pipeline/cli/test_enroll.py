@@ -14,13 +14,14 @@ from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, make_part
 from pipeline.reading.enrolment import MOST_EXEMPLARS, ReviewedPart, enrol
-from pipeline.reading.readers import Readers
+from pipeline.reading.readers import open_reader
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
-from recognition.reader import Reader, ReaderSettings
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
 
 FOREIGN = f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans-Bold.ttf"
-SPEC = SynthSpec(mask="9999", font=FOREIGN, seed=5)
+SPEC = SynthSpec(format="9999", font=FOREIGN, seed=5)
 SETTINGS = ReadSettings(font=("gothic",), height_mm=5.0)
 WHEN = datetime(2026, 3, 1, 8, 30, tzinfo=UTC)
 
@@ -58,10 +59,10 @@ def test_an_unknown_die_is_read_once_it_was_enrolled(taught):
     path, _ = taught
     parts = [make_part(SPEC, k) for k in (1004, 1002)]
     fonts = tuple(load_database(path).fonts.values())
-    before = Reader(ReaderSettings(mask="9999", height_mm=5.0, fonts=("gothic",)))
-    after = Reader(ReaderSettings(mask="9999", height_mm=5.0), fonts=fonts)
-    first = [before.read_height_map(p.height_map).reading for p in parts]
-    second = [after.read_height_map(p.height_map).reading for p in parts]
+    before = Reader(ReaderSettings(format="9999", height_mm=5.0, fonts=("gothic",)))
+    after = Reader(ReaderSettings(format="9999", height_mm=5.0), fonts=fonts)
+    first = [before.read(p.height_map) for p in parts]
+    second = [after.read(p.height_map) for p in parts]
     assert [r.decision for r in first] == ["review"] * 2
     assert sum(r.text == p.text for r, p in zip(first, parts, strict=True)) == 0
     assert [(r.text, r.decision, r.font) for r in second] == [(p.text, "accept", "press-7") for p in parts]
@@ -173,9 +174,9 @@ def test_of_many_exemplars_the_last_are_kept(taught):
 
 
 def test_the_camera_is_not_shown_a_font_that_holds_guesses(taught):
-    readers = Readers(ReadSettings(database=taught[0]))
-    assert [f.name for f in readers.touch.fonts] == ["gothic", "press-7"]
-    assert [f.name for f in readers.vision.fonts] == ["gothic"]
+    reader = open_reader(ReadSettings(database=taught[0]))
+    assert [f.name for f in reader.touch.fonts] == ["gothic", "press-7"]
+    assert [f.name for f in reader.vision.fonts] == ["gothic"]
 
 
 def test_the_command_takes_a_table(folder, tmp_path, capsys):

@@ -28,7 +28,7 @@ def test_nothing_said_is_no_grammar() -> None:
 
 
 def test_a_mask_is_as_before() -> None:
-    assert grammar(format=("AA 99",)) == Grammar(mask="AA 99")
+    assert grammar(format=("AA 99",)) == Grammar(format="AA 99")
 
 
 def test_all_that_is_given_holds_together() -> None:

@@ -6,7 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from pipeline.common.settings import ReadSettings
-from pipeline.reading.readers import Readers, open_reader
+from pipeline.reading.readers import open_reader
+from recognition.reader_settings import ReaderSettings
 
 
 def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -38,15 +39,15 @@ def test_the_reader_is_given_the_rules() -> None:
 
 
 def test_the_readers_are_told_grammar_and_thresholds() -> None:
-    told = Readers(ReadSettings(format=("AA99",), accept_confidence=0.5)).told
-    assert told.grammar is not None
-    assert told.grammar.mask == "AA99"
-    assert (told.accept_confidence, told.accept_margin) == (0.5, Readers(ReadSettings()).told.accept_margin)
-    assert Readers(ReadSettings()).told.grammar is None
+    made = open_reader(ReadSettings(format=("AA99",), accept_confidence=0.5)).settings
+    assert made.grammar is not None
+    assert made.grammar.mask == "AA99"
+    assert (made.accept_confidence, made.accept_margin) == (0.5, ReaderSettings().accept_margin)
+    assert open_reader(ReadSettings()).settings.grammar is None
 
 
 def test_vision_that_verifies_knows_the_length_only() -> None:
-    readers = Readers(ReadSettings(format=("AA99",), font=("gothic",)))
+    readers = open_reader(ReadSettings(format=("AA99",), font=("gothic",)))
     vision = readers.open_vision("AB 12")
     assert readers.open_vision("XY99") is vision
     assert vision.places is not None

@@ -23,7 +23,7 @@ from pipeline.workers.executors import PoolExecutor, ordered_map
 
 
 def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
-    spec = SynthSpec(mask="A9", seed=7, height_mm=3.0)
+    spec = SynthSpec(format="A9", seed=7, height_mm=3.0)
     few = write_parts(spec, tmp_path / "few", parts=2)
     more = write_parts(spec, tmp_path / "more", parts=3)
     assert more[:2] == few
@@ -35,12 +35,12 @@ def test_a_part_depends_on_seed_and_number_alone(tmp_path: Path) -> None:
         np.testing.assert_array_equal(one.z_mm, other.z_mm)
         assert len(text) == 2
     assert make_part(spec, 1).text == more[1][1]
-    changed = make_part(SynthSpec(mask="A9", seed=8, height_mm=3.0), 1)
+    changed = make_part(SynthSpec(format="A9", seed=8, height_mm=3.0), 1)
     assert changed.text != more[1][1] or changed.height_map.shape != make_part(spec, 1).height_map.shape
 
 
 def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
-    made = write_parts(SynthSpec(mask="99", height_mm=3.0), tmp_path / "out", parts=2)
+    made = write_parts(SynthSpec(format="99", height_mm=3.0), tmp_path / "out", parts=2)
     assert load_truth(tmp_path / "out" / "truth.csv") == dict(made)
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
         "part-000.npz",
@@ -57,7 +57,7 @@ def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
 
 def test_a_folder_that_is_not_empty_is_kept(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
-    spec = SynthSpec(mask="9", height_mm=3.0)
+    spec = SynthSpec(format="9", height_mm=3.0)
     with pytest.raises(FileError, match="--overwrite"):
         write_parts(spec, tmp_path, parts=1)
     write_parts(spec, tmp_path, parts=1, overwrite=True)
@@ -68,13 +68,13 @@ def test_a_folder_that_is_not_empty_is_kept(tmp_path: Path) -> None:
 
 
 def test_what_is_asked_for_is_stamped() -> None:
-    sunk = make_part(SynthSpec(mask="8", height_mm=4.0, depth_mm=0.3, variation=False), 0)
+    sunk = make_part(SynthSpec(format="8", height_mm=4.0, depth_mm=0.3, variation=False), 0)
     assert sunk.height_map.z_mm.min() == pytest.approx(-0.3, abs=0.01)
     assert sunk.height_map.z_mm.max() == pytest.approx(0.0, abs=0.01)
-    raised = make_part(SynthSpec(mask="8", height_mm=4.0, depth_mm=0.3, variation=False, raised=True), 0)
+    raised = make_part(SynthSpec(format="8", height_mm=4.0, depth_mm=0.3, variation=False, raised=True), 0)
     assert raised.height_map.z_mm.max() == pytest.approx(0.3, abs=0.01)
     steep, gentle = (
-        make_part(SynthSpec(mask="8", height_mm=4.0, face=Face.SHARP, bevel_deg=b, variation=False), 0)
+        make_part(SynthSpec(format="8", height_mm=4.0, face=Face.SHARP, bevel_deg=b, variation=False), 0)
         for b in (60.0, 30.0)
     )
     assert np.abs(np.diff(steep.height_map.z_mm)).max() > np.abs(np.diff(gentle.height_map.z_mm)).max()
@@ -83,15 +83,15 @@ def test_what_is_asked_for_is_stamped() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"mask": ""},
-        {"mask": "9", "seed": -1},
-        {"mask": "9", "font": "comic"},
-        {"mask": "9", "height_mm": 0.0},
-        {"mask": "9", "bevel_deg": 90.0},
-        {"mask": "9", "depth_mm": -0.1},
-        {"mask": "9", "light_elevation_deg": 0.0},
-        {"mask": "9", "light_azimuth_deg": float("nan")},
-        {"mask": "9", "pixel_mm": 0.0},
+        {"format": ""},
+        {"format": "9", "seed": -1},
+        {"format": "9", "font": "comic"},
+        {"format": "9", "height_mm": 0.0},
+        {"format": "9", "bevel_deg": 90.0},
+        {"format": "9", "depth_mm": -0.1},
+        {"format": "9", "light_elevation_deg": 0.0},
+        {"format": "9", "light_azimuth_deg": float("nan")},
+        {"format": "9", "pixel_mm": 0.0},
     ],
 )
 def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
@@ -102,12 +102,12 @@ def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
 @pytest.mark.parametrize("parts", [0, -3, 10_000_000])
 def test_a_number_of_parts_that_cannot_be_is_refused(parts: int, tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="number of parts"):
-        write_parts(SynthSpec(mask="9"), tmp_path / "out", parts=parts)
+        write_parts(SynthSpec(format="9"), tmp_path / "out", parts=parts)
     assert not (tmp_path / "out").exists()
 
 
 def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
-    clean, dirty = (SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(d)) for d in (0.0, 0.7))
+    clean, dirty = (SynthSpec(format="A9", height_mm=3.0, dirt=Dirt.of(d)) for d in (0.0, 0.7))
     bare = make_part(clean, 1)
     assert bare.soil is None
     np.testing.assert_array_equal(bare.soiled.height_map.z_mm, bare.height_map.z_mm)
@@ -124,7 +124,7 @@ def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
 
 
 def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
-    spec = SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(0.7))
+    spec = SynthSpec(format="A9", height_mm=3.0, dirt=Dirt.of(0.7))
     write_parts(spec, tmp_path / "out", parts=2)
     soiled = make_part(spec, 1)
     assert soiled.soil is not None
@@ -151,7 +151,7 @@ def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
 
 
 def test_workers_write_the_same(tmp_path: Path) -> None:
-    spec = SynthSpec(mask="A9", height_mm=3.0, dirt=Dirt.of(0.5))
+    spec = SynthSpec(format="A9", height_mm=3.0, dirt=Dirt.of(0.5))
     named: list[str] = []
     one = write_parts(spec, tmp_path / "one", parts=2)
     with PoolExecutor(2) as executor:
@@ -164,8 +164,8 @@ def test_workers_write_the_same(tmp_path: Path) -> None:
 
 
 def test_the_light_may_be_given() -> None:
-    free = SynthSpec(mask="8", height_mm=3.0)
-    given = SynthSpec(mask="8", height_mm=3.0, light_azimuth_deg=10.0, light_elevation_deg=30.0)
+    free = SynthSpec(format="8", height_mm=3.0)
+    given = SynthSpec(format="8", height_mm=3.0, light_azimuth_deg=10.0, light_elevation_deg=30.0)
     part = make_part(free, 0)
     assert (given.photograph(part).pixels != free.photograph(part).pixels).any()
     light = draw_light(np.random.default_rng(3), azimuth_deg=10.0, elevation_deg=30.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,12 +12,10 @@ from matplotlib.figure import Figure
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.plots.inspection import inspection_figure
-from pipeline.reading.part_reader import Sensed
+from recognition.box import Box
 from recognition.confusions import CharacterState, PlaceState
 from recognition.grade import Action, MarkGrade, Parameter
-from recognition.reader import ReadingTrace
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading
-from recognition.vision import VisionReading
+from recognition.reading import Candidate, CharacterReading, Decision, Reading
 
 
 def reading(source: str) -> Reading:
@@ -39,15 +36,12 @@ def photo(pitch_mm: float | None = 0.1, *, placed: bool = False) -> Photo:
     return Photo(pixels, pitch_mm=pitch_mm, centre_mm=(4.0, 2.5) if placed else None)
 
 
-def felt() -> ReadingTrace:
+def tactile() -> Reading:
     edges = EdgeMap(
         np.zeros((2, 50, 80), np.float32), tuple(TraceDirection)[:2], np.ones((50, 80), np.bool_), 0.1
     )
-    return ReadingTrace(reading("tactile"), edges, None, HeightMap(np.zeros((50, 80), np.float32), 0.1))
-
-
-def seen() -> VisionReading:
-    return VisionReading(reading("vision"), None, None, "templates", None, MappingProxyType({}))
+    surface = HeightMap(np.zeros((50, 80), np.float32), 0.1)
+    return reading("tactile").traced(edge_map=edges, height_map=surface)
 
 
 def axes_of(figure: Figure, title: str) -> Any:
@@ -60,7 +54,9 @@ def words(axes: Any) -> str:
 
 
 def test_both_senses_stand_side_by_side() -> None:
-    figure = inspection_figure(Sensed(reading("fused"), felt(), seen(), photo()), title="both")
+    figure = inspection_figure(
+        reading("fused").traced(touch=tactile(), vision=reading("vision"), photo=photo()), title="both"
+    )
     picture = axes_of(figure, "photograph")
     assert len(picture.patches) == 1
     assert picture.get_xlabel() == "x, mm"
@@ -72,14 +68,14 @@ def test_both_senses_stand_side_by_side() -> None:
 
 
 def test_state_and_grade_stand_below_the_candidates() -> None:
-    figure = inspection_figure(Sensed(reading("tactile"), felt()), title="touch")
+    figure = inspection_figure(tactile(), title="touch")
     panel = axes_of(figure, "candidates of each place and the belief in them, its state and its mark's grade")
     assert "confused 8/B\ngrade C, contrast" in words(panel)
     assert not any(a.get_title(loc="left").startswith("photograph") for a in figure.axes)
 
 
 def test_a_photograph_alone(tmp_path: Path) -> None:
-    figure = inspection_figure(Sensed(reading("vision"), vision=seen(), photo=photo()), title="vision")
+    figure = inspection_figure(reading("vision").traced(photo=photo()), title="vision")
     assert "height map, levelled" not in [a.get_title(loc="left") for a in figure.axes]
     figure.savefig(tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 10_000
@@ -87,13 +83,13 @@ def test_a_photograph_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("placed", [True, False])
 def test_a_photograph_that_was_not_read_is_shown(placed: bool) -> None:
-    figure = inspection_figure(Sensed(reading("tactile"), felt(), photo=photo(placed=placed)), title="touch")
+    figure = inspection_figure(tactile().traced(photo=photo(placed=placed)), title="touch")
     # boxes felt are drawn where the stage says how picture and plate lie
     assert len(axes_of(figure, "photograph").patches) == int(placed)
     assert axes_of(figure, "the camera's edge map").images
 
 
 def test_without_a_pitch_the_scale_of_the_edges_is_not_known() -> None:
-    figure = inspection_figure(Sensed(reading("tactile"), felt(), photo=photo(None)), title="touch")
+    figure = inspection_figure(tactile().traced(photo=photo(None)), title="touch")
     assert axes_of(figure, "photograph, pixels").get_xlabel() == "x, pixels"
     assert "no line was found" in words(axes_of(figure, "the camera's edge map"))

@@ -1,4 +1,4 @@
-"""Pictures: drawn for every kind of evidence, in the plate frame."""
+"""Pictures: drawn for every kind of reading, in the plate frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ from pipeline.plots.pictures import (
     same_text,
     save_figure,
 )
-from recognition.reader import ReadingTrace
 from recognition.reading import (
     Box,
     Candidate,
@@ -31,6 +30,7 @@ from recognition.reading import (
     MarkDepth,
     Reading,
     ReadingFlag,
+    ReadingTrace,
 )
 from whisker_array.estimation.relief import Route, relief_from_edges
 from whisker_array.scan.scan import Scan, trace_scan
@@ -53,14 +53,18 @@ def scan_of(height_map: HeightMap) -> Scan:
     return trace_scan(height_map, touch=default_touch(5.0), plan=plan, fidelity=Fidelity.POINTWISE)
 
 
-def evidence() -> ReadingTrace:
+def part() -> Reading:
     candidates = (Candidate("A", 0.9, 0.97), Candidate("$", 0.2, 0.01), Candidate("_", 0.1, 0.005))
     depths = (MarkDepth(0.2, 0.151, 0.25), None, MarkDepth(0.2, 0.123, 0.25))
     characters = tuple(
         CharacterReading(candidates, Box(x, 1.0, x + 1.0, 4.0), depth)
         for x, depth in zip((1.0, 2.5, 4.0), depths, strict=True)
     )
-    reading = Reading(
+    layers = np.zeros((3, 40, 60), np.float32)
+    layers[:, 10:20, 5:50] = -0.2
+    edges = EdgeMap(layers, tuple(TraceDirection)[:3], layers[0] <= 0.0, 0.1)
+    relief = relief_from_edges(edges, default_touch(5.0))
+    return Reading(
         characters,
         Decision.REVIEW,
         0.7,
@@ -69,12 +73,8 @@ def evidence() -> ReadingTrace:
         font="gothic",
         height_mm=3.0,
         rotation_deg=-2.0,
+        trace=ReadingTrace(edges, scan=scan_of(tilted()), height_map=tilted(), relief=relief),
     )
-    layers = np.zeros((3, 40, 60), np.float32)
-    layers[:, 10:20, 5:50] = -0.2
-    edges = EdgeMap(layers, tuple(TraceDirection)[:3], layers[0] <= 0.0, 0.1)
-    relief = relief_from_edges(edges, default_touch(5.0))
-    return ReadingTrace(reading, edges, scan_of(tilted()), tilted(), relief=relief)
 
 
 def inked(figure: Figure, path: Path) -> float:
@@ -83,8 +83,8 @@ def inked(figure: Figure, path: Path) -> float:
     return float((picture[..., :3].min(axis=2) < 0.9).mean())
 
 
-def test_all_evidence_is_drawn(tmp_path: Path) -> None:
-    figure = inspect_figure(evidence(), title="part $7$ _x_")
+def test_all_of_a_trace_is_drawn(tmp_path: Path) -> None:
+    figure = inspect_figure(part(), title="part $7$ _x_")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert sum("edge map, traced" in t for t in titles) == 3
     assert sum("raw moment" in t for t in titles) == 1
@@ -95,13 +95,13 @@ def test_all_evidence_is_drawn(tmp_path: Path) -> None:
     assert [t.get_text() for t in relief.texts] == ["0.151\n0.200", "?", "0.123\n0.200"]
     assert len(relief.patches) == 3
     # what to know about the reading stands below, not taken for a formula
-    assert figure.get_supxlabel() == "\n".join(evidence().reading.messages())
+    assert figure.get_supxlabel() == "\n".join(part().messages())
     assert "$x$" in figure.get_supxlabel()
     assert inked(figure, tmp_path / "a.png") > 0.05
 
 
 def test_a_scan_names_its_characters_on_what_was_felt(tmp_path: Path) -> None:
-    figure = inspect_figure(replace(evidence(), height_map=None), title="scan")
+    figure = inspect_figure(part().traced(height_map=None), title="scan")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert not any(t.startswith("height map") for t in titles)
     (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height as felt")]
@@ -110,16 +110,16 @@ def test_a_scan_names_its_characters_on_what_was_felt(tmp_path: Path) -> None:
 
 
 def test_slopes_that_were_not_felt_are_said() -> None:
-    found = evidence()
-    assert found.relief is not None
-    one_way = replace(found.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
-    figure = inspect_figure(replace(found, relief=one_way), title="one way")
+    found = part()
+    assert found.trace.relief is not None
+    one_way = replace(found.trace.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
+    figure = inspect_figure(found.traced(relief=one_way), title="one way")
     words = " ".join(t.get_text() for a in figure.axes for t in a.texts)
     assert Route.FLOORS.describe() in words
 
 
-def test_missing_evidence_is_said(tmp_path: Path) -> None:
-    figure = inspect_figure(ReadingTrace(EMPTY, None, None, None), title="none")
+def test_what_is_missing_is_said(tmp_path: Path) -> None:
+    figure = inspect_figure(EMPTY, title="none")
     words = " ".join(t.get_text() for a in figure.axes for t in a.texts)
     assert "no characters were found" in words
     assert "no scan" in words
@@ -128,7 +128,7 @@ def test_missing_evidence_is_said(tmp_path: Path) -> None:
 
 
 def test_rows_run_downwards_in_every_picture() -> None:
-    for axes in inspect_figure(evidence(), title="x").axes:
+    for axes in inspect_figure(part(), title="x").axes:
         if axes.get_ylabel() == "y, mm":
             bottom, top = axes.get_ylim()
             assert bottom > top
@@ -148,7 +148,7 @@ def test_moments_of_every_direction_lie_alike_in_the_plate() -> None:
 
 
 def test_the_overview_says_what_is_right(tmp_path: Path) -> None:
-    figure = overview_figure([SheetPart("one", "AAA", evidence()), SheetPart("two", "AAB", evidence())])
+    figure = overview_figure([SheetPart("one", "AAA", part()), SheetPart("two", "AAB", part())])
     titles = " ".join(a.get_title(loc="left") for a in figure.axes)
     assert "“AAA”, read right" in titles
     assert "“AAB”, read WRONG" in titles
@@ -170,6 +170,6 @@ def test_spaces_are_not_stamped(one: str, other: str, same: bool) -> None:
 
 
 def test_the_headline_tells_the_reading() -> None:
-    line: Any = headline(evidence().reading)
+    line: Any = headline(part())
     assert line == "“AAA”, review, confidence 0.700, gothic, 3.00 mm, sunk, -2.0°, deep 0.123 mm at least"
     assert headline(EMPTY) == "no characters"

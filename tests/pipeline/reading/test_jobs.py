@@ -16,7 +16,7 @@ from pipeline.files.photos import read_photo
 from pipeline.files.synth import SynthSpec, make_part, write_part
 from pipeline.reading.job_reading import read_job
 from pipeline.reading.jobs import Done, Job, Limits
-from pipeline.reading.kept_readers import MOST_KEPT, readers_of
+from pipeline.reading.kept_readers import MOST_KEPT, reader_of
 from pipeline.reading.scan_plan import plan_of
 from pipeline.service.stage import ScanOrder, SimulatedStage
 
@@ -219,15 +219,15 @@ def test_readers_are_kept_until_their_database_changes(tmp_path: Path) -> None:
     path = tmp_path / "dies.npz"
     save_database(GlyphDatabase(fonts={"gothic": load_font("gothic")}), path)
     settings = ReadSettings()
-    first = readers_of(settings, path)
-    assert readers_of(settings, path) is first
+    first = reader_of(settings, path)
+    assert reader_of(settings, path) is first
     changed = path.stat().st_mtime_ns + 10**9
     os.utime(path, ns=(changed, changed))
-    second = readers_of(settings, path)
+    second = reader_of(settings, path)
     assert second is not first
     for k in range(MOST_KEPT):
-        readers_of(ReadSettings(height_mm=1.0 + k))
-    assert readers_of(settings, path) is not second
+        reader_of(ReadSettings(height_mm=1.0 + k))
+    assert reader_of(settings, path) is not second
 
 
 def test_without_a_scale_the_whole_field_is_asked_for(parts: Parts) -> None:

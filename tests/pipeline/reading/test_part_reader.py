@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,21 +12,18 @@ import pytest
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
-from glyphs.fonts.glyph import Font
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from pipeline.batch.setup import open_readers
-from pipeline.files.listing import list_parts
 from pipeline.files.npz import soil_members, write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.files.photos import write_photo
-from pipeline.files.units import Unit
 from pipeline.reading.expected import Expected
 from pipeline.reading.part_reader import Mode, Sense, Senses, senses_of
-from recognition.grammar import Grammar
+from recognition.box import Box
 from recognition.lattice import Lattice
-from recognition.reader import ReaderSettings, ReadingTrace
-from recognition.reading import Box, Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
+from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.verify import Verdict
 
 SHAPE = (20, 30)
@@ -42,45 +39,37 @@ def lattice(text: str, chars: str = "AB12") -> Lattice:
     return Lattice(tuple(chars), np.log([[0.999 if c == t else 1e-5 for c in chars] for t in text]))
 
 
-@dataclass
-class FakeReaders:
-    """Touch reads A1 and sight B1, whatever they are given; what they are given is kept."""
+class FakeReader(Reader):
+    """Touch reads A1 and vision B1, whatever they are given; what they are given is kept."""
 
-    grammar: Grammar | None = None
-    told: ReaderSettings = field(default_factory=lambda: ReaderSettings(mask="A9"))
-    fonts: tuple[Font, ...] = ()
-    unit: Unit = Unit.MM
-    given: list[Any] = field(default_factory=list)
-    opened: list[str] = field(default_factory=list)
+    def __init__(self, format: str | None = None) -> None:
+        super().__init__(fonts=["gothic"], format=format)
+        self.given: list[Any] = []
+        self.asked: list[str] = []
 
     @property
     def touch(self) -> Any:
-        self.opened.append("touch")
+        self.asked.append("touch")
 
-        def read_height_map(height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Any:
+        def read_height_map(height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Reading:
             self.given.append((height_map, soil, part_id))
-            return ReadingTrace(
-                reading("A1", "tactile"),
-                lattice=lattice("A1", "A1"),
-                open_lattice=lattice("A1"),
-                height_map=height_map,
-            )
+            return reading("A1", "tactile").traced(lattice=lattice("A1"), height_map=height_map)
 
         return SimpleNamespace(read_height_map=read_height_map)
 
     @property
     def vision(self) -> Any:
-        self.opened.append("vision")
+        self.asked.append("vision")
         return self._vision()
 
     def open_vision(self, expected: str) -> Any:
-        self.opened.append(f"sight open to {expected}")
+        self.asked.append(f"vision open to {expected}")
         return self._vision()
 
     def _vision(self) -> Any:
-        def read_photo(photo: Photo) -> Any:
+        def read_photo(photo: Photo) -> Reading:
             self.given.append(photo)
-            return SimpleNamespace(reading=reading("B1", "vision"), lattice=lattice("B1"))
+            return reading("B1", "vision").traced(lattice=lattice("B1"), photo=photo)
 
         return SimpleNamespace(read_photo=read_photo)
 
@@ -94,12 +83,12 @@ def fused_as(
 ) -> None:
     """Fusion that says so."""
 
-    def fuse(touch: Any, vision: Any, settings: Any, *, fonts: Any) -> Reading:
-        seen.append((touch.reading.text, vision.reading.text, settings.mask))
-        return reading("A1", "fused")
+    def fuse(touch: Reading, vision: Reading, settings: ReaderSettings) -> Reading:
+        seen.append((touch.text, vision.text, settings.format))
+        return reading("A1", "fused").traced(touch=touch, vision=vision)
 
-    def fused_lattice(touch: Any, vision: Any, settings: Any, *, fonts: Any) -> Any:
-        seen.append((touch.lattice, vision.lattice, settings.grammar))
+    def fused_lattice(touch: Reading, vision: Reading, settings: ReaderSettings) -> Any:
+        seen.append((touch.trace.lattice, vision.trace.lattice))
         return None if lattice is None else (lattice, contradicted)
 
     monkeypatch.setattr("recognition.fuse.fuse", fuse)
@@ -149,122 +138,101 @@ def test_modes(mode: Mode | None, felt: Any, seen: Any, both: Any, folder: Path)
 
 
 def test_touch_is_given_the_soil(folder: Path) -> None:
-    readers = FakeReaders()
-    found = Senses(readers).sense(part(folder, "both"))
-    ((_, soil, name),) = readers.given
+    reader = FakeReader()
+    found = Senses(reader).sense(part(folder, "both"))
+    ((_, soil, name),) = reader.given
     assert name == "both"
     assert soil.thickness_mm == pytest.approx(np.full(SHAPE, 0.01))
-    assert (found.reading.text, found.vision, found.photo) == ("A1", None, None)
-    Senses(readers).sense(part(folder, "felt"))
-    assert readers.given[1][1] is None
+    assert (found.text, found.vision, found.trace.photo) == ("A1", None, None)
+    Senses(reader).sense(part(folder, "felt"))
+    assert reader.given[1][1] is None
 
 
 def test_a_photograph_alone_is_read_by_vision(folder: Path) -> None:
-    readers = FakeReaders()
-    found = Senses(readers).sense(part(folder, "seen"))
-    assert (found.reading.source, found.touch) == ("vision", None)
-    assert readers.given[0].centre_mm is None
-    assert readers.opened == ["vision"]
+    reader = FakeReader()
+    found = Senses(reader).sense(part(folder, "seen"))
+    assert (found.source, found.touch) == ("vision", None)
+    assert reader.given[0].centre_mm is None
+    assert reader.asked == ["vision"]
 
 
 @pytest.mark.parametrize("mode", [Mode.FUSED, Mode.AUTO])
 def test_both_senses_are_fused(mode: Mode, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     fused_as(monkeypatch, seen)
-    readers = FakeReaders()
-    found = Senses(readers, mode=mode).sense(part(folder, "both"))
-    assert found.reading.source == "fused"
-    assert seen == [("A1", "B1", "A9")]
+    reader = FakeReader()
+    found = Senses(reader, mode=mode).sense(part(folder, "both"))
+    assert found.source == "fused"
+    assert seen == [("A1", "B1", None)]
     # the stage brings the middle of the plate under the middle of the picture
-    assert readers.given[1].centre_mm == pytest.approx((1.45, 0.95))
+    assert reader.given[1].centre_mm == pytest.approx((1.45, 0.95))
 
 
 def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Path) -> None:
     (folder / "both.png").write_bytes(b"\x89PNG rubbish")
-    found = Senses(FakeReaders(), mode=Mode.AUTO).sense(part(folder, "both"))
-    assert found.reading.source == "tactile"
-    assert any(
-        "read by touch alone" in message and "both.png" in message for message in found.reading.messages()
-    )
+    found = Senses(FakeReader(), mode=Mode.AUTO).sense(part(folder, "both"))
+    assert found.source == "tactile"
+    assert any("read by touch alone" in message and "both.png" in message for message in found.messages())
     with pytest.raises(FileError, match=r"both\.png"):
-        Senses(FakeReaders(), mode=Mode.FUSED).sense(part(folder, "both"))
+        Senses(FakeReader(), mode=Mode.FUSED).sense(part(folder, "both"))
 
 
 def test_two_photographs_are_told_where_vision_is_asked(folder: Path) -> None:
     (folder / "both.jpg").write_bytes(b"x")
-    assert Senses(FakeReaders()).sense(part(folder, "both")).reading.text == "A1"
+    assert Senses(FakeReader()).sense(part(folder, "both")).text == "A1"
     with pytest.raises(FileError, match="which is the part's is unclear"):
-        Senses(FakeReaders(), mode=Mode.VISION).sense(part(folder, "both"))
+        Senses(FakeReader(), mode=Mode.VISION).sense(part(folder, "both"))
 
 
-def test_only_the_readers_needed_are_opened(folder: Path) -> None:
-    for mode, names, opened in (
-        (None, "felt", ["touch"]),
-        (None, "seen", ["vision"]),
-        (Mode.AUTO, "both", ["touch", "vision"]),
-        (
-            Mode.VISION,
-            "felt",
-            ["touch"],
-        ),  # none can be read: what is wrong with the font is told all the same
-    ):
-        readers = FakeReaders()
-        named = [p for p in list_parts([str(folder)], photos=True) if p.name == names]
-        open_readers(readers, named, mode=mode)
-        assert readers.opened == opened
-
-
-def test_touch_is_verified_on_its_open_beliefs(folder: Path) -> None:
-    senses = Senses(FakeReaders(), expected=Expected("B1"))
+def test_touch_is_verified_on_its_beliefs(folder: Path) -> None:
+    senses = Senses(FakeReader(), expected=Expected("B1"))
     found = senses.sense(part(folder, "both"))
-    assert found.verification is not None
-    assert found.verification.verdict is Verdict.REFUTED
-    assert ReadingFlag.MISMATCH in found.reading.flags
-    found = Senses(FakeReaders(), expected=Expected("A1")).sense(part(folder, "both"))
-    assert found.verification is not None
-    assert found.verification.verdict is Verdict.CONFIRMED
+    assert found.trace.verification is not None
+    assert found.trace.verification.verdict is Verdict.REFUTED
+    assert ReadingFlag.MISMATCH in found.flags
+    found = Senses(FakeReader(), expected=Expected("A1")).sense(part(folder, "both"))
+    assert found.trace.verification is not None
+    assert found.trace.verification.verdict is Verdict.CONFIRMED
 
 
 def test_vision_under_a_format_looks_again_for_any_character(folder: Path) -> None:
-    readers = FakeReaders(grammar=Grammar(mask="A9"))
-    found = Senses(readers, expected=Expected("B1")).sense(part(folder, "seen"))
-    assert readers.opened == ["vision", "sight open to B1"]
-    assert found.verification is not None
-    assert found.verification.verdict is Verdict.CONFIRMED
-    readers = FakeReaders()
-    Senses(readers, expected=Expected("B1")).sense(part(folder, "seen"))
-    assert readers.opened == ["vision"]
+    reader = FakeReader("A9")
+    found = Senses(reader, expected=Expected("B1")).sense(part(folder, "seen"))
+    assert reader.asked == ["vision", "vision open to B1"]
+    assert found.trace.verification is not None
+    assert found.trace.verification.verdict is Verdict.CONFIRMED
+    reader = FakeReader()
+    Senses(reader, expected=Expected("B1")).sense(part(folder, "seen"))
+    assert reader.asked == ["vision"]
 
 
 def test_both_senses_are_verified_together(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     fused_as(monkeypatch, seen, lattice=lattice("B1"))
-    readers = FakeReaders(grammar=Grammar(mask="A9"))
-    found = Senses(readers, mode=Mode.FUSED, expected=Expected("B1")).sense(part(folder, "both"))
-    assert found.verification is not None
-    assert found.verification.verdict is Verdict.CONFIRMED
-    assert "sight open to B1" in readers.opened
-    felt, _, grammar = seen[-1]
-    assert (felt.chars, grammar) == (tuple("AB12"), None)
+    reader = FakeReader("A9")
+    found = Senses(reader, mode=Mode.FUSED, expected=Expected("B1")).sense(part(folder, "both"))
+    assert found.trace.verification is not None
+    assert found.trace.verification.verdict is Verdict.CONFIRMED
+    assert "vision open to B1" in reader.asked
     fused_as(monkeypatch, [], lattice=lattice("B1"), contradicted=("place 1",))
-    found = Senses(FakeReaders(), mode=Mode.FUSED, expected=Expected("B1")).sense(part(folder, "both"))
-    assert found.verification is not None
-    assert found.verification.verdict is Verdict.UNDECIDED
-    assert ReadingFlag.SENSES_DISAGREE in found.reading.flags
+    found = Senses(FakeReader(), mode=Mode.FUSED, expected=Expected("B1")).sense(part(folder, "both"))
+    assert found.trace.verification is not None
+    assert found.trace.verification.verdict is Verdict.UNDECIDED
+    assert ReadingFlag.SENSES_DISAGREE in found.flags
     # what the camera has nothing to say of, touch is asked alone
     fused_as(monkeypatch, [])
-    found = Senses(FakeReaders(), mode=Mode.FUSED, expected=Expected("A1")).sense(part(folder, "both"))
-    assert found.verification is not None
-    assert found.verification.verdict is Verdict.CONFIRMED
+    found = Senses(FakeReader(), mode=Mode.FUSED, expected=Expected("A1")).sense(part(folder, "both"))
+    assert found.trace.verification is not None
+    assert found.trace.verification.verdict is Verdict.CONFIRMED
 
 
 def test_a_part_that_the_table_does_not_know_is_told(folder: Path) -> None:
-    found = Senses(FakeReaders(), expected=Expected(by_part={"other": "A1"})).sense(part(folder, "felt"))
-    assert found.verification is None
-    assert "not verified" in found.reading.messages()[-1]
+    found = Senses(FakeReader(), expected=Expected(by_part={"other": "A1"})).sense(part(folder, "felt"))
+    assert found.trace.verification is None
+    assert "not verified" in found.messages()[-1]
 
 
 def test_a_part_with_a_problem_is_not_opened(folder: Path) -> None:
     problem = FileError("a", "b", "c")
     with pytest.raises(FileError):
-        Senses(FakeReaders()).sense(replace(part(folder, "felt"), problem=problem))
+        Senses(FakeReader()).sense(replace(part(folder, "felt"), problem=problem))

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from types import MappingProxyType
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from glyphs.camera.photo import Photo
 from pipeline.reading.photo_sizes import ENOUGH_ROWS, SIZES, read_at_sizes, shrunk
 from pipeline.reading.vision_file import middle_mm
 from recognition.reading import Decision, Reading
-from recognition.vision import VisionReading
 from recognition.vision_frame import LinePlace, photo_origin_mm
 
 
@@ -22,12 +19,13 @@ def looks(given: Photo, height_mm: float | None) -> list[int]:
     """Pixels of the photographs that were read, of characters so high."""
     seen: list[int] = []
 
-    def read(small: Photo) -> VisionReading:
+    def read(small: Photo) -> Reading:
         seen.append(small.shape[0] * small.shape[1])
         place = None if height_mm is None else LinePlace((1.0, 1.0), 3.0 * height_mm, height_mm)
-        return VisionReading(Reading((), Decision.REJECT, 0.0), None, None, "", place, MappingProxyType({}))
+        return Reading((), Decision.REJECT, 0.0).traced(place=place, photo=small)
 
-    last, _ = read_at_sizes(given, read)
+    last = read_at_sizes(given, read).trace.photo
+    assert last is not None
     assert last.shape[0] * last.shape[1] == seen[-1]
     return seen
 

@@ -13,10 +13,10 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, TraceDirection
 from pipeline.reading.vision_file import KeptVision, load_vision, middle_mm, moved, save_vision
+from recognition.box import Box
 from recognition.lattice import Lattice
 from recognition.reader_settings import ReaderSettings
-from recognition.reading import Box, Decision, ReadingFlag
-from recognition.vision import VisionReading
+from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.vision_combine import as_reading
 from recognition.vision_frame import LinePlace
 
@@ -41,22 +41,21 @@ def edges(shape: tuple[int, int] = (40, 90), pitch_mm: float = 0.1) -> EdgeMap:
     )
 
 
-def vision(**changes: object) -> VisionReading:
-    reading = replace(
+def vision(**trace: object) -> Reading:
+    members = {
+        "lattice": lattice(),
+        "open_lattice": lattice(1.0),
+        "edge_map": edges(),
+        "engine": "templates",
+        "place": LinePlace((4.0, 5.0), 7.0, 5.0, 1.5),
+        "by_engine": MappingProxyType({"templates": lattice()}),
+    }
+    return replace(
         as_reading(lattice(), ReaderSettings(), flags=ReadingFlag.FOREIGN_SHAPES | ReadingFlag.DROPOUTS),
         notes=("read by templates alone",),
         seconds=MappingProxyType({"templates": 0.2}),
         height_mm=5.0,
-    )
-    made = VisionReading(
-        reading=reading,
-        lattice=lattice(),
-        edges=edges(),
-        engine="templates",
-        place=LinePlace((4.0, 5.0), 7.0, 5.0, 1.5),
-        by_engine=MappingProxyType({"templates": lattice()}),
-    )
-    return replace(made, **changes)
+    ).traced(**{**members, **trace})
 
 
 def assert_same_lattice(one: Lattice | None, other: Lattice | None) -> None:
@@ -70,32 +69,36 @@ def assert_same_lattice(one: Lattice | None, other: Lattice | None) -> None:
 
 
 def test_what_was_seen_comes_back(tmp_path: Path) -> None:
-    kept = KeptVision(vision(), (1.0, 2.0), lattice(1.0), "AB")
+    kept = KeptVision(vision(), (1.0, 2.0), "AB")
     save_vision(tmp_path / "a.npz", kept)
     again = load_vision(tmp_path / "a.npz")
-    assert again.vision.reading == kept.vision.reading
-    assert again.vision.place == kept.vision.place
-    assert again.vision.engine == "templates"
+    assert again.vision == kept.vision
+    assert again.vision.trace.place == kept.vision.trace.place
+    assert again.vision.trace.engine == "templates"
     assert (again.middle_mm, again.expected) == ((1.0, 2.0), "AB")
-    assert_same_lattice(again.vision.lattice, kept.vision.lattice)
-    assert_same_lattice(again.open_lattice, kept.open_lattice)
-    assert_same_lattice(again.vision.by_engine["templates"], kept.vision.by_engine["templates"])
-    assert again.vision.edges is not None
-    assert kept.vision.edges is not None
-    np.testing.assert_array_equal(again.vision.edges.valid, kept.vision.edges.valid)
+    assert_same_lattice(again.vision.trace.lattice, kept.vision.trace.lattice)
+    assert_same_lattice(again.vision.trace.open_lattice, kept.vision.trace.open_lattice)
+    assert_same_lattice(again.vision.trace.by_engine["templates"], kept.vision.trace.by_engine["templates"])
+    assert again.vision.trace.edge_map is not None
+    assert kept.vision.trace.edge_map is not None
+    np.testing.assert_array_equal(again.vision.trace.edge_map.valid, kept.vision.trace.edge_map.valid)
     np.testing.assert_allclose(
-        again.vision.edges.enhancement, kept.vision.edges.enhancement, rtol=HALF_PRECISION
+        again.vision.trace.edge_map.enhancement, kept.vision.trace.edge_map.enhancement, rtol=HALF_PRECISION
     )
-    assert again.vision.edges.origin_mm == kept.vision.edges.origin_mm
+    assert again.vision.trace.edge_map.origin_mm == kept.vision.trace.edge_map.origin_mm
 
 
 def test_nothing_seen_comes_back_as_nothing(tmp_path: Path) -> None:
-    nothing = vision(lattice=None, edges=None, place=None, by_engine=MappingProxyType({}))
-    nothing = replace(nothing, reading=replace(nothing.reading, characters=(), decision=Decision.REJECT))
+    nothing = vision(lattice=None, edge_map=None, place=None, by_engine=MappingProxyType({}))
+    nothing = replace(nothing, characters=(), decision=Decision.REJECT)
     save_vision(tmp_path / "a.npz", KeptVision(nothing))
     again = load_vision(tmp_path / "a.npz")
-    assert (again.vision.lattice, again.vision.edges, again.vision.place) == (None, None, None)
-    assert again.vision.reading.decision is Decision.REJECT
+    assert (again.vision.trace.lattice, again.vision.trace.edge_map, again.vision.trace.place) == (
+        None,
+        None,
+        None,
+    )
+    assert again.vision.decision is Decision.REJECT
     assert again.middle_mm is None
 
 
@@ -104,8 +107,8 @@ def test_fine_edges_are_thinned_and_stay_where_they_are(tmp_path: Path) -> None:
     yy, xx = np.mgrid[0:400, 0:900]
     bump = np.exp(-((xx - 300.0) ** 2 + (yy - 100.0) ** 2) / 2000.0).astype(np.float32)
     fine = replace(fine, enhancement=np.stack([bump, bump]), valid=np.ones_like(fine.valid))
-    save_vision(tmp_path / "a.npz", KeptVision(vision(edges=fine)))
-    thin = load_vision(tmp_path / "a.npz").vision.edges
+    save_vision(tmp_path / "a.npz", KeptVision(vision(edge_map=fine)))
+    thin = load_vision(tmp_path / "a.npz").vision.trace.edge_map
     assert thin is not None
     assert thin.pitch_mm > 3.0 * fine.pitch_mm
     weight = thin.enhancement[0] / thin.enhancement[0].sum()
@@ -118,30 +121,30 @@ def test_fine_edges_are_thinned_and_stay_where_they_are(tmp_path: Path) -> None:
 
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
 def test_moving_moves_all_alike(x_mm: float, y_mm: float) -> None:
-    kept = KeptVision(vision(), (1.0, 2.0), lattice(1.0), "AB")
+    kept = KeptVision(vision(), (1.0, 2.0), "AB")
     away = moved(kept, x_mm, y_mm)
-    assert away.vision.edges is not None
-    assert away.vision.edges.origin_mm == pytest.approx((-3.0 + x_mm, 1.0 + y_mm))
-    assert away.vision.place is not None
-    assert away.vision.place.middle_mm == pytest.approx((4.0 + x_mm, 5.0 + y_mm))
+    assert away.vision.trace.edge_map is not None
+    assert away.vision.trace.edge_map.origin_mm == pytest.approx((-3.0 + x_mm, 1.0 + y_mm))
+    assert away.vision.trace.place is not None
+    assert away.vision.trace.place.middle_mm == pytest.approx((4.0 + x_mm, 5.0 + y_mm))
     assert away.middle_mm == pytest.approx((1.0 + x_mm, 2.0 + y_mm))
     for one, other in (
-        (kept.vision.lattice, away.vision.lattice),
-        (kept.open_lattice, away.open_lattice),
-        (kept.vision.by_engine["templates"], away.vision.by_engine["templates"]),
+        (kept.vision.trace.lattice, away.vision.trace.lattice),
+        (kept.vision.trace.open_lattice, away.vision.trace.open_lattice),
+        (kept.vision.trace.by_engine["templates"], away.vision.trace.by_engine["templates"]),
     ):
         assert one is not None
         assert other is not None
         for was, now in zip(one.boxes, other.boxes, strict=True):
             assert now.x0_mm - was.x0_mm == pytest.approx(x_mm)
             assert now.y1_mm - was.y1_mm == pytest.approx(y_mm)
-    assert away.vision.reading.characters[0].box == away.vision.lattice.boxes[0]  # type: ignore[union-attr]
+    assert away.vision.characters[0].box == away.vision.trace.lattice.boxes[0]  # type: ignore[union-attr]
 
 
 def test_open_beliefs_are_of_their_text_only() -> None:
-    kept = KeptVision(vision(), None, lattice(1.0), "AB")
-    assert kept.open_for("AB") is kept.open_lattice
-    assert kept.open_for("XY") is kept.vision.lattice
+    kept = KeptVision(vision(), None, "AB")
+    assert kept.vision_for("AB") is kept.vision
+    assert kept.vision_for("XY").trace.open_lattice is kept.vision.trace.lattice
 
 
 def test_middle_of_a_picture() -> None:

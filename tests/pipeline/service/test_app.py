@@ -18,7 +18,7 @@ from pipeline.files.synth import SynthSpec, write_part
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage_driver import load_driver
-from tests.support.service_fixtures import MASK, inline_service
+from tests.support.service_fixtures import FORMAT, inline_service
 
 CLEAN, FILTHY = "clean", "filthy"
 
@@ -29,7 +29,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("parts")
     for name, dirt, number in ((CLEAN, 0.0, 0), (FILTHY, 0.8, 3)):
         text = write_part(
-            SynthSpec(mask=MASK, seed=21, dirt=Dirt.of(dirt)), folder / name, number, photos=True
+            SynthSpec(format=FORMAT, seed=21, dirt=Dirt.of(dirt)), folder / name, number, photos=True
         )
         (folder / f"{name}.txt").write_text(text)
     return folder

@@ -32,7 +32,7 @@ def test_a_part_goes_out_on_every_line(
     request: pytest.FixtureRequest,
 ) -> None:
     store_url = empty_stores("postgresql", request)
-    truth = write_part(SynthSpec(mask="AA99", seed=2), tmp_path / "P17", 0, photos=True)
+    truth = write_part(SynthSpec(format="AA99", seed=2), tmp_path / "P17", 0, photos=True)
     hook, posted = _receiver()
     broker = Broker(tmp_path, find_program("mosquitto"))
     broker.start()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -18,12 +18,12 @@ import numpy as np
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.fonts.glyph import Font
-from glyphs.surface.maps import EdgeMap
+from recognition.box import Box
 from recognition.lattice import Lattice
 from recognition.ocr_rapid import Frames, RapidEngine
 from recognition.ocr_views import FIRST_VIEW, View
-from recognition.reader import Reader, ReaderSettings
-from recognition.reading import Box, Decision, Reading, ReadingFlag
+from recognition.reader_settings import ALPHABET, ReaderSettings, Repertoire
+from recognition.reading import Decision, Reading, ReadingFlag, ReadingTrace
 from recognition.vision_combine import as_reading, certainty, joined
 from recognition.vision_edges import vision_edges
 from recognition.vision_engine import EngineMissingError
@@ -49,27 +49,6 @@ CLOSE_SPANS = (0.025,)
 """Relative changes of height tried in the close look."""
 
 
-@dataclass(frozen=True, eq=False)
-class VisionReading:
-    """A reading of a photograph and what it rests on.
-
-    Attributes:
-        reading: the answer; boxes in the photo frame.
-        lattice: beliefs at every place, boxes in the photo frame; None where no line was found.
-        edges: the camera's edge map at the scale of the line found; None where none was.
-        engine: "rapidocr", "templates", or both joined by "+".
-        place: where the line lies.
-        by_engine: the lattice of each engine by itself.
-    """
-
-    reading: Reading
-    lattice: Lattice | None
-    edges: EdgeMap | None
-    engine: str
-    place: LinePlace | None
-    by_engine: MappingProxyType[str, Lattice]
-
-
 class VisionReader:
     """Reads photographs one after the other; keeps the network, fonts and templates between them."""
 
@@ -77,7 +56,6 @@ class VisionReader:
         self,
         settings: ReaderSettings | None = None,
         *,
-        fonts: tuple[Font, ...] = (),
         engine: Engine = "best",
         calibrated: Callable[[Lattice], Lattice] | None = None,
     ) -> None:
@@ -85,19 +63,18 @@ class VisionReader:
 
         Args:
             settings: as of the reader by touch; `fidelity` and `depth_rules` are of no account here.
-            fonts: fonts already loaded, beside those the settings name.
             engine: the network, the templates, or the two together where the network is installed.
             calibrated: turns beliefs into probabilities; as they are unless given.
 
         Raises:
             EngineMissingError: "rapidocr" asked for and not installed.
-            FontError, FormatError: as of the reader by touch.
+            FontError: as of the reader by touch.
         """
-        # format and fonts are checked and prepared as for touch
-        told = Reader(settings, fonts=fonts)
-        self.settings, self.fonts, self.chars = told.settings, told.fonts, told.chars
-        self.places, self.gaps, self.grammar = told.places, told.gaps, told.grammar
-        self.named = bool(self.settings.fonts or fonts)
+        self.settings = settings if settings is not None else ReaderSettings()
+        self.named = bool(self.settings.fonts)
+        repertoire = Repertoire(replace(self.settings, fonts=_whole(self.settings.fonts)))
+        self.fonts, self.chars, self.grammar = repertoire.fonts, repertoire.chars, repertoire.grammar
+        self.places, self.gaps = repertoire.places, repertoire.gaps
         self.calibrated = calibrated
         self.notes: tuple[str, ...] = ()
         self.rapid: RapidEngine | None = None
@@ -111,7 +88,7 @@ class VisionReader:
         self.by_templates = engine != "rapidocr"
         self._bases: dict[tuple[str, Look], VisionBasis] = {}
 
-    def read_photo(self, photo: Photo, *, about: LinePlace | None = None) -> VisionReading:
+    def read_photo(self, photo: Photo, *, about: LinePlace | None = None) -> Reading:
         """Read a photograph.
 
         Args:
@@ -165,14 +142,14 @@ class VisionReader:
 
     def _answer(
         self, photo: Photo, lattices: dict[str, Lattice], place: LinePlace | None, seconds: dict[str, float]
-    ) -> VisionReading:
-        by_engine = MappingProxyType(lattices)
+    ) -> Reading:
+        trace = ReadingTrace(photo=photo, by_engine=MappingProxyType(lattices))
         if not lattices:
             nothing = Reading(
                 (), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision", notes=self.notes,
-                seconds=MappingProxyType(seconds),
+                seconds=MappingProxyType(seconds), trace=trace,
             )  # fmt: skip
-            return VisionReading(nothing, None, None, "", None, by_engine)
+            return nothing
         weights = {"templates": NAMED_WEIGHT if self.named else FOREIGN_WEIGHT, "rapidocr": 1.0}
         lattice = joined(lattices, weights)
         if self.calibrated is not None:
@@ -189,8 +166,9 @@ class VisionReader:
         if place is not None:
             edges = vision_edges(photo, height_mm=place.height_mm)
             reading = replace(reading, height_mm=place.height_mm, rotation_deg=place.rotation_deg)
-        reading = replace(reading, notes=self.notes, seconds=MappingProxyType(seconds))
-        return VisionReading(reading, lattice, edges, "+".join(sorted(lattices)), place, by_engine)
+        engine = "+".join(sorted(lattices))
+        trace = replace(trace, edge_map=edges, lattice=lattice, engine=engine, place=place)
+        return replace(reading, notes=self.notes, seconds=MappingProxyType(seconds), trace=trace)
 
     def _basis(self, font: Font, look: Look) -> VisionBasis:
         key = (font.name, look)
@@ -278,6 +256,21 @@ class VisionReader:
         if read is None:
             return None, None
         return replace(read, boxes=boxes_in_frame(crop, read.boxes)), place
+
+
+def _whole(fonts: Sequence[str | Font]) -> tuple[str | Font, ...]:
+    """The fonts without those learned in part, unless there are no others.
+
+    Touch doubts what may be a character that it has no shape of (`recognition.unseen_glyphs`); vision cannot.
+    """
+    partial = {
+        f
+        for f in fonts
+        if isinstance(f, Font) and any(f.glyphs[c].guessed for c in ALPHABET if c in f.glyphs)
+    }
+    if all(f in partial for f in fonts if isinstance(f, Font)):
+        return tuple(fonts)
+    return tuple(f for f in fonts if f not in partial)
 
 
 def _promise(seen: tuple[VisionFit, Font]) -> float:

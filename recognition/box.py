@@ -1,0 +1,22 @@
+"""Where something stands on the plate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of the plate frame, mm."""
+
+    x0_mm: float
+    y0_mm: float
+    x1_mm: float
+    y1_mm: float
+
+    def __post_init__(self) -> None:
+        if self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm:
+            raise ValueError(f"box {self} runs backwards")
+
+    def __repr__(self) -> str:
+        return f"Box({self.x0_mm:.6g}, {self.y0_mm:.6g}, {self.x1_mm:.6g}, {self.y1_mm:.6g})"
