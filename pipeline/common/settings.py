@@ -93,7 +93,7 @@ class ReadSettings(Settings):
     )
     format: Annotated[tuple[str, ...], BeforeValidator(_one), AfterValidator(_formats)] = Field(
         default=(),
-        description="What serials look like; may be repeated, all must hold. A mask such as AA999999 (A letter, "
+        description="What serials look like; may be repeated, all must hold. Such as AA999999 (A letter, "
         "9 digit, * either, any other character itself), re:EXPRESSION, sets:AB,0-9,... (the characters of each "
         "place), vin, or check:RULE; +check=RULE and +exclude=IOQ may follow any of them.",
     )

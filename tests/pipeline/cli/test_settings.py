@@ -159,7 +159,7 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
         ("height_mm = {a = 1}", "height_mm in "),
         ('fidelity = "exact"', "fidelity"),
         ('mode = "smell"', "mode in .* is 'smell'.*'tactile'"),
-        ("format = ''", "format in .* the format is empty; write a mask"),
+        ("format = ''", "format in .* the format is empty; write for example"),
         ("format = ['AA99', 're:[']", r"format in .*toml"),
         ("check = 'luhm'", "check in .* unknown check digit 'luhm'; known are vin, luhn"),
         ("exclude = 'I O'", "exclude in .* is 'I O': it has a blank"),

@@ -41,7 +41,7 @@ def test_the_reader_is_given_the_rules() -> None:
 def test_the_readers_are_told_grammar_and_thresholds() -> None:
     made = open_reader(ReadSettings(format=("AA99",), accept_confidence=0.5)).settings
     assert made.grammar is not None
-    assert made.grammar.mask == "AA99"
+    assert made.grammar.format == "AA99"
     assert (made.accept_confidence, made.accept_margin) == (0.5, ReaderSettings().accept_margin)
     assert open_reader(ReadSettings()).settings.grammar is None
 
