@@ -127,11 +127,11 @@ def test_formats_that_cannot_be_are_said(texts: tuple[str, ...], said: str) -> N
 
 
 def test_lexicons_that_cannot_be_are_said() -> None:
-    with pytest.raises(FormatError, match=f"1 to {MOST_WORDS} serials; this one has 0"):
+    with pytest.raises(FormatError, match=f"the lexicon has 0 serials; give 1 to {MOST_WORDS}"):
         Grammar.parse(lexicon=[" "])
     with pytest.raises(FormatError, match="no serial meets"):
         Grammar.parse("99", lexicon=["AB", "1"])
-    with pytest.raises(FormatError, match="this one has 100001"):
+    with pytest.raises(FormatError, match="has 100001 serials"):
         Grammar.parse(lexicon=map(str, range(MOST_WORDS + 1)))
 
 

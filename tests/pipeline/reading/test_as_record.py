@@ -22,9 +22,10 @@ from pipeline.files.npz import write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.reading.as_record import record_of_part, rivals_of
 from pipeline.reading.part_reader import Senses
+from recognition.box import Box
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.reading import Box, Candidate, CharacterReading, Decision, MarkDepth, Reading, ReadingFlag
+from recognition.reading import Candidate, CharacterReading, Decision, MarkDepth, Reading, ReadingFlag
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 
@@ -58,19 +59,15 @@ class FakeReader:
         if value == 14:
             raise MapError("no such thing")
         if value == 15:
-            return felt(reading("15", confidence=0.2, decision=Decision.REVIEW))
-        return felt(reading(str(value)))
+            return reading("15", confidence=0.2, decision=Decision.REVIEW)
+        return reading(str(value))
 
     def read_scan(self, scan: object) -> Any:
         raise AssertionError("no scan in these tests")
 
 
-def felt(found: Reading) -> Any:
-    return SimpleNamespace(reading=found, lattice=None, open_lattice=None, height_map=None)
-
-
 def fake_senses() -> Senses:
-    readers: Any = SimpleNamespace(touch=FakeReader(), vision=None, grammar=None, told=None)
+    readers: Any = SimpleNamespace(touch=FakeReader(), vision=None, grammar=None)
     return Senses(readers)
 
 
