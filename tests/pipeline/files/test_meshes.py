@@ -13,7 +13,7 @@ from glyphs import stamp
 from glyphs.errors import FileError
 from pipeline.files.touch_file import read_height_map
 from pipeline.files.units import Unit
-from recognition.reader import Reader, ReaderSettings
+from recognition.reader import Reader
 
 PART = stamp("KX407", font="gothic", height_mm=5, seed=1).height_map
 ROWS, COLS = PART.shape
@@ -48,10 +48,8 @@ def test_a_grid_keeps_its_heights(name: str, tmp_path: Path) -> None:
 
 
 def test_the_serial_of_a_mesh_is_read(tmp_path: Path) -> None:
-    found = Reader(ReaderSettings(fonts=("gothic",), mask="AA999")).read_height_map(
-        read_height_map(write(tmp_path / "mesh.stl"))
-    )
-    assert (found.reading.text, found.reading.decision) == ("KX407", "accept")
+    found = Reader(fonts=["gothic"], format="AA999").read(read_height_map(write(tmp_path / "mesh.stl")))
+    assert (found.text, found.decision) == ("KX407", "accept")
 
 
 def test_columns_of_text_in_any_order_with_a_heading(tmp_path: Path) -> None:
