@@ -1,18 +1,17 @@
-"""A command line's run, from its inputs to what is told at its end."""
+"""A command line's run, from its inputs to what is printed at its end."""
 
 from __future__ import annotations
 
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from pipeline.batch.options import RunOptions
 from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
-from pipeline.batch.setup import Target, absolute, opened, order_for, with_expected
-from pipeline.common.atomic import check_writable, replacing
+from pipeline.batch.setup import absolute, opened, order_for, with_expected
+from pipeline.common.atomic import replacing
 from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
@@ -27,27 +26,16 @@ MOST_SHOWN = 200
 """Parts whose rows are printed; of more the counts are, and the table has the rows."""
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What a command line asks for, beside settings.
+def run_batch(
+    inputs: Sequence[str], settings: ReadSettings, options: RunOptions, executors: ExecutorOptions
+) -> int:
+    """Read parts, and print what came of it.
 
-    Attributes:
+    Args:
         inputs: files, folders, globs, URLs and manifests.
-        manifests: more of the latter.
-        verify: a text, or a table of texts.
-        truth: table to score against.
-        summary: file for the counts.
-    """
-
-    inputs: tuple[str, ...]
-    manifests: tuple[str, ...] = ()
-    verify: str | None = None
-    truth: Path | None = None
-    summary: Path | None = None
-
-
-def produce(asked: Asked, settings: ReadSettings, target: Target, means: ExecutorOptions) -> int:
-    """Read what is asked for, and print what came of it.
+        settings: of reading.
+        options: what to check, and where the rows go.
+        executors: who reads.
 
     Returns:
         0; 1 where a part could not be read, or is not confirmed to bear the text expected of it.
@@ -58,25 +46,24 @@ def produce(asked: Asked, settings: ReadSettings, target: Target, means: Executo
         ClusterError: a cluster that cannot be used.
         ValueError: settings, a font, format or database that cannot be used.
     """
-    scores = Scores(load_truth(asked.truth)) if asked.truth is not None else None
-    if asked.summary is not None:
-        check_writable(asked.summary)
+    options.check()
+    scores = Scores(load_truth(options.truth)) if options.truth is not None else None
     vision = settings.mode in ("vision", "fused", "auto")
     parts = list_parts(
-        asked.inputs, manifests=asked.manifests, photos=vision and settings.mode != "fused", beside=vision
+        inputs, manifests=options.manifest, photos=vision and settings.mode != "fused", beside=vision
     )
     reader = open_reader(settings)
-    expected = load_expected(asked.verify, reader.grammar) if asked.verify is not None else None
+    expected = load_expected(options.verify, reader.grammar) if options.verify is not None else None
     if expected is not None:
         parts = with_expected(parts, expected)
-    if means.cluster is not None:
+    if executors.cluster is not None:
         parts = absolute(parts)
-    order = order_for(settings, target, means, verify=expected is not None)
+    order = order_for(settings, options, executors, verify=expected is not None)
 
     shown: dict[str, Row] | None = {} if len(parts) <= MOST_SHOWN else None
-    with opened(target, _description(asked, settings)) as run:
+    with opened(options, _description(inputs, settings, options)) as run:
         done = len(run.book.done) if run.book is not None else 0
-        _tell_begun(run, target)
+        _print_begun(run, options)
         with Progress(len(parts), done=done) as advance:
             run.on_row = advance
 
@@ -88,7 +75,7 @@ def produce(asked: Asked, settings: ReadSettings, target: Target, means: Executo
 
             run.on_any_row = on_any_row
             began = time.monotonic()
-            with means.opened(len(parts) - done) as executor:
+            with executors.opened(len(parts) - done) as executor:
                 run.work(parts, order, executor)
                 workers = executor.workers
         elapsed_s = time.monotonic() - began
@@ -96,51 +83,53 @@ def produce(asked: Asked, settings: ReadSettings, target: Target, means: Executo
         from pipeline.batch.read_table import print_table
 
         print_table([shown[part.name] for part in parts])
-    _tell_done(run, asked, target, elapsed_s=elapsed_s, workers=workers)
+    _print_done(run, options, elapsed_s=elapsed_s, workers=workers)
     if scores is not None:
         print(scores.accuracy().describe())
     if expected is not None and (missing := expected.not_among(part.name for part in parts)):
-        print(f"{len(missing)} of the table of {asked.verify} not read: {', '.join(missing[:5])}")
+        print(f"{len(missing)} parts of {options.verify} were not read: {', '.join(missing[:5])}")
     return _status(run, parts, every=expected is not None)
 
 
-def _description(asked: Asked, settings: ReadSettings) -> dict[str, Any]:
+def _description(inputs: Sequence[str], settings: ReadSettings, options: RunOptions) -> dict[str, Any]:
     """What the rows depend on."""
     return {
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
-        "inputs": [*asked.inputs, *asked.manifests],
-        "verify": asked.verify,
+        "inputs": [*inputs, *options.manifest],
+        "verify": options.verify,
         "program": program_version(),
     }
 
 
-def _tell_begun(run: Run, target: Target) -> None:
+def _print_begun(run: Run, options: RunOptions) -> None:
     if run.book is None:
         return
     if run.book.resumed:
-        print(f"going on with a run that was broken off: {len(run.book.done):,} parts are read already")
+        print(f"continuing an interrupted run: {len(run.book.done):,} parts are read already")
     if run.book.kept is not None:
-        print(f"{target.out} stood there already; it is kept as {run.book.kept}")
+        print(f"{options.out} existed already; it is kept as {run.book.kept}")
 
 
-def _tell_done(run: Run, asked: Asked, target: Target, *, elapsed_s: float, workers: int) -> None:
+def _print_done(run: Run, options: RunOptions, *, elapsed_s: float, workers: int) -> None:
     summary = run.summary
     if summary.parts > 1:
         print("\n".join(summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)))
-    if target.out is not None:
-        print(f"wrote {target.out}")
+    if options.out is not None:
+        print(f"wrote {options.out}")
     if run.quarantine is not None and summary.errors:
-        print(f"wrote {run.quarantine.path}, the parts that could not be read: mend their files and read it")
-    if asked.summary is not None:
+        print(
+            f"wrote {run.quarantine.path}, the parts that could not be read; correct their files and give it to read"
+        )
+    if options.summary is not None:
         counts = {
             **summary.as_json(),
             "read_now": run.read_now,
             "elapsed_s": round(elapsed_s, 3),
             "workers": workers,
         }
-        with replacing(asked.summary) as temporary:
+        with replacing(options.summary) as temporary:
             temporary.write_text(json.dumps(counts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        print(f"wrote {asked.summary}")
+        print(f"wrote {options.summary}")
 
 
 def _status(run: Run, parts: Sequence[ListedPart], *, every: bool) -> int:

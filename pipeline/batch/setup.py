@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.batch.options import RunOptions
 from pipeline.batch.run import Run
 from pipeline.batch.task import RunOrder
-from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
 from pipeline.workers.options import ExecutorOptions
 
@@ -19,46 +20,12 @@ if TYPE_CHECKING:
     from pipeline.reading.expected import Expected
 
 
-@dataclass(frozen=True)
-class Target:
-    """Where rows go.
-
-    Attributes:
-        out: table (.csv, .jsonl, .parquet) or URL of a store; None: nowhere but the terminal.
-        evidence: the service's folder of files, for pictures of parts to be reviewed; of a store alone.
-    """
-
-    out: str | None = None
-    evidence: Path | None = None
-
-    @property
-    def store(self) -> str | None:
-        """URL of the store, where that is the output."""
-        from pipeline.batch.store_target import is_store
-
-        return self.out if self.out is not None and is_store(self.out) else None
-
-    def check(self) -> None:
-        """Refuse, before the work starts, a table that could not be written.
-
-        Raises:
-            FileError: unknown suffix, or a place that cannot be written.
-            SettingsError: pictures without a store.
-        """
-        from pipeline.batch.tables import check_output
-
-        if self.evidence is not None and self.store is None:
-            raise SettingsError("--evidence goes with a store: --out sqlite:///parts.db")
-        if self.out is not None and self.store is None:
-            check_output(Path(self.out))
-
-
 @contextmanager
-def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
+def opened(options: RunOptions, description: dict[str, Any]) -> Iterator[Run]:
     """A run with its table open, begun or taken up where it was broken off.
 
     Args:
-        target: where rows go.
+        options: where rows go.
         description: what the answers depend on, in plain JSON values.
 
     Raises:
@@ -70,28 +37,30 @@ def opened(target: Target, description: dict[str, Any]) -> Iterator[Run]:
     from pipeline.batch.store_target import RunStore
     from pipeline.common.run_description import key_of
 
-    if target.out is None:
+    if options.out is None:
         yield Run()
         return
-    table, bad = Path(target.out), Path(target.out).with_suffix(".quarantine.csv")
-    if target.store is not None:
+    table, bad = Path(options.out), Path(options.out).with_suffix(".quarantine.csv")
+    if options.store is not None:
         # which parts of a run a store has is told by a table of their rows, for as long as the run lasts
-        key = key_of({**description, "store": target.store})
+        key = key_of({**description, "store": options.store})
         table, bad = Path(f"tactile-marks-{key}.jsonl"), Path("parts.quarantine.csv")
     with ExitStack() as stack:
         book = stack.enter_context(RunJournal.open(table, description))
         quarantine = Quarantine(bad, keep=book.resumed)
         stack.callback(quarantine.close)
         store = None
-        if target.store is not None:
-            store = stack.enter_context(RunStore(target.store, book.run_id, evidence=target.evidence))
+        if options.store is not None:
+            store = stack.enter_context(RunStore(options.store, book.run_id, evidence=options.evidence))
         run = Run(book, quarantine, store)
         yield run
-        if target.store is not None and run.finished:
+        if options.store is not None and run.finished:
             table.unlink()
 
 
-def order_for(settings: ReadSettings, target: Target, means: ExecutorOptions, *, verify: bool) -> RunOrder:
+def order_for(
+    settings: ReadSettings, options: RunOptions, executors: ExecutorOptions, *, verify: bool
+) -> RunOrder:
     """How the parts are read, ready to be sent to the workers.
 
     Raises:
@@ -99,8 +68,8 @@ def order_for(settings: ReadSettings, target: Target, means: ExecutorOptions, *,
     """
     from pipeline.batch.setting_files import files_to_send
 
-    sent = files_to_send(settings) if means.cluster is not None else {}
-    return RunOrder(settings, verify, target.store is not None and target.evidence is not None, sent)
+    sent = files_to_send(settings) if executors.cluster is not None else {}
+    return RunOrder(settings, verify, options.store is not None and options.evidence is not None, sent)
 
 
 def with_expected(parts: Sequence[ListedPart], expected: Expected) -> list[ListedPart]:

@@ -37,7 +37,7 @@ def synth(
     pixel_mm: float = 0.06,
     light_azimuth_deg: float | None = None,
     light_elevation_deg: float | None = None,
-    jobs: int = 1,
+    jobs: int | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Stamp serials on plates: part-000.npz, part-000.png and so on, and truth.csv.
@@ -91,7 +91,7 @@ def synth(
     light_elevation_deg
         How high it stands over the plate; drawn from 25 to 65 unless given.
     jobs
-        Processes.
+        Worker processes; one for each core unless given, or none for a few parts.
     overwrite
         Write into a folder that is not empty.
     """

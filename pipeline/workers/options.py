@@ -17,9 +17,9 @@ class ExecutorOptions:
     """Who works.
 
     Attributes:
-        jobs: processes; as many as there are cores, or none for a few parts, unless given.
-        cluster: address of a Dask scheduler, whose workers work instead.
-        part_timeout_s: after which a process of this machine gives a part up.
+        jobs: Worker processes; one for each core unless given, or none for a few parts.
+        cluster: Address of a Dask scheduler (tcp://HOST:8786), whose workers work instead. Needs the extra cluster.
+        part_timeout_s: Seconds after which a process of this machine gives a part up.
     """
 
     jobs: int | None = None

@@ -99,7 +99,7 @@ def test_a_killed_run_goes_on_where_it_ended(parts: Path, tmp_path: Path, out: s
     process = started(parts, tmp_path, out)
     told, error = process.communicate(timeout=WAIT_S)
     assert process.returncode == 1, error  # the bad part
-    assert f"going on with a run that was broken off: {len(before)} parts are read already" in told
+    assert f"continuing an interrupted run: {len(before)} parts are read already" in told
     assert f"{PARTS} parts" in told
     rows_of = read_table(tmp_path / out)
     assert [str(row["part"]) for row in rows_of] == [f"part-{k:02d}" for k in range(PARTS)]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
+from pipeline.batch.options import RunOptions
 from pipeline.batch.read_table import notes, print_table, table_lines
 from pipeline.cli.read import read
 from pipeline.common.row import Row
@@ -146,7 +147,7 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         # three characters where two are felt: neither
         ("part,text\na,A1\nb,A18\n", 1, "1 confirmed, 1 undecided"),
         ("part,text\na,A1\n", 1, "2 accept, 1 confirmed"),
-        ("part,text\na,A1\nb,A1\nc,A1\n", 0, "1 of the table of wanted.csv not read: c"),
+        ("part,text\na,A1\nb,A1\nc,A1\n", 0, "1 parts of wanted.csv were not read: c"),
         # a character that nobody looked for is an error of its row
         ("part,text\na,A1\nb,X1\n", 1, "1 confirmed, 1 with an error"),
     ],
@@ -158,7 +159,7 @@ def test_verified_parts_and_the_exit_status(
     if table is not None and "," in table:
         Path("wanted.csv").write_text(table, encoding="utf-8")
         verify = "wanted.csv"
-    assert read(str(parts), verify=verify) == status
+    assert read(str(parts), run=RunOptions(verify=verify)) == status
     assert told in capsys.readouterr().out
 
 
@@ -166,4 +167,4 @@ def test_a_fault_is_status_1(parts: Path, capsys: pytest.CaptureFixture[str]) ->
     write_npz(parts / "c.npz", HeightMap(np.full((5, 6), -1.0, np.float32), 0.1))
     assert read(str(parts)) == 1
     assert "1 with an error" in capsys.readouterr().out
-    assert read(str(parts), verify="A1") == 1
+    assert read(str(parts), run=RunOptions(verify="A1")) == 1

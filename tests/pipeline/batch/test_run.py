@@ -14,10 +14,11 @@ import sqlalchemy as sa
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from pipeline.batch.journal import RunJournal
+from pipeline.batch.options import RunOptions
 from pipeline.batch.quarantine import Quarantine
 from pipeline.batch.run import Run
 from pipeline.batch.setting_files import files_to_send, settled
-from pipeline.batch.setup import Target, opened
+from pipeline.batch.setup import opened
 from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
 from pipeline.cli.main import main
 from pipeline.common.records import EvidenceKind, ReadingRecord
@@ -162,23 +163,23 @@ def test_files_of_the_settings_travel_with_the_order(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("target", "message"),
-    [(Target("rows.xlsx"), "rows.xlsx"), (Target("no/such/rows.csv"), "rows.csv")],
+    [(RunOptions(out="rows.xlsx"), "rows.xlsx"), (RunOptions(out="no/such/rows.csv"), "rows.csv")],
 )
-def test_tables_that_cannot_be_written_are_told_before_the_run(target: Target, message: str) -> None:
+def test_tables_that_cannot_be_written_are_told_before_the_run(target: RunOptions, message: str) -> None:
     with pytest.raises(FileError, match=message):
         target.check()
 
 
 def test_pictures_go_with_a_store_alone() -> None:
     with pytest.raises(SettingsError, match="--evidence goes with a store"):
-        Target("rows.csv", Path("evidence")).check()
-    Target("sqlite:///parts.db", Path("evidence")).check()
+        RunOptions(out="rows.csv", evidence=Path("evidence")).check()
+    RunOptions(out="sqlite:///parts.db", evidence=Path("evidence")).check()
 
 
 def test_a_run_into_a_store_leaves_no_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sqlalchemy")
     monkeypatch.chdir(tmp_path)
-    with opened(Target("sqlite:///parts.db"), {"inputs": ["a"]}) as run:
+    with opened(RunOptions(out="sqlite:///parts.db"), {"inputs": ["a"]}) as run:
         run.work(PARTS, ORDER, FakeExecutor(bad=["p2"]))
     assert sorted(p.name for p in tmp_path.iterdir() if not p.name.startswith("parts.db")) == [
         "parts.quarantine.csv"
@@ -198,7 +199,7 @@ def test_a_part_that_no_store_holds_is_an_error_and_no_end(
                 part = outcome.task
                 yield Outcome(part, ReadPart(part, record(part, "A1")))
 
-    with opened(Target("sqlite:///parts.db"), {}) as run:
+    with opened(RunOptions(out="sqlite:///parts.db"), {}) as run:
         run.work(listed, ORDER, Read())
     assert (run.summary.errors, run.summary.decisions["accept"]) == (1, 2)
     with sa.create_engine("sqlite:///parts.db").connect() as connection:

@@ -1,0 +1,56 @@
+"""What a run is asked for, beside settings of reading and who works."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.common.settings import SettingsError
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """More inputs, what to check, and where the rows go.
+
+    Attributes:
+        manifest: Table (.csv, .parquet) of parts, with the columns part, height_map, scan, photo, expected, format,
+            font, of which any may be missing; may be repeated. File names are relative to the table.
+        verify: Text that the parts should bear, or a CSV with the columns part and text. Each part is confirmed,
+            refuted or undecided; the exit status is 1 unless all are confirmed.
+        truth: CSV with the columns part and text, to print the accuracy.
+        out: Table to write (.csv, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
+            Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.
+        evidence: The service's folder of evidence; with a store, pictures of the parts to review are put there.
+        summary: JSON file for the counts, reasons, rate and slowest parts that are printed.
+    """
+
+    manifest: tuple[str, ...] = ()
+    verify: str | None = None
+    truth: Path | None = None
+    out: str | None = None
+    evidence: Path | None = None
+    summary: Path | None = None
+
+    @property
+    def store(self) -> str | None:
+        """URL of the store, where that is the output."""
+        from pipeline.batch.store_target import is_store
+
+        return self.out if self.out is not None and is_store(self.out) else None
+
+    def check(self) -> None:
+        """Refuse, before the work starts, what could not be written.
+
+        Raises:
+            FileError: unknown suffix, or a place that cannot be written.
+            SettingsError: pictures without a store.
+        """
+        from pipeline.batch.tables import check_output
+        from pipeline.common.atomic import check_writable
+
+        if self.evidence is not None and self.store is None:
+            raise SettingsError("--evidence goes with a store", hint="such as --out sqlite:///parts.db")
+        if self.out is not None and self.store is None:
+            check_output(Path(self.out))
+        if self.summary is not None:
+            check_writable(self.summary)
