@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, Polygon
 from numpy.typing import NDArray
 
-from pipeline.plots.design_report import section_words
 from whisker_array.design.design import Design
+from whisker_array.design.report import section_words
 from whisker_array.design.trade import TradeOff
 from whisker_array.design.tuned import Tuned, factors, middle_friction
 from whisker_array.whisker.elastica import ElasticaError, large_deflection
