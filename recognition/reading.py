@@ -244,6 +244,12 @@ class Reading:
         """The reading of vision: this one, or what was fused; None where vision was not asked."""
         return self if self.source == "vision" else self.trace.vision
 
+    @property
+    def scaled(self) -> bool:
+        """Whether lengths are mm, not pixels of a photograph of unknown scale."""
+        photo = self.trace.photo
+        return photo is None or self.touch is not None or photo.pitch_mm is not None
+
     def traced(self, **fields: Any) -> Reading:
         """The same reading, with these fields of its trace."""
         return replace(self, trace=replace(self.trace, **fields))

@@ -104,7 +104,8 @@ def _figure(senses: Senses) -> Figure:
     axes = list(figure.subplots(1, 3 if photographed else 2))
     if photographed:
         _photo_panel(axes.pop(0), senses)
-    height_panel(axes[0], height_map=reading.trace.height_map, reading=reading, colour_bar=False)
+    if reading.trace.height_map is not None:
+        height_panel(axes[0], height_map=reading.trace.height_map, reading=reading, colour_bar=False)
     if reading.trace.edge_map is not None:
         edge_panel(axes[1], edges=reading.trace.edge_map, layer=0, reading=reading, colour_bar=False)
     else:

@@ -14,7 +14,8 @@ from glyphs.stamping.die import Face
 from pipeline.common.atomic import replacing
 from pipeline.files.lead_in import calibrate_scan
 from pipeline.files.npz import write_npz
-from pipeline.plots.pictures import SheetPart, inspect_figure, overview_figure, same_text, save_figure
+from pipeline.plots.inspection import inspection_figure
+from pipeline.plots.pictures import SheetPart, overview_figure, same_text, save_figure
 from pipeline.reading.simulated_scan import feel
 from recognition.levelling import level
 from recognition.reader import Reader
@@ -69,11 +70,10 @@ class DemoResult:
 def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None) -> DemoResult:
     """Make, scan, calibrate and read the plates; write them, an overview and a page into the folder.
 
-    Neither the font nor the height is told to the reader, only that a serial has eight letters or figures.
+    The reader knows neither font nor height, only that a serial has eight letters or figures.
 
     Raises:
-        FileError: the folder cannot be written.
-        FileError: a recording cannot be written.
+        FileError: the folder or a recording cannot be written.
     """
     reader = Reader(format="********")
     done = []
@@ -81,7 +81,7 @@ def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None
         part = _stamped(demo, number)
         write_npz(folder / f"{demo.name}.npz", part.height_map)
         scan = _recorded(part, folder / f"{demo.name}.h5", number)
-        reading = reader.read(scan).traced(height_map=level(part.height_map), relief=None)
+        reading = reader.read(scan).traced(height_map=level(part.height_map))
         done.append(SheetPart(demo.name, demo.text, reading))
         if on_part is not None:
             on_part(done[-1])
@@ -153,7 +153,7 @@ def _page(parts: list[SheetPart]) -> str:
 
 def _inline(part: SheetPart) -> str:
     stream = io.BytesIO()
-    inspect_figure(part.reading, title=part.name).savefig(stream, format="png")
+    inspection_figure(part.reading, title=part.name).savefig(stream, format="png")
     data = base64.b64encode(stream.getvalue()).decode("ascii")
     name = html.escape(part.name)
     return f'<h2>{name}</h2><img alt="{name}" src="data:image/png;base64,{data}">'

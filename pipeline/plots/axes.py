@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from pipeline.common.row import state_text
 from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
-from whisker_array.estimation.profiled import estimate_relief
-from whisker_array.scan.scan import only
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap, HeightMap
-    from recognition.reading import CharacterReading, Reading, ReadingTrace
+    from recognition.reading import CharacterReading, Reading
+    from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Sweep
 
 BOX_COLOUR = "#e4572e"
@@ -72,14 +71,9 @@ def _say(axes: Axes, text: str) -> None:
     axes.set_axis_off()
 
 
-def height_panel(
-    axes: Axes, *, height_map: HeightMap | None, reading: Reading, colour_bar: bool = True
-) -> None:
+def height_panel(axes: Axes, *, height_map: HeightMap, reading: Reading, colour_bar: bool = True) -> None:
     """The part's own heights with the characters read."""
     axes.set_title("height map, levelled", fontsize=9, loc="left")
-    if height_map is None:
-        _say(axes, "read from a scan: no height map")
-        return
     z = height_map.z_mm
     bar = "mm" if colour_bar else ""
     extent = _extent(z.shape, height_map.pitch_mm)
@@ -109,19 +103,14 @@ def _boxes(axes: Axes, reading: Reading, *, labelled: bool = True) -> None:
             )
 
 
-def relief_panel(axes: Axes, *, trace: ReadingTrace, reading: Reading) -> None:
-    """The surface as touch felt it, and the depth of every character."""
-    relief = trace.relief
-    if relief is None:
-        axes.set_title("height as felt", fontsize=9, loc="left")
-        _say(axes, "no heights were felt")
-        return
-    told = ", each character's least and mean depth" if reading.depth_min_mm is not None else ""
-    axes.set_title(f"height as felt{told}", fontsize=9, loc="left")
+def relief_panel(axes: Axes, *, relief: Relief, reading: Reading, labelled: bool) -> None:
+    """Heights by touch, the depth of every character, and the characters if they are to be named."""
+    depths = ", each character's least and mean depth" if reading.depth_min_mm is not None else ""
+    axes.set_title(f"height by touch{depths}", fontsize=9, loc="left")
     z = relief.height_mm
     extent = _extent(z.shape, relief.pitch_mm, relief.origin_mm)
     _picture(axes, z, extent, cmap="cividis", limits=_spread(z, 0.5, 99.5), bar="mm")
-    _boxes(axes, reading, labelled=trace.height_map is None)
+    _boxes(axes, reading, labelled=labelled)
     size = min(7.5, 90.0 / max(1, len(reading.characters)))
     for character in reading.characters:
         depth, box = character.depth, character.box
@@ -138,30 +127,20 @@ def relief_panel(axes: Axes, *, trace: ReadingTrace, reading: Reading) -> None:
         )
 
 
-def steepness_panel(axes: Axes, *, trace: ReadingTrace, reading: Reading) -> None:
-    """How steep touch felt the surface to be."""
-    relief = trace.relief
-    felt = relief is not None and not (relief.slope_x is None and relief.slope_y is None)
-    if felt and trace.scan is not None and trace.edge_map is not None:
-        relief = estimate_relief(trace.scan, trace.edge_map)  # slower than the reader needs, walls truer
-    known = "" if relief is None else f", friction {relief.friction:.3f} "
-    known += "" if relief is None else "assumed" if relief.friction_sd is None else "measured"
-    axes.set_title(f"steepness as felt, |slope|{known}", fontsize=9, loc="left")
-    if relief is None or (relief.slope_x is None and relief.slope_y is None):
-        _say(axes, "no slopes were felt" if relief is None else relief.route.describe())
-        return
+def steepness_panel(axes: Axes, *, relief: Relief, reading: Reading) -> None:
+    """How steep the surface is, by touch; the relief has slopes."""
+    known = "assumed" if relief.friction_sd is None else "measured"
+    axes.set_title(
+        f"steepness by touch, |slope|, friction {relief.friction:.3f} {known}", fontsize=9, loc="left"
+    )
     steep = relief.steepness
     extent = _extent(steep.shape, relief.pitch_mm, relief.origin_mm)
     _picture(axes, steep, extent, cmap="magma", limits=(0.0, _spread(steep, 0.5, 99.5)[1]), bar="mm / mm")
     _boxes(axes, reading, labelled=False)
 
 
-def moment_panel(axes: Axes, *, trace: ReadingTrace, reading: Reading) -> None:
-    """The raw moments of the first direction; characters are not shown, they are felt with a lag."""
-    if trace.scan is None:
-        _say(axes, "no scan")
-        return
-    sweep = only(trace.scan).sweeps[0]
+def moment_panel(axes: Axes, *, sweep: Sweep) -> None:
+    """The raw moments of one direction; characters are not shown, the tip lags."""
     axes.set_title(
         f"raw moment, traced {int(sweep.plan.direction)}°, {sweep.plan.line_mm.size} lines",
         fontsize=9,
@@ -203,7 +182,7 @@ def edge_panel(axes: Axes, *, edges: EdgeMap, layer: int, reading: Reading, colo
 
 
 def photo_panel(axes: Axes, *, photo: Photo, reading: Reading | None) -> None:
-    """The photograph, with what was read by sight; boxes in its own frame."""
+    """The photograph, with what the camera read; boxes in its own frame."""
     pitch = photo_pitch_mm(photo)
     axes.set_title("photograph" + ("" if photo.pitch_mm else ", pixels"), fontsize=9, loc="left")
     steps = [max(1, -(-n // _MOST_PIXELS_A_SIDE)) for n in photo.shape]
@@ -246,8 +225,8 @@ def _in_units(axes: Axes, photo: Photo) -> None:
 def candidate_panel(axes: Axes, reading: Reading) -> None:
     """The first candidates of every place and the belief in them; below them state and grade of the mark."""
     graded = any(c.grade is not None for c in reading.characters)
-    told = ", its state and its mark's grade" if graded else ""
-    axes.set_title(f"candidates of each place and the belief in them{told}", fontsize=9, loc="left")
+    more = ", its state and its mark's grade" if graded else ""
+    axes.set_title(f"candidates of each place and the belief in them{more}", fontsize=9, loc="left")
     if not reading.characters:
         _say(axes, "; ".join(reading.messages()) or "no characters were found")
         return

@@ -1,10 +1,19 @@
-"""The picture of one part by all senses asked: photograph and the camera's edges above what was felt.
+"""The picture of one part, for people: all that was measured and read of it, mm, row 0 at the top.
 
 +---------------------+---------------------+
 | photograph, boxes   | the camera's edges  |
 +---------------------+---------------------+
-| as `pipeline.plots.pictures.inspect_figure`     |
+| height map, boxes   | height by touch     |
++---------------------+---------------------+
+| moments             | steepness by touch  |
++---------------------+---------------------+
+| edge map, one picture a trace direction   |
 +-------------------------------------------+
+| candidates of every place                 |
++-------------------------------------------+
+  what to know about the reading
+
+Only what there is has a panel. Of a scan there is no height map; its moments come last.
 """
 
 from __future__ import annotations
@@ -26,7 +35,9 @@ from pipeline.plots.axes import (
     steepness_panel,
     vision_edge_panel,
 )
-from pipeline.plots.pictures import headline, inspect_figure
+from pipeline.plots.pictures import headline
+from whisker_array.estimation.profiled import estimate_relief
+from whisker_array.scan.scan import only
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,8 +50,6 @@ if TYPE_CHECKING:
 def inspection_figure(reading: Reading, *, title: str) -> Figure:
     """All that is known of one part."""
     photo, touch = reading.trace.photo, reading.touch
-    if photo is None and touch is not None:
-        return inspect_figure(reading, title=title)
     panels: list[Callable[[Axes], None]] = []
     if photo is not None:
         panels.append(partial(photo_panel, photo=photo, reading=_shown_on(photo, reading)))
@@ -49,8 +58,8 @@ def inspection_figure(reading: Reading, *, title: str) -> Figure:
         panels += _touch_panels(touch.trace, reading)
     rows = (len(panels) + 1) // 2
     figure = Figure(figsize=(12.0, 3.5 + 2.1 * rows), dpi=110, layout="constrained")
-    figure.suptitle(f"{title}: {headline(reading)}", fontsize=13, fontweight="bold")
-    grid = figure.add_gridspec(rows + 1, 2, height_ratios=[1.15] + [1.0] * (rows - 1) + [1.05])
+    figure.suptitle(f"{title}: {headline(reading)}", fontsize=12, fontweight="bold", wrap=True)
+    grid = figure.add_gridspec(rows + 1, 2, height_ratios=[1.0] * rows + [1.05])
     for k, draw in enumerate(panels):
         draw(figure.add_subplot(grid[k // 2, k % 2]))
     candidate_panel(figure.add_subplot(grid[rows, :]), reading)
@@ -69,7 +78,7 @@ def _shown_on(photo: Photo, reading: Reading) -> Reading | None:
 
 
 def _camera_edges(photo: Photo, reading: Reading) -> EdgeMap | None:
-    """At the scale of the characters seen, or felt; strong edges as they are, which a person sees more by."""
+    """At the scale of the characters; strong edges as they are, which a person sees more by."""
     from recognition.vision_edges import vision_edges
     from recognition.vision_frame import photo_pitch_mm
 
@@ -83,16 +92,23 @@ def _camera_edges(photo: Photo, reading: Reading) -> EdgeMap | None:
 
 
 def _touch_panels(touch: ReadingTrace, reading: Reading) -> list[Callable[[Axes], None]]:
-    """What was felt: heights first, if there are any, then moments and edges."""
-    relief = partial(relief_panel, trace=touch, reading=reading)
-    steepness = partial(steepness_panel, trace=touch, reading=reading)
-    moment = partial(moment_panel, trace=touch, reading=reading)
-    edges, layers = touch.edge_map, list[Any]()
+    """What there is of touch: heights first, then moments, steepness and edges."""
+    edges, scan, surface, relief = touch.edge_map, touch.scan, touch.height_map, touch.relief
+    heights, slopes, layers, moments = (list[Any]() for _ in range(4))
+    if surface is not None:
+        heights.append(partial(height_panel, height_map=surface, reading=reading))
+    if relief is not None:
+        heights.append(partial(relief_panel, relief=relief, reading=reading, labelled=surface is None))
+        if relief.slope_x is not None or relief.slope_y is not None:
+            # slower than the reader needs, walls truer
+            steep = relief if scan is None or edges is None else estimate_relief(scan, edges)
+            slopes.append(partial(steepness_panel, relief=steep, reading=reading))
+    if scan is not None:
+        moments.append(partial(moment_panel, sweep=only(scan).sweeps[0]))
     if edges is not None:
         layers = [
             partial(edge_panel, edges=edges, layer=k, reading=reading) for k in range(len(edges.directions))
         ]
-    if touch.height_map is None:
-        return [relief, steepness, *layers, moment]
-    height = partial(height_panel, height_map=touch.height_map, reading=reading)
-    return [height, relief, moment, steepness, *layers]
+    if surface is None:
+        return [*heights, *slopes, *layers, *moments]
+    return [*heights, *moments, *slopes, *layers]

@@ -58,9 +58,8 @@ def reading_record(
         part: its name.
         seconds: it took.
     """
-    verification, photo = reading.trace.verification, reading.trace.photo
+    verification, scaled = reading.trace.verification, reading.scaled
     more = verification.messages() if verification is not None else ()
-    scaled = photo is None or reading.touch is not None or photo.pitch_mm is not None
     height = _finite(reading.height_mm) or None
     return ReadingRecord(
         source=reading.source,

@@ -14,14 +14,8 @@ from matplotlib.figure import Figure
 from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.plots.axes import moment_image
-from pipeline.plots.pictures import (
-    SheetPart,
-    headline,
-    inspect_figure,
-    overview_figure,
-    same_text,
-    save_figure,
-)
+from pipeline.plots.inspection import inspection_figure
+from pipeline.plots.pictures import SheetPart, headline, overview_figure, same_text, save_figure
 from recognition.reading import (
     Box,
     Candidate,
@@ -84,14 +78,14 @@ def inked(figure: Figure, path: Path) -> float:
 
 
 def test_all_of_a_trace_is_drawn(tmp_path: Path) -> None:
-    figure = inspect_figure(part(), title="part $7$ _x_")
+    figure = inspection_figure(part(), title="part $7$ _x_")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert sum("edge map, traced" in t for t in titles) == 3
     assert sum("raw moment" in t for t in titles) == 1
     boxes = [p for a in figure.axes if a.get_title(loc="left").startswith("height map") for p in a.patches]
     assert [b.get_xy() for b in boxes] == [(1.0, 1.0), (2.5, 1.0), (4.0, 1.0)]
-    assert sum("steepness as felt" in t for t in titles) == 1
-    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height as felt")]
+    assert sum("steepness by touch" in t for t in titles) == 1
+    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height by touch")]
     assert [t.get_text() for t in relief.texts] == ["0.151\n0.200", "?", "0.123\n0.200"]
     assert len(relief.patches) == 3
     # what to know about the reading stands below, not taken for a formula
@@ -101,34 +95,30 @@ def test_all_of_a_trace_is_drawn(tmp_path: Path) -> None:
 
 
 def test_a_scan_names_its_characters_on_what_was_felt(tmp_path: Path) -> None:
-    figure = inspect_figure(part().traced(height_map=None), title="scan")
+    figure = inspection_figure(part().traced(height_map=None), title="scan")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert not any(t.startswith("height map") for t in titles)
-    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height as felt")]
+    (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height by touch")]
     assert [t.get_text() for t in relief.texts].count("A") == 3
     assert inked(figure, tmp_path / "a.png") > 0.05
 
 
-def test_slopes_that_were_not_felt_are_said() -> None:
+def test_what_there_is_not_has_no_panel(tmp_path: Path) -> None:
     found = part()
     assert found.trace.relief is not None
     one_way = replace(found.trace.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
-    figure = inspect_figure(found.traced(relief=one_way), title="one way")
-    words = " ".join(t.get_text() for a in figure.axes for t in a.texts)
-    assert Route.FLOORS.describe() in words
-
-
-def test_what_is_missing_is_said(tmp_path: Path) -> None:
-    figure = inspect_figure(EMPTY, title="none")
-    words = " ".join(t.get_text() for a in figure.axes for t in a.texts)
-    assert "no characters were found" in words
-    assert "no scan" in words
-    assert "no heights were felt" in words
+    figure = inspection_figure(found.traced(relief=one_way), title="one way")
+    titles = [a.get_title(loc="left") for a in figure.axes]
+    assert any(t.startswith("height by touch") for t in titles)
+    assert not any(t.startswith("steepness") for t in titles)
+    figure = inspection_figure(EMPTY, title="none")
+    assert len(figure.axes) == 1
+    assert "no characters were found" in " ".join(t.get_text() for t in figure.axes[0].texts)
     assert inked(figure, tmp_path / "a.png") > 0.0
 
 
 def test_rows_run_downwards_in_every_picture() -> None:
-    for axes in inspect_figure(part(), title="x").axes:
+    for axes in inspection_figure(part(), title="x").axes:
         if axes.get_ylabel() == "y, mm":
             bottom, top = axes.get_ylim()
             assert bottom > top
@@ -150,8 +140,14 @@ def test_moments_of_every_direction_lie_alike_in_the_plate() -> None:
 def test_the_overview_says_what_is_right(tmp_path: Path) -> None:
     figure = overview_figure([SheetPart("one", "AAA", part()), SheetPart("two", "AAB", part())])
     titles = " ".join(a.get_title(loc="left") for a in figure.axes)
-    assert "“AAA”, read right" in titles
-    assert "“AAB”, read WRONG" in titles
+    assert "one: “AAA” stamped" in titles
+    assert "by touch: “AAA”, right, review" in titles
+    assert "two: “AAB” stamped" in titles
+    assert "by touch: “AAA”, WRONG, review" in titles
+    figure.draw_without_rendering()
+    ends = [a._left_title.get_window_extent() for a in figure.axes]
+    assert all(left.x1 < right.x0 for left, right in zip(ends[::2], ends[1::2], strict=True))
+    assert all(e.x1 < figure.bbox.width for e in ends)
     assert inked(figure, tmp_path / "a.png") > 0.05
 
 
