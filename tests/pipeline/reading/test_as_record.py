@@ -123,11 +123,11 @@ def test_a_row_tells_the_reading(tmp_path: Path) -> None:
 
 def test_a_format_met_with_either_row_first_is_tried_both_ways(tmp_path: Path) -> None:
     z = np.full((4, 5), 15.0)
-    z[-1], z[0] = 15.0, 77.0  # by the standard the last row is the top
+    z[-1], z[0] = 15.0, 17.0  # by the standard the last row is the top
     x3pio.write(tmp_path / "a.x3p", z * 1e-3, x_scale=1e-4, y_scale=1e-4)
     (row,) = map(record_of, discover([tmp_path]))
-    assert (row.text, row.confidence) == ("77", 0.97)
-    write_npz(tmp_path / "a.npz", HeightMap(z[::-1].astype(np.float32), 0.1))
+    assert (row.text, row.confidence) == ("17", 0.97)
+    write_npz(tmp_path / "a.npz", HeightMap(z[::-1].astype(np.float32), 1.0))
     (row,) = map(record_of, discover([tmp_path / "a.npz"]))
     assert row.text == "15"
 
