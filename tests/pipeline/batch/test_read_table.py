@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -115,7 +113,7 @@ class FakeReader:
     def __init__(self, *_: object, **__: object) -> None:
         pass
 
-    def read_height_map(self, height_map: HeightMap, **_: object) -> Any:
+    def read_height_map(self, height_map: HeightMap, **_: object) -> Reading:
         if height_map.z_mm.mean() < 0.0:
             raise RuntimeError("a fault")
         with np.errstate(divide="ignore"):
@@ -123,13 +121,13 @@ class FakeReader:
         box = Box(0.0, 0.0, 1.0, 1.0)
         characters = tuple(CharacterReading((Candidate(t, 0.9, 0.999),), box) for t in "A1")
         found = Reading(characters, Decision.ACCEPT, 0.998)
-        return SimpleNamespace(reading=found, lattice=lattice, open_lattice=lattice, height_map=height_map)
+        return found.traced(lattice=lattice, open_lattice=lattice, height_map=height_map)
 
 
 @pytest.fixture
 def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("pipeline.reading.readers.Reader", FakeReader)
+    monkeypatch.setattr("recognition.tactile_reader.TactileReader", FakeReader)
     folder = tmp_path / "parts"
     folder.mkdir()
     for name, height in (("a", 0.0), ("b", 1.0)):
