@@ -55,10 +55,10 @@ class ChoiceFlag(Flag):
 
 
 _MESSAGES = {
-    ChoiceFlag.NOTHING_ALLOWED: "no serial that the format allows can be made of what was read",
-    ChoiceFlag.WRONG_LENGTH: "the format has no serial of as many characters as were found",
-    ChoiceFlag.OVERRULED: "the format overruled what answers best by itself",
-    ChoiceFlag.EXHAUSTED: "not every serial could be asked for its check digit; there may be better ones",
+    ChoiceFlag.NOTHING_ALLOWED: "no serial of this format fits what was read",
+    ChoiceFlag.WRONG_LENGTH: "the format has no serial of this length",
+    ChoiceFlag.OVERRULED: "the format changed what was read",
+    ChoiceFlag.EXHAUSTED: "too many possible serials to try them all",
 }
 
 

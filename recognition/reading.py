@@ -61,27 +61,31 @@ class ReadingFlag(Flag):
 
 
 _MESSAGES = {
-    ReadingFlag.NO_CHARACTERS: "no characters were found",
-    ReadingFlag.FORMAT_NOT_MET: "the line does not fit the format given",
-    ReadingFlag.LOW_CONFIDENCE: "a character is uncertain",
-    ReadingFlag.AMBIGUOUS: "two characters answer a place almost equally well",
-    ReadingFlag.CONTACT_LOST: "the tip left the surface in places (raise the preload)",
-    ReadingFlag.JAMMED: "the tip jammed on walls in places (lower k = l2/l1)",
-    ReadingFlag.OUT_OF_RANGE: "the moment left the converter's range in places",
-    ReadingFlag.DROPOUTS: "parts of the map are dropouts",
-    ReadingFlag.FOREIGN_SHAPES: "the characters differ in shape from the font's (name the right font)",
-    ReadingFlag.UNREAD_MARKS: "something beside the characters read is felt as strongly as they are",
+    ReadingFlag.NO_CHARACTERS: "no characters found (check that the serial is in view)",
+    ReadingFlag.FORMAT_NOT_MET: "the marks do not fit the format (check the part and the format)",
+    ReadingFlag.LOW_CONFIDENCE: "low confidence",
+    ReadingFlag.AMBIGUOUS: "two characters are almost equally likely",
+    ReadingFlag.CONTACT_LOST: "the whisker lost contact in places (raise the preload)",
+    ReadingFlag.JAMMED: "the whisker jammed on walls in places (lower k = l2/l1)",
+    ReadingFlag.OUT_OF_RANGE: "the signal left the converter's range in places (lower the gain)",
+    ReadingFlag.DROPOUTS: "parts of the map are missing (measure it again if they hide characters)",
+    ReadingFlag.FOREIGN_SHAPES: "the characters do not match the font (name the right font)",
+    ReadingFlag.UNREAD_MARKS: "there are marks beside the serial (check that all of it was read)",
     ReadingFlag.TOO_SHALLOW: "the mark is too shallow",
     ReadingFlag.TOO_SMALL: "the characters are too small",
-    ReadingFlag.DEPTH_UNKNOWN: "the depth of a character could not be felt",
-    ReadingFlag.FORMAT_OVERRULED: "the format overruled what answers best by itself",
-    ReadingFlag.CHECK_BLIND: "the check digit cannot tell a character from its rival",
-    ReadingFlag.SEARCH_EXHAUSTED: "too many serials to ask the check digit of; the best may be another",
-    ReadingFlag.MISMATCH: "this is not the serial expected",
-    ReadingFlag.SENSES_DISAGREE: "touch and sight read different serials",
+    ReadingFlag.DEPTH_UNKNOWN: "the depth of a character could not be measured (scan it again)",
+    ReadingFlag.FORMAT_OVERRULED: "the format changed what was read (compare it with the part)",
+    ReadingFlag.CHECK_BLIND: "the check digit cannot tell the likeliest serials apart (look at the part)",
+    ReadingFlag.SEARCH_EXHAUSTED: "too many possible serials to try them all (look at the part)",
+    ReadingFlag.MISMATCH: "this is not the expected serial (check the part and the order)",
+    ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
 }
 MEASURE_FLAGS = ReadingFlag.TOO_SHALLOW | ReadingFlag.TOO_SMALL | ReadingFlag.DEPTH_UNKNOWN
-"""What a rule for the mark found; `Reading.notes` says it with figures."""
+"""What a rule for the mark found; `Reading.notes` says it with numbers."""
+DOUBT_FLAGS = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
+DOUBTED = 0.05
+"""Probability of a second candidate from which a person is asked about it."""
+MOST_DOUBTS = 3
 
 
 @dataclass(frozen=True)
@@ -269,7 +273,19 @@ class Reading:
     def messages(self) -> tuple[str, ...]:
         """What to know about it in words: the flags, and in place of those of the mark's rules the notes."""
         flags = self.flags & ~MEASURE_FLAGS if self.notes else self.flags
+        doubts = self.doubts() if flags & DOUBT_FLAGS else ""
+        if doubts:
+            return (f"low confidence: {doubts}?", *(flags & ~DOUBT_FLAGS).messages(), *self.notes)
         return (*flags.messages(), *self.notes)
+
+    def doubts(self) -> str:
+        """The places that are hardest to decide, worst first: "B or 8 at place 2, 1 or I at place 5"."""
+        places = [
+            (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}")
+            for k, c in enumerate(self.characters, start=1)
+            if len(c.candidates) > 1 and c.candidates[1].probability >= DOUBTED
+        ]
+        return ", ".join(text for _, text in sorted(places)[:MOST_DOUBTS])
 
     @property
     def text(self) -> str:

@@ -228,7 +228,7 @@ def candidate_panel(axes: Axes, reading: Reading) -> None:
     more = ", its state and its mark's grade" if graded else ""
     axes.set_title(f"candidates of each place and the belief in them{more}", fontsize=9, loc="left")
     if not reading.characters:
-        _say(axes, "; ".join(reading.messages()) or "no characters were found")
+        _say(axes, "; ".join(reading.messages()) or "no characters found")
         return
     for place, character in enumerate(reading.characters):
         for rank, candidate in enumerate(character.candidates[:_SHOWN_CANDIDATES]):

@@ -34,9 +34,9 @@ class SampleFlag(IntFlag):
 
 
 _MESSAGES = {
-    SampleFlag.CONTACT_LOST: "the tip left the surface (raise the preload)",
+    SampleFlag.CONTACT_LOST: "the whisker lost contact (raise the preload)",
     SampleFlag.JAMMED: "the tip jams on a wall (lower k = l2/l1, or the friction)",
-    SampleFlag.OUT_OF_RANGE: "the moment left the converter's range (lower the gain or the preload)",
+    SampleFlag.OUT_OF_RANGE: "the signal left the converter's range (lower the gain or the preload)",
     SampleFlag.OUTSIDE: "the trace ran beyond the measured surface",
     SampleFlag.DROPOUT: "the height there is a dropout, filled from around",
     SampleFlag.NOT_CONVERGED: "the contact solver did not settle",
