@@ -75,7 +75,7 @@ class CheckDigit:
         match = _FORM.fullmatch(text.strip())
         if match is None:
             raise FormatError(
-                f"{text!r} is no check digit", hint=f"write {', '.join(CHECK_DIGITS)} or luhn@3-8"
+                f"{text!r} is not a check digit", hint=f"write {', '.join(CHECK_DIGITS)} or luhn@3-8"
             )
         name = match["name"].strip().lower()
         if not name.startswith("stdnum:"):
@@ -171,7 +171,7 @@ def _stdnum_module(name: str) -> ModuleType:
     module = name.removeprefix("stdnum:")
     if not re.fullmatch(r"[a-z0-9_]+(\.[a-z0-9_]+)*", module):
         raise FormatError(
-            f"{module!r} is no module of python-stdnum", hint="write stdnum:imei or stdnum:us.ssn"
+            f"{module!r} is not a module of python-stdnum", hint="write stdnum:imei or stdnum:us.ssn"
         )
     try:
         importlib.import_module("stdnum")
@@ -186,9 +186,7 @@ def _stdnum_module(name: str) -> ModuleType:
             f"python-stdnum has no {module!r}", hint="its modules stand in its documentation"
         ) from error
     if not hasattr(found, "is_valid"):
-        raise FormatError(
-            f"stdnum.{module} tells no numbers good from bad", hint="name one that has is_valid()"
-        )
+        raise FormatError(f"stdnum.{module} checks no numbers", hint="name one that has is_valid()")
     return found
 
 

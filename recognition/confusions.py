@@ -115,7 +115,7 @@ class PlaceState:
             case CharacterState.NOT_READ:
                 return "no character can be made out"
             case CharacterState.MISMATCH:
-                return f"{self.rival} stands where {self.expected or 'nothing'} is expected"
+                return f"{self.rival} where {self.expected or 'nothing'} is expected"
 
 
 def state_of(probabilities: Mapping[str, float], *, expected: str | None = None) -> PlaceState:

@@ -100,7 +100,7 @@ def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
             notes.append(f"too shallow for {rule.name}: {told} (at least {rule.least_depth_mm:g})")
         if unknown:
             flags |= ReadingFlag.DEPTH_UNKNOWN
-            notes.append(f"depth not felt, so not known for {rule.name}: {' '.join(unknown)}")
+            notes.append(f"depth not measured for {rule.name}: {' '.join(unknown)}")
         size = print_size_mm(reading)
         if size < rule.least_height_mm:
             flags |= ReadingFlag.TOO_SMALL

@@ -102,7 +102,7 @@ def expression_tree(pattern: str) -> Choices:
     try:
         re.compile(pattern)
     except (re.error, OverflowError) as error:
-        raise FormatError(f"{pattern!r} is no regular expression: {error}") from error
+        raise FormatError(f"{pattern!r} is not a regular expression: {error}") from error
     return _Parser(pattern).whole()
 
 

@@ -2,7 +2,7 @@
 
 More than one may be given, and all must hold:
 
-    AA999999, mask:AA 9999   A letter, 9 figure, * either, others themselves, a blank is a word gap
+    AA999999, mask:AA 9999   A letter, 9 digit, * either, others themselves, a blank is a word gap
     re:[A-Z]{2}\\d{4,6}       regular expression for the whole serial without blanks
     sets:AB,0-9,0-9          characters a place; \\ takes the next one as it is
     vin                      17 characters with the check digit of 49 CFR 565.15

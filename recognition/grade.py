@@ -60,7 +60,7 @@ class Action(StrEnum):
     CLEAN = "clean"
     CLEAN_FIRST = "clean first"
     RE_STRIKE = "re-strike"
-    FEEL_AGAIN = "feel again"
+    SCAN_AGAIN = "scan again"
 
     @property
     def message(self) -> str:
@@ -70,12 +70,12 @@ class Action(StrEnum):
 
 _MESSAGES = {
     Action.NONE: "nothing to do",
-    Action.CLEAN: "clean it: something else is felt in its place",
+    Action.CLEAN: "clean it: there is dirt or damage in its place",
     Action.CLEAN_FIRST: (
-        "strokes are missing: clean it and feel it again; if they stay away, strike it again and look at the die"
+        "strokes are missing: clean it and scan it again; if they are still missing, strike it again and check the die"
     ),
     Action.RE_STRIKE: "strike it again: it is too shallow",
-    Action.FEEL_AGAIN: "too little of it was felt for a grade: feel it again",
+    Action.SCAN_AGAIN: "too little of it was scanned for a grade: scan it again",
 }
 
 
@@ -143,7 +143,7 @@ def grade_character(
         felt: (channels, rows, cols) edge map of its cell, in the template's units: 1 times the template where
             the mark is as it should be.
         predicted: the same, of the template in its place.
-        valid: (rows, cols) weight of each pixel, 0 where nothing was felt; all 1 unless given.
+        valid: (rows, cols) weight of each pixel, 0 where nothing was measured; all 1 unless given.
         depth_mm: of the mark where it is least, if known.
         nominal_depth_mm: that it should have; depth is graded if both are given.
         tolerance_px: how far an edge may lie from where it is predicted.
@@ -161,7 +161,7 @@ def grade_character(
     stroke = size >= STROKE_SHARE * peak
     length = size * stroke * weight
     if length.sum() < LEAST_VALID * float((size * stroke).sum()):
-        return MarkGrade((), Action.FEEL_AGAIN)
+        return MarkGrade((), Action.SCAN_AGAIN)
     rising, falling = reaching(seen, tolerance_px), reaching(-seen, tolerance_px)
     answer = np.clip(np.where(predicted > 0.0, rising, falling)[stroke] / size[stroke], 0.0, None)
     along = length[stroke]
@@ -244,7 +244,7 @@ def _check(
             "(channels, rows, cols), the same, and (rows, cols)"
         )
     if not (np.isfinite(weight).all() and (weight >= 0.0).all()):
-        raise GradeError("weights must be finite and not negative; give 0 where nothing was felt")
+        raise GradeError("weights must be finite and not negative; give 0 where nothing was measured")
     if not np.isfinite(predicted).all() or not np.isfinite(felt[:, weight > 0.0]).all():
         raise GradeError("felt and predicted must be numbers wherever the weight is not 0")
     if not np.abs(predicted).max(initial=0.0) > 0.0:

@@ -33,14 +33,14 @@ def cut_scan(
     """The characters of a recorded scan; see `cut_line`.
 
     Raises:
-        ExemplarError: as `cut_line`, or the scan tells no heights.
+        ExemplarError: as `cut_line`, or the scan gives no heights.
         MapError: a scan that makes no edge map.
     """
     edges = edge_map(scan)
     relief = relief_of(scan, edges)
     if relief is None:
         raise ExemplarError(
-            "the scan tells no heights", hint="record it with the default whisker, all directions"
+            "the scan gives no heights", hint="record it with the default whisker, all directions"
         )
     return cut_line(edges, scan.touch, relief, text, fonts, cache=cache, height_mm=height_mm)
 
@@ -78,7 +78,5 @@ def cut_height_map(
         if mean > GOOD_SCORE:
             break
     if best is None:
-        raise problem or ExemplarError(
-            "no characters are to be seen", hint="look at the part, or give its height"
-        )
+        raise problem or ExemplarError("no characters found", hint="look at the part, or give its height")
     return best[1]

@@ -187,7 +187,7 @@ def _check(
     lattice: Lattice, text: str, prior: float, grammar: Grammar | None, confirm: float, refute: float
 ) -> None:
     if not text:
-        raise VerifyError("the expected text is empty", hint="give the serial that the part should bear")
+        raise VerifyError("the expected text is empty", hint="give the serial that the part should read")
     if not 0.0 < prior < 1.0:
         raise VerifyError(f"prior is {prior}", hint="it lies between 0 and 1, both left out")
     for name, limit in (("confirm", confirm), ("refute", refute)):
@@ -201,7 +201,8 @@ def _check(
         )
     if grammar is not None and (broken := grammar.objections(text)):
         raise VerifyError(
-            f"the expected text {text!r} is none of the format: {'; '.join(broken)}", hint="mend one of them"
+            f"the expected text {text!r} does not fit the format: {'; '.join(broken)}",
+            hint="correct one of them",
         )
 
 

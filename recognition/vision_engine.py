@@ -11,7 +11,7 @@ from recognition.lattice import Lattice
 
 
 class EngineMissingError(MarksError):
-    """An engine that is not installed: the message says how to install it."""
+    """An engine that is not installed."""
 
 
 class VisionEngine(Protocol):

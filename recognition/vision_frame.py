@@ -69,7 +69,7 @@ class LinePlace:
         numbers = (*self.middle_mm, self.width_mm, self.height_mm, self.rotation_deg, self.shear, self.taper)
         if not np.isfinite(numbers).all() or min(self.width_mm, self.height_mm) <= 0.0:
             raise MapError(
-                f"{self} is no place of a line", hint="width and height must be positive, all finite"
+                f"{self} is not a place of a line", hint="width and height must be positive, all finite"
             )
         if abs(self.taper) >= 1.0:
             raise MapError(f"taper {self.taper} folds the line over", hint="it lies between -1 and 1")

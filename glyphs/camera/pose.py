@@ -67,7 +67,7 @@ class Camera:
         if max(self.vignetting, self.bloom) > 1.0:
             raise MapError("vignetting and bloom of the camera are shares, at most 1")
         if max(abs(p) for p in self.perspective_per_mm) > 0.01:
-            raise MapError("perspective_per_mm beyond 0.01 is no camera above a plate")
+            raise MapError("perspective_per_mm beyond 0.01 is not a camera above a plate")
 
     def frame(self, height_map: HeightMap) -> tuple[tuple[int, int], tuple[float, float]]:
         """Rows and columns of a picture of the whole plate, and the (x, y) of its middle, mm, nominally."""

@@ -92,4 +92,4 @@ def _cap_height(file: Any, cmap: dict[int, str], glyph_set: Any) -> float:
         return float(file["OS/2"].sCapHeight)
     if "hhea" in file and file["hhea"].ascent > 0:
         return float(file["hhea"].ascent)
-    raise FontError("the font tells no cap height (no H, OS/2 or hhea table)", hint="use another font")
+    raise FontError("the font gives no cap height (no H, OS/2 or hhea table)", hint="use another font")

@@ -27,7 +27,7 @@ FELT_PIXELS = 40
 
 
 class FontError(MarksError):
-    """A font or glyph that cannot be used: the message says what is wrong and how to mend it."""
+    """A font or glyph that cannot be used."""
 
 
 def _point_arrays(name: str, char: str, arrays: tuple[Points, ...], least: int) -> tuple[Points, ...]:

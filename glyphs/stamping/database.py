@@ -174,7 +174,7 @@ def load_database(path: str | Path) -> GlyphDatabase:
         Exception
     ) as error:  # the digest fits, so another program wrote nonsense: one message for all of it
         raise DatabaseError(
-            f"{name!r} holds something that is no glyph database ({error})",
+            f"{name!r} is not a glyph database ({error})",
             hint="write it again with save_database",
         ) from error
 

@@ -29,7 +29,7 @@ MAX_PIXELS = 64_000_000
 
 
 class MapError(MarksError):
-    """A map that cannot be one: its message says what is wrong and how to mend it."""
+    """A map that cannot be one."""
 
 
 class TraceDirection(IntEnum):
@@ -160,7 +160,7 @@ class EdgeMap:
         if len(set(directions)) != len(directions) or not directions:
             raise MapError("an edge map has at least one trace direction, each at most once")
         if not np.isfinite(e).all():
-            raise MapError("enhancement must be finite", hint="clear `valid` where nothing was felt")
+            raise MapError("enhancement must be finite", hint="clear `valid` where nothing was measured")
         object.__setattr__(self, "enhancement", e)
         object.__setattr__(self, "valid", valid)
         object.__setattr__(self, "directions", directions)

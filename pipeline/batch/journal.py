@@ -253,7 +253,7 @@ class RunJournal:
             raise FileError(self.path, told, f"{hint} and start the same command again") from fault
 
     def _hint(self) -> str:
-        return f"name another file, or remove {self._marker_path.name} to begin anew"
+        return f"name another file, or remove {self._marker_path.name} to start again"
 
 
 _HELD: weakref.WeakSet[FileIO] = weakref.WeakSet()

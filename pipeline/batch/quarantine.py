@@ -92,7 +92,7 @@ class Quarantine:
         if head == _HEAD.encode():
             return True
         if not _HEAD.encode().startswith(head):
-            raise FileError(self.path, "is no list of bad parts", "name another file for it")
+            raise FileError(self.path, "is not a list of bad parts", "name another file for it")
         self.path.unlink()
         return False
 

@@ -125,7 +125,10 @@ def notes(row: Row) -> str:
     """What a person should know of a part that was read."""
     found = [row.flags]
     if not row.verdict:  # a verification names its places itself
-        states = row.states
+        # a place that the flags ask about is not asked about twice
+        states = ", ".join(
+            s for s in row.states.split(", ") if f"at place {s.split(':')[0]}" not in row.flags
+        )
         for pattern, words in _STATES:
             states = pattern.sub(words, states)
         found.append(states)

@@ -53,7 +53,7 @@ def check_output(path: Path) -> None:
         FileError: unknown suffix, or a place that cannot be written.
     """
     if path.suffix.lower() not in SUFFIXES:
-        raise FileError(path, "is no table that can be written", f"end it in {', '.join(SUFFIXES)}")
+        raise FileError(path, "is not a table that can be written", f"end it in {', '.join(SUFFIXES)}")
     check_writable(path)
 
 
@@ -143,7 +143,7 @@ def _made(kind: Any, value: Any) -> Any:
         return None if value is None or value == "" else _made(args[0], value)
     if kind is str:
         if not isinstance(value, str):
-            raise ValueError(f"{value!r} is no text")
+            raise ValueError(f"{value!r} is not text")
         return _ODD_WORD.sub(lambda m: chr(int(m[1], 16)), value)
     if kind is float:
         return _number(value)
@@ -178,7 +178,7 @@ def _of_type(kind: type[Any], values: Any) -> Any:
 
 def _number(value: Any) -> float:
     if isinstance(value, bool) or value is None:
-        raise ValueError(f"{value!r} is no number")
+        raise ValueError(f"{value!r} is not a number")
     number = float(value)
     if not math.isfinite(number):
         raise ValueError(f"is {number}; a table holds finite numbers")

@@ -105,7 +105,9 @@ def _read(order: RunOrder, listed: ListedPart) -> tuple[Reading, ReadSettings, G
         broken = reader.grammar.objections(listed.expected)
         if broken:
             raise FileError(
-                listed.name, f"should bear {listed.expected!r}, but {'; '.join(broken)}", "mend one"
+                listed.name,
+                f"should read {listed.expected!r}, but {'; '.join(broken)}",
+                "correct one of them",
             )
     try:
         with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
@@ -128,8 +130,8 @@ def _reader_for(order: RunOrder, listed: ListedPart) -> Reader:
         return _reader(settings_of(settled(order.settings, order.sent), listed))
     except MarksError as error:
         own = listed.format or listed.font
-        hint = "mend its format or font in the manifest" if own else "mend the settings"
-        raise FileError(listed.name, f"cannot be read so ({error})", hint) from error
+        hint = "correct its format or font in the manifest" if own else "correct the settings"
+        raise FileError(listed.name, f"cannot be read with these settings ({error})", hint) from error
 
 
 @lru_cache(maxsize=MOST_READERS)

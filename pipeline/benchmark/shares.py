@@ -41,7 +41,7 @@ def share(count: int, total: int) -> Share:
         ValueError: more than all, or fewer than none.
     """
     if not 0 <= count <= total:
-        raise ValueError(f"{count} of {total} is no share")
+        raise ValueError(f"{count} of {total} is not a share")
     if total == 0:
         return Share(0, 0, 0.0, 1.0)
     from scipy.stats import binomtest

@@ -197,7 +197,7 @@ class TrialJournal:
         heading = _parsed(line)
         held = heading.get("benchmark") if heading else None
         if heading is None or not isinstance(held, dict):
-            raise FileError(self.path, "is no book of trials", "name another folder")
+            raise FileError(self.path, "is not a book of trials", "name another folder")
         version = heading.get("format_version", 1)
         if version != FORMAT_VERSION:
             newer = isinstance(version, int) and version > FORMAT_VERSION
@@ -234,7 +234,7 @@ def _whole_lines(path: Path) -> tuple[list[str], int]:
     try:
         return whole.decode("utf-8").split("\n")[:-1], len(whole)
     except UnicodeDecodeError as error:
-        raise FileError(path, "is no UTF-8 text", "name another folder") from error
+        raise FileError(path, "is not UTF-8 text", "name another folder") from error
 
 
 def _parsed(line: str) -> dict[str, Any] | None:

@@ -166,7 +166,7 @@ def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> 
         except KeyboardInterrupt as error:
             raise CommandError(
                 "interrupted",
-                hint=f"what is done stands in {out}, the same command goes on from there",
+                hint=f"finished parts are kept in {out}, run the same command again to continue",
                 status=INTERRUPTED,
             ) from error
         except (WorkerLostError, ClusterError) as error:

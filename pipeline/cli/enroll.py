@@ -81,7 +81,9 @@ def enroll(
                 opened.note_event(part_id, "enrolled", {"font": font, "characters": characters})
     print(report.describe())
     if left_out:
-        print(f"{left_out} reviewed parts left out: they were never felt, or their files are no longer kept")
+        print(
+            f"{left_out} reviewed parts left out: they were never scanned, or their files are no longer kept"
+        )
     return 0 if report.enrolled or report.known else FAILED
 
 

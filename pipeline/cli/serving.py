@@ -50,7 +50,7 @@ def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str]
         bound.close()
         where = "" if settings.store else f" --store {settings.store_url}"
         raise CommandError(
-            f"serve: {settings.host} can be reached from elsewhere and there is no token yet",
+            f"serve: {settings.host} can be reached from other machines and there is no token yet",
             hint=(
                 "make one with: tactile-marks tokens add NAME --scope read --scope write --scope "
                 f"review{where}"

@@ -166,4 +166,4 @@ def _read_file(arguments: ArgumentCollection) -> tuple[Path, dict[str, Any]]:
             f"{file} cannot be read ({error.strerror})", hint="check the name after --config", status=USAGE
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CommandError(f"{file} is no TOML ({error})", hint="correct that line", status=USAGE) from error
+        raise CommandError(f"{file} is not TOML ({error})", hint="correct that line", status=USAGE) from error

@@ -147,7 +147,7 @@ class ReadingRecord:
         error: why there is no reading; empty where there is one.
         height_px: character height in pixels of a photograph whose scale is not known; else None.
         raised: raised marks.
-        expected: text that the part should bear; empty where none is known.
+        expected: text that the part should read; empty where none is known.
         verify_probability: that the part bears the text expected; None where none was.
         rivals: other serials with some belief, most first.
         program: version of the program that read it.
@@ -290,7 +290,7 @@ class PartRecord:
         created_at: when it was accepted.
         changed_at: when anything was last added.
         reading: the last one; None before any.
-        expected: text it should bear; empty where none is.
+        expected: text it should read; empty where none is.
         database: glyph database asked for; empty for the built-in fonts.
         plan: what to feel, while touch is needed.
         review: the last one; None before any.

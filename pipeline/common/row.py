@@ -15,7 +15,7 @@ from pipeline.common.records import CharacterRecord, ReadingRecord
 WORTH_SHOWING = 0.01
 """Least probability of an alternative that a row names."""
 _UNGRADED = "?"
-_ACTIONS = ("clean", "clean first", "re-strike", "feel again")
+_ACTIONS = ("clean", "clean first", "re-strike", "scan again")
 """In this order; those of `recognition.grade.Action`."""
 
 
@@ -40,7 +40,7 @@ class Row:
         depth_min_mm: depth of the mark where it is least (height of a raised one); None where it was not felt.
         depth_mean_mm: mean depth of the characters; None where it was not felt.
         depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where not felt.
-        expected: the text that the part should bear; empty where none is known.
+        expected: the text that the part should read; empty where none is known.
         verdict: confirmed, refuted or undecided; empty where no text was expected.
         verify_probability: that the part bears the text expected; None where none was.
         states: places that are not plainly read, as "3:confused 8/B, 5:not read, 7:mismatch 1/7" (1 for 7).

@@ -44,7 +44,7 @@ def read_lexicon(path: Path) -> frozenset[str]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
-        raise FileError(path, "is no UTF-8 text", "save it as text (UTF-8), one serial a line") from error
+        raise FileError(path, "is not UTF-8 text", "save it as text (UTF-8), one serial a line") from error
     words = frozenset("".join(_COMMENT.sub("", line).split()) for line in lines) - {""}
     if not words:
         raise FileError(path, "holds no serial", "write one a line")

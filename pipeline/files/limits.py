@@ -32,7 +32,7 @@ def check_photo(path: Path, *, most: int) -> None:
     """Refuse a photograph of too many pixels.
 
     Raises:
-        FileError: it has more, is no picture, or its head is damaged.
+        FileError: it has more, is not a picture, or its head is damaged.
     """
     from pipeline.files.photos import read_header
 
@@ -72,7 +72,9 @@ def check_scan(path: Path, *, most: int) -> None:
     """
     require_file(path, most_bytes=most * 16 + 64_000_000)
     if not is_hdf5(path):
-        raise FileError(path, "is no HDF5 file", "record it anew, or send a height map under its own suffix")
+        raise FileError(
+            path, "is not an HDF5 file", "record it again, or send a height map under its own suffix"
+        )
     check_hdf5(path, most=most)
 
 

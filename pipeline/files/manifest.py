@@ -1,4 +1,4 @@
-"""Tables of parts: which files are whose, and what the parts should bear.
+"""Tables of parts: which files are whose, and what the parts should read.
 
 part,height_map,scan,photo,expected,format,font
 A1,maps/A1.npz,,photos/A1.png,KB74,AA99,block          relative to the table
@@ -76,7 +76,7 @@ def read_manifest(source: str) -> list[ListedPart]:
             if key in seen:
                 raise problem_of(
                     source,
-                    f"{where} speaks of {part.name} a second time, after {seen[key]}",
+                    f"{where} names {part.name} a second time, after {seen[key]}",
                     "give every part one line",
                 )
             seen[key] = where
@@ -172,11 +172,11 @@ def _csv_records(source: str, path: Path) -> Iterator[tuple[str, dict[str, str]]
                     {name: _cell(row[at]) for name, at in columns.items() if at < len(row)},
                 )
     except UnicodeDecodeError as error:
-        raise problem_of(source, "is no UTF-8 text", "save it as CSV (UTF-8)") from error
+        raise problem_of(source, "is not UTF-8 text", "save it as CSV (UTF-8)") from error
     except csv.Error as error:
         raise problem_of(
             source,
-            f"is no CSV table after line {number} ({error})",
+            f"is not a CSV table after line {number} ({error})",
             "check its quotes, save it as CSV (UTF-8)",
         ) from error
 
@@ -191,7 +191,7 @@ def _parquet_records(source: str, path: Path) -> Iterator[tuple[str, dict[str, s
 
     def in_words(error: Exception) -> FileError:
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        return problem_of(source, f"is damaged or no Parquet file ({reason})", "copy it or make it again")
+        return problem_of(source, f"is damaged or not a Parquet file ({reason})", "copy it or make it again")
 
     try:  # around the parser alone: what the user of this generator trips over is no damage
         file = parquet.ParquetFile(path)

@@ -121,7 +121,7 @@ class FoundFiles:
         try:
             exists, folder = path.exists(), path.is_dir()
         except (OSError, ValueError) as error:
-            problem = FileError(path, f"is no file name ({error})", "check the name")
+            problem = FileError(path, f"is not a file name ({error})", "check the name")
             key = split_name(str(path))
             self._parts[key] = ListedPart(_stem_name(key[1] or str(path)), problem=problem)
             return

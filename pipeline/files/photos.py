@@ -93,7 +93,7 @@ def _opened(path: Path, *, most: int = MAX_PIXELS) -> Iterator[tuple[ImageFile, 
             image = Image.open(path, formats=_KINDS)
         except UnidentifiedImageError:
             hint = "copy it again, or save it as PNG, JPEG, BMP or TIFF"
-            raise FileError(path, "is no picture that can be read", hint) from None
+            raise FileError(path, "is not a picture that can be read", hint) from None
         except Image.DecompressionBombError:
             raise FileError(path, f"is over the limit of {most:,} pixels", "crop or shrink it") from None
         with image:
@@ -169,7 +169,7 @@ def write_photo(path: Path, photo: Photo) -> None:
     from PIL import Image
 
     if path.suffix.lower() != ".png":
-        raise FileError(path, "is no photograph that can be written", "end it in .png")
+        raise FileError(path, "is not a photograph that can be written", "end it in .png")
     scale = {} if photo.pitch_mm is None else {"dpi": (_INCH_MM / photo.pitch_mm,) * 2}
     with replacing(path) as temporary:
         Image.fromarray(photo.pixels).save(temporary, "PNG", compress_level=1, **scale)

@@ -136,7 +136,7 @@ def copied(url: str, *, most_bytes: int) -> Iterator[Path]:
         # of a web address the file's own head says as much, and why it does not come
         entry: dict[str, Any] = {"name": url, "type": "file"} if is_web(url) else files.info(path)
         if url.endswith("/") or not _is_file(entry):
-            raise UrlError(url, "is no file", "name a file, or the folder among the inputs")
+            raise UrlError(url, "is not a file", "name a file, or the folder among the inputs")
         size: Any = entry.get("size")
         guard.set_size(size)
         folder = tempfile.TemporaryDirectory(prefix="tactile-marks-", ignore_cleanup_errors=True)

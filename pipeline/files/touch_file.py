@@ -94,7 +94,7 @@ def read_scan(path: str | Path) -> Scan:
     """The scan in a recording.
 
     Raises:
-        FileError: whatever keeps it from being read, and how to mend it.
+        FileError: whatever keeps it from being read, and how to correct it.
     """
     from whisker_array.scan.recording import load_scan
 

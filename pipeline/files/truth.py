@@ -70,16 +70,16 @@ def load_truth(path: Path) -> dict[str, str]:
     """Text by part name, from a CSV with the columns part (or file) and text (or serial).
 
     Raises:
-        FileError: not such a table, or one that speaks of a part twice.
+        FileError: not such a table, or one that names a part twice.
     """
     require_file(path, most_bytes=_MAX_FILE_BYTES)
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             return _parse(path, csv.DictReader(stream, skipinitialspace=True))
     except UnicodeDecodeError as error:
-        raise FileError(path, "is no UTF-8 text", "save it as CSV (UTF-8)") from error
+        raise FileError(path, "is not UTF-8 text", "save it as CSV (UTF-8)") from error
     except csv.Error as error:
-        raise FileError(path, f"is no CSV table ({error})", "save it as CSV (UTF-8)") from error
+        raise FileError(path, f"is not a CSV table ({error})", "save it as CSV (UTF-8)") from error
 
 
 def _parse(path: Path, table: csv.DictReader[str]) -> dict[str, str]:
@@ -99,9 +99,7 @@ def _parse(path: Path, table: csv.DictReader[str]) -> dict[str, str]:
             raise FileError(path, f"line {table.line_num} is not complete", "give a part and its text")
         name = part_name(name)
         if name in truth:
-            raise FileError(
-                path, f"line {table.line_num} speaks of {name} a second time", "keep one line a part"
-            )
+            raise FileError(path, f"line {table.line_num} names {name} a second time", "keep one line a part")
         truth[name] = value.strip()
     if not truth:
         raise FileError(path, "holds no part", "give a line for each part")

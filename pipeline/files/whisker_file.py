@@ -162,13 +162,13 @@ def read_whisker_file(path: Path) -> WhiskerFile:
     try:
         written = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileError(path, f"is no TOML ({error})", "mend that line") from error
+        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
     except OSError as error:
         raise FileError(path, f"cannot be read ({error.strerror})", "check its permissions") from error
     version = written.pop("format_version", FORMAT_VERSION)
     if version != FORMAT_VERSION:
         says = f"has format version {version!r}; this program reads {FORMAT_VERSION}"
-        raise FileError(path, says, "update this program, or write the file anew")
+        raise FileError(path, says, "update this program, or write the file again")
     kind = written.get("kind")
     if not isinstance(kind, str) or kind not in _KINDS:
         says = "has no kind" if kind is None else f"has the kind {kind!r}"
@@ -193,7 +193,7 @@ def _first(error: ValidationError) -> tuple[str, str]:
         return f"has the unknown key {key}", "take it out, or check how it is written"
     if first["type"] == "missing":
         return f"lacks the key {key}", "add it"
-    return f"says {key} = {first.get('input')!r}", f"mend it: {first['msg'].lower()}"
+    return f"says {key} = {first.get('input')!r}", f"correct it: {first['msg'].lower()}"
 
 
 def write_whisker_file(path: Path, content: WhiskerFile) -> None:
@@ -217,7 +217,7 @@ def check_whisker_file(path: Path) -> None:
         FileError: another suffix, or a place that cannot be written.
     """
     if path.suffix.lower() != ".toml":
-        raise FileError(path, "is no whisker file", "end it in .toml")
+        raise FileError(path, "is not a whisker file", "end it in .toml")
     check_writable(path)
 
 

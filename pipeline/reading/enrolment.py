@@ -196,7 +196,7 @@ def _cache() -> TemplateCache:
 def _sha256(part: ReviewedPart) -> str:
     path = part.scan or part.height_map
     if path is None:
-        raise ExemplarError("it has no scan and no height map", hint="only what was felt can be enrolled")
+        raise ExemplarError("it has no scan and no height map", hint="only scanned parts can be enrolled")
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -227,7 +227,7 @@ def _cuts(
             height_mm=settings.height_mm,
         )
     if not cuts:
-        raise ExemplarError("too little of its characters was felt", hint="scan it again")
+        raise ExemplarError("too little of its characters was scanned", hint="scan it again")
     return cuts
 
 

@@ -1,4 +1,4 @@
-"""What parts should bear, and readings held against it."""
+"""What parts should read, and readings held against it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Expected:
-    """The text that each part should bear.
+    """The text that each part should read.
 
     Attributes:
         text: of every part; empty where `by_part` tells.
@@ -48,8 +48,8 @@ def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
         grammar: that every text must be of.
 
     Raises:
-        FileError: no such table, or a text in it that is none of the format.
-        SettingsError: an empty text, or one that is none of the format.
+        FileError: no such table, or a text in it that does not fit the format.
+        SettingsError: an empty text, or one that does not fit the format.
     """
     if given.lower().endswith(".csv") or _is_file(given):
         path = Path(given)
@@ -58,14 +58,16 @@ def load_expected(given: str, grammar: Grammar | None = None) -> Expected:
             if not text:
                 raise FileError(path, f"gives no text for {part}", "give it, or leave the part out")
             if grammar is not None and (broken := grammar.objections(text)):
-                raise FileError(path, f"{part} should bear {text!r}, but {'; '.join(broken)}", "mend one")
+                raise FileError(
+                    path, f"{part} should read {text!r}, but {'; '.join(broken)}", "correct one of them"
+                )
         return Expected(by_part=MappingProxyType(table))
     if not given.strip():
         raise SettingsError(
-            "--verify is empty", hint="give the text that the part should bear, or a CSV table"
+            "--verify is empty", hint="give the text that the part should read, or a CSV table"
         )
     if grammar is not None and (broken := grammar.objections(given)):
-        raise SettingsError(f"--verify is {given!r}, but {'; '.join(broken)}", hint="mend it or --format")
+        raise SettingsError(f"--verify is {given!r}, but {'; '.join(broken)}", hint="correct it or --format")
     return Expected(given.strip())
 
 

@@ -47,7 +47,7 @@ def photo_picture(photo: Photo, folder: Path) -> MadeFile:
 
 
 def edges_picture(edges: EdgeMap | None, folder: Path) -> list[MadeFile]:
-    """Touch's edge map in the plate frame: land white, falls blue, rises red; none where nothing was felt."""
+    """Touch's edge map in the plate frame: land white, falls blue, rises red; none where nothing was measured."""
     if edges is None:
         return []
     # what stands up or lies deep is felt whichever way; what only one way feels is half as strong

@@ -68,7 +68,7 @@ class JobSenses:
         if self.expected and reader.grammar is not None:
             broken = reader.grammar.objections(self.expected)
             if broken:
-                raise FileError("expected", f"is {self.expected!r}, but {'; '.join(broken)}", "mend it")
+                raise FileError("expected", f"is {self.expected!r}, but {'; '.join(broken)}", "correct it")
 
     def load_photo(self) -> Photo:
         """The photograph.

@@ -56,7 +56,7 @@ class Job:
         height_map: surface; its format is told by the suffix of its name.
         vision: what an earlier job kept of the camera's reading (`pipeline.reading.vision_file`).
         part_name: what the line calls the part.
-        expected: text it should bear; empty where none is.
+        expected: text it should read; empty where none is.
         database: glyph database to read with; the settings' unless given.
         names: of "photo", "scan" and "height_map", what their sender calls them; their paths' own unless given.
     """

@@ -208,7 +208,7 @@ def load_vision(path: Path) -> KeptVision:
             arrays = {name: held[name] for name in held.files}
         told: Mapping[str, Any] = json.loads(bytes(arrays["told"]).decode("utf-8"))
         if told["version"] != FORMAT_VERSION:
-            raise FileError(path, f"is of version {told['version']}", "read the photograph anew")
+            raise FileError(path, f"is of version {told['version']}", "read the photograph again")
         return _kept(told, arrays)
 
 

@@ -203,7 +203,7 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
         tags=["service"],
         summary="Whether parts can be read",
         response_model=dict[str, str],
-        responses={503: {"description": "not yet; the detail tells why"}},
+        responses={503: {"description": "not yet; the detail says why"}},
     )
     def readyz() -> Any:
         why = service.why_not_ready()

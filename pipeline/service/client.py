@@ -140,7 +140,7 @@ class Client:
             photo: PNG, JPEG, BMP or TIFF.
             scan: recording (.h5) or height map (.npz, .x3p, .sdf, .sur ...); as bytes it is taken for a recording.
             name: what the line calls the part.
-            expected: text that it should bear.
+            expected: text that it should read.
             database: glyph database to read with.
             touch: where the camera is unsure: "plan" tells what to feel, "stage" has the service's stage feel it.
             idempotency_key: of this part; made unless given. Give one that is kept with the part, and the part can be
@@ -173,7 +173,7 @@ class Client:
             ServiceError, ValueError, OSError: as `read`; an empty text.
         """
         if not expected.strip():
-            raise ValueError("give the text that the part should bear")
+            raise ValueError("give the text that the part should read")
         return self.read(photo, scan, expected=expected, **options)
 
     def add_scan(self, part_id: str, scan: Source, *, idempotency_key: str | None = None) -> PartRecord:
@@ -192,7 +192,7 @@ class Client:
         return _record(PartRecord, answer)
 
     def touch(self, part_id: str) -> PartRecord:
-        """Have the service's own stage feel a part that waits for touch.
+        """Have the service's own stage scan a part that waits for touch.
 
         Raises:
             ServiceError: refused, or not reached in time.
@@ -325,7 +325,7 @@ def _opened(stack: ExitStack, source: Source | None, name: str) -> tuple[str, An
 
 def _path(part_id: str) -> str:
     if not (part_id.isascii() and part_id.isalnum()):
-        raise ServiceError(404, {}, f"{part_id!r} is no part's id")
+        raise ServiceError(404, {}, f"{part_id!r} is not a part's id")
     return f"/v1/parts/{part_id}"
 
 

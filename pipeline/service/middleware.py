@@ -73,7 +73,7 @@ class RequestLayer:
                 log.exception("request failed", path=scope["path"])
                 if begun:
                     raise
-                fault = Problem(500, f"the service failed; its log tells why under {request_id}")
+                fault = Problem(500, f"the service failed; its log says why under {request_id}")
                 await problem_answer(fault, request_id)(scope, receive, sent)
             finally:
                 self._tell(scope, status, time.perf_counter() - start)

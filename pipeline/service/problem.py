@@ -10,10 +10,10 @@ TITLES = {
     400: "The request cannot be understood",
     401: "A token is needed",
     403: "The token does not allow this",
-    404: "There is no such thing",
+    404: "Not found",
     405: "This address has no such method",
-    409: "Somebody was quicker",
-    411: "The length of the request is not told",
+    409: "It has changed meanwhile",
+    411: "The length of the request is missing",
     408: "The upload has stalled",
     413: "The upload is too large",
     415: "Files of this kind are not read",
@@ -29,7 +29,7 @@ class Problem(Exception):  # noqa: N818 - an answer, more than an exception
 
     Attributes:
         status: of HTTP.
-        detail: what is wrong and how to mend it.
+        detail: what is wrong and how to correct it.
         headers: of the answer.
         more: members beside those of the RFC.
     """

@@ -59,5 +59,5 @@ def add_problem_handlers(app: FastAPI) -> None:
     async def _http(request: Request, error: HTTPException) -> Response:
         detail = str(error.detail)
         if error.status_code == 404:
-            detail = f"there is nothing at {request.url.path[:200]}; /openapi.json tells what there is"
+            detail = f"there is nothing at {request.url.path[:200]}; see /openapi.json for the addresses"
         return answer(request, Problem(error.status_code, detail, headers=dict(error.headers or {})))

@@ -30,13 +30,13 @@ def _networks(value: tuple[str, ...]) -> tuple[str, ...]:
 
 def _web_address(value: str) -> str:
     if value and not value.startswith(("http://", "https://")):
-        raise ValueError("it is no web address; begin it with https:// or http://")
+        raise ValueError("it is not a web address; begin it with https:// or http://")
     return value
 
 
 def _broker(value: str) -> str:
     if value and not value.startswith(("mqtt://", "mqtts://")):
-        raise ValueError("it is no broker's address; write mqtt://host:1883 or mqtts://host:8883")
+        raise ValueError("it is not a broker's address; write mqtt://host:1883 or mqtts://host:8883")
     return value
 
 
@@ -182,17 +182,17 @@ class ServiceSettings(Settings):
     def _ask_beyond_loopback(self) -> ServiceSettings:
         if self.tokens == "off" and not self.on_loopback:
             raise ValueError(
-                f"the host {self.host} can be reached from elsewhere; without tokens listen on 127.0.0.1 only"
+                f"the host {self.host} can be reached from other machines; without tokens listen on 127.0.0.1 only"
             )
         if not is_loopback(self.line_host):
             if self.tcp_port is not None and not self.tcp_clients:
                 raise ValueError(
-                    f"the TCP port at {self.line_host} can be reached from elsewhere and asks for no token; name the "
-                    "addresses that may call: tcp_clients"
+                    f"the TCP port at {self.line_host} can be reached from other machines and asks for no token; name "
+                    "the addresses that may call: tcp_clients"
                 )
             if self.opcua_port is not None and not (self.opcua_certificate and self.opcua_users):
                 raise ValueError(
-                    f"the OPC UA server at {self.line_host} can be reached from elsewhere; give it "
+                    f"the OPC UA server at {self.line_host} can be reached from other machines; give it "
                     "opcua_certificate, opcua_key and opcua_users"
                 )
         return self

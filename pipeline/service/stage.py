@@ -218,7 +218,9 @@ def _file_of(folder: Path, part_name: str, suffixes: Sequence[str], what: str) -
     """
     plain = 0 < len(part_name) <= _LONGEST_NAME and part_name.isprintable()
     if not plain or part_name.startswith(".") or any(c in part_name for c in "/\\:"):
-        raise StageError(f"{part_name[:40]!r} is no name of a part on this stage", "name it without folders")
+        raise StageError(
+            f"{part_name[:40]!r} is not a name of a part on this stage", "name it without folders"
+        )
     root = folder.resolve()
     for suffix in suffixes:
         path = root / f"{part_name}{suffix}"

@@ -23,12 +23,12 @@ def load_driver(named: str, *, verb: str) -> Any:
     """
     module, _, name = named.partition(":")
     if not module or not name:
-        raise SettingsError(f"the driver {named!r} is no module:callable", hint="write it so")
+        raise SettingsError(f"the driver {named!r} is not a module:callable", hint="write it so")
     try:
         make = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError) as error:
         raise SettingsError(
-            f"the driver {named!r} cannot be found ({error})", hint="install it, or mend the name"
+            f"the driver {named!r} cannot be found ({error})", hint="install it, or correct the name"
         ) from error
     made = make()
     if not callable(getattr(made, verb, None)):

@@ -104,7 +104,9 @@ def _suffix(role: str, name: str, head: bytes) -> str:
         for magic, (suffix, _) in _PHOTO_TYPES.items():
             if head.startswith(magic):
                 return suffix
-        raise Problem(415, f"the photo {name!r} is no picture that can be read; send PNG, JPEG, BMP or TIFF")
+        raise Problem(
+            415, f"the photo {name!r} is not a picture that can be read; send PNG, JPEG, BMP or TIFF"
+        )
     told = Path(name)
     if is_scan(told) or is_height_map(told):
         return told.suffix.lower()

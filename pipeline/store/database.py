@@ -174,7 +174,7 @@ def _checked(url: str) -> URL:
         parsed = sa.make_url(url)
     except exc.ArgumentError as error:
         raise StoreError(
-            "the store's address is no URL", hint="write sqlite:///file.db or postgresql://user@host/name"
+            "the store's address is not a URL", hint="write sqlite:///file.db or postgresql://user@host/name"
         ) from error
     backend = parsed.get_backend_name()
     if backend in ("postgresql", "postgres"):
@@ -192,7 +192,7 @@ def _json(value: Any) -> str:
     try:
         return json.dumps(cleaned(value), allow_nan=False, separators=(",", ":"))
     except (TypeError, ValueError) as error:
-        raise UnfitError(f"a value is none that JSON has ({error})", hint="leave it out") from error
+        raise UnfitError(f"a value cannot be written as JSON ({error})", hint="leave it out") from error
 
 
 def _sqlite(url: URL) -> Engine:

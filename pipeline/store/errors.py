@@ -23,7 +23,7 @@ class StoreError(MarksError):
 
 
 class NotFoundError(StoreError):
-    """There is no such thing in the store."""
+    """Not found in the store."""
 
 
 class ConflictError(StoreError):

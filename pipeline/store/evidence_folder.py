@@ -3,7 +3,7 @@
     root/files/3f/3f9a...  kept for good, until retention takes it
     root/incoming/         uploads and work files on the same disk; nothing there outlives a crash
 
-A file is on the disk before the store speaks of it, and the store has forgotten it before it is removed: after a crash
+A file is on the disk before the store names it, and the store has forgotten it before it is removed: after a crash
 there may be a file too many, never one too few, and `sweep` takes those.
 """
 
@@ -90,7 +90,7 @@ class EvidenceFolder:
             ValueError: no hash.
         """
         if _HASH.fullmatch(sha256) is None:
-            raise ValueError(f"{sha256[:80]!r} is no SHA-256; give 64 hexadecimal digits in lower case")
+            raise ValueError(f"{sha256[:80]!r} is not an SHA-256; give 64 hexadecimal digits in lower case")
         return self._files / sha256[:2] / sha256
 
     def new_work_folder(self) -> Path:
@@ -162,7 +162,7 @@ def _settle(path: Path) -> tuple[str, int]:
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0) | sum(flags))
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise FileError(path, "is no file", "name a file")
+            raise FileError(path, "is not a file", "name a file")
         digest = hashlib.sha256()
         n_bytes = 0
         while chunk := stream.read(_CHUNK):

@@ -84,7 +84,7 @@ def reviewed(
 def _id(part_id: str) -> str:
     if not is_part_id(part_id):
         raise UnfitError(
-            f"{part_id[:40]!r} is no id of a part", hint="give the one the page before ended with"
+            f"{part_id[:40]!r} is not a part's id", hint="give the one the page before ended with"
         )
     return part_id
 

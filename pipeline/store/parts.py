@@ -47,7 +47,7 @@ def add_part(
         state: how far it has come.
         readings: the first one first; the last one counts.
         evidence: files that are kept already.
-        expected: text it should bear.
+        expected: text it should read.
         database: glyph database asked for.
         plan: what to scan; with another state than TOUCH_NEEDED it says that the part was scanned because of it.
         targets: where the result is published, unless touch is needed first.
@@ -58,7 +58,7 @@ def add_part(
         ConflictError: the id is taken.
     """
     if not is_part_id(part_id):
-        raise UnfitError(f"{part_id[:40]!r} is no id of a part", hint="take one of new_part_id")
+        raise UnfitError(f"{part_id[:40]!r} is not a part's id", hint="take one of new_part_id")
     refuse_if_done(tx, idempotency)
     row = {
         "id": part_id,
@@ -208,7 +208,7 @@ def _insert_reading(tx: Transaction, part_id: str, reading: ReadingRecord) -> in
 def _evidence_row(file: EvidenceRecord) -> dict[str, Any]:
     if _SHA256.fullmatch(file.sha256) is None:
         raise UnfitError(
-            f"{file.sha256[:80]!r} is no SHA-256", hint="give 64 hexadecimal digits in lower case"
+            f"{file.sha256[:80]!r} is not an SHA-256", hint="give 64 hexadecimal digits in lower case"
         )
     return {
         "kind": file.kind,

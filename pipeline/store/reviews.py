@@ -64,7 +64,7 @@ def add_review(
         "note": fit(note, "the note", limit=MAX_NOTE),
     }
     if not who.strip():
-        raise UnfitError("nobody is named", hint="say who reviews the part")
+        raise UnfitError("no name is given", hint="say who reviews the part")
     key = tx.execute(sa.insert(reviews).values(**row)).inserted_primary_key
     assert key is not None
     tx.execute(

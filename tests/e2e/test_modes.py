@@ -1,4 +1,4 @@
-"""One dirty part with its photograph, read by touch, by sight, by both, and held against what it should bear."""
+"""One dirty part with its photograph, read by touch, by sight, by both, and held against what it should read."""
 
 from __future__ import annotations
 
@@ -50,4 +50,4 @@ def test_a_dirty_part_in_every_mode(parts: Path, capsys: pytest.CaptureFixture[s
     status, row = read(parts, "--mode", "tactile", "--verify", wrong)
     assert (status, row["verdict"], row["expected"]) == (1, "refuted", wrong)
     assert str(row["states"]).startswith(f"1:mismatch {truth[0]}/{wrong[0]}")
-    assert "this is not the serial expected" in str(row["flags"])
+    assert "this is not the expected serial" in str(row["flags"])

@@ -64,7 +64,7 @@ def character(char: str, place: int, rivals: str = "") -> CharacterRecord:
 
 def reading(text: str, *, source: str, unsure: dict[int, str]) -> ReadingRecord:
     places = tuple(character(c, k, unsure.get(k, "")) for k, c in enumerate(text))
-    told = ("a character is uncertain",)
+    told = ("low confidence",)
     return ReadingRecord(source, text, "review", 0.62, places, told, "gothic", 5.0, seconds=0.4)
 
 

@@ -78,7 +78,7 @@ def test_the_note_names_rule_character_and_depth() -> None:
     judged = judged_by(reading(("K", 0.2), ("7", 0.061), ("B", 0.07)), (FIREARMS,))
     assert judged.flags == ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW
     assert judged.notes == ("too shallow for 27CFR478.92: 7 0.061 mm, B 0.070 mm (at least 0.0762)",)
-    assert judged.messages() == ("parts of the map are dropouts", *judged.notes)
+    assert judged.messages() == (*ReadingFlag.DROPOUTS.messages(), *judged.notes)
     # the text is as sure as before
     assert (judged.decision, judged.confidence) == (Decision.ACCEPT, 0.97)
 
@@ -96,7 +96,7 @@ def test_a_depth_not_felt_is_not_a_depth_met() -> None:
     judged = judged_by(reading(("K", 0.2), ("7", None)), (FIREARMS,))
     assert judged.flags & ReadingFlag.DEPTH_UNKNOWN
     assert not judged.flags & ReadingFlag.TOO_SHALLOW
-    assert judged.notes == ("depth not felt, so not known for 27CFR478.92: 7",)
+    assert judged.notes == ("depth not measured for 27CFR478.92: 7",)
 
 
 @pytest.mark.parametrize(("height", "small"), [(1.5, True), (1.7, True), (1.9, False)])

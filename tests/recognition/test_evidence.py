@@ -325,6 +325,12 @@ def test_a_line_of_nothing_is_none(line: Line) -> None:
     assert line_evidence(fit, bare, templates, ALL_DIRECTIONS, places=None) is None
 
 
+def test_a_line_without_characters_is_none(line: Line) -> None:
+    _, image, fit, templates = line
+    empty = replace(fit, placed=(), rows=(), scores=())
+    assert line_evidence(empty, image, templates, ALL_DIRECTIONS, places=None) is None
+
+
 # ------------------------------------------------------------------------------------------ place, depth, gaps
 
 

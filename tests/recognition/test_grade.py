@@ -78,7 +78,7 @@ def test_what_was_not_felt_is_not_graded() -> None:
     lost[:, 11:] = 0.0
     felt = np.where(lost, E, np.nan)
     found = grade_character(felt, E, lost)
-    assert (found.grade, found.letter, found.action) == (None, "?", Action.FEEL_AGAIN)
+    assert (found.grade, found.letter, found.action) == (None, "?", Action.SCAN_AGAIN)
     assert found.value("contrast") is None
     assert found.limiting == ""
     # a part that was not felt is left out, it counts neither as filled nor as clean

@@ -203,7 +203,7 @@ def test_a_cell_off_the_map_was_not_felt(line: Line) -> None:
     first = made.characters[0].grade
     assert first is not None
     assert first.letter == "?"
-    assert first.action is Action.FEEL_AGAIN
+    assert first.action is Action.SCAN_AGAIN
 
 
 def test_a_known_depth_without_a_nominal_one_grades_no_depth(line: Line) -> None:

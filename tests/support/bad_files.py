@@ -139,7 +139,7 @@ def bad_photos() -> Iterator[tuple[str, bytes]]:
     yield "no-end.png", good[:-12]
     for seed in range(3):
         yield f"flipped-{seed}.png", _flipped(good, seed)
-    yield "text.png", b"this is no picture"
+    yield "text.png", b"this is not a picture"
     yield "recording.png", scan()
     yield "jpeg-inside.png", jpeg()
     yield "one-pixel.png", declared_png(1, 1, b"\0\0")

@@ -29,7 +29,7 @@ _TOUCHING = 5e-3
 
 
 class DesignError(MarksError):
-    """No whisker does what is asked: says which constraints cannot be met together, and the mend."""
+    """No whisker does what is asked: says which constraints cannot be met together."""
 
 
 class Bound(enum.Enum):

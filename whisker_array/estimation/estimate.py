@@ -49,10 +49,10 @@ def lift_from_profiler(moment_n_mm: ArrayLike, tip: TipModel) -> Array:
     """Lift d0 + h of the tip, mm, from a profiler's moment; any shape.
 
     Raises:
-        WhiskerError: the whisker is no profiler.
+        WhiskerError: the whisker is not a profiler.
     """
     if not is_profiler(tip):
-        raise WhiskerError("the whisker is no profiler: its moment depends on slope and friction too")
+        raise WhiskerError("the whisker is not a profiler: its moment depends on slope and friction too")
     return np.asarray(moment_n_mm, dtype=np.float64) / float(moment_per_lift(0.0, tip))
 
 
@@ -68,7 +68,9 @@ def lean_from_moment(moment_n_mm: ArrayLike, lift_mm: ArrayLike, tip: TipModel) 
         WhiskerError: the whisker is a profiler, which does not feel the lean.
     """
     if is_profiler(tip):
-        raise WhiskerError("a profiler does not feel the slope", hint="take an L-shaped whisker with l3 = l2")
+        raise WhiskerError(
+            "a profiler does not measure the slope", hint="take an L-shaped whisker with l3 = l2"
+        )
     m, lift = np.asarray(moment_n_mm, dtype=np.float64), np.asarray(lift_mm, dtype=np.float64)
     row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -105,7 +107,7 @@ def friction_from_two_ways(dragged_n_mm: ArrayLike, pushed_n_mm: ArrayLike, tip:
     """
     if is_profiler(tip):
         raise WhiskerError(
-            "a profiler feels the same both ways", hint="take an L-shaped whisker with l3 = l2"
+            "a profiler measures the same both ways", hint="take an L-shaped whisker with l3 = l2"
         )
     with np.errstate(divide="ignore", invalid="ignore"):
         q = np.asarray(dragged_n_mm, dtype=np.float64) / np.asarray(pushed_n_mm, dtype=np.float64)
@@ -134,7 +136,9 @@ def slope_from_turned(one_n_mm: ArrayLike, turned_n_mm: ArrayLike, tip: TipModel
         WhiskerError: a profiler.
     """
     if is_profiler(tip):
-        raise WhiskerError("a profiler does not feel the slope", hint="take an L-shaped whisker with l3 = l2")
+        raise WhiskerError(
+            "a profiler does not measure the slope", hint="take an L-shaped whisker with l3 = l2"
+        )
     with np.errstate(divide="ignore", invalid="ignore"):
         q = np.asarray(one_n_mm, dtype=np.float64) / np.asarray(turned_n_mm, dtype=np.float64)
     row, arm = tip.compliance_mm_per_n[1], tip.moment_arm_mm

@@ -100,7 +100,7 @@ class Recorded(CheckedFile):
 
     def _check_format(self) -> None:
         if text_attribute(self.file.attrs, "format", "") != FORMAT:
-            raise self.fail(f"is no scan (its attribute `format` is not {FORMAT!r})")
+            raise self.fail(f"is not a scan (its attribute `format` is not {FORMAT!r})")
         version = self.attribute(self.file.attrs, "format_version")
         if version > FORMAT_VERSION:
             raise self.fail(f"is of the newer format version {version:g}", "update tactile-marks to read it")
@@ -118,7 +118,7 @@ class Recorded(CheckedFile):
             raise self.fail(
                 f"/scan/signal has {n_channels} channels of whiskers {whisker.tolist()[:20]}, "
                 f"and /passes/line_mm {n_whiskers} whiskers",
-                "number them 0, 1, 2, ... in /channels/whisker; -1 marks a channel that is no whisker",
+                "number them 0, 1, 2, ... in /channels/whisker; -1 marks a channel that is not a whisker",
             )
         return columns
 
@@ -165,14 +165,14 @@ class Recorded(CheckedFile):
                 whisker=text_attribute(attributes, "description", ""),
             )
         except WhiskerError as error:
-            raise self.fail(f"its whisker cannot be one: {error.what}", error.hint or SEE_LAYOUT) from error
+            raise self.fail(f"its whisker is not possible: {error.what}", error.hint or SEE_LAYOUT) from error
 
     def _rows(self, n_rows: int, n_passes: int) -> list[tuple[Rows, Rows]]:
         """For each pass its rows in the air and its touching rows, in time order."""
         number = self.integers("stage/pass", n_rows)
         if number.max() >= n_passes:
             raise self.fail(
-                f"/stage/pass speaks of pass {number.max()}, /passes has {n_passes} (0 to {n_passes - 1})"
+                f"/stage/pass names pass {number.max()}, /passes has {n_passes} (0 to {n_passes - 1})"
             )
         phase = (
             self.integers("stage/phase", n_rows) if "stage/phase" in self.file else np.ones(n_rows, np.uint8)

@@ -34,7 +34,7 @@ MAX_GAIN_UNCERTAINTY = 0.01
 
 
 class SensorError(MarksError):
-    """A sensor chain, signal or lead-in that cannot be used; the message says how to mend it."""
+    """A sensor chain, signal or lead-in that cannot be used."""
 
 
 def _per_whisker(name: str, values: ArrayLike) -> NDArray[np.float64]:

@@ -36,7 +36,7 @@ def fit_pitch(height_map: HeightMap, friction: Friction, *, target_mm: float) ->
         if rows * cols * factor**2 > MAX_PIXELS:
             raise MapError(
                 (
-                    f"{rows} x {cols} samples {pitch:g} mm apart, felt in steps of {target_mm:g} mm, "
+                    f"{rows} x {cols} samples {pitch:g} mm apart, scanned in steps of {target_mm:g} mm, "
                     f"would be more than {MAX_PIXELS:,}"
                 ),
                 hint="crop the map, or scan it in coarser steps",

@@ -41,7 +41,7 @@ _FIRST_NODES, _MAX_NODES, _SHAPE_POINTS = 13, 4000, 128
 
 
 class ElasticaError(MarksError):
-    """A load or whisker that has no exact solution here; the message says why and how to mend it."""
+    """A load or whisker that has no exact solution here."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ _SUM_ODD_FIFTH_POWERS = 1.0045237627951384
 
 
 class WhiskerError(MarksError):
-    """A material or section that cannot be one: its message says what is wrong and how to mend it."""
+    """A material or section that cannot be one."""
 
 
 def _positive(name: str, value: float) -> float:

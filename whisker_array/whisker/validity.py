@@ -207,7 +207,7 @@ def check_validity(
 
 
 def validity_messages(flags: Validity) -> tuple[str, ...]:
-    """One sentence for each flag that is set: what is wrong and how to mend it."""
+    """One sentence for each flag that is set: what is wrong and how to correct it."""
     return tuple(message for flag, message in _MESSAGES.items() if flag in flags)
 
 

@@ -31,8 +31,8 @@ _PROBLEMS = {
     409: "not as the part stands",
     413: "over the limit of size",
     415: "files of this kind are not read",
-    422: "a file or value that cannot be used; the detail names it and the mend",
-    503: "as many parts wait as may; the header Retry-After tells when to ask again",
+    422: "a file or value that cannot be used; the detail says which and what to do",
+    503: "the queue is full; the header Retry-After tells when to ask again",
 }
 PICTURES = {
     "photo": EvidenceKind.PHOTO_PICTURE,
@@ -110,7 +110,7 @@ Expected = Annotated[
     Form(
         max_length=200,
         pattern=TEXT,
-        description="the serial it should bear: confirmed, refuted or undecided",
+        description="the serial it should read: confirmed, refuted or undecided",
     ),
 ]
 Database = Annotated[

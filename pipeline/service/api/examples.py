@@ -39,7 +39,7 @@ _UNSURE = ReadingRecord(
     "review",
     0.41,
     _CHARACTERS,
-    ("a character is uncertain",),
+    ("low confidence",),
     "gothic",
     5.0,
     seconds=0.9,
@@ -55,7 +55,7 @@ _PLAN = ScanPlanRecord(
     preload_mm=1.0,
     seconds=36.0,
     height_mm=5.0,
-    reason="the camera is unsure of KX4O (confidence 0.41): a character is uncertain",
+    reason="the camera is unsure of KX4O (confidence 0.41): low confidence",
 )
 
 

@@ -74,7 +74,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         touch: Annotated[
             Literal["plan", "stage"],
             Form(
-                description="where the camera is unsure: tell the plan, or have the service's stage feel the part"
+                description="where the camera is unsure: return a scan plan, or have the service's stage scan the part"
             ),
         ] = "plan",
         idempotency_key: Key = None,
@@ -96,7 +96,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
     @router.post(
         "/parts/{part_id}/scan",
         response_model=PartAnswer,
-        summary="Add what was felt; the answer is the fused reading",
+        summary="Add a scan; the answer is the fused reading",
         responses={
             200: {"content": {"application/json": {"example": PART_EXAMPLE}}},
             **problems(400, 401, 403, 404, 409, 413, 415, 422, 503),
@@ -125,7 +125,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
     @router.post(
         "/parts/{part_id}/touch",
         response_model=PartAnswer,
-        summary="Have the service's own stage feel a part that waits for touch",
+        summary="Have the service's own stage scan a part that waits for touch",
         responses={
             200: {"content": {"application/json": {"example": PART_EXAMPLE}}},
             **problems(401, 403, 404, 409, 422, 503),

@@ -79,7 +79,7 @@ class MqttSender:
             or prefix.endswith("/")
         ):
             raise SettingsError(
-                f"the MQTT prefix {prefix!r} is no beginning of a topic", hint="use a word such as line-4"
+                f"the MQTT prefix {prefix!r} is not a beginning of a topic", hint="use a word such as line-4"
             )
         self._host, self._port = parts.hostname, parts.port or _PORTS[parts.scheme]
         self._user = unquote(parts.username) if parts.username else None

@@ -166,7 +166,7 @@ class TcpPort:
         try:
             words = line.decode("utf-8").strip(" ")
         except UnicodeDecodeError:
-            return _error("the line is no UTF-8")
+            return _error("the line is not UTF-8")
         if any(is_hidden(char) for char in words):
             return _error("the line holds control characters")
         command, _, rest = words.partition(" ")

@@ -81,7 +81,7 @@ def wilson(count: int, total: int) -> ShareView:
         ValueError: more than all, or fewer than none.
     """
     if not 0 <= count <= total:
-        raise ValueError(f"{count} of {total} is no share")
+        raise ValueError(f"{count} of {total} is not a share")
     if total == 0:
         return ShareView(0, 0, 0.0, 0.0, 1.0)
     p, zz = count / total, _Z * _Z / total

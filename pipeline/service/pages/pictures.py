@@ -117,9 +117,9 @@ def picture_pair(
     if edges is None and felt is None and vision_edges is not None:
         return photo, _view(
             part, seen, vision_edges, folder,
-            which="sight-edges", title="Camera’s edge map (not felt yet)", missing="", low_margin=low_margin,
+            which="sight-edges", title="Camera’s edge map (not scanned yet)", missing="", low_margin=low_margin,
         )  # fmt: skip
-    missing = "This part has not been felt yet." if felt is None else "No edge map was kept of this part."
+    missing = "This part has not been scanned yet." if felt is None else "No edge map was kept of this part."
     return photo, _view(
         part, felt, edges, folder,
         which="edges", title="Tactile edge map", missing=missing, low_margin=low_margin,

@@ -126,7 +126,7 @@ def _action(action: str, text: str, before: str) -> ReviewAction:
 
 
 def _quicker(part: PartRecord) -> str:
-    stands = f"the serial now stands as {part.text}" if part.text else "the part now stands without a serial"
+    stands = f"the serial is now {part.text}" if part.text else "the part now has no serial"
     quicker = "The part was read again meanwhile" if part.review is None else f"{part.review.who} was quicker"
     return (
         f"{quicker}: {stands}. Nothing of yours was saved; compare it with what you typed, and decide again."

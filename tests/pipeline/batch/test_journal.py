@@ -515,7 +515,7 @@ def test_another_run_is_told_and_leaves_all_as_it_was(table: Path) -> None:
     with pytest.raises(FileError, match="is of another run, not finished") as caught:
         RunJournal.open(table, other)
     assert 'font was "gothic", now "roman"; lexicon was null, now "xxx' in str(caught.value)
-    assert f"name another file, or remove {table.name}.unfinished to begin anew" in str(caught.value)
+    assert f"name another file, or remove {table.name}.unfinished to start again" in str(caught.value)
     assert "depth_mm" not in str(caught.value)
     assert len(str(caught.value)) < 400 + len(str(table))
     assert {p: p.read_bytes() for p in table.parent.iterdir()} == before

@@ -26,7 +26,7 @@ DOUBT = Row(
     0.5,
     "fused",
     1.0,
-    flags="a character is uncertain",
+    flags="low confidence",
     states="2:confused B/8",
     rivals="A812 0.400",
     grade="D",
@@ -58,8 +58,10 @@ def test_doubts_stand_below_their_row() -> None:
     lines = table_lines([PLAIN, DOUBT], width=None)
     assert "verdict" not in lines[0]
     assert lines[2].startswith("b ")
-    assert lines[3] == "  a character is uncertain; place 2: B or 8?; may also be A812 0.400; clean 2"
+    assert lines[3] == "  low confidence; place 2: B or 8?; may also be A812 0.400; clean 2"
     assert len(lines) == 4
+    asked = replace(DOUBT, flags="low confidence: B or 8 at place 2?", states="2:confused B/8, 3:not read")
+    assert notes(asked).startswith("low confidence: B or 8 at place 2?; place 3: not read; may")
 
 
 @pytest.mark.parametrize("width", [80, 60, 40])

@@ -42,7 +42,7 @@ class Blanks:
 
     def make(self, item: Item) -> Specimen:
         if item.number == 2:
-            raise FileError("b2", "is broken", "mend it")
+            raise FileError("b2", "is broken", "correct it")
         plate = HeightMap(np.zeros((20, 20), dtype=np.float32), 0.1)
         return Specimen(item.part, f"{item.number:02d}", plate, None, None, None)
 
@@ -86,7 +86,7 @@ def test_a_fault_in_one_part_is_a_row_with_its_error(tmp_path: Path) -> None:
     trials = run_benchmark(Benchmark(Blanks(5), ("echo",), FAST), tmp_path)
     assert [t.text for t in trials] == ["00", "", "", "03", ""]
     assert [t.error for t in trials] == [
-        "", "ZeroDivisionError: a fault of the program", "the part: FileError: b2: is broken; mend it", "",
+        "", "ZeroDivisionError: a fault of the program", "the part: FileError: b2: is broken; correct it", "",
         "ZeroDivisionError: a fault of the program",
     ]  # fmt: skip
     assert [t.right for t in trials] == [True, False, False, True, False]

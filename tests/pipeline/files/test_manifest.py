@@ -169,8 +169,8 @@ def test_what_is_written_is_read(
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("part,height_map\nA,a.npz\nB,b.npz\nA,c.npz\n", r"line 4 speaks of A a second time, after line 2"),
-        ("height_map,photo\na.npz,\n,b.png\na.x3p,\n", r"line 4 speaks of a a second time, after line 2"),
+        ("part,height_map\nA,a.npz\nB,b.npz\nA,c.npz\n", r"line 4 names A a second time, after line 2"),
+        ("height_map,photo\na.npz,\n,b.png\na.x3p,\n", r"line 4 names a a second time, after line 2"),
         ("part,height_map\nA,a.npz\n\nB,\n", r"line 4 names no file; fill one of height_map, scan, photo"),
         ("part,height_map,remark\n,,what\n", r"line 2 names no file"),
         ("part,text\nA,KB\n", r"has the columns part, text; its first line must name one of height_map"),
@@ -185,7 +185,7 @@ def test_what_is_written_is_read(
         ('part,height_map\nA,"a.npz\nB,b.npz"\nC,c.npz\n', r"line 3 has a line break .*under height_map"),
         ("part,height_map\nA,a\0.npz\n", r"line 2 has a line break or control character"),
         ("part,height_map\nA," + "a" * 200_000 + "\n", r"no CSV table after line 1 \(field larger"),
-        ("part,height_map\nA,St\xfcck.npz\n".encode("latin-1"), r"is no UTF-8 text; save it as CSV"),
+        ("part,height_map\nA,St\xfcck.npz\n".encode("latin-1"), r"is not UTF-8 text; save it as CSV"),
         ("part,height_map\n", r"holds no part"),
         ("\n\n", r"has the columns none"),
         (b"", r"is empty"),
@@ -202,7 +202,7 @@ def test_a_bad_table_is_refused_with_its_line(tmp_path: Path, text: str | bytes,
 @pytest.mark.parametrize(
     ("columns", "told"),
     [
-        ({"part": ["A", "B", "A"], "scan": ["a.h5", "b.h5", "c.h5"]}, r"row 3 speaks of A .*after row 1"),
+        ({"part": ["A", "B", "A"], "scan": ["a.h5", "b.h5", "c.h5"]}, r"row 3 names A .*after row 1"),
         ({"part": ["A", "B"], "scan": ["a.h5", None]}, r"row 2 names no file"),
         ({"part": ["A"], "scan": [1.5]}, r"has the column scan of type double; save it as text"),
         ({"expected": [1234], "scan": ["a.h5"]}, r"has the column expected of type int64; save it as text"),
@@ -226,7 +226,7 @@ def test_damaged_parquet_is_refused(tmp_path: Path) -> None:
     good = read_manifest(str(source))
     for cut in (1, 10, len(whole) // 2, len(whole) - 1):
         source.write_bytes(whole[:cut])
-        with pytest.raises(FileError, match="is damaged or no Parquet file"):
+        with pytest.raises(FileError, match="is damaged or not a Parquet file"):
             read_manifest(str(source))
     for at in range(4, len(whole), len(whole) // 40):
         source.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
@@ -330,7 +330,7 @@ def test_another_table_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "lot.csv"
     path.write_text("part,height_map\nA,a.npz\n")
     for keep in (False, True):
-        with pytest.raises(FileError, match="is no list of bad parts; name another file"):
+        with pytest.raises(FileError, match="is not a list of bad parts; name another file"):
             Quarantine(path, keep=keep)
     assert path.read_text() == "part,height_map\nA,a.npz\n"
 

@@ -179,7 +179,7 @@ def test_what_is_no_photograph_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="is not there"):
         read_photo(path)
     path.write_text("a letter, not a picture")
-    with pytest.raises(FileError, match="is no picture that can be read"):
+    with pytest.raises(FileError, match="is not a picture that can be read"):
         read_photo(path)
     path.write_bytes(_encoded(".png", COLOUR[:5, :5]))
     with pytest.raises(FileError, match="shows no characters"):

@@ -110,7 +110,7 @@ def test_a_problem_of_a_copy_is_one_of_its_url(memory: Callable[[str, bytes], st
         read_height_map(part.height_map or "")
     assert tempfile.gettempdir() not in str(caught.value)
     with pytest.raises(FileError, match=r"^other.npz: is odd") as caught_too, fetched(listed):
-        raise FileError("other.npz", "is odd", "mend it")
+        raise FileError("other.npz", "is odd", "correct it")
     assert caught_too.value.__cause__ is None
     with pytest.raises(KeyError), fetched(listed):
         raise KeyError("a fault of the program stays one")
@@ -327,7 +327,7 @@ def test_what_a_bucket_has_not(bucket: str) -> None:
     refused(f"{bucket}/lot/none.npz", "is not there; check the name")
     refused("s3://nowhere/a.npz", "is not there; check the name")
     for folder in (f"{bucket}/lot", f"{bucket}/lot/empty/", bucket):
-        refused(folder, "is no file; name a file, or the folder among the inputs")
+        refused(folder, "is not a file; name a file, or the folder among the inputs")
 
 
 def test_a_long_object_is_refused_unread(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:

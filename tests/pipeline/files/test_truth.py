@@ -37,7 +37,7 @@ def test_truth_tables_of_several_kinds(content: bytes, tmp_path: Path) -> None:
         (b"part,text\n", "no part"),
         (b"a,A1\n", "columns a, a1"),
         (b"part,text\na\n", "line 2 is not complete"),
-        (b"part,text\na,A\na,B\n", "line 3 speaks of a a second time"),
+        (b"part,text\na,A\na,B\n", "line 3 names a a second time"),
         (b"part,text\n\xff\xfe,A\n", "UTF-8"),
     ],
 )

@@ -119,7 +119,7 @@ def test_what_is_left_out_is_scaled_to_the_height(tmp_path: Path) -> None:
         ("thickness_mm = 0.3\n", "", "lacks the key section.thickness_mm"),
         ('kind = "ribbon"', 'kind = "square"', "section"),
         ("friction = 0.2", 'friction = 0.2\nmaterial = "cheese"', "material"),
-        ("friction = 0.2", "friction = ", "is no TOML"),
+        ("friction = 0.2", "friction = ", "is not TOML"),
         ("beta_deg = 10.0", "beta_deg = -80.0", "jams on the land"),
     ],
 )

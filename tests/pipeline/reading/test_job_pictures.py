@@ -79,7 +79,7 @@ def test_edges_picture_is_blue_below_and_red_above_the_land(tmp_path: Path) -> N
         found = (made.meta["x0_mm"] + size * x, made.meta["y0_mm"] + size * y)
         assert found == pytest.approx((3.0 + 0.1 * col, 4.0 + 0.1 * row), abs=0.05)
     far_right = image[:, -10:].mean(axis=(0, 1))
-    assert np.ptp(far_right) < 6.0, "grey where nothing was felt"
+    assert np.ptp(far_right) < 6.0, "grey where nothing was measured"
     assert image[5, 5].min() > 240, "land is white"
 
 

@@ -175,7 +175,7 @@ def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, show
     path.write_bytes(b"no picture")
     with pytest.raises(FileError) as caught:
         read_job(Job(tmp_path, photo=path, names={"photo": given}), SETTINGS, LIMITS)
-    assert str(caught.value).startswith(f"{shown}: is no picture")
+    assert str(caught.value).startswith(f"{shown}: is not a picture")
     assert str(tmp_path) not in str(caught.value)
 
 

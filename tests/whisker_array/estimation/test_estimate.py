@@ -202,9 +202,9 @@ def test_shapes_broadcast() -> None:
 
 def test_the_wrong_whisker_is_refused() -> None:
     profiler, differentiator = l_shaped(0.117, 0.0, -0.5), l_shaped(0.117, 0.0)
-    with pytest.raises(WhiskerError, match="is no profiler"):
+    with pytest.raises(WhiskerError, match="is not a profiler"):
         lift_from_profiler(-5.0, differentiator)
-    with pytest.raises(WhiskerError, match="is no profiler"):
+    with pytest.raises(WhiskerError, match="is not a profiler"):
         friction_from_shapes(-5.0, -5.0, differentiator=differentiator, profiler=differentiator)
     with pytest.raises(WhiskerError, match="does not feel the slope"):
         lean_from_moment(-5.0, 1.0, profiler)

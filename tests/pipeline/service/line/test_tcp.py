@@ -102,7 +102,7 @@ def test_a_return_at_the_end_of_a_packet_is_answered_without_waiting_for_a_line_
 def test_what_is_not_understood_is_told() -> None:
     assert answer_to(b"GO\r\n") == b"ERROR;unknown command, send TRIGGER name, or PING\r\n"
     assert answer_to(b"PING PONG\r\n").startswith(b"ERROR;unknown command")
-    assert answer_to(b"TRIGGER \xff\r\n") == b"ERROR;the line is no UTF-8\r\n"
+    assert answer_to(b"TRIGGER \xff\r\n") == b"ERROR;the line is not UTF-8\r\n"
     assert answer_to(b"TRIGGER a\x07b\r\n") == b"ERROR;the line holds control characters\r\n"
     assert answer_to(b"TRIGGER\r\n").startswith(b";ACCEPT;KX407251;")  # a part without a name
     assert answer_to(b"GET / HTTP/1.1\r\n").startswith(b"ERROR;unknown command")

@@ -59,7 +59,7 @@ def character(
 
 def reading(text: str, *, source: str = "fused", decision: str = "review", **more: object) -> ReadingRecord:
     places = tuple(character(c, k) for k, c in enumerate(text.replace(" ", "")))
-    made = ReadingRecord(source, text, decision, 0.8, places, ("a character is uncertain",))
+    made = ReadingRecord(source, text, decision, 0.8, places, ("low confidence",))
     return replace(made, **more)  # type: ignore[arg-type]
 
 
@@ -419,7 +419,7 @@ def test_parts_are_searched_and_paged(shop: Shop) -> None:
     assert shop.client.get("/parts?text=kx0007").text.count('class="row"') == 1
     assert shop.client.get("/parts?text=%25_").text.count('class="row"') == 1
     assert shop.client.get("/parts?state=review").text.count('class="row"') == 1
-    assert "No part is like that" in shop.client.get("/parts?name=nobody").text
+    assert "No part matches" in shop.client.get("/parts?name=nobody").text
 
 
 def test_the_dashboard_counts_what_was_read_and_said(shop: Shop) -> None:
