@@ -152,7 +152,7 @@ class Reader:
 
         Args:
             reading: as read; of a photograph, `opened` for this text, or it will be.
-            expected: text that the part should bear.
+            expected: text that the part should read.
 
         Raises:
             VerifyError: a text that cannot be looked for.

@@ -1,4 +1,4 @@
-"""A reading with the verdict on the text that its part should bear."""
+"""A reading with the verdict on the text that its part should read."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
     """
     if not format:
         raise FormatError(
-            "the format is empty", hint="write one character a position: A letter, 9 figure, * either"
+            "the format is empty", hint="write one character a position: A letter, 9 digit, * either"
         )
     if not format.isprintable():
         raise FormatError(f"format {format!r} holds characters that cannot be printed", hint="remove them")

@@ -29,7 +29,7 @@ class ListedPart:
         height_map: file of its height map.
         scan: file of its recorded scan.
         photo: file of its photograph.
-        expected: text that it should bear; empty where none is known.
+        expected: text that it should read; empty where none is known.
         format: of its serial; empty where the run's is meant.
         font: font of its mark; empty where the run's are meant.
         problem: why it cannot be read, found before any file was opened.

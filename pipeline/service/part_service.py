@@ -45,7 +45,7 @@ class NewPart:
 
     Attributes:
         name: what the line calls it.
-        expected: text that it should bear; empty where none is.
+        expected: text that it should read; empty where none is.
         database: name of the glyph database; empty for the service's own choice.
         touch: have the stage scan it at once where the camera is unsure.
     """

@@ -83,7 +83,7 @@ class ReadingJobs:
         Args:
             uploads: photo and scan, as they were sent.
             name: what the line calls the part.
-            expected: text that it should bear.
+            expected: text that it should read.
             database: name of the glyph database.
             vision: the camera's reading from before, as it was kept.
             photo: the photograph from before.

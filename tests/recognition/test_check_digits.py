@@ -130,7 +130,7 @@ def test_places_outside_do_not_count() -> None:
         ("luhn@0-2", "looks at no place"),
         ("luhn@", "is not a check digit"),
         ("stdnum:no_such", "has no 'no_such'"),
-        ("stdnum:os;x", "is no module"),
+        ("stdnum:os;x", "is not a module"),
         ("stdnum:util", "checks no numbers"),
     ],
 )

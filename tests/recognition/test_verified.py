@@ -1,4 +1,4 @@
-"""Readings with the verdict on the text that their parts should bear."""
+"""Readings with the verdict on the text that their parts should read."""
 
 from __future__ import annotations
 
