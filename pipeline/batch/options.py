@@ -15,7 +15,7 @@ class RunOptions:
     Attributes:
         manifest: Table (.csv, .parquet) of parts, with the columns part, height_map, scan, photo, expected, format,
             font, of which any may be missing; may be repeated. File names are relative to the table.
-        verify: Text that the parts should bear, or a CSV with the columns part and text. Each part is confirmed,
+        verify: Text that the parts should read, or a CSV with the columns part and text. Each part is confirmed,
             refuted or undecided; the exit status is 1 unless all are confirmed.
         truth: CSV with the columns part and text, to print the accuracy.
         out: Table to write (.csv, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).

@@ -51,6 +51,6 @@ def read(
                 raise
             raise CommandError(
                 "interrupted",
-                hint=f"what is done stands in {run.out}, the same command goes on from there",
+                hint=f"finished parts are kept in {run.out}, run the same command again to continue",
                 status=INTERRUPTED,
             ) from error

@@ -156,7 +156,7 @@ def replace_with_objects(file):
     ],
 )
 def test_nonsense_behind_a_right_digest_is_refused(saved, tmp_path, change):
-    with pytest.raises(DatabaseError, match=r"edited\.h5.*no glyph database"):
+    with pytest.raises(DatabaseError, match=r"edited\.h5.*not a glyph database"):
         load_database(rewritten(saved, tmp_path, change))
 
 

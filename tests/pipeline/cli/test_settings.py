@@ -165,7 +165,7 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
         ("exclude = 'I O'", "exclude in .* is 'I O': it has a blank"),
         ("accept_confidence = 1.5", "accept_confidence in .* is '1.5'"),
         ("accept_margin = -0.1", "accept_margin in .* is '-0.1'"),
-        ("height_mm = ", "no TOML"),
+        ("height_mm = ", "not TOML"),
         ('depth_rule = "VIN"', "depth_rule in .* is 'VIN': unknown depth rule 'VIN'; known are 27CFR478.92"),
         ("min_depth_mm = 0", "min_depth_mm in .* is '0'"),
         ("min_depth_mm = -0.1", "min_depth_mm"),

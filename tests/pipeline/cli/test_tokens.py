@@ -117,7 +117,7 @@ def test_the_command_makes_lists_and_revokes(url: str, capsys: pytest.CaptureFix
         ("x", {"days": 0}, USAGE, "0 days cannot be"),
         ("x", {"days": 10**9}, USAGE, "give 1 to 36500"),
         ("", {}, USAGE, "needs a name"),
-        ("x", {"store": "nothing"}, FAILED, "no URL"),
+        ("x", {"store": "nothing"}, FAILED, "not a URL"),
     ],
 )
 def test_the_command_tells_what_is_wrong(

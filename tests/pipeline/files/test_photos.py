@@ -170,7 +170,7 @@ def test_a_file_cut_short_is_refused(suffix: str, share: float, tmp_path: Path) 
     data = _encoded(suffix, big)
     path = tmp_path / f"part{suffix}"
     path.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(FileError, match=r"is empty|is damaged|ends too soon|no picture"):
+    with pytest.raises(FileError, match=r"is empty|is damaged|ends too soon|not a picture"):
         read_photo(path)
 
 

@@ -188,7 +188,7 @@ def test_a_full_queue_refuses_at_once(served: tuple[Service, TestClient], parts:
     ("files", "status", "says"),
     [
         ({}, 422, "neither photo nor scan"),
-        ({"photo": ("x.png", b"no picture")}, 415, "no picture"),
+        ({"photo": ("x.png", b"no picture")}, 415, "not a picture"),
         ({"photo": ("x.png", b"\x89PNG\r\n\x1a\n and then nothing")}, 422, "x.png"),
         ({"photo": ("x.png", b"")}, 422, "empty"),
         ({"scan": ("x.exe", b"MZ")}, 415, "height map"),

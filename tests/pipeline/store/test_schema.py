@@ -222,8 +222,8 @@ def test_postgresql_may_not_put_off_writing(
 @pytest.mark.parametrize(
     ("url", "message"),
     [
-        ("", "no URL"),
-        ("store.db", "no URL"),
+        ("", "not a URL"),
+        ("store.db", "not a URL"),
         ("mysql://localhost/x", "cannot be mysql; write sqlite"),
         ("sqlite://", "in memory would forget"),
         ("sqlite:///:memory:", "in memory would forget"),

@@ -248,8 +248,8 @@ def _uneven(file: h5py.File) -> None:
 
 
 BROKEN: dict[str, tuple[Callable[[h5py.File], None], str]] = {
-    "no format": (lambda file: file.attrs.__delitem__("format"), "no scan"),
-    "foreign format": (_attribute("format", "gwy"), "no scan"),
+    "no format": (lambda file: file.attrs.__delitem__("format"), "not a scan"),
+    "foreign format": (_attribute("format", "gwy"), "not a scan"),
     "newer": (_attribute("format_version", 2), "newer"),
     "version no number": (_attribute("format_version", "one"), "not a number"),
     "no signal": (_drop("scan/signal"), "has no dataset /scan/signal"),
@@ -318,7 +318,7 @@ def test_foreign_files_are_refused(data: bytes, tmp_path: Path) -> None:
 def test_missing_files_and_folders_are_refused(scan: Scan, tmp_path: Path) -> None:
     with pytest.raises(FileError, match="not there"):
         load_scan(tmp_path / "none.h5")
-    with pytest.raises(FileError, match="no file"):
+    with pytest.raises(FileError, match="not a file"):
         load_scan(tmp_path)
     with pytest.raises(FileError, match="cannot be written"):
         save_scan(scan, tmp_path / "none" / "scan.h5")

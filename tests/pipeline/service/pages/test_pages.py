@@ -234,7 +234,7 @@ def test_pictures_that_are_gone_missing_or_never_were_are_told_in_words(shop: Sh
     assert "No photograph was sent" in bare
     assert "No edge map was kept" in bare
     unfelt = shop.client.get(f"/review/{shop.add(readings=(reading('KX', source='vision'),))}").text
-    assert "has not been felt yet" in unfelt
+    assert "has not been scanned yet" in unfelt
 
 
 def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
@@ -261,7 +261,7 @@ def test_before_touch_the_cameras_edges_are_shown_and_what_touch_is_asked_for(sh
     )  # fmt: skip
     page = shop.client.get(f"/parts/{part_id}").text
     assert f"/v1/parts/{part_id}/pictures/sight-edges" in page
-    assert "not felt yet" in page
+    assert "not scanned yet" in page
     assert "unsure of &lt;K&gt;" in page
     assert "0°, 180°" in page
     assert "12.5 s" in page
