@@ -26,7 +26,7 @@ def check_picture(path: Path) -> None:
         FileError: unknown suffix, or a place that cannot be written.
     """
     if path.suffix.lower() not in _SUFFIXES:
-        raise FileError(path, "is no picture that can be drawn", f"end it in {', '.join(_SUFFIXES)}")
+        raise FileError(path, "is not a picture that can be drawn", f"end it in {', '.join(_SUFFIXES)}")
     check_writable(path)
 
 
