@@ -28,20 +28,18 @@ def laid_over(patch: Patch, reference: Patch) -> tuple[float, Patch]:
     """Best correlation of a relief with another over small shifts and turns, and the relief so moved."""
     from scipy import ndimage
 
+    from glyphs.opencv import cv2
+
     n = SHIFT_PIXELS
-    inner = reference[n:-n, n:-n].astype(np.float32)
-    inner = inner - inner.mean()
-    size = max(float(np.sqrt((inner**2).sum())), 1e-12)
+    inner = np.ascontiguousarray(reference[n:-n, n:-n], dtype=np.float32)
     best = (-2.0, 0, 0)
     moved = patch
     for turn in TURNS_DEG:
         turned = ndimage.rotate(patch, turn, reshape=False, order=1, mode="constant") if turn else patch
-        windows = np.lib.stride_tricks.sliding_window_view(turned, inner.shape).reshape(-1, inner.size)
-        square = np.einsum("ij,ij->i", windows, windows) - windows.sum(axis=1) ** 2 / inner.size
-        score = windows @ inner.ravel() / (np.sqrt(np.maximum(square, 1e-12)) * size)
-        at = int(np.argmax(score))
-        if float(score[at]) > best[0]:
-            best, moved = (float(score[at]), at // (2 * n + 1), at % (2 * n + 1)), turned
+        score = cv2.matchTemplate(np.asarray(turned, dtype=np.float32), inner, cv2.TM_CCOEFF_NORMED)
+        down, right = divmod(int(np.argmax(score)), 2 * n + 1)
+        if score[down, right] > best[0]:
+            best, moved = (float(score[down, right]), down, right), turned
     score_, down, right = best
     moved = ndimage.shift(moved, (n - down, n - right), order=0, mode="constant")
     return score_, np.asarray(moved, dtype=np.float32)

@@ -192,14 +192,16 @@ def _trimmed(patch: Patch) -> Patch:
 
 def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Glyph | None:
     """The character of a relief, with its outline; None where nothing is sunk."""
-    from contourpy import contour_generator
     from scipy import ndimage
+    from skimage.measure import find_contours
 
-    x = (np.arange(patch.shape[1]) - patch.shape[1] // 2) / FELT_PIXELS
-    y = 0.5 - (np.arange(patch.shape[0]) - patch.shape[0] // 2) / FELT_PIXELS
     closed = np.pad(-patch[1:-1, 1:-1], 1)
-    lines = contour_generator(x=x, y=y, z=closed).lines(OUTLINE_SHARE * depth_of(patch))
-    outlines = [np.asarray(line, dtype=np.float64)[:-1] for line in lines]
+    middle_row, middle_col = patch.shape[0] // 2, patch.shape[1] // 2
+    lines = find_contours(closed, OUTLINE_SHARE * depth_of(patch))  # type: ignore[no-untyped-call,unused-ignore]
+    outlines = [
+        np.column_stack([line[:-1, 1] - middle_col, middle_row - line[:-1, 0]]) / FELT_PIXELS + (0.0, 0.5)
+        for line in lines
+    ]
     outlines = [line for line in outlines if len(line) > 2 and abs(_area(line)) > SPECK_HEIGHTS**2]
     if not outlines:
         return None

@@ -11,7 +11,6 @@ from glyphs.surface.maps import HeightMap
 from recognition.levelling_fit import (
     BRACKET,
     Terms,
-    blurred,
     median_and_quantile,
     median_near,
     steepness_squared,
@@ -24,6 +23,7 @@ MIN_HEIGHT_SHARE = 0.04
 """Of the map's smaller side: characters lower than this are not looked for unless their height is given."""
 WORK_ROWS = 240
 """Rows at which the first look is taken."""
+_SMOOTHING_PIXELS = 0.7
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,8 @@ def _activity(z: NDArray[np.float32], pitch_mm: float) -> NDArray[np.float64]:
 
 def first_look(levelled: HeightMap) -> FirstLook:
     """Rotation and heights worth trying, from the slopes of a levelled map."""
+    from glyphs.opencv import cv2
+
     rows = levelled.shape[0]
     smaller = min(levelled.size_mm)
     deepest = relief_mm(levelled)
@@ -111,7 +113,8 @@ def first_look(levelled: HeightMap) -> FirstLook:
 
         z = ndimage.uniform_filter(z, size=step)[step // 2 :: step, step // 2 :: step]
     pitch = levelled.pitch_mm * step
-    activity = _activity(blurred(z, 0.7), pitch)
+    smooth = cv2.GaussianBlur(z, (7, 7), _SMOOTHING_PIXELS, borderType=cv2.BORDER_REFLECT)
+    activity = _activity(np.asarray(smooth, dtype=np.float32), pitch)
     rotation = line_rotation_deg(activity)
     if rotation:
         from scipy import ndimage

@@ -94,34 +94,6 @@ def without_form(z, terms_v, terms_u, coefficients, out):  # type: ignore[no-unt
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def _blur_rows(z, weights, out):  # type: ignore[no-untyped-def]
-    """Each row averaged with those up to so many before and behind it; the map goes on mirrored beyond its rim."""
-    rows, cols = z.shape
-    total = np.empty(cols)
-    for i in range(rows):
-        for j in range(cols):
-            total[j] = z[i, j] * weights[0]
-        for k in range(weights.size - 1, 0, -1):
-            before, behind = (i - k) % (2 * rows), (i + k) % (2 * rows)
-            before = before if before < rows else 2 * rows - 1 - before
-            behind = behind if behind < rows else 2 * rows - 1 - behind
-            for j in range(cols):
-                total[j] += (np.float64(z[before, j]) + np.float64(z[behind, j])) * weights[k]
-        for j in range(cols):
-            out[i, j] = total[j]
-
-
-def blurred(z: NDArray[np.float32], sigma: float) -> NDArray[np.float32]:
-    """A map through a Gaussian of `sigma` pixels, cut off at four of them; as scipy.ndimage.gaussian_filter has it."""
-    near = np.exp(-0.5 / sigma**2 * np.arange(int(4.0 * sigma + 0.5) + 1) ** 2)
-    weights = near / (near[0] + 2.0 * near[1:].sum())
-    once, turned = np.empty(z.shape, dtype=np.float32), np.empty(z.shape[::-1], dtype=np.float32)
-    _blur_rows(np.ascontiguousarray(z), weights, once)
-    _blur_rows(np.ascontiguousarray(once.T), weights, turned)
-    return np.ascontiguousarray(turned.T)
-
-
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
 def steepness_squared(z, pitch, out):  # type: ignore[no-untyped-def]
     """Square of the gradient of (rows, cols) float32: central differences, one-sided at the rim, into float64."""
     rows, cols = z.shape

@@ -48,7 +48,7 @@ def as_it_is(picture: Picture) -> Picture:
 
 def equalised(picture: Picture) -> Picture:
     """Grey, its contrast evened out tile by tile (CLAHE): faint strokes in dark patches come up."""
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     return np.asarray(cv2.createCLAHE(CLAHE_CLIP, CLAHE_TILES).apply(grey), dtype=np.uint8)
@@ -56,7 +56,7 @@ def equalised(picture: Picture) -> Picture:
 
 def levelled(picture: Picture) -> Picture:
     """Grey, the median of the neighbourhood taken off: patches and light go, strokes stay."""
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     wide = min(255, int(LEVEL_SHARE * grey.shape[0]) | 1)
@@ -83,7 +83,7 @@ FIRST_VIEW = VIEWS[1]
 
 def view_of(photo: Photo, view: View, *, rows: int) -> Picture:
     """The view of a line crop, (rows, cols, 3)."""
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     pixels = photo.pixels if photo.pixels.ndim == 3 else np.repeat(photo.pixels[..., None], 3, axis=2)
     cut = round(view.trim * pixels.shape[0])
@@ -97,7 +97,7 @@ def view_of(photo: Photo, view: View, *, rows: int) -> Picture:
 
 
 def _sized(pixels: Picture, rows: int, cols: int) -> Picture:
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     how = cv2.INTER_AREA if pixels.shape[0] > rows else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(np.ascontiguousarray(pixels), (max(8, cols), rows), interpolation=how))

@@ -185,7 +185,7 @@ class _Pair:
         self, edges: EdgeMap, plate_from_map: Floats
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(sizes, share valid) of a map on the grid."""
-        from recognition.opencv import cv2
+        from glyphs.opencv import cv2
 
         p, (x0, y0) = edges.pitch_mm, edges.origin_mm
         of_pixel = plate_from_map @ np.array([[p, 0.0, x0], [0.0, p, y0], [0.0, 0.0, 1.0]])
@@ -224,7 +224,7 @@ class _Pair:
 
 
 def _blurred(image: NDArray[np.float32], share: NDArray[np.float32], blur_px: float) -> NDArray[np.float32]:
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     weight = cv2.GaussianBlur(share, (0, 0), blur_px)
     return np.asarray(cv2.GaussianBlur(image * share, (0, 0), blur_px) / np.maximum(weight, 0.05))
@@ -232,7 +232,7 @@ def _blurred(image: NDArray[np.float32], share: NDArray[np.float32], blur_px: fl
 
 def _followed(pair: _Pair, start: Floats, height_mm: float) -> Registration:
     """From one start, coarse to fine; every step is kept only if it brings the maps closer."""
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     finest = BLURS_HEIGHTS[-1] * height_mm / pair.grid_mm
     held = start / start[2, 2]
@@ -255,7 +255,7 @@ def _followed(pair: _Pair, start: Floats, height_mm: float) -> Registration:
 
 def _stepped(pair: _Pair, held: Floats, blur_px: float, motion: int) -> Floats | None:
     """One fit of the correction that is left; None where it does not settle."""
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     felt, seen, both = pair.at(held, blur_px)
     warp = np.eye(3 if motion == cv2.MOTION_HOMOGRAPHY else 2, 3, dtype=np.float32)

@@ -65,7 +65,7 @@ def _shifted(
     line: FeltLine, drawn: DrawnLine, vision: EdgeMap, held: Floats, turns: Sequence[float]
 ) -> tuple[float, Floats]:
     """The best shift and turn about the line's middle."""
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     reach = round(REACH_HEIGHTS * line.basis.look.pixels)
     best, out = -math.inf, held
@@ -93,7 +93,7 @@ def _stretched(line: FeltLine, drawn: DrawnLine, vision: EdgeMap, held: Floats) 
     """
     from scipy import ndimage
 
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     if len(line.middle_mm) < 3:
         return held
@@ -141,7 +141,7 @@ def _stretched(line: FeltLine, drawn: DrawnLine, vision: EdgeMap, held: Floats) 
 
 def _bent(line: FeltLine, terms: Floats, bend: Floats, held: Floats) -> Floats:
     """The homography nearest to what the places ask for, each moved as it is."""
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     px = line.places_px()
     seen = px + np.stack([bend[:3] @ terms, bend[3:] @ terms], axis=1)

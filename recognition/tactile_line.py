@@ -116,7 +116,7 @@ def laid(
         (2, rows, cols) derivatives along and across the line, root mean square 1 where they can be relied upon;
         (rows, cols) how far, 0 to 1.
     """
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     rows, cols = (n + 2 * margin for n in line.shape)
     p, (x0, y0) = vision.pitch_mm, vision.origin_mm
@@ -160,7 +160,7 @@ class DrawnLine:
             line: of touch.
             belief: (places, T) in place of the line's own.
         """
-        from recognition.opencv import cv2
+        from glyphs.opencv import cv2
 
         patches = line.basis.patches
         self.tall, self.wide = patches.shape[3:]

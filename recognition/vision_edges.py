@@ -115,7 +115,7 @@ def vision_edges(
     """
     from scipy import ndimage
 
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     pitch = photo_pitch_mm(photo)
     if not height_mm >= 8.0 * pitch:

@@ -158,7 +158,7 @@ def rectify(photo: Photo, corners: ArrayLike, *, shape: tuple[int, int] | None =
     Raises:
         MapError: corners that bound no area, or too small.
     """
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     c = np.asarray(corners, dtype=np.float64)
     if c.shape != (4, 2) or not np.isfinite(c).all():

@@ -65,7 +65,7 @@ def supposed_heights_mm(photo: Photo, places: tuple[LinePlace, ...]) -> tuple[fl
 
 
 def _gathered(photo: Photo, height_mm: float | None) -> list[LinePlace]:
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     rows, cols = photo.shape
     pitch = photo_pitch_mm(photo)

@@ -73,7 +73,7 @@ class VisionSearch:
 
     def edges(self, supposed: Supposed, look: Look) -> NDArray[np.float32]:
         """(2, rows, cols) limited edges in the line frame, with land around them."""
-        from recognition.opencv import cv2
+        from glyphs.opencv import cv2
 
         size = supposed.height_mm / look.pixels
         angle = math.radians(supposed.rotation_deg)

@@ -137,7 +137,7 @@ def _check_whole(path: Path, image: ImageFile) -> None:
 
 
 def _decoded(path: Path, kind: str) -> NDArray[np.generic]:
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # the error below says it

@@ -21,7 +21,7 @@ def boxes_picture(path: Path, meta: Mapping[str, float], reading: ReadingRecord)
     """
     import numpy as np
 
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:

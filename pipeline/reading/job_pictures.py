@@ -78,7 +78,7 @@ def vision_edges_picture(photo: Photo, height_mm: float, folder: Path) -> list[M
         height_mm: of the characters; 0 where no line was found, and there is no picture then.
         folder: for the picture.
     """
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
     from recognition.vision_edges import DARK, SCALE_HEIGHTS, clipped
     from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
 
@@ -145,7 +145,7 @@ def _written(
     was: tuple[int, int] | None = None,
 ) -> MadeFile:
     """Write a picture, smaller or larger where it must be; `was`: (rows, cols) whose pitch and origin are given."""
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     shape = was if was is not None else (pixels.shape[0], pixels.shape[1])
     width, height = _size(shape, MOST_PIXELS_A_SIDE, least)

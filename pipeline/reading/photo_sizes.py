@@ -35,7 +35,7 @@ def read_at_sizes(photo: Photo, read: Callable[[Photo], Reading]) -> Reading:
 
 def shrunk(photo: Photo, pixels: int) -> Photo:
     """The photograph with about so many pixels, in the same frame if its scale is known; itself if it has fewer."""
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     rows, cols = photo.shape
     scale = (pixels / (rows * cols)) ** 0.5

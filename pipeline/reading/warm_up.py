@@ -19,12 +19,12 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     """
     from glyphs.camera.pose import Camera
     from glyphs.errors import FileError
+    from glyphs.opencv import cv2
     from pipeline.files.npz import write_npz
     from pipeline.files.photos import write_photo
     from pipeline.files.synth import SynthSpec, make_part
     from pipeline.reading.job_reading import read_job
     from pipeline.reading.jobs import Job
-    from recognition.opencv import cv2
 
     cv2.setNumThreads(1)
     spec = SynthSpec("AA99", seed=1, height_mm=settings.height_mm or 5.0, variation=False)

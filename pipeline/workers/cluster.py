@@ -223,7 +223,7 @@ def _keep_to_one_core() -> None:
     """The other workers have the other cores; numba is told thread by thread."""
     import numba
 
-    from recognition.opencv import cv2
+    from glyphs.opencv import cv2
 
     cv2.setNumThreads(1)
     with contextlib.suppress(ValueError):

@@ -20,7 +20,7 @@ TRIED = """
 import sys
 sys.path[1:] += sys.argv[1:3]
 import numpy as np
-from recognition.opencv import cv2
+from glyphs.opencv import cv2
 assert cv2.__file__.startswith(sys.prefix), cv2.__file__
 for name in sys.argv[3:]:
     value = cv2
@@ -87,4 +87,4 @@ def test_opencv_is_imported_in_one_place() -> None:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Import) and any(alias.name == "cv2" for alias in node.names)
     ]
-    assert importing == ["recognition/opencv.py"]
+    assert importing == ["glyphs/opencv.py"]

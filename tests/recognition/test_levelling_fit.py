@@ -7,13 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from glyphs.surface.maps import HeightMap
 from recognition.levelling import level
 from recognition.levelling_fit import (
     Terms,
-    blurred,
     median_and_quantile,
     median_near,
     steepness_squared,
@@ -124,14 +122,6 @@ def test_biweights_vanish_where_nothing_is_known() -> None:
     expected = np.array([1.0, (1.0 - 0.4**2) ** 2, 0.0, 0.0])
     np.testing.assert_allclose(weight, expected, atol=1e-15)
     np.testing.assert_allclose(weighted, expected * np.nan_to_num(z), atol=1e-15)
-
-
-@pytest.mark.parametrize("shape", [(2, 2), (3, 7), (40, 61)])
-def test_blurred_is_the_gaussian_filter_of_scipy(shape: tuple[int, int]) -> None:
-    z = np.random.default_rng(4).normal(size=shape).astype(np.float32)
-    for sigma in (0.7, 1.6):
-        # one place of float32
-        np.testing.assert_allclose(blurred(z, sigma), ndimage.gaussian_filter(z, sigma), rtol=0.0, atol=3e-7)
 
 
 def test_steepness_is_the_activity_of_both_slopes() -> None:

@@ -1,10 +1,8 @@
-"""The loops of `registration`, compiled: how badly plays fit eq. (16), and the correlation of two maps."""
+"""The loop of `registration`, compiled: how badly plays fit eq. (16)."""
 
 from __future__ import annotations
 
 import math
-
-import numpy as np
 
 from glyphs.compiled import ANY_ORDER, kernel
 
@@ -59,17 +57,3 @@ def misses(ahead, behind, halves, per_pixel, steepest, mu, row, arm, per_land, r
                 miss = edges[j] - reach[j] * step[j]
                 missed += miss * miss
             cost[k] += missed
-
-
-@kernel(allow=ANY_ORDER)
-def correlation(reference, moved, reach, out):  # type: ignore[no-untyped-def]
-    """Add the sums of reference(r + dr, c + dc) moved(r, c) for shifts by up to `reach`, (2 reach + 1, 2 reach + 1)."""
-    rows, cols = moved.shape
-    for i in range(rows):
-        for r in range(max(0, i - reach), min(rows, i + reach + 1)):
-            here, there = reference[r], moved[i]
-            for c in range(-reach, reach + 1):
-                total = np.float32(0.0)
-                for j in range(max(0, -c), cols - max(0, c)):
-                    total += here[j + c] * there[j]
-                out[r - i + reach, c + reach] += total

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
 from glyphs.surface.maps import TraceDirection
-from whisker_array.estimation.backlash import correlation, misses
+from whisker_array.estimation.backlash import misses
 from whisker_array.whisker.enhancement import moment_ratio
 from whisker_array.whisker.touch import Touch
 
@@ -120,22 +120,18 @@ def _costs(
 
 def _moved(layer: Layer, pixels: float) -> Layer:
     """The layer moved along its rows by a fraction of pixels, linearly interpolated, its ends repeated."""
-    whole = int(np.floor(pixels))
-    part = pixels - whole
-    columns = np.arange(layer.shape[1])
-    near = layer[:, np.clip(columns - whole, 0, layer.shape[1] - 1)]
-    if part == 0.0:
-        return near
-    far = layer[:, np.clip(columns - whole - 1, 0, layer.shape[1] - 1)]
-    return (1.0 - part) * near + part * far
+    from scipy import ndimage
+
+    return np.asarray(ndimage.shift(layer, (0.0, pixels), order=1, mode="nearest"))
 
 
 def _offset_pixels(reference: Layer, moved: Layer) -> tuple[float, float]:
     """(rows, cols) by which `moved` must be shifted to lie on `reference`, by correlation."""
+    from glyphs.opencv import cv2
+
     reach = LIMIT_PIXELS + 1
-    a, b = (np.ascontiguousarray(layer - layer.mean(), dtype=np.float32) for layer in (reference, moved))
-    window = np.zeros((2 * reach + 1, 2 * reach + 1))
-    correlation(a, b, reach, window)
+    a, b = ((layer - layer.mean()).astype(np.float32) for layer in (reference, moved))
+    window = cv2.matchTemplate(np.pad(a, reach), b, cv2.TM_CCORR)
     r, c = np.unravel_index(int(np.argmax(window)), window.shape)
     if not (0 < r < 2 * reach and 0 < c < 2 * reach):
         return (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""The compiled loops of registration against eq. (16) and correlation written out in numpy."""
+"""The play between forward and backward maps against eq. (16), and maps laid on each other."""
 
 from __future__ import annotations
 
@@ -7,10 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import ndimage
 
-from whisker_array.estimation.backlash import correlation
-from whisker_array.estimation.registration import LIMIT_PIXELS, STEEPEST, _costs, _moved, play_pixels
+from whisker_array.estimation.registration import (
+    LIMIT_PIXELS,
+    STEEPEST,
+    _costs,
+    _moved,
+    _offset_pixels,
+    play_pixels,
+)
 from whisker_array.whisker.enhancement import moment_ratio
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.touch import default_touch
@@ -64,15 +70,23 @@ def test_a_whisker_that_jams_on_the_land_is_refused() -> None:
         play_pixels(*maps(40), touch=replace(TOUCH, tip=tip, friction=1.2), pitch_mm=PITCH)
 
 
-@pytest.mark.parametrize("shape", [(9, 30), (21, 8), (3, 5)])
-def test_correlation_is_that_of_scipy(shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(5)
-    a, b = (rng.normal(size=shape).astype(np.float32) for _ in range(2))
-    reach = 4
-    got = np.zeros((2 * reach + 1, 2 * reach + 1))
-    correlation(a, b, reach, got)
-    whole = signal.correlate2d(a.astype(np.float64), b.astype(np.float64), mode="full")
-    expected = np.pad(whole, reach)
-    middle = (shape[0] - 1 + reach, shape[1] - 1 + reach)
-    window = tuple(slice(m - reach, m + reach + 1) for m in middle)
-    np.testing.assert_allclose(got, expected[window], atol=1e-4)  # sums in float32
+@pytest.mark.parametrize(
+    ("moved", "found"),
+    [
+        ((0.0, 0.0), (0.0, 0.0)),
+        ((2.0, -3.0), (2.0, -3.0)),
+        ((-1.5, 0.5), (-1.5, 0.5)),
+        ((6.0, 6.0), (6.0, 6.0)),
+        ((12.0, 0.0), (0.0, 0.0)),  # beyond the reach: left where it is
+    ],
+)
+def test_a_map_is_laid_on_another_by_correlation(
+    moved: tuple[float, float], found: tuple[float, float]
+) -> None:
+    mark = np.zeros((70, 90))
+    mark[30:40, 30:60] = np.random.default_rng(5).normal(size=(10, 30))
+    mark = ndimage.gaussian_filter(mark, 2.0)
+    # between samples the parabola through the correlation's peak is out by up to an eighth
+    np.testing.assert_allclose(
+        _offset_pixels(mark, ndimage.shift(mark, np.negative(moved))), found, atol=0.125
+    )
