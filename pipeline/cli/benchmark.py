@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def benchmark(
     truth
         CSV with the columns part and text, for --inputs.
     """
-    with failures_told():
+    with failures_reported():
         if (inputs is None) != (truth is None):
             raise CommandError("benchmark: --inputs and --truth go together", status=USAGE)
         if jobs < 1:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.cli.exit_status import FAILED, USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import FAILED, USAGE, CommandError, failures_reported
 
 
 def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = False) -> int:
-    """Stamp a few plates, scan them with the virtual whiskers, read them, and draw what happened.
+    """Stamp a few plates, scan them with simulated whiskers, read them, and draw what happened.
 
     The exit status is 1 if a serial was not read correctly.
 
@@ -17,68 +17,75 @@ def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = Fa
     out
         Folder for plates, recordings, overview.png and overview.html.
     service
-        Show the service instead: dirty parts pass its camera, and what that is unsure of, its stage feels. The
-        exit status is then 1 if it accepted a serial that is wrong.
+        Show the service instead: dirty parts pass its camera, and where the camera is unsure, its stage scans
+        them. The exit status is then 1 if it accepted a wrong serial.
     stay
-        With --service: leave it running, for a look at the operator's page, until Ctrl-C.
+        With --service: leave it running until Ctrl-C, for a look at the operator's page.
     """
     if stay and not service:
         raise CommandError("demo: --stay goes with --service", status=USAGE)
     if service:
         return _serve(out, stay=stay)
-    with failures_told():
+    with failures_reported():
         from pipeline.cli.demonstration import run_demo
-        from pipeline.plots.pictures import SheetPart, headline, same_text
+        from pipeline.plots.pictures import SheetPart, same_text
 
-        def tell(part: SheetPart) -> None:
-            right = "right" if same_text(part.reading.text, part.truth) else "WRONG"
+        def show(part: SheetPart) -> None:
+            reading = part.reading
+            right = "right" if same_text(reading.text, part.truth) else "WRONG"
             print(
-                f"{part.name:<14} stamped {part.truth}: {right}: {headline(part.reading)}",
+                f"{part.name:<13} {part.truth:<9} {reading.text or 'nothing':<9} {right:<6} {reading.decision:<9}"
+                f" {reading.confidence:10.3f}  {reading.font}",
                 flush=True,
             )
 
-        print("stamping, scanning and reading (the first part also compiles the kernels) ...", flush=True)
+        print(
+            "Stamping plates, scanning them with simulated whiskers and reading them, font and size unknown."
+        )
+        print("The first run on a machine takes longer: it compiles.\n")
+        print(f"{'part':<13} {'stamped':<9} {'read':<9} {'':<6} {'decision':<9} confidence  font", flush=True)
         try:
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise CommandError(
                 f"{out} cannot be made ({error.strerror})", hint="name another folder"
             ) from error
-        result = run_demo(out, on_part=tell)
-    print(f"picture: {result.overview.resolve()}")
-    print(f"page:    {result.page.resolve()}")
+        result = run_demo(out, on_part=show)
+    print(f"\npicture: {result.overview.resolve()}")
+    print(f"page:    {result.page.resolve()}  (open it in a browser)")
     return 0 if result.all_right else FAILED
 
 
 def _serve(out: Path, *, stay: bool) -> int:
-    """The service at work, part by part."""
-    with failures_told():
-        import pipeline.cli.serving  # noqa: F401 - what is not installed is told before parts are made
+    """Print what the service does, part by part."""
+    with failures_reported():
+        import pipeline.cli.serving  # noqa: F401 - what is not installed is said before parts are made
         from pipeline.cli.service_demonstration import ServedPart, run_service_demo
         from pipeline.service.client import ServiceError
         from pipeline.service.process import NotServingError
 
-        def tell(part: ServedPart) -> None:
-            print(f"{part.name}  dirt {part.dirt:.1f}  stamped {part.truth}")
-            for kind, record in (("camera", part.seen), ("touch", part.felt)):
+        def show(part: ServedPart) -> None:
+            print(f"{part.name}  stamped {part.truth}, dirt {part.dirt:.1f}")
+            for sense, record in (("camera", part.by_camera), ("touch", part.by_touch)):
                 if record is not None and record.reading is not None:
                     reading = record.reading
                     print(
-                        f"    {kind:<7} {reading.text or 'nothing':<10} confidence {reading.confidence:.3f}, "
-                        f"{reading.seconds:.1f} s -> {record.state.value.replace('_', ' ')}",
+                        f"    {sense:<7} {reading.text or 'nothing':<9} confidence {reading.confidence:.3f} in "
+                        f"{reading.seconds:.1f} s: {record.state.value.replace('_', ' ')}",
                         flush=True,
                     )
-            if part.seen.plan is not None:
-                plan = part.seen.plan
-                x0, y0, x1, y1 = plan.region_mm
-                print(
-                    f"            felt {x1 - x0:.0f} x {y1 - y0:.0f} mm in {plan.passes} passes, {plan.seconds:.0f} s"
-                )
+                plan = part.by_camera.plan
+                if sense == "camera" and plan is not None:
+                    x0, y0, x1, y1 = plan.region_mm
+                    area = f"{x1 - x0:.0f} x {y1 - y0:.0f} mm"
+                    print(
+                        f"    stage   scans {area} in {plan.passes} passes, {plan.seconds:.0f} s of stage time"
+                    )
 
         try:
             served = run_service_demo(
                 out,
-                on_part=tell,
+                on_part=show,
                 say=lambda line: print(line, flush=True),
                 stay=_until_interrupted if stay else None,
             )
@@ -86,7 +93,7 @@ def _serve(out: Path, *, stay: bool) -> int:
             raise CommandError(str(error)) from error
     states = [part.last.state.value for part in served]
     print(
-        f"{len(served)} parts: {states.count('accepted')} accepted, {states.count('review')} for a person to look at"
+        f"{len(served)} parts: {states.count('accepted')} accepted, {states.count('review')} for a person to review"
     )
     return FAILED if any(part.accepted_wrong for part in served) else 0
 

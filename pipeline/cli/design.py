@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 
 if TYPE_CHECKING:
     from pipeline.files.whisker_file import WhiskerFile
@@ -63,7 +63,7 @@ def design(
     picture
         Picture to write, .png or .pdf.
     """
-    with failures_told():
+    with failures_reported():
         import math
 
         from pipeline.files.whisker_file import check_whisker_file, write_whisker_file

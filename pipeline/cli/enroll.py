@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.exit_status import FAILED, USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import FAILED, USAGE, CommandError, failures_reported
 from pipeline.cli.settings import READING, SERVICE, Config, ReadingOfFile, ServiceOfFile, StoreAddress
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def enroll(
         raise CommandError("enroll: --store and --since go with --from-store", status=USAGE)
     if since is not None and not 0.0 < since <= 36_500.0:
         raise CommandError(f"enroll: --since is {since} days", hint="give a positive number", status=USAGE)
-    with failures_told(), ExitStack() as stack:
+    with failures_reported(), ExitStack() as stack:
         from pipeline.common.atomic import check_writable
         from pipeline.reading.enrolment import enrol
 

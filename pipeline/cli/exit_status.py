@@ -45,7 +45,7 @@ _EXTRAS = {
 
 
 @contextlib.contextmanager
-def failures_told() -> Iterator[None]:
+def failures_reported() -> Iterator[None]:
     """Turn expected failures into a CommandError: files (status 1), settings, arguments and extras (2).
 
     Whatever else is raised is a fault of the program and goes on to `pipeline.cli.main`.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pipeline.cli.exit_status import failures_told
+from pipeline.cli.exit_status import failures_reported
 
 
 def figures(
@@ -33,7 +33,7 @@ def figures(
     picture_format
         Of the pictures.
     """
-    with failures_told():
+    with failures_reported():
         from pipeline.plots.drawing import FigureSettings
         from pipeline.plots.gallery import draw_gallery, step_table
 

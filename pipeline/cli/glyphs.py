@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 
 FaceName = Literal["sharp", "flat", "round", "dotted"]
 
@@ -18,7 +18,7 @@ def list_fonts(database: Path | None = None) -> int:
     database
         Glyph database.
     """
-    with failures_told():
+    with failures_reported():
         from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
         from glyphs.stamping.database import load_database
 
@@ -49,7 +49,7 @@ def show(*font: str, out: Path, face: FaceName = "flat", height_mm: float = 5.0)
     height_mm
         Character height.
     """
-    with failures_told():
+    with failures_reported():
         from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
         from glyphs.stamping.die import Face
         from glyphs.stamping.sheet import sheet_figure
@@ -74,7 +74,7 @@ def build(out: Path, *font: str) -> int:
     """
     if not font:
         raise CommandError("glyphs build: name at least one font", status=USAGE)
-    with failures_told():
+    with failures_reported():
         from glyphs.fonts.outlines import load_font
         from glyphs.stamping.database import GlyphDatabase, save_database
         from pipeline.common.atomic import check_writable

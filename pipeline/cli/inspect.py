@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.cli.exit_status import FAILED, CommandError, failures_told
+from pipeline.cli.exit_status import FAILED, CommandError, failures_reported
 from pipeline.cli.settings import READING, Config, Reading
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def inspect(
     out
         Picture to write, .png, .svg or .pdf; FILE-inspect.png in the working folder unless given.
     """
-    with failures_told():
+    with failures_reported():
         from pipeline.files.parts import discover
         from pipeline.files.units import Unit
         from pipeline.plots.inspection import inspection_figure

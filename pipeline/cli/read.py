@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from pipeline.batch.options import RunOptions
-from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
 from pipeline.cli.settings import READING, Config, Reading
 from pipeline.workers.options import ExecutorOptions
 
@@ -41,7 +41,7 @@ def read(
         raise CommandError(
             "read: name a height map, a scan, a photograph, a folder, a glob or a manifest", status=USAGE
         )
-    with failures_told():
+    with failures_reported():
         try:
             return run_batch(inputs, reading, run, executors)
         except (ClusterError, StoreError) as error:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 
 FidelityName = Literal["pointwise", "contact"]
 UnitName = Literal["um", "mm", "m", "in"]
@@ -56,7 +56,7 @@ def scan(
     unit
         Unit of the numbers in a height file that states none (.npz, STL, PLY, XYZ).
     """
-    with failures_told():
+    with failures_reported():
         from pipeline.common.atomic import check_writable
         from pipeline.files.npz import read_soil
         from pipeline.files.touch_file import is_scan, read_height_map
@@ -139,7 +139,7 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
         raise CommandError("calibrate: --out and --in-place", hint="give one of them", status=USAGE)
     if not in_place and out is None:
         out = recording.with_name(f"{recording.stem}-calibrated{recording.suffix}")
-    with failures_told():
+    with failures_reported():
         from glyphs.errors import FileError
         from pipeline.files.lead_in import calibrate_scan
         from whisker_array.scan.recording import load_scan, save_calibration

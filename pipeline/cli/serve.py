@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 from pipeline.cli.settings import READING, SERVICE, Config, Reading, Service
 
 
@@ -20,7 +20,7 @@ def serve(*, service: Service = SERVICE, reading: Reading = READING, config: Con
             hint="leave mode out",
             status=USAGE,
         )
-    with failures_told():
+    with failures_reported():
         from pipeline.cli.serving import run
 
         return run(service, reading, say=lambda line: print(line, file=sys.stderr, flush=True))

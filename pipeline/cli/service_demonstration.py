@@ -1,4 +1,4 @@
-"""The service at work: dirty parts pass the camera; what it is unsure of, the whiskers feel."""
+"""The service at work: dirty parts pass the camera; where it is unsure, the whiskers scan."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ class ServedPart:
         name: of its files.
         truth: as stamped.
         dirt: severity.
-        seen: the answer to its photograph.
-        felt: the answer to its scan; None where the camera was sure.
+        by_camera: the answer to its photograph.
+        by_touch: the answer to its scan; None where the camera was sure.
     """
 
     name: str
     truth: str
     dirt: float
-    seen: PartRecord
-    felt: PartRecord | None = None
+    by_camera: PartRecord
+    by_touch: PartRecord | None = None
 
     @property
     def last(self) -> PartRecord:
         """The part as it stands."""
-        return self.felt if self.felt is not None else self.seen
+        return self.by_touch if self.by_touch is not None else self.by_camera
 
     @property
     def accepted_wrong(self) -> bool:
@@ -59,8 +59,8 @@ def run_service_demo(
 
     Args:
         folder: for the parts and the service.
-        on_part: told of each when its reading stands.
-        say: told what happens, in lines for a person.
+        on_part: called with each when its reading stands.
+        say: called with what happens, in lines for a person.
         stay: called while the service still runs, for a look at its page.
 
     Raises:
@@ -75,26 +75,17 @@ def run_service_demo(
     for number, severity in enumerate(SEVERITIES):
         spec = SynthSpec(format=FORMAT, seed=_SEED, dirt=Dirt.of(severity))
         truths[f"part-{number}"] = write_part(spec, parts / f"part-{number}", number, photos=True)
-    say("starting the service (the first start compiles the kernels) ...")
+    say("starting the service (the first start on a machine takes longer: it compiles) ...")
     served = []
-    options = (
-        "--stage",
-        str(parts),
-        "--camera",
-        str(parts),
-        "--format",
-        FORMAT,
-        "--font",
-        "gothic",
-        "--height-mm",
-        "5",
-    )
-    with service_process(folder / "service", *options) as service, Client(service.url) as client:
+    folders = ("--stage", str(parts), "--camera", str(parts))
+    reading = ("--format", FORMAT, "--font", "gothic", "--height-mm", "5")
+    with service_process(folder / "service", *folders, *reading) as service, Client(service.url) as client:
         say(f"it answers at {service.url}")
         for (name, truth), severity in zip(truths.items(), SEVERITIES, strict=True):
-            seen = client.read(photo=parts / f"{name}.png", name=name)
-            felt = client.touch(seen.id) if seen.state is PartState.TOUCH_NEEDED else None
-            served.append(ServedPart(name, truth, severity, seen, felt))
+            by_camera = client.read(photo=parts / f"{name}.png", name=name)
+            needed = by_camera.state is PartState.TOUCH_NEEDED
+            by_touch = client.touch(by_camera.id) if needed else None
+            served.append(ServedPart(name, truth, severity, by_camera, by_touch))
             on_part(served[-1])
         if stay is not None:
             say(f"the operator's page is at {service.url}/review; Ctrl-C ends the service")

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from pipeline.cli.exit_status import failures_told
+from pipeline.cli.exit_status import failures_reported
 
 FaceName = Literal["sharp", "flat", "round", "dotted"]
 
@@ -95,7 +95,7 @@ def synth(
     overwrite
         Write into a folder that is not empty.
     """
-    with failures_told():
+    with failures_reported():
         from dataclasses import replace
         from functools import partial
 

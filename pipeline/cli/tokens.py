@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 from pipeline.cli.settings import SERVICE, Config, ServiceOfFile, StoreAddress
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _opened(url: str) -> Iterator[Store]:
             hint="install it with: pip install 'tactile-marks[service]'",
             status=USAGE,
         ) from error
-    with failures_told():
+    with failures_reported():
         try:
             with contextlib.closing(Store.open(url)) as store:
                 yield store

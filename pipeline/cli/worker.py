@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from pipeline.cli.exit_status import USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 
 
 def worker(address: str, *, jobs: int | None = None, memory_gb: float | None = None) -> int:
@@ -31,7 +31,7 @@ def worker(address: str, *, jobs: int | None = None, memory_gb: float | None = N
         raise CommandError(f"worker: jobs is {jobs}", hint="it must be at least 1", status=USAGE)
     if memory_gb is not None and not memory_gb > 0.0:
         raise CommandError(f"worker: memory_gb is {memory_gb}", hint="it must be above 0", status=USAGE)
-    with failures_told():
+    with failures_reported():
         require_distributed()
     # what stands in the environment goes before what Dask's nanny would set for the processes that it starts
     environment = {**MALLOC, "NUMBA_NUM_THREADS": "1", **os.environ}

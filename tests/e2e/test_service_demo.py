@@ -23,8 +23,8 @@ def test_the_demo_takes_parts_from_the_camera_to_touch(
     told = capsys.readouterr().out
     assert "camera" in told
     assert "touch needed" in told
-    assert "felt" in told
-    assert told.rstrip().endswith("for a person to look at")
+    assert "of stage time" in told
+    assert told.rstrip().endswith("for a person to review")
 
 
 def test_stay_goes_with_service(capsys: pytest.CaptureFixture[str]) -> None:

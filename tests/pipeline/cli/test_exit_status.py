@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from glyphs.errors import MissingExtraError
-from pipeline.cli.exit_status import FAULT, USAGE, CommandError, failures_told
+from pipeline.cli.exit_status import FAULT, USAGE, CommandError, failures_reported
 from pipeline.cli.main import main
 
 
@@ -14,19 +14,19 @@ def test_a_library_of_an_extra_is_told_with_what_to_install(monkeypatch: pytest.
     monkeypatch.setitem(sys.modules, "uvicorn", None)
     with (
         pytest.raises(CommandError, match=r"needs uvicorn; .*'tactile-marks\[service\]'") as told,
-        failures_told(),
+        failures_reported(),
     ):
         importlib.import_module("uvicorn")
     assert told.value.status == USAGE
 
 
 def test_a_part_that_names_its_own_extra_is_believed() -> None:
-    with pytest.raises(CommandError, match=r"MQTT needs aiomqtt; .*\[mqtt\]"), failures_told():
+    with pytest.raises(CommandError, match=r"MQTT needs aiomqtt; .*\[mqtt\]"), failures_reported():
         raise MissingExtraError("MQTT", "aiomqtt", "mqtt")
 
 
 def test_a_fault_of_the_program_is_not_taken_for_a_missing_extra() -> None:
-    with pytest.raises(ModuleNotFoundError, match="no_such_module"), failures_told():
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"), failures_reported():
         importlib.import_module("pipeline.no_such_module")
 
 
