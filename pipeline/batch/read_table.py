@@ -24,6 +24,7 @@ _COLOUR = {
 }
 _GAP = "  "
 _LEAST_WIDTH = 20
+_SHORT_NAME = 8
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 _STATES = (
     (re.compile(r"(\d+):confused (.)/(.)"), r"place \1: \2 or \3?"),
@@ -57,19 +58,19 @@ def table_lines(rows: Sequence[Row], *, width: int | None) -> list[str]:
     # of a column that says nothing of any part only those stay that everybody looks for
     shown = [h for h in cells[0] if h in ("part", "text", "decision") or any(c[h] for c in cells)]
     widths = {h: max(cell_len(h), *(cell_len(c[h]) for c in cells)) for h in shown}
-    above, indent = False, ""
     if width is not None:
-        kept = _fitting(shown, widths, width)
+        shown = _fitting(shown, widths, width)
+        room = width - _total(shown, {**widths, "part": 0})
         # a name too long for its column stands on a line of its own, above its row
-        above = len(kept) < len(shown) - 2 or _total(kept, widths) > width
-        indent = _GAP if above else ""
-        shown = _fitting([h for h in shown if h != "part"], widths, width - len(_GAP)) if above else kept
-    lines = []
-    for row, cell in zip([None, *rows], [{h: h for h in cells[0]}, *cells], strict=True):
-        lines += [cell["part"]] if above else []
-        lines.append(indent + _line(cell, shown, widths))
-        if row is None:
-            continue
+        names = [cell_len(c["part"]) for c in cells]
+        widths["part"] = max((n for n in names if n <= room), default=0)
+        widths["part"] = max(widths["part"], cell_len("part"))
+    lines = [_line({h: h for h in shown}, shown, widths)]
+    for row, cell in zip(rows, cells, strict=True):
+        if cell_len(cell["part"]) > widths["part"]:
+            lines.append(cell["part"])
+            cell["part"] = ""
+        lines.append(_line(cell, shown, widths))
         if remarks := _CONTROL.sub(" ", row.error or notes(row)):
             lines += (
                 [f"{_GAP}{remarks}"]
@@ -77,8 +78,8 @@ def table_lines(rows: Sequence[Row], *, width: int | None) -> list[str]:
                 else textwrap.wrap(
                     remarks,
                     width,
-                    initial_indent=indent + _GAP,
-                    subsequent_indent=indent + 2 * _GAP,
+                    initial_indent=_GAP,
+                    subsequent_indent=2 * _GAP,
                     break_on_hyphens=False,
                     break_long_words=False,
                 )
@@ -87,10 +88,13 @@ def table_lines(rows: Sequence[Row], *, width: int | None) -> list[str]:
 
 
 def _fitting(headings: Sequence[str], widths: Mapping[str, int], width: int) -> list[str]:
-    kept = list(headings)
-    for spare in _SPARE:
-        if _total(kept, widths) > width and spare in kept:
-            kept.remove(spare)
+    """The columns that there is room for: without the spare ones if then all names fit, or as many as a short one."""
+    for least, spare in ((widths["part"], _SPARE[:2]), (min(widths["part"], _SHORT_NAME), _SPARE)):
+        kept = list(headings)
+        for heading in (None, *spare):
+            kept = [h for h in kept if h != heading]
+            if _total(kept, {**widths, "part": least}) <= width:
+                return kept
     return kept
 
 
