@@ -222,8 +222,8 @@ def _plane(
     level = field.depth_mm[window][row, col]
     middle = mark.points.mean(axis=0)
     down, right = row + low[0] - middle[0], col + low[1] - middle[1]
-    terms, told = robust_plane(level, down, right, PLANE_ROUNDS)
-    if not told:
+    terms, settled = robust_plane(level, down, right, PLANE_ROUNDS)
+    if not settled:
         terms = _least_plane(level, down, right)
     return np.array([terms[0] - terms[1] * middle[0] - terms[2] * middle[1], terms[1], terms[2]])
 

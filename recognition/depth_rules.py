@@ -96,8 +96,8 @@ def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
         shallow = [c for c in reading.characters if c.depth and c.depth.min_mm < rule.least_depth_mm]
         if shallow:
             flags |= ReadingFlag.TOO_SHALLOW
-            told = ", ".join(_measured(c) for c in shallow)
-            notes.append(f"too shallow for {rule.name}: {told} (at least {rule.least_depth_mm:g})")
+            measured = ", ".join(_measured(c) for c in shallow)
+            notes.append(f"too shallow for {rule.name}: {measured} (at least {rule.least_depth_mm:g})")
         if unknown:
             flags |= ReadingFlag.DEPTH_UNKNOWN
             notes.append(f"depth not measured for {rule.name}: {' '.join(unknown)}")

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 from glyphs.fonts.serials import FormatError
 from recognition.check_digits import CheckDigit
-from recognition.remainders import FIGURES, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
+from recognition.remainders import DIGITS, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def _kind(body: str) -> tuple[str, str]:
     kind, colon, rest = body.partition(":")
     if body == "vin":
         return "vin", ",".join(
-            FIGURES + "X" if k == VIN_CHECK_PLACE else VIN_CHARACTERS for k in range(VIN_LENGTH)
+            DIGITS + "X" if k == VIN_CHECK_PLACE else VIN_CHARACTERS for k in range(VIN_LENGTH)
         )
     if not colon or kind not in ("mask", "re", "sets", "check"):
         if not body:

@@ -103,7 +103,7 @@ def _joined(felt: Lattice, seen: Lattice, reliability: Reliability) -> tuple[Lat
 
 
 def _reading(
-    told: Reading,
+    tactile: Reading,
     felt: Lattice,
     lattice: Lattice,
     choice: Choice,
@@ -116,7 +116,7 @@ def _reading(
     characters = []
     for k in range(lattice.n_places):
         # what was measured at the place stays with it
-        old = told.characters[k] if k < len(told.characters) else None
+        old = tactile.characters[k] if k < len(tactile.characters) else None
         beliefs = choice.place(k)
         chosen = choice.text[k]
         order = [chosen, *(c for c in beliefs if c != chosen)][:CANDIDATES]
@@ -133,9 +133,9 @@ def _reading(
                 grade=old.grade if old is not None and same else None,
             )
         )
-    flags = told.flags & ~CHOICE_FLAGS
-    if ReadingFlag.AMBIGUOUS in told.flags and all(
-        c.margin >= settings.accept_margin for c in told.characters
+    flags = tactile.flags & ~CHOICE_FLAGS
+    if ReadingFlag.AMBIGUOUS in tactile.flags and all(
+        c.margin >= settings.accept_margin for c in tactile.characters
     ):
         # not for its margins but for ink that two characters claim
         flags |= ReadingFlag.AMBIGUOUS
@@ -143,15 +143,15 @@ def _reading(
     blind = blind_warnings(choice, grammar) if grammar is not None else ()
     if contradicted:
         flags |= ReadingFlag.SENSES_DISAGREE
-    old_blind = told.notes if ReadingFlag.CHECK_BLIND not in told.flags else ()
+    old_blind = tactile.notes if ReadingFlag.CHECK_BLIND not in tactile.flags else ()
     return replace(
-        told,
+        tactile,
         characters=tuple(characters),
         decision=decision_of(flags, characters),
         confidence=choice.probability,
         flags=flags,
         notes=(*old_blind, *blind, *contradicted),
-        seconds=_seconds(told, vision),
+        seconds=_seconds(tactile, vision),
     )
 
 

@@ -121,8 +121,8 @@ class RapidEngine:
             crop, chars, places: as there.
             known: what the network has said of views of this crop already, for the same characters.
         """
-        told = known or {}
-        seen = [told.get(view) or self.frames(crop, view, chars=chars) for view in self.views]
+        by_view = known or {}
+        seen = [by_view.get(view) or self.frames(crop, view, chars=chars) for view in self.views]
         if places is None:
             most = [count_belief(f.log_blank, f.log_chars) for f in seen]
             size = min(m.size for m in most)

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-FIGURES = string.digits
+DIGITS = string.digits
 ALPHANUMERIC = string.digits + string.ascii_uppercase
 VIN_CHARACTERS = "".join(c for c in ALPHANUMERIC if c not in "IOQ")
 VIN_LENGTH, VIN_CHECK_PLACE = 17, 8
@@ -90,7 +90,7 @@ class PureSystem:
         """See `Remainder.step`."""
         if char == self.supplementary and place != n_places - 1:
             return None
-        if place >= n_places - self.check_figures and char not in FIGURES:
+        if place >= n_places - self.check_figures and char not in DIGITS:
             return None
         value = self.alphabet.index(char)
         # in mod 97-10 letters are written as two figures, 10 to 35
@@ -130,7 +130,7 @@ class HybridSystem:
 class Luhn:
     """Every second figure from the right doubled and its figures summed; sum 0 mod 10."""
 
-    alphabet = FIGURES
+    alphabet = DIGITS
     modulus = 10
     first = good = 0
     least_places = 2
@@ -148,7 +148,7 @@ class Luhn:
 class Gs1:
     """Every second figure from the right three times; sum 0 mod 10."""
 
-    alphabet = FIGURES
+    alphabet = DIGITS
     modulus = 10
     first = good = 0
     least_places = 2
@@ -171,7 +171,7 @@ class Vin:
     def step(self, char: str, place: int, n_places: int) -> NDArray[np.int64] | None:
         """See `Remainder.step`."""
         if place == VIN_CHECK_PLACE:
-            if char not in FIGURES + "X":
+            if char not in DIGITS + "X":
                 return None
             return (np.arange(11) - (10 if char == "X" else int(char))) % 11
         return (np.arange(11) + VIN_WEIGHTS[place] * VIN_VALUES[char]) % 11
@@ -181,10 +181,10 @@ REMAINDERS: dict[str, Remainder] = {
     "vin": Vin(),
     "luhn": Luhn(),
     "gs1": Gs1(),
-    "iso7064mod11_2": PureSystem(11, 2, FIGURES + "X", supplementary="X"),
+    "iso7064mod11_2": PureSystem(11, 2, DIGITS + "X", supplementary="X"),
     "iso7064mod37_2": PureSystem(37, 2, ALPHANUMERIC + "*", supplementary="*"),
     "iso7064mod97_10": PureSystem(97, 10, ALPHANUMERIC, check_figures=2),
-    "iso7064mod11_10": HybridSystem(FIGURES),
+    "iso7064mod11_10": HybridSystem(DIGITS),
     "iso7064mod37_36": HybridSystem(ALPHANUMERIC),
 }
 """The rules by name."""

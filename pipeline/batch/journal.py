@@ -201,8 +201,8 @@ class RunJournal:
             held = None
         if isinstance(held, dict):
             if held.get("format_version", FORMAT_VERSION) != FORMAT_VERSION:
-                told = "is of a run of another version of the program, whose rows are kept otherwise"
-                raise FileError(self._marker_path, told, self._hint())
+                what = "is of a run of another version of the program, whose rows are kept otherwise"
+                raise FileError(self._marker_path, what, self._hint())
             if isinstance(held.get("description"), dict):
                 return held
         if text and self._has_rows(self._rows_path):
@@ -213,8 +213,8 @@ class RunJournal:
     def _check_same(self, held: Mapping[str, Any]) -> None:
         if held.get("key") == key_of(self.description):
             return
-        told = differences(held["description"], self.description)
-        raise FileError(self.path, f"is of another run, not finished ({told})", self._hint())
+        what = differences(held["description"], self.description)
+        raise FileError(self.path, f"is of another run, not finished ({what})", self._hint())
 
     def _make_place(self) -> None:
         for path in {self._rows_path: None, self.path: None}:
@@ -249,8 +249,8 @@ class RunJournal:
                 raise
             full = fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
             hint = "make room" if full else "see to the disk and its permissions"
-            told = f"cannot be written ({fault.strerror or fault})"
-            raise FileError(self.path, told, f"{hint} and start the same command again") from fault
+            what = f"cannot be written ({fault.strerror or fault})"
+            raise FileError(self.path, what, f"{hint} and start the same command again") from fault
 
     def _hint(self) -> str:
         return f"name another file, or remove {self._marker_path.name} to start again"

@@ -66,13 +66,13 @@ class Quarantine:
         files = {column: absolute(getattr(listed, column)) for column in FILES}
         if not listed.files and listed.problem is not None:
             files["height_map"] = absolute(str(listed.problem.path))
-        told = (listed.expected, listed.format, listed.font, problem)
+        about = (listed.expected, listed.format, listed.font, problem)
         with self._writing():
             if self._stream is None:
                 self._stream = self.path.open("a", encoding="utf-8", newline="")
                 if self._stream.tell() == 0:
                     self._stream.write(_HEAD)
-            row = [name, *(_one_line(cell) for cell in (*files.values(), *told))]
+            row = [name, *(_one_line(cell) for cell in (*files.values(), *about))]
             csv.writer(self._stream, lineterminator="\n").writerow(row)
             self._stream.flush()
         self._names.add(name)

@@ -70,10 +70,10 @@ class Summary:
 
     def counts(self) -> str:
         """One line: how many parts of each kind."""
-        told = [f"{n} {d}" for d in DECISIONS if (n := self.decisions[d])]
-        told += [f"{n} {v}" for v in VERDICTS if (n := self.verdicts[v])]
+        written = [f"{n} {d}" for d in DECISIONS if (n := self.decisions[d])]
+        written += [f"{n} {v}" for v in VERDICTS if (n := self.verdicts[v])]
         return ", ".join(
-            [f"{self.parts:,} parts", *told, *([f"{self.errors} with an error"] if self.errors else [])]
+            [f"{self.parts:,} parts", *written, *([f"{self.errors} with an error"] if self.errors else [])]
         )
 
     def lines(self, *, elapsed_s: float, read_now: int, workers: int) -> list[str]:
@@ -84,18 +84,20 @@ class Summary:
             read_now: parts read in that time.
             workers: that read them.
         """
-        told = [self.counts()]
-        told += _listed("not accepted", self.reasons)
-        told += _listed("errors", self.faults)
+        written = [self.counts()]
+        written += _listed("not accepted", self.reasons)
+        written += _listed("errors", self.faults)
         if read_now and elapsed_s > 0.0:
             rate = read_now / elapsed_s
             at_once = f" with {workers} workers" if workers > 1 else ""
-            told.append(
+            written.append(
                 f"{read_now:,} read in {_duration(elapsed_s)}{at_once}: {rate:.2f} a second,"
                 f" {self.seconds / self.parts:.2f} s of work each"
             )
-            told.append("slowest: " + ", ".join(f"{part} {seconds:.2f} s" for part, seconds in self.slowest))
-        return told
+            written.append(
+                "slowest: " + ", ".join(f"{part} {seconds:.2f} s" for part, seconds in self.slowest)
+            )
+        return written
 
     def as_json(self) -> dict[str, Any]:
         """The same in plain values."""

@@ -158,14 +158,14 @@ def versions() -> dict[str, str]:
     """Of this program and of what it stands on."""
     from importlib.metadata import PackageNotFoundError, version
 
-    told = {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
+    libraries = {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
     for name in ("tactile-marks", "numpy", "scipy", "numba", "opencv-python-headless", "scikit-image",
                  "scikit-learn", "rapidocr", "onnxruntime", "tesserocr"):  # fmt: skip
         try:
-            told[name] = version(name)
+            libraries[name] = version(name)
         except PackageNotFoundError:
             continue
-    return told
+    return libraries
 
 
 def _page(

@@ -240,11 +240,11 @@ class FolderParts:
         if condition.format:
             allowed_characters(condition.format)
         _check_severity(condition.severity)
-        told = load_truth(truth)
-        parts = tuple(p for p in discover(inputs) if p.name in told)
+        truths = load_truth(truth)
+        parts = tuple(p for p in discover(inputs) if p.name in truths)
         if not parts:
             raise FileError(truth, "tells the truth of none of the parts", "name the parts as their files")
-        return cls(parts, {p.name: told[p.name] for p in parts}, condition)
+        return cls(parts, {p.name: truths[p.name] for p in parts}, condition)
 
     def items(self) -> list[Item]:
         """All of them, by name."""

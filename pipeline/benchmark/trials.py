@@ -207,9 +207,9 @@ class TrialJournal:
                 "update this program, or name another folder" if newer else "name another folder",
             )
         if heading.get("key") != key_of(self.description):
-            told = differences(held, self.description)
+            changes = differences(held, self.description)
             raise FileError(
-                self.path, f"holds another benchmark ({told})", "name another folder or remove that one"
+                self.path, f"holds another benchmark ({changes})", "name another folder or remove that one"
             )
 
     def _take(self, line: str, number: int) -> None:

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-_MOST_TOLD = 4
+_MOST_SHOWN = 4
 _MOST_CHARACTERS = 60
 
 
@@ -21,7 +21,7 @@ def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     wanted = json.loads(json.dumps(dict(now)))
     differ = sorted(k for k in {*was, *wanted} if was.get(k) != wanted.get(k))
     return "; ".join(
-        f"{k} was {in_short(was.get(k))}, now {in_short(wanted.get(k))}" for k in differ[:_MOST_TOLD]
+        f"{k} was {in_short(was.get(k))}, now {in_short(wanted.get(k))}" for k in differ[:_MOST_SHOWN]
     )
 
 

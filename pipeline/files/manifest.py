@@ -138,9 +138,9 @@ def _columns(source: str, header: Sequence[str]) -> dict[str, int]:
                     f"call it {close} if that is meant, or something quite different",
                 )
     if not any(column in found for column in FILES):
-        told = ", ".join(h.strip() for h in header)[:200] or "none"
+        named = ", ".join(h.strip() for h in header)[:200] or "none"
         raise problem_of(
-            source, f"has the columns {told}", f"its first line must name one of {', '.join(FILES)}"
+            source, f"has the columns {named}", f"its first line must name one of {', '.join(FILES)}"
         )
     return found
 

@@ -232,15 +232,15 @@ def _file_system(url: str) -> Any:
         raise MissingExtraError("URLs", "fsspec", "cluster") from error
     try:
         kind = fsspec.get_filesystem_class(scheme)
-        told = conf.get(scheme, {})
-        options = {k: v for k, v in _limits(scheme).items() if k not in told}
+        configured = conf.get(scheme, {})
+        options = {k: v for k, v in _limits(scheme).items() if k not in configured}
         files = kind(**{**options, **kind._get_kwargs_from_urls(url)})
     except ImportError as error:
         if scheme in _EXTRAS:
             raise MissingExtraError(f"{scheme}://", *_EXTRAS[scheme]) from error
         raise UrlError(url, f"needs a library ({error})", "install it") from error
     except Exception as error:
-        raise _told(url, error) from error
+        raise _problem(url, error) from error
     if scheme in ("s3", "s3a"):
         files.retries = _ATTEMPTS
     return files
@@ -273,10 +273,10 @@ def _faults_told(url: str) -> Iterator[None]:
     except FileError:
         raise
     except Exception as error:
-        raise _told(url, error) from error
+        raise _problem(url, error) from error
 
 
-def _told(url: str, error: Exception) -> UrlError:
+def _problem(url: str, error: Exception) -> UrlError:
     lines = str(error).splitlines()
     reason = f"{type(error).__name__}: {lines[0]}" if lines and lines[0] else type(error).__name__
     reason = _QUERY.sub("", reason)[:300]

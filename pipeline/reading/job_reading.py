@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.common.records import EvidenceKind, PartState, ReadingRecord
 from pipeline.common.settings import ReadSettings
-from pipeline.reading.jobs import Done, Job, Limits, MadeFile, told
+from pipeline.reading.jobs import Done, Job, Limits, MadeFile, named_problems
 
 if TYPE_CHECKING:
     from pipeline.reading.job_senses import JobSenses, Seen
@@ -32,7 +32,7 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
     felt = job.scan is not None or job.height_map is not None
     if not felt and (job.photo is None or job.vision is not None):
         raise ValueError("a job has a photo, a scan or a height map; sight goes with one of the latter")
-    with told(job, "database", job.database or settings.database):
+    with named_problems(job, "database", job.database or settings.database):
         reader = reader_of(settings, job.database)
     senses = JobSenses(job, reader, limits, settings)
     if not felt:

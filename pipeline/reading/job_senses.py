@@ -17,7 +17,7 @@ from pipeline.common.records import ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import check_map, check_photo, check_scan
 from pipeline.files.units import Unit
-from pipeline.reading.jobs import Job, Limits, told
+from pipeline.reading.jobs import Job, Limits, named_problems
 from pipeline.reading.photo_sizes import read_at_sizes
 from pipeline.reading.vision_file import KeptVision, load_vision, moved
 
@@ -79,7 +79,7 @@ class JobSenses:
         from pipeline.files.photos import read_photo
 
         path = self._path("photo")
-        with told(self.job, "photo", path):
+        with named_problems(self.job, "photo", path):
             check_photo(path, most=self.limits.max_photo_pixels)
             return read_photo(path)
 
@@ -99,7 +99,7 @@ class JobSenses:
         photo = photo if photo is not None else self.load_photo()
         if over is not None:
             photo = centred(photo, over)
-        with told(self.job, "photo", self.job.photo):
+        with named_problems(self.job, "photo", self.job.photo):
             vision = read_at_sizes(photo, self.reader.vision.read_photo)
             if self.expected:
                 vision = self.reader.opened(vision, self.expected)
@@ -113,7 +113,7 @@ class JobSenses:
             FileError: it cannot be used.
         """
         path = self._path("vision")
-        with told(self.job, "vision", path):
+        with named_problems(self.job, "vision", path):
             return load_vision(path)
 
     def feel(self) -> Reading:
@@ -129,7 +129,7 @@ class JobSenses:
         what = "scan" if job.scan is not None else "height_map"
         path = self._path(what)
         name = job.part_name or Path(job.name_of(what)).stem
-        with told(job, what, path):
+        with named_problems(job, what, path):
             if job.scan is not None:
                 check_scan(path, most=self.limits.max_scan_samples)
                 return felt(Part(name, scan=path), self.reader.touch)
@@ -148,7 +148,7 @@ class JobSenses:
         if isinstance(seen, KeptVision) and surface is not None and kept.middle_mm is not None:
             width, height = surface.size_mm
             kept = moved(kept, 0.5 * width - kept.middle_mm[0], 0.5 * height - kept.middle_mm[1])
-        with told(self.job, "vision", self.job.vision):
+        with named_problems(self.job, "vision", self.job.vision):
             return self.verified(self.reader.fuse(touch, kept.vision_for(self.expected)))
 
     def record(self, reading: Reading, seconds: float) -> ReadingRecord:
@@ -170,7 +170,7 @@ class JobSenses:
         """
         if not self.expected:
             return reading
-        with told(self.job, "expected", None):
+        with named_problems(self.job, "expected", None):
             return self.reader.verify(reading, self.expected)
 
     def _path(self, what: str) -> Path:

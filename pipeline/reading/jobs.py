@@ -113,7 +113,7 @@ class Done:
 
 
 @contextlib.contextmanager
-def told(job: Job, what: str, path: Path | None) -> Iterator[None]:
+def named_problems(job: Job, what: str, path: Path | None) -> Iterator[None]:
     """Turn whatever goes wrong with a file into a problem of the name that its sender gave it.
 
     Raises:

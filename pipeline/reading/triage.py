@@ -28,5 +28,5 @@ def why_touch(reading: ReadingRecord) -> str:
         return "the camera has found no characters"
     if reading.verdict in ("refuted", "undecided"):
         return f"the camera reads {reading.text}, which leaves the text expected {reading.verdict}"
-    told = "; ".join(reading.messages) or "its thresholds are not met"
-    return f"the camera is unsure of {reading.text} (confidence {reading.confidence:.2f}): {told}"
+    reasons = "; ".join(reading.messages) or "its thresholds are not met"
+    return f"the camera is unsure of {reading.text} (confidence {reading.confidence:.2f}): {reasons}"

@@ -113,7 +113,7 @@ def save_vision(path: Path, kept: KeptVision) -> None:
     from pipeline.common.atomic import replacing
 
     reading, trace = kept.vision, kept.vision.trace
-    told: dict[str, Any] = {
+    record: dict[str, Any] = {
         "version": FORMAT_VERSION,
         "reading": _reading_members(reading),
         "engine": trace.engine,
@@ -131,15 +131,15 @@ def save_vision(path: Path, kept: KeptVision) -> None:
             "edges": edges.enhancement.astype(np.float16),
             "valid": np.packbits(edges.valid),
         }
-        told["edges"] = {
+        record["edges"] = {
             "directions": [int(d) for d in edges.directions],
             "pitch_mm": edges.pitch_mm,
             "origin_mm": edges.origin_mm,
         }
     # JSON has no infinities; a character that cannot be stands as null
-    text = json.dumps(told, allow_nan=False).encode("utf-8")
+    text = json.dumps(record, allow_nan=False).encode("utf-8")
     with replacing(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, told=np.frombuffer(text, dtype=np.uint8), **arrays)  # type: ignore[arg-type]
+        np.savez(stream, record=np.frombuffer(text, dtype=np.uint8), **arrays)  # type: ignore[arg-type]
 
 
 def _reading_members(reading: Reading) -> dict[str, Any]:
@@ -206,50 +206,50 @@ def load_vision(path: Path) -> KeptVision:
         # in memory: the file may be expired while it is read
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as held:
             arrays = {name: held[name] for name in held.files}
-        told: Mapping[str, Any] = json.loads(bytes(arrays["told"]).decode("utf-8"))
-        if told["version"] != FORMAT_VERSION:
-            raise FileError(path, f"is of version {told['version']}", "read the photograph again")
-        return _kept(told, arrays)
+        record: Mapping[str, Any] = json.loads(bytes(arrays["told"]).decode("utf-8"))
+        if record["version"] != FORMAT_VERSION:
+            raise FileError(path, f"is of version {record['version']}", "read the photograph again")
+        return _kept(record, arrays)
 
 
-def _kept(told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> KeptVision:
+def _kept(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> KeptVision:
     from recognition.reading import ReadingTrace
     from recognition.vision_frame import LinePlace
 
-    by_engine = {name: _lattice(own) for name, own in told["by_engine"].items()}
-    middle = told["middle_mm"]
+    by_engine = {name: _lattice(own) for name, own in record["by_engine"].items()}
+    middle = record["middle_mm"]
     trace = ReadingTrace(
-        lattice=_lattice(told["lattice"]),
-        open_lattice=_lattice(told["open_lattice"]),
-        edge_map=_edges(told["edges"], arrays) if "edges" in told else None,
-        engine=str(told["engine"]),
-        place=None if told["place"] is None else from_json(LinePlace, told["place"]),
+        lattice=_lattice(record["lattice"]),
+        open_lattice=_lattice(record["open_lattice"]),
+        edge_map=_edges(record["edges"], arrays) if "edges" in record else None,
+        engine=str(record["engine"]),
+        place=None if record["place"] is None else from_json(LinePlace, record["place"]),
         by_engine=MappingProxyType({n: own for n, own in by_engine.items() if own is not None}),
     )
     return KeptVision(
-        _reading(told["reading"], trace),
+        _reading(record["reading"], trace),
         None if middle is None else (float(middle[0]), float(middle[1])),
-        str(told["expected"]),
+        str(record["expected"]),
     )
 
 
-def _lattice(told: Mapping[str, Any] | None) -> Lattice | None:
+def _lattice(record: Mapping[str, Any] | None) -> Lattice | None:
     from recognition.box import Box
     from recognition.lattice import Lattice
 
-    if told is None:
+    if record is None:
         return None
-    chars = tuple(told["chars"])
-    rows = [[-np.inf if v is None else float(v) for v in row] for row in told["log_belief"]]
+    chars = tuple(record["chars"])
+    rows = [[-np.inf if v is None else float(v) for v in row] for row in record["log_belief"]]
     return Lattice(
         chars,
         np.array(rows, dtype=np.float64).reshape(len(rows), len(chars)),
-        boxes=tuple(Box(*(float(v) for v in box)) for box in told["boxes"]),
-        spaces_after=frozenset(int(k) for k in told["spaces_after"]),
+        boxes=tuple(Box(*(float(v) for v in box)) for box in record["boxes"]),
+        spaces_after=frozenset(int(k) for k in record["spaces_after"]),
     )
 
 
-def _edges(told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> EdgeMap:
+def _edges(record: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> EdgeMap:
     from glyphs.surface.maps import EdgeMap, TraceDirection
 
     layers = arrays["edges"].astype(np.float32)
@@ -257,8 +257,8 @@ def _edges(told: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> EdgeM
     valid = np.unpackbits(arrays["valid"], count=rows * cols).reshape(rows, cols).astype(np.bool_)
     return EdgeMap(
         enhancement=layers,
-        directions=tuple(TraceDirection(d) for d in told["directions"]),
+        directions=tuple(TraceDirection(d) for d in record["directions"]),
         valid=valid,
-        pitch_mm=float(told["pitch_mm"]),
-        origin_mm=(float(told["origin_mm"][0]), float(told["origin_mm"][1])),
+        pitch_mm=float(record["pitch_mm"]),
+        origin_mm=(float(record["origin_mm"][0]), float(record["origin_mm"][1])),
     )

@@ -58,8 +58,8 @@ class ServiceError(MarksError):
     """
 
     def __init__(self, status: int, problem: Mapping[str, Any], message: str = "") -> None:
-        told = message or problem.get("detail") or problem.get("title") or "the service says no more"
-        super().__init__(f"{status}: {told}" if status else str(told))
+        said = message or problem.get("detail") or problem.get("title") or "the service says no more"
+        super().__init__(f"{status}: {said}" if status else str(said))
         self.status, self.problem = status, dict(problem)
 
 

@@ -47,8 +47,8 @@ class RequestLayer:
         """Answer a request."""
         if scope["type"] != "http":
             return await self._app(scope, receive, send)
-        told = Headers(scope=scope).get(REQUEST_ID, "")
-        request_id = told if _SANE_ID.fullmatch(told) else secrets.token_hex(8)
+        given = Headers(scope=scope).get(REQUEST_ID, "")
+        request_id = given if _SANE_ID.fullmatch(given) else secrets.token_hex(8)
         scope.setdefault("state", {})["request_id"] = request_id
         start, status, begun = time.perf_counter(), 500, False
 

@@ -107,9 +107,9 @@ def _suffix(role: str, name: str, head: bytes) -> str:
         raise Problem(
             415, f"the photo {name!r} is not a picture that can be read; send PNG, JPEG, BMP or TIFF"
         )
-    told = Path(name)
-    if is_scan(told) or is_height_map(told):
-        return told.suffix.lower()
+    named = Path(name)
+    if is_scan(named) or is_height_map(named):
+        return named.suffix.lower()
     if head.startswith(_SCAN_MAGIC):
         return ".h5"
     raise Problem(

@@ -19,7 +19,7 @@ def why_not(problem: Problem, *, seed: int) -> str:
     rng = np.random.default_rng(seed)
     nearest, bounds = conflict(problem, list(starts(problem, n=3, rng=rng)))
     rows = _rows(nearest, problem)
-    told = "; ".join(
+    limits_missed = "; ".join(
         f"{bound.label} comes to {rows[bound].value:.3g} where "
         f"{'at most' if rows[bound].at_most else 'at least'} {rows[bound].limit:.3g} is allowed"
         for bound in bounds
@@ -27,7 +27,7 @@ def why_not(problem: Problem, *, seed: int) -> str:
     hints = list(dict.fromkeys(bound.hint for bound in bounds))
     kind = "round wire" if problem.section == "round" else "ribbon"
     return (
-        f"no whisker of {kind} meets all limits together; the nearest one: {told}. Mend: {', or '.join(hints)}"
+        f"no whisker of {kind} meets all limits together; the nearest one: {limits_missed}. Mend: {', or '.join(hints)}"
         + (_jam_hint(problem) if Bound.JAMMING in bounds else "")
     )
 

@@ -38,7 +38,7 @@ from pipeline.service.line.opcua_result import (
     ocr_scan_result,
     status_of,
 )
-from pipeline.service.line.trigger import TOLD, LineDecision, Trigger, decision_of, in_words, is_hidden
+from pipeline.service.line.trigger import FOR_CALLER, LineDecision, Trigger, decision_of, in_words, is_hidden
 
 __all__ = ["OpcUaPort", "require_asyncua"]
 
@@ -69,7 +69,7 @@ class OpcUaPort:
         private_key: Path | None = None,
         connections: int = 16,
         answer_s: float = 120.0,
-        told: tuple[type[Exception], ...] = TOLD,
+        for_caller: tuple[type[Exception], ...] = FOR_CALLER,
     ) -> None:
         """Check the settings; nothing is opened yet.
 
@@ -84,7 +84,7 @@ class OpcUaPort:
             private_key: of the certificate.
             connections: at once.
             answer_s: for one scan; after it the status tells so, and the part is read to its end all the same.
-            told: failures of a trigger whose words are for the caller.
+            for_caller: failures of a trigger whose words are for the caller.
 
         Raises:
             MissingExtraError: asyncua is not installed.
@@ -100,7 +100,7 @@ class OpcUaPort:
                 "users need a certificate, else their passwords can be read on the way", hint="give one"
             )
         self.host, self.port = host, port
-        self._trigger, self._told, self._name, self._version = trigger, told, name, version
+        self._trigger, self._for_caller, self._name, self._version = trigger, for_caller, name, version
         self._users, self._certificate, self._private_key = dict(users or {}), certificate, private_key
         self._connections, self._answer_s = connections, answer_s
         self._server: Any = None
@@ -196,8 +196,8 @@ class OpcUaPort:
             if event and self._events is not None:
                 self._events.event.ScanResult = [ocr_scan_result(part)]
                 self._events.event.Severity = 100 if decision_of(part) is LineDecision.ACCEPT else 500
-                told = f"{decision_of(part).value} {part.text} {part.name} {part.id}"
-                await self._events.trigger(message=" ".join(told.split()))
+                for_caller = f"{decision_of(part).value} {part.text} {part.name} {part.id}"
+                await self._events.trigger(message=" ".join(for_caller.split()))
 
     async def _scan(self, _parent: Any, *arguments: Any) -> Any:
         """Method Scan: one trigger, and its result."""
@@ -267,9 +267,9 @@ class OpcUaPort:
             await self._write("DeviceInfo", "")
             return part
         except Exception as error:
-            if not isinstance(error, self._told):
+            if not isinstance(error, self._for_caller):
                 _log.exception("a trigger of the OPC UA port failed")
-            await self._write("DeviceInfo", in_words(error, self._told))
+            await self._write("DeviceInfo", in_words(error, self._for_caller))
             raise
         finally:
             self._scanning = None
@@ -282,7 +282,7 @@ class OpcUaPort:
             return None, DEVICE_NOT_READY
         error = scan.exception()
         if error is not None:
-            return None, DEVICE_NOT_READY if isinstance(error, self._told) else DEVICE_FAULT
+            return None, DEVICE_NOT_READY if isinstance(error, self._for_caller) else DEVICE_FAULT
         return scan.result(), status_of(scan.result())
 
     async def _write(self, name: str, value: int | str) -> None:

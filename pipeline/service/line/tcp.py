@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString
-from pipeline.service.line.trigger import TOLD, Trigger, in_words, is_hidden
+from pipeline.service.line.trigger import FOR_CALLER, Trigger, in_words, is_hidden
 
 LINE_END = b"\r\n"
 _LET_GO_S = 0.5
@@ -71,7 +71,7 @@ class TcpPort:
         template: str = DEFAULT_FORMAT,
         clients: Sequence[str] = (),
         limits: TcpLimits | None = None,
-        told: tuple[type[Exception], ...] = TOLD,
+        for_caller: tuple[type[Exception], ...] = FOR_CALLER,
     ) -> None:
         """Check the settings; nothing is opened yet.
 
@@ -82,13 +82,13 @@ class TcpPort:
             template: of the result string.
             clients: addresses or networks that may call (192.168.1.20, 10.0.0.0/24); empty: whoever can.
             limits: what one caller may take.
-            told: failures of a trigger whose words are for the caller.
+            for_caller: failures of a trigger whose words are for the caller.
 
         Raises:
             ValueError: no such format, address or network.
         """
         self.host, self.port = host, port
-        self._trigger, self._told = trigger, told
+        self._trigger, self._for_caller = trigger, for_caller
         self._result = ResultString(template or DEFAULT_FORMAT)
         self._clients = tuple(ipaddress.ip_network(client) for client in clients)
         self._limits = limits or TcpLimits()
@@ -189,9 +189,9 @@ class TcpPort:
         try:
             return self._result.of(await self._trigger(name)).encode()
         except Exception as error:
-            if not isinstance(error, self._told):
+            if not isinstance(error, self._for_caller):
                 _log.exception("a trigger of the TCP port failed")
-            return _error(in_words(error, self._told))
+            return _error(in_words(error, self._for_caller))
 
     async def _write(self, writer: asyncio.StreamWriter, answer: bytes) -> None:
         writer.write(answer + LINE_END)

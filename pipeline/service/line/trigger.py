@@ -14,10 +14,10 @@ from pipeline.store.errors import StoreError
 Trigger = Callable[[str], Awaitable[PartRecord]]
 """Takes the picture of the part of that name (it may be empty), reads it, and answers when it is durable."""
 
-TOLD: tuple[type[Exception], ...] = (Problem, FileError, StoreError)
+FOR_CALLER: tuple[type[Exception], ...] = (Problem, FileError, StoreError)
 """Failures whose words are for the caller; of any other one only its being is told."""
 
-_MOST_TOLD = 200
+_MOST_SHOWN = 200
 _HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
 
 
@@ -51,10 +51,10 @@ def is_hidden(char: str) -> bool:
     return unicodedata.category(char) in _HIDDEN
 
 
-def in_words(error: BaseException, told: tuple[type[Exception], ...] = TOLD) -> str:
+def in_words(error: BaseException, for_caller: tuple[type[Exception], ...] = FOR_CALLER) -> str:
     """What to tell the caller of a failure: one line, without control characters, not long."""
-    if not isinstance(error, told):
+    if not isinstance(error, for_caller):
         return "the service failed; its log says why"
     plain = "".join(" " if is_hidden(char) else char for char in str(error))
     words = " ".join(plain.split())
-    return words if len(words) <= _MOST_TOLD else words[: _MOST_TOLD - 3] + "..."
+    return words if len(words) <= _MOST_SHOWN else words[: _MOST_SHOWN - 3] + "..."

@@ -136,24 +136,24 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
         caller = frame.reader(request)
         if span not in SPANS:
             raise PageError(422, f"There is no span {span!r}; choose hour, day or week.")
-        figures = frame.store.statistics(datetime.now(UTC) - SPANS[span])
+        counts = frame.store.statistics(datetime.now(UTC) - SPANS[span])
         return frame.page(
             request,
             "dashboard.html.j2",
             caller=caller,
             span=span,
             spans=tuple(SPANS),
-            figures=figures,
-            camera=wilson(min(figures.by_camera, figures.parts), figures.parts),
-            fallback=wilson(min(figures.fell_back, figures.parts), figures.parts),
-            rejects=wilson(min(figures.rejects, figures.parts), figures.parts),
-            right=wilson(figures.right_before_review, figures.reviewed),
-            characters=wilson(figures.characters_right, figures.characters_reviewed),
-            seconds=[(s, figures.seconds[s]) for s in _SOURCES if s in figures.seconds],
-            states=_states(figures),
-            chart=chart_of(figures.per_hour),
+            counts=counts,
+            camera=wilson(min(counts.by_camera, counts.parts), counts.parts),
+            fallback=wilson(min(counts.fell_back, counts.parts), counts.parts),
+            rejects=wilson(min(counts.rejects, counts.parts), counts.parts),
+            right=wilson(counts.right_before_review, counts.reviewed),
+            characters=wilson(counts.characters_right, counts.characters_reviewed),
+            seconds=[(s, counts.seconds[s]) for s in _SOURCES if s in counts.seconds],
+            states=_states(counts),
+            chart=chart_of(counts.per_hour),
         )
 
 
-def _states(figures: Statistics) -> list[tuple[PartState, int]]:
-    return [(state, figures.by_state.get(state, 0)) for state in PartState]
+def _states(counts: Statistics) -> list[tuple[PartState, int]]:
+    return [(state, counts.by_state.get(state, 0)) for state in PartState]

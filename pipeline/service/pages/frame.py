@@ -181,7 +181,7 @@ class Frame:
 
     def refusal(self, request: Request, status: int, message: str) -> Response:
         """A page that says why there is no other."""
-        return self.page(request, "message.html.j2", status=status, message=message, told_status=status)
+        return self.page(request, "message.html.j2", status=status, message=message, status_shown=status)
 
 
 def page_route(frame: Frame) -> type[APIRoute]:

@@ -65,7 +65,7 @@ class PictureView:
         which: photo, edges or sight-edges.
         title: for its head.
         href: address; empty where there is none to be shown.
-        told: why there is none, or what to know about it; empty where there is nothing.
+        note: why there is none, or what to know about it; empty where there is nothing.
         source: of the reading whose boxes are drawn; empty where none are.
         width, height: pixels; 0 where they are not known.
         transform: of the picture, for SVG; empty where it is not turned.
@@ -76,7 +76,7 @@ class PictureView:
     which: str
     title: str
     href: str = ""
-    told: str = ""
+    note: str = ""
     source: str = ""
     width: float = 0.0
     height: float = 0.0
@@ -148,11 +148,11 @@ def _view(
     low_margin: float,
 ) -> PictureView:
     if record is None:
-        return PictureView(which, title, told=missing)
+        return PictureView(which, title, note=missing)
     if record.gone:
-        return PictureView(which, title, told="This picture was kept for its time and is gone.")
+        return PictureView(which, title, note="This picture was kept for its time and is gone.")
     if not folder.path(record.sha256).is_file():
-        return PictureView(which, title, told="This picture is missing from the service’s folder.")
+        return PictureView(which, title, note="This picture is missing from the service’s folder.")
     href = f"/v1/parts/{part.id}/pictures/{which}?v={record.sha256[:12]}"
     frame = _frame(record.meta)
     if frame is None:
@@ -165,7 +165,7 @@ def _view(
         which,
         title,
         href,
-        told="" if boxes else "No characters were found here.",
+        note="" if boxes else "No characters were found here.",
         source=reading.source if reading is not None and boxes else "",
         width=width,
         height=height,

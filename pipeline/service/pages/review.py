@@ -79,8 +79,8 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/review/{part_id}")
     def review(request: Request, part_id: str, done: str = "", alone: str = "") -> Response:
-        told = "No other part is waiting." if alone else ""
-        return _review_page(frame, request, frame.store.part(part_id), done=_done(frame, done), told=told)
+        notice = "No other part is waiting." if alone else ""
+        return _review_page(frame, request, frame.store.part(part_id), done=_done(frame, done), notice=notice)
 
     @router.post("/review/{part_id}")
     def say(
@@ -151,7 +151,7 @@ def _review_page(
     *,
     said: Said | None = None,
     done: PartRecord | None = None,
-    told: str = "",
+    notice: str = "",
     fault: str = "",
     status: int = 200,
 ) -> Response:
@@ -179,6 +179,6 @@ def _review_page(
         may_review=Scope.REVIEW in caller.scopes,
         most=(MOST_TEXT, MOST_WHO, MOST_NOTE),
         done=done,
-        told=told,
+        notice=notice,
         fault=fault,
     )

@@ -246,7 +246,7 @@ def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
     flawed = replace(edges, meta={"width": 8.0})
     _, scaleless = pair(shop, reading("AAA"), evidence=(flawed,))
     assert scaleless.boxes == ()
-    assert "scale is not known" in scaleless.told
+    assert "scale is not known" in scaleless.note
 
 
 def test_before_touch_the_cameras_edges_are_shown_and_what_touch_is_asked_for(shop: Shop) -> None:
