@@ -25,8 +25,13 @@ class Settings(BaseModel):
         table: of `tactile-marks.toml`; empty for the top of the file. Part of the environment variables' names, too.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
     table: ClassVar[str] = ""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        for field in cls.model_fields.values():
+            field.description = " ".join(str(field.description).split())
 
     @classmethod
     def variable(cls, name: str) -> str:
@@ -81,71 +86,38 @@ Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 class ReadSettings(Settings):
     """Settings of reading."""
 
-    mode: Literal["tactile", "vision", "fused", "auto"] | None = Field(
-        default=None,
-        description="What reads: touch (tactile), the camera (vision), both together (fused), or whatever a part has "
-        "files for (auto). Unless given, touch; and the camera for a part that is a photograph only.",
-    )
-    font: Names = Field(
-        default=(),
-        description="Built-in font or TTF/OTF file; may be repeated. Unless given, every built-in font is tried, which "
-        "takes longer.",
-    )
-    format: Annotated[tuple[str, ...], BeforeValidator(_one), AfterValidator(_formats)] = Field(
-        default=(),
-        description="What serials look like; may be repeated, all must hold. Such as AA999999 (A letter, "
-        "9 digit, * either, any other character itself), re:EXPRESSION, sets:AB,0-9,... (the characters of each "
-        "place), vin, or check:RULE; +check=RULE and +exclude=IOQ may follow any of them.",
-    )
-    lexicon: Path | None = Field(
-        default=None, description="File of all serials that exist, one a line; # starts a comment."
-    )
-    check: Annotated[Names, AfterValidator(_checks)] = Field(
-        default=(),
-        description="Check digit that must hold, such as luhn, iso7064mod37_2 or stdnum:imei; luhn@3-8 looks at "
-        "places 3 to 8. May be repeated.",
-    )
-    exclude: Annotated[str, AfterValidator(_characters)] = Field(
-        default="",
-        description="Characters that no serial has, such as IOQ, except where the format names them.",
-    )
-    height_mm: float | None = Field(
-        default=None,
-        gt=0.0,
-        le=1000.0,
-        allow_inf_nan=False,
-        description="Character height in mm; measured unless given.",
-    )
-    fidelity: Literal["pointwise", "contact"] = Field(
-        default="contact",
-        description="How touch is simulated: the ball of the tip in contact, or a point (faster, less true).",
-    )
-    database: Path | None = Field(
-        default=None,
-        description="Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll.",
-    )
-    depth_rule: Annotated[str, AfterValidator(_rule)] | None = Field(
-        default=None,
-        description="Rule for depth and size of the marks, such as 27CFR478.92. Parts that break it are flagged; "
-        "their text is read all the same.",
-    )
-    min_depth_mm: float | None = Field(
-        default=None,
-        gt=0.0,
-        le=100.0,
-        allow_inf_nan=False,
-        description="Least depth of the marks in mm. Parts with shallower marks are flagged.",
-    )
-    accept_confidence: Share | None = Field(
-        default=None,
-        description="Least confidence, 0 to 1, for a reading to be accepted; the reader's own unless given.",
-    )
-    accept_margin: Share | None = Field(
-        default=None,
-        description="Least lead of the best candidate over the second, 0 to 1, for a reading to be accepted; the "
-        "reader's own unless given.",
-    )
-    unit: Literal["um", "mm", "m", "in"] = Field(
-        default="mm",
-        description="Unit of the numbers in height files that do not state theirs (.npz, STL, PLY, XYZ).",
-    )
+    mode: Literal["tactile", "vision", "fused", "auto"] | None = None
+    """What reads: touch (tactile), the camera (vision), both together (fused), or whatever a part has files for
+    (auto). Unless given, touch; and the camera for a part that is a photograph only."""
+    font: Names = ()
+    """Built-in font or TTF/OTF file; may be repeated. Unless given, every built-in font is tried, which takes
+    longer."""
+    format: Annotated[tuple[str, ...], BeforeValidator(_one), AfterValidator(_formats)] = ()
+    """What serials look like; may be repeated, all must hold. Such as AA999999 (A letter, 9 digit, * either, any
+    other character itself), re:EXPRESSION, sets:AB,0-9,... (the characters of each place), vin, or check:RULE;
+    +check=RULE and +exclude=IOQ may follow any of them."""
+    lexicon: Path | None = None
+    """File of all serials that exist, one a line; # starts a comment."""
+    check: Annotated[Names, AfterValidator(_checks)] = ()
+    """Check digit that must hold, such as luhn, iso7064mod37_2 or stdnum:imei; luhn@3-8 looks at places 3 to 8. May
+    be repeated."""
+    exclude: Annotated[str, AfterValidator(_characters)] = ""
+    """Characters that no serial has, such as IOQ, except where the format names them."""
+    height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
+    """Character height in mm; measured unless given."""
+    fidelity: Literal["pointwise", "contact"] = "contact"
+    """How touch is simulated: the ball of the tip in contact, or a point (faster, less true)."""
+    database: Path | None = None
+    """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
+    depth_rule: Annotated[str, AfterValidator(_rule)] | None = None
+    """Rule for depth and size of the marks, such as 27CFR478.92. Parts that break it are flagged; their text is
+    read all the same."""
+    min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
+    """Least depth of the marks in mm. Parts with shallower marks are flagged."""
+    accept_confidence: Share | None = None
+    """Least confidence, 0 to 1, for a reading to be accepted; the reader's own unless given."""
+    accept_margin: Share | None = None
+    """Least lead of the best candidate over the second, 0 to 1, for a reading to be accepted; the reader's own
+    unless given."""
+    unit: Literal["um", "mm", "m", "in"] = "mm"
+    """Unit of the numbers in height files that do not state theirs (.npz, STL, PLY, XYZ)."""

@@ -49,134 +49,77 @@ class ServiceSettings(Settings):
 
     table: ClassVar[str] = "service"
 
-    host: str = Field(
-        default="127.0.0.1",
-        description="Address to listen on. One that other machines can reach needs tokens (tactile-marks tokens add).",
-    )
-    port: Port = Field(default=8417, description="Port of the web interface; 0 takes any free one.")
-    folder: Path = Field(
-        default=Path("tactile-marks-data"),
-        description="Folder for the store, the evidence files and glyph databases; made if it is missing.",
-    )
-    store: str = Field(
-        default="",
-        description="Address of the store: sqlite:///FILE or postgresql://user@host/marks. A file in the folder "
-        "unless given.",
-    )
-    tokens: Literal["auto", "on", "off"] = Field(
-        default="auto",
-        description="Whether requests need a token; auto: if other machines can reach the host.",
-    )
-    hosts: Names = Field(
-        default=(),
-        description="Name that the service is called by, beside its address; may be repeated. Without tokens, "
-        "requests for other names are refused.",
-    )
-    jobs: int = Field(
-        default_factory=cores,
-        ge=1,
-        le=256,
-        description="Processes that read; one for each core unless given.",
-    )
-    queue: int = Field(
-        default=64,
-        ge=0,
-        le=100_000,
-        description="Parts that may wait for a process; more are refused at once, with 503.",
-    )
-    part_timeout_s: float = Field(
-        default=120.0, gt=0.0, le=3600.0, description="Seconds after which the service gives a part up."
-    )
-    worker_memory_mb: int = Field(
-        default=4096,
-        ge=0,
-        le=1_000_000,
-        description="Memory for the data of each process, in MB; 0: no limit.",
-    )
-    max_upload_mb: int = Field(default=100, ge=1, le=100_000, description="Largest request, in MB.")
-    max_photo_pixels: int = Field(
-        default=40_000_000, ge=64, description="Largest photograph; checked before it is decoded."
-    )
-    max_map_samples: int = Field(
-        default=30_000_000, ge=4, description="Largest height map; checked before it is decoded."
-    )
-    databases: Path | None = Field(
-        default=None,
-        description="Folder of glyph databases (.glyphs) that requests may choose from; databases in the folder "
-        "unless given.",
-    )
-    retention_days: float = Field(
-        default=90.0,
-        ge=0.0,
-        le=36_500.0,
-        description="Days for which photographs, scans and pictures are kept; 0: for ever.",
-    )
-    stage: Path | None = Field(
-        default=None,
-        description="Folder of height maps for the simulated whisker stage: NAME.npz is the part called NAME. "
-        "Without it there is no stage.",
-    )
-    stage_driver: str = Field(
-        default="",
-        description="module:callable that makes the driver of a real stage instead (pipeline.service.stage.Stage).",
-    )
-    camera: Path | None = Field(
-        default=None,
-        description="Folder into which the camera puts its pictures: NAME.png is the part called NAME.",
-    )
-    camera_driver: str = Field(
-        default="",
-        description="module:callable that makes the driver of a real camera instead (pipeline.service.stage.Camera).",
-    )
-    line_host: str = Field(
-        default="127.0.0.1",
-        description="Address of the TCP port and the OPC UA server, which know no tokens.",
-    )
-    tcp_port: Port | None = Field(
-        default=None, description="Trigger port for line controllers (raw TCP); closed unless given."
-    )
-    tcp_format: str = Field(default="", description="Its result string, such as {name};{decision};{text}.")
-    tcp_clients: Annotated[Names, AfterValidator(_networks)] = Field(
-        default=(),
-        description="Address or network that may use the TCP port, such as 192.168.7.0/24; may be repeated. Any "
-        "unless given.",
-    )
-    opcua_port: Port | None = Field(
-        default=None, description="Port of the OPC UA server (extra opcua); closed unless given."
-    )
-    opcua_certificate: Path | None = Field(
-        default=None,
-        description="Certificate of the OPC UA server; with it every connection is signed and encrypted.",
-    )
-    opcua_key: Path | None = Field(default=None, description="Private key of that certificate.")
+    host: str = "127.0.0.1"
+    """Address to listen on. One that other machines can reach needs tokens (tactile-marks tokens add)."""
+    port: Port = 8417
+    """Port of the web interface; 0 takes any free one."""
+    folder: Path = Path("tactile-marks-data")
+    """Folder for the store, the evidence files and glyph databases; made if it is missing."""
+    store: str = ""
+    """Address of the store: sqlite:///FILE or postgresql://user@host/marks. A file in the folder unless given."""
+    tokens: Literal["auto", "on", "off"] = "auto"
+    """Whether requests need a token; auto: if other machines can reach the host."""
+    hosts: Names = ()
+    """Name that the service is called by, beside its address; may be repeated. Without tokens, requests for other
+    names are refused."""
+    jobs: int = Field(default_factory=cores, ge=1, le=256)
+    """Processes that read; one for each core unless given."""
+    queue: int = Field(default=64, ge=0, le=100_000)
+    """Parts that may wait for a process; more are refused at once, with 503."""
+    part_timeout_s: float = Field(default=120.0, gt=0.0, le=3600.0)
+    """Seconds after which the service gives a part up."""
+    worker_memory_mb: int = Field(default=4096, ge=0, le=1_000_000)
+    """Memory for the data of each process, in MB; 0: no limit."""
+    max_upload_mb: int = Field(default=100, ge=1, le=100_000)
+    """Largest request, in MB."""
+    max_photo_pixels: int = Field(default=40_000_000, ge=64)
+    """Largest photograph; checked before it is decoded."""
+    max_map_samples: int = Field(default=30_000_000, ge=4)
+    """Largest height map; checked before it is decoded."""
+    databases: Path | None = None
+    """Folder of glyph databases (.glyphs) that requests may choose from; databases in the folder unless given."""
+    retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
+    """Days for which photographs, scans and pictures are kept; 0: for ever."""
+    stage: Path | None = None
+    """Folder of height maps for the simulated whisker stage: NAME.npz is the part called NAME. Without it there is
+    no stage."""
+    stage_driver: str = ""
+    """module:callable that makes the driver of a real stage instead (pipeline.service.stage.Stage)."""
+    camera: Path | None = None
+    """Folder into which the camera puts its pictures: NAME.png is the part called NAME."""
+    camera_driver: str = ""
+    """module:callable that makes the driver of a real camera instead (pipeline.service.stage.Camera)."""
+    line_host: str = "127.0.0.1"
+    """Address of the TCP port and the OPC UA server, which know no tokens."""
+    tcp_port: Port | None = None
+    """Trigger port for line controllers (raw TCP); closed unless given."""
+    tcp_format: str = ""
+    """Its result string, such as {name};{decision};{text}."""
+    tcp_clients: Annotated[Names, AfterValidator(_networks)] = ()
+    """Address or network that may use the TCP port, such as 192.168.7.0/24; may be repeated. Any unless given."""
+    opcua_port: Port | None = None
+    """Port of the OPC UA server (extra opcua); closed unless given."""
+    opcua_certificate: Path | None = None
+    """Certificate of the OPC UA server; with it every connection is signed and encrypted."""
+    opcua_key: Path | None = None
+    """Private key of that certificate."""
     opcua_users: Annotated[dict[str, str], BeforeValidator(_from_json)] = Field(
-        default_factory=dict,
-        repr=False,
-        description="Passwords of the OPC UA server by user; without any, everybody may call who can reach it. In "
-        'the environment as JSON: {"line": "secret"}.',
+        default_factory=dict, repr=False
     )
-    mqtt: Annotated[str, AfterValidator(_broker)] = Field(
-        default="",
-        description="Broker to publish results to (extra mqtt), mqtt://host:1883 or mqtts://user:password@host:8883.",
-    )
-    mqtt_prefix: str = Field(default="tactile-marks", description="First level of the topics.")
-    webhook: Annotated[str, AfterValidator(_web_address)] = Field(
-        default="", description="Web address to post results to; signed where webhook_secret is set."
-    )
-    webhook_secret: str = Field(
-        default="",
-        repr=False,
-        description="Key of the signature; better in the file or the environment than in a flag.",
-    )
-    shutdown_grace_s: float = Field(
-        default=20.0,
-        ge=0.0,
-        le=600.0,
-        description="Seconds that running requests have to end when the service stops.",
-    )
-    log: Literal["json", "text"] = Field(
-        default="json", description="Log lines as JSON, or as text for a person."
-    )
+    """Passwords of the OPC UA server by user; without any, everybody may call who can reach it. In the environment
+    as JSON: {"line": "secret"}."""
+    mqtt: Annotated[str, AfterValidator(_broker)] = ""
+    """Broker to publish results to (extra mqtt), mqtt://host:1883 or mqtts://user:password@host:8883."""
+    mqtt_prefix: str = "tactile-marks"
+    """First level of the topics."""
+    webhook: Annotated[str, AfterValidator(_web_address)] = ""
+    """Web address to post results to; signed where webhook_secret is set."""
+    webhook_secret: str = Field(default="", repr=False)
+    """Key of the signature; better in the file or the environment than in a flag."""
+    shutdown_grace_s: float = Field(default=20.0, ge=0.0, le=600.0)
+    """Seconds that running requests have to end when the service stops."""
+    log: Literal["json", "text"] = "json"
+    """Log lines as JSON, or as text for a person."""
 
     @model_validator(mode="after")
     def _ask_beyond_loopback(self) -> ServiceSettings:
