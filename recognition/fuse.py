@@ -172,6 +172,7 @@ def _by_vision_alone(touch: Reading, vision: Reading, settings: ReaderSettings) 
         font=vision.font,
         height_mm=vision.height_mm,
         rotation_deg=vision.rotation_deg,
+        unit=vision.unit,
         notes=(*vision.notes, note),
         seconds=_seconds(touch, vision),
     )

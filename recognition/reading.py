@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Flag, StrEnum, auto
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from recognition.box import Box
 from recognition.confusions import PlaceState
@@ -201,6 +201,7 @@ class ReadingTrace:
 
 
 _NO_TRACE = ReadingTrace()
+Unit = Literal["mm", "px"]
 
 
 @dataclass(frozen=True)
@@ -213,13 +214,14 @@ class Reading:
         confidence: probability that the whole text is right, 0 to 1.
         flags: what to know about it.
         font: font whose templates answered best.
-        height_mm: character height found.
+        height_mm: character height found, in `unit`.
         rotation_deg: of the line, from +x towards +y.
         raised: raised marks rather than sunk.
         box: the whole line; None when none was found.
         source: "tactile", "vision" or "fused".
         seconds: where the time went, by step.
         notes: what the rules for the mark found, with numbers: "too shallow for ...".
+        unit: of height and boxes: "px", of the photograph as taken, where its scale is not known.
         trace: what it was made from.
     """
 
@@ -236,6 +238,7 @@ class Reading:
     spaces_after: frozenset[int] = frozenset()
     seconds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[str, ...] = ()
+    unit: Unit = "mm"
     trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
 
     @property
@@ -251,8 +254,7 @@ class Reading:
     @property
     def scaled(self) -> bool:
         """Whether lengths are mm, not pixels of a photograph of unknown scale."""
-        photo = self.trace.photo
-        return photo is None or self.touch is not None or photo.pitch_mm is not None
+        return self.unit == "mm"
 
     def traced(self, **fields: Any) -> Reading:
         """The same reading, with these fields of its trace."""

@@ -2,7 +2,7 @@
 
 The *photo frame* is the plate frame as far as the camera knows it: x along the columns, y along the rows. Where
 the stage knows what lies under the middle of the picture, it is the plate's own; else pixel (0, 0) is its origin;
-and without a pitch a pixel counts as one "mm": everything in recognition is free of scale.
+and without a pitch a pixel of the photograph as taken counts as one "mm": everything in recognition is free of scale.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ MOST_CROP_ROWS = 192
 
 
 def photo_pitch_mm(photo: Photo) -> float:
-    """Size of a pixel, or 1 where it is not known."""
-    return photo.pitch_mm if photo.pitch_mm is not None else 1.0
+    """Size of a pixel; where it is not known, in pixels of the photograph as taken."""
+    return photo.pitch_mm if photo.pitch_mm is not None else photo.shrunk
 
 
 def photo_origin_mm(photo: Photo) -> tuple[float, float]:
@@ -35,6 +35,12 @@ def photo_origin_mm(photo: Photo) -> tuple[float, float]:
         return (0.0, 0.0)
     (rows, cols), pitch = photo.shape, photo_pitch_mm(photo)
     return (photo.centre_mm[0] - 0.5 * (cols - 1) * pitch, photo.centre_mm[1] - 0.5 * (rows - 1) * pitch)
+
+
+def photo_middle_mm(photo: Photo) -> tuple[float, float]:
+    """Photo frame (x, y) of the middle of a picture."""
+    (rows, cols), pitch, (x0, y0) = photo.shape, photo_pitch_mm(photo), photo_origin_mm(photo)
+    return (x0 + 0.5 * (cols - 1) * pitch, y0 + 0.5 * (rows - 1) * pitch)
 
 
 @dataclass(frozen=True)
@@ -114,12 +120,10 @@ class LineCrop:
 
 def whole(photo: Photo) -> LinePlace:
     """The place of a line that fills the photograph but for the usual margin."""
-    rows, cols = photo.shape
-    pitch, (x0, y0) = photo_pitch_mm(photo), photo_origin_mm(photo)
+    (rows, cols), pitch = photo.shape, photo_pitch_mm(photo)
     height = rows / (1.0 + 2.0 * CROP_MARGIN_HEIGHTS)
     width = max(cols - 2.0 * CROP_MARGIN_HEIGHTS * height, 0.2 * height)
-    middle = (x0 + 0.5 * (cols - 1) * pitch, y0 + 0.5 * (rows - 1) * pitch)
-    return LinePlace(middle, width * pitch, height * pitch)
+    return LinePlace(photo_middle_mm(photo), width * pitch, height * pitch)
 
 
 def line_crop(photo: Photo, place: LinePlace, *, margin_heights: float = CROP_MARGIN_HEIGHTS) -> LineCrop:

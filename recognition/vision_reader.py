@@ -22,8 +22,9 @@ from recognition.box import Box
 from recognition.lattice import Lattice
 from recognition.ocr_rapid import Frames, RapidEngine
 from recognition.ocr_views import FIRST_VIEW, View
+from recognition.photo_sizes import read_at_sizes
 from recognition.reader_settings import ALPHABET, ReaderSettings, Repertoire
-from recognition.reading import Decision, Reading, ReadingFlag, ReadingTrace
+from recognition.reading import Decision, Reading, ReadingFlag, ReadingTrace, Unit
 from recognition.vision_combine import as_reading, certainty, joined
 from recognition.vision_edges import vision_edges
 from recognition.vision_engine import EngineMissingError
@@ -89,12 +90,15 @@ class VisionReader:
         self._bases: dict[tuple[str, Look], VisionBasis] = {}
 
     def read_photo(self, photo: Photo, *, about: LinePlace | None = None) -> Reading:
-        """Read a photograph.
+        """Read a photograph, at no more pixels than its characters need.
 
         Args:
             photo: of one line of characters.
             about: where the line lies about, if it is known (felt by touch, or by the stage).
         """
+        return read_at_sizes(photo, lambda small: self._read(small, about))
+
+    def _read(self, photo: Photo, about: LinePlace | None) -> Reading:
         seconds: dict[str, float] = {}
         start = time.perf_counter()
         n = None if self.places is None else len(self.places)
@@ -144,9 +148,10 @@ class VisionReader:
         self, photo: Photo, lattices: dict[str, Lattice], place: LinePlace | None, seconds: dict[str, float]
     ) -> Reading:
         trace = ReadingTrace(photo=photo, by_engine=MappingProxyType(lattices))
+        unit: Unit = "mm" if photo.pitch_mm is not None else "px"
         if not lattices:
             nothing = Reading(
-                (), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision", notes=self.notes,
+                (), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision", notes=self.notes, unit=unit,
                 seconds=MappingProxyType(seconds), trace=trace,
             )  # fmt: skip
             return nothing
@@ -168,7 +173,7 @@ class VisionReader:
             reading = replace(reading, height_mm=place.height_mm, rotation_deg=place.rotation_deg)
         engine = "+".join(sorted(lattices))
         trace = replace(trace, edge_map=edges, lattice=lattice, engine=engine, place=place)
-        return replace(reading, notes=self.notes, seconds=MappingProxyType(seconds), trace=trace)
+        return replace(reading, notes=self.notes, unit=unit, seconds=MappingProxyType(seconds), trace=trace)
 
     def _basis(self, font: Font, look: Look) -> VisionBasis:
         key = (font.name, look)

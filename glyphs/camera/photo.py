@@ -19,6 +19,7 @@ class Photo:
         pixels: (rows, cols) or (rows, cols, 3) uint8, read-only; colours are red, green, blue.
         pitch_mm: size of a pixel on the part, if known.
         centre_mm: plate-frame (x, y) under the middle of the picture, if the stage knows it.
+        shrunk: pixels of the photograph as taken that one of these is wide, where the pitch is not known.
 
     Raises:
         MapError: no picture of that kind, too small, too large, or a pitch that is not positive.
@@ -27,6 +28,7 @@ class Photo:
     pixels: NDArray[np.uint8]
     pitch_mm: float | None = None
     centre_mm: tuple[float, float] | None = None
+    shrunk: float = 1.0
 
     __repr__ = one_line
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,13 +15,9 @@ from pipeline.files.listed import ListedPart
 from pipeline.reading.as_record import record_of_part
 
 if TYPE_CHECKING:
-    from pipeline.reading.jobs import MadeFile
     from recognition.grammar import Grammar
     from recognition.reader import Reader
     from recognition.reading import Reading
-
-MOST_READERS = 16
-"""Fonts and formats that a worker keeps readers of; a manifest may name any number."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +39,7 @@ class RunOrder:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a part, for a person who reviews it; the fields are those of `pipeline.reading.jobs.MadeFile`."""
+    """A picture of a part, for a person who reviews it: a `pipeline.reading.job_pictures.MadeFile` with its content."""
 
     kind: EvidenceKind
     name: str
@@ -95,25 +90,18 @@ def _read(order: RunOrder, listed: ListedPart) -> tuple[Reading, ReadSettings, G
     from glyphs.errors import MissingExtraError
     from pipeline.files.remote import fetched, originally
     from pipeline.files.units import Unit
-    from pipeline.reading.expected import Expected
-    from pipeline.reading.part_reader import Mode, Senses
+    from pipeline.reading.part_reader import Mode, PartReader
 
     mode = Mode(order.settings.mode) if order.settings.mode is not None else None
     reader = _reader_for(order, listed)
-    expected = Expected(listed.expected) if listed.expected or order.verify else None
-    if listed.expected and reader.grammar is not None:
-        broken = reader.grammar.objections(listed.expected)
-        if broken:
-            raise FileError(
-                listed.name,
-                f"should read {listed.expected!r}, but {'; '.join(broken)}",
-                "correct one of them",
-            )
     try:
         with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
-            reading = Senses(reader, mode=mode, expected=expected, unit=Unit(order.settings.unit)).sense(part)
-            notes = tuple(originally(note, part, listed) for note in reading.notes)
-            return replace(reading, notes=notes), settings_of(order.settings, listed), reader.grammar
+            parts = PartReader(reader, mode=mode, unit=Unit(order.settings.unit))
+            reading = parts.read(part, expected=listed.expected)
+            notes = [originally(note, part, listed) for note in reading.notes]
+            if order.verify and not listed.expected:
+                notes.append("not verified: the table of expected texts has no such part")
+            return replace(reading, notes=tuple(notes)), settings_of(order.settings, listed), reader.grammar
     except MissingExtraError as error:
         raise FileError(listed.name, str(error), "where its worker runs") from error
 
@@ -125,36 +113,22 @@ def _reader_for(order: RunOrder, listed: ListedPart) -> Reader:
         FileError: a font, format, database or lexicon that cannot be used.
     """
     from pipeline.batch.setting_files import settled
+    from pipeline.reading.kept_readers import reader_of
 
     try:
-        return _reader(settings_of(settled(order.settings, order.sent), listed))
+        return reader_of(settings_of(settled(order.settings, order.sent), listed))
     except MarksError as error:
         own = listed.format or listed.font
         hint = "correct its format or font in the manifest" if own else "correct the settings"
         raise FileError(listed.name, f"cannot be read with these settings ({error})", hint) from error
 
 
-@lru_cache(maxsize=MOST_READERS)
-def _reader(settings: ReadSettings) -> Reader:
-    from pipeline.reading.readers import open_reader
-
-    return open_reader(settings)
-
-
 def _pictures(reading: Reading) -> tuple[Picture, ...]:
     """As the service keeps them of a part."""
-    from pipeline.reading.job_pictures import edges_picture, photo_picture, vision_edges_picture
+    from pipeline.reading.job_pictures import pictures_of
 
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
-        folder = Path(name)
-        made: list[MadeFile] = []
-        if reading.touch is not None:
-            made += edges_picture(reading.touch.trace.edge_map, folder)
-        photo = reading.trace.photo
-        if photo is not None:
-            place = reading.vision.trace.place if reading.vision is not None else None
-            made.append(photo_picture(photo, folder))
-            made += vision_edges_picture(photo, place.height_mm if place is not None else 0.0, folder)
         return tuple(
-            Picture(m.kind, m.path.name, m.path.read_bytes(), m.media_type, dict(m.meta)) for m in made
+            Picture(m.kind, m.path.name, m.path.read_bytes(), m.media_type, dict(m.meta))
+            for m in pictures_of(reading, Path(name))
         )

@@ -56,10 +56,13 @@ class Senses:
         Raises:
             MarksError: there is none.
         """
+        from recognition.reader import centred
+
         if self.specimen.take_photo is None:
             raise MarksError(f"{self.specimen.part} has no photograph")
         photo: Photo = self._timed("photograph", self.specimen.take_photo)
-        return photo
+        # as `pipeline.reading.part_reader` has it
+        return photo if photo.centre_mm is not None else centred(photo, self.specimen.height_map)
 
     @cached_property
     def vision(self) -> Reading:

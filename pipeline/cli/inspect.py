@@ -36,7 +36,7 @@ def inspect(
         from pipeline.files.units import Unit
         from pipeline.plots.inspection import inspection_figure
         from pipeline.plots.pictures import check_picture, headline, save_figure
-        from pipeline.reading.part_reader import Mode, Senses
+        from pipeline.reading.part_reader import Mode, PartReader
         from pipeline.reading.readers import open_reader
 
         picture = out if out is not None else Path(f"{file.stem}-inspect.png")
@@ -48,7 +48,7 @@ def inspect(
             )
         (part,) = parts
         mode = Mode(reading.mode) if reading.mode else None
-        found = Senses(open_reader(reading), mode=mode, unit=Unit(reading.unit)).sense(part)
+        found = PartReader(open_reader(reading), mode=mode, unit=Unit(reading.unit)).read(part)
         save_figure(inspection_figure(_with_photo(found, part), title=part.name), picture)
     print(f"{part.name}: {headline(found)}")
     for message in found.messages():
@@ -61,12 +61,14 @@ def _with_photo(reading: readings.Reading, part: Part) -> readings.Reading:
     """The part with its photograph to be shown; without one that cannot be used, which nobody asked for."""
     from glyphs.errors import FileError
     from pipeline.reading.part_reader import load_photo
+    from recognition.reader import centred
 
     if reading.trace.photo is not None or part.photo is None:
         return reading
     try:
-        photo = load_photo(part, over=None if reading.touch is None else reading.touch.trace.height_map)
+        photo = load_photo(part)
     except FileError as problem:
         print(f"  not shown: {problem}")
         return reading
-    return reading.traced(photo=photo)
+    surface = None if reading.touch is None else reading.touch.trace.height_map
+    return reading.traced(photo=photo if surface is None else centred(photo, surface))

@@ -10,6 +10,7 @@ import contextlib
 import re
 import struct
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,23 @@ _MOST_MEMBERS = 10_000
 _HEADER_BYTES = 10_000
 _HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 _HEAD_BYTES = 8192
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a part may ask of the machine.
+
+    Attributes:
+        max_photo_pixels: of a photograph.
+        max_map_samples: of a height map.
+        max_scan_samples: of a recording, instants times channels.
+        stage_field_mm: width and height that the stage can feel, where a photograph has no scale.
+    """
+
+    max_photo_pixels: int = 40_000_000
+    max_map_samples: int = 30_000_000
+    max_scan_samples: int = 60_000_000
+    stage_field_mm: tuple[float, float] = (60.0, 25.0)
 
 
 def check_photo(path: Path, *, most: int) -> None:

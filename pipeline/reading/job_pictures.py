@@ -7,7 +7,7 @@ can be drawn over it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from glyphs.errors import FileError
 from pipeline.common.records import EvidenceKind
-from pipeline.reading.jobs import MadeFile
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap
+    from recognition.reading import Reading
 
 MOST_PIXELS_A_SIDE = 1600
 LEAST_EDGE_PIXELS = 900
@@ -30,6 +30,35 @@ _STRONGEST_PERCENT = 99.0
 _SAMPLED = 200_000
 _NOT_FELT, _BLIND = 225, 128
 _BLUE, _WHITE, _RED = (27, 78, 145), (252, 252, 252), (160, 24, 38)
+
+
+@dataclass(frozen=True)
+class MadeFile:
+    """A file made for a part, in the job's folder.
+
+    Attributes:
+        kind: what it is.
+        path: where.
+        media_type: for the browser.
+        meta: of pictures, as `EvidenceRecord.meta`.
+    """
+
+    kind: EvidenceKind
+    path: Path
+    media_type: str
+    meta: Mapping[str, float] = field(default_factory=dict)
+
+
+def pictures_of(reading: Reading, folder: Path) -> list[MadeFile]:
+    """Of a part: its photograph, the edge map of touch, the edges of the photograph, as far as it has them."""
+    vision, touch = reading.vision, reading.touch
+    photo = vision.trace.photo if vision is not None else None
+    made = [photo_picture(photo, folder)] if photo is not None else []
+    made += edges_picture(touch.trace.edge_map if touch is not None else None, folder)
+    if vision is not None and photo is not None:
+        place = vision.trace.place
+        made += vision_edges_picture(photo, place.height_mm if place is not None else 0.0, folder)
+    return made
 
 
 def photo_picture(photo: Photo, folder: Path) -> MadeFile:

@@ -13,36 +13,24 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Iterator, Mapping
+import math
+import time
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
-from pipeline.common.records import EvidenceKind, ReadingRecord, ScanPlanRecord
+from pipeline.common.records import EvidenceKind, PartState, ReadingRecord, ScanPlanRecord
+from pipeline.common.settings import ReadSettings
+from pipeline.files.limits import Limits
+from pipeline.files.parts import Part
 
 if TYPE_CHECKING:
-    pass
+    from pipeline.reading.job_pictures import MadeFile
 
 _log = logging.getLogger(__name__)
-_FIELDS = {"photo": "photo", "scan": "scan", "height_map": "height map", "vision": "vision"}
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What a job may ask of the machine.
-
-    Attributes:
-        max_photo_pixels: of a photograph.
-        max_map_samples: of a height map.
-        max_scan_samples: of a recording, instants times channels.
-        stage_field_mm: width and height that the stage can feel, where a photograph has no scale.
-    """
-
-    max_photo_pixels: int = 40_000_000
-    max_map_samples: int = 30_000_000
-    max_scan_samples: int = 60_000_000
-    stage_field_mm: tuple[float, float] = (60.0, 25.0)
+_FIELDS = {"scan": "scan", "height_map": "height map", "photo": "photo", "vision": "vision"}
 
 
 @dataclass(frozen=True)
@@ -79,22 +67,19 @@ class Job:
         last = given.replace("\\", "/").rpartition("/")[2]
         return "".join(c for c in last if c.isprintable())[:120] or _FIELDS[what]
 
+    @property
+    def name(self) -> str:
+        """Of the part: the line's, or the stem of its first file's."""
+        first = next((what for what in _FIELDS if getattr(self, what) is not None), "scan")
+        return self.part_name or Path(self.name_of(first)).stem
 
-@dataclass(frozen=True)
-class MadeFile:
-    """A file made for a part, in the job's folder.
-
-    Attributes:
-        kind: what it is.
-        path: where.
-        media_type: for the browser.
-        meta: of pictures, as `EvidenceRecord.meta`.
-    """
-
-    kind: EvidenceKind
-    path: Path
-    media_type: str
-    meta: Mapping[str, float] = field(default_factory=dict)
+    def names_by_path(self) -> dict[Path, str]:
+        """What its sender calls each file."""
+        names = {path: self.name_of(what) for what in _FIELDS if (path := getattr(self, what)) is not None}
+        if self.height_map is not None:
+            name = self.name_of("height_map")
+            names[self.folder / f"height_map{Path(name).suffix.lower()}"] = name
+        return names
 
 
 @dataclass(frozen=True)
@@ -112,36 +97,119 @@ class Done:
     plan: ScanPlanRecord | None = None
 
 
+def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
+    """Read a part.
+
+    Args:
+        job: its files.
+        settings: how to read; `mode` is of no account, a part is read by all that it has files for.
+        limits: checked from the files' heads before anything is decoded.
+
+    Raises:
+        FileError: a file that cannot be used; or an expected text or a database, named so.
+        ValueError: a job without any file to read, or beliefs of an earlier one without touch.
+    """
+    from pipeline.files.units import Unit
+    from pipeline.reading.as_record import reading_record
+    from pipeline.reading.job_pictures import MadeFile, pictures_of
+    from pipeline.reading.kept_readers import reader_of
+    from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.scan_plan import plan_of
+    from pipeline.reading.triage import state_after, why_touch
+    from pipeline.reading.vision_file import KeptVision, load_vision, save_vision
+
+    tactile = job.scan is not None or job.height_map is not None
+    if not tactile and (job.photo is None or job.vision is not None):
+        raise ValueError("a job has a photo, a scan or a height map; sight goes with one of the latter")
+    if job.database is not None:
+        settings = settings.model_copy(update={"database": job.database})
+    with _sender_names(job, {settings.database: settings.database.stem} if settings.database else {}):
+        reader = reader_of(settings)
+    started, expected = time.perf_counter(), job.expected.strip()
+    with _sender_names(job, job.names_by_path()):
+        # a format is known by the suffix that the sender gave the file
+        part = Part(
+            job.name, job.height_map and _with_suffix(job), job.scan, None if job.vision else job.photo
+        )
+        mode = Mode.FUSED if tactile and part.photo else None
+        parts = PartReader(reader, mode=mode, unit=Unit(settings.unit), limits=limits)
+        earlier = load_vision(job.vision) if job.vision is not None else None
+        found = parts.unverified(part, expected=expected, earlier=earlier)
+        readings = [parts.verified(found, expected)]
+        if part.photo is not None and found.trace.vision is not None:
+            readings.insert(0, parts.verified(found.trace.vision, expected))
+        took = [math.fsum(r.seconds.values()) for r in readings[:-1]] + [time.perf_counter() - started]
+        records = tuple(
+            reading_record(r, settings, reader.grammar, part=job.name, seconds=s)
+            for r, s in zip(readings, took, strict=True)
+        )
+        made = pictures_of(readings[-1], job.folder)
+        photo = found.trace.photo
+        if tactile or photo is None or state_after(records[-1]) is not PartState.TOUCH_NEEDED:
+            return Done(records, tuple(made))
+        plan = plan_of(found, photo, settings, field_mm=limits.stage_field_mm, reason=why_touch(records[-1]))
+        path = job.folder / "sight.npz"
+        save_vision(path, KeptVision.of(found, expected=expected))
+        made.append(MadeFile(EvidenceKind.VISION, path, "application/octet-stream"))
+        return Done(records, tuple(made), plan)
+
+
+def _with_suffix(job: Job) -> Path:
+    """The height map under the suffix that its sender gave it."""
+    from pipeline.files.touch_file import is_height_map
+
+    path = job.height_map
+    assert path is not None
+    suffix = Path(job.name_of("height_map")).suffix.lower()
+    named = Path(f"height_map{suffix}")
+    if not is_height_map(named):
+        raise FileError(
+            path,
+            f"is of no format known for height maps ({suffix or 'no suffix'})",
+            "save it as .npz or .x3p",
+        )
+    if path.suffix.lower() == suffix:
+        return path
+    link = job.folder / named
+    link.unlink(missing_ok=True)
+    link.symlink_to(path.resolve())
+    return link
+
+
 @contextlib.contextmanager
-def named_problems(job: Job, what: str, path: Path | None) -> Iterator[None]:
-    """Turn whatever goes wrong with a file into a problem of the name that its sender gave it.
+def _sender_names(job: Job, names: Mapping[Path, str]) -> Iterator[None]:
+    """Turn whatever goes wrong with a file into an error of the name that its sender gave it.
+
+    Args:
+        job: no error tells of its folder.
+        names: of the files, by path; the first is named where an error names none.
 
     Raises:
         FileError: anything did.
     """
-    name = job.name_of(what) if what in _FIELDS else (path.stem if path is not None else what)
+    from recognition.verify import VerifyError
+
+    name = next(iter(names.values()), "part")
     try:
         yield
+    except VerifyError as error:
+        raise FileError("expected", error.what, error.hint) from error
+    except FileError as error:
+        known = names.get(error.path, error.path.name)
+        raise FileError(known, _unplaced(error.what, job, names), error.hint) from error
+    except MarksError as error:
+        raise FileError(name, _unplaced(error.what, job, names), error.hint) from error
     except MemoryError as error:
         raise FileError(name, "needs more memory than a job may have", "crop or thin it") from error
-    except MarksError as error:
-        hint = _unplaced(error.hint, job, path) or "send another"
-        raise FileError(name, _unplaced(error.what, job, path), hint) from error
     except Exception as error:
-        _log.exception("fault of the program while reading %s", what)
-        fault = f"{type(error).__name__}: {_one_line(error)}"
-        raise FileError(
-            name, f"met a fault of the program ({_unplaced(fault, job, path)[:200]})", "report it"
-        ) from error
+        _log.exception("fault of the program while reading %s", name)
+        fault = _unplaced(f"{type(error).__name__}: {' '.join(str(error).split())}", job, names)
+        raise FileError(name, f"met a fault of the program ({fault[:200]})", "report it") from error
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
-
-
-def _unplaced(message: str, job: Job, path: Path | None) -> str:
+def _unplaced(message: str, job: Job, names: Iterable[Path]) -> str:
     """The message without the folders of the server."""
-    for folder in (path.parent if path is not None else None, job.folder):
-        if folder is not None and len(str(folder)) > 1:
+    for folder in (*(path.parent for path in names), job.folder):
+        if len(str(folder)) > 1:
             message = message.replace(f"{folder.resolve()}/", "").replace(f"{folder}/", "")
     return message

@@ -8,22 +8,20 @@ from pipeline.common.settings import ReadSettings
 from pipeline.reading.readers import open_reader
 from recognition.reader import Reader
 
-MOST_KEPT = 4
-"""Readers of so many databases at once; the one not used for longest goes."""
+MOST_KEPT = 8
+"""Readers of so many databases, fonts and formats at once; the one not used for longest goes."""
 
 _Key = tuple[str, int, ReadSettings]
 _KEPT: dict[_Key, Reader] = {}
 
 
-def reader_of(settings: ReadSettings, database: Path | None = None) -> Reader:
-    """The reader for these settings and this database, as the file now is.
+def reader_of(settings: ReadSettings) -> Reader:
+    """The reader for these settings and their database, as the file now is.
 
     Raises:
         FileError: a lexicon that cannot be used.
         ValueError: a database or font that cannot be used.
     """
-    if database is not None:
-        settings = settings.model_copy(update={"database": database})
     key = (str(settings.database or ""), _changed_ns(settings.database), settings)
     found = _KEPT.pop(key, None)
     if found is None:

@@ -1,34 +1,41 @@
-"""Which senses read a part, and what they say of it together.
+"""The one part reader: from files to a reading, for command line, service, cluster and `pipeline.read`.
+
+    files --load, within limits--> HeightMap, Scan, Photo --Reader--> Reading --verify--> Reading with a verdict
 
 mode       height map or scan   photograph only   both
-none       touch                sight             touch
+none       touch                vision            touch
 tactile    touch                -                 touch
-vision     -                    sight             sight
-fused      -                    -                 touch and sight, fused
-auto       touch                sight             touch and sight, fused
+vision     -                    vision            vision
+fused      -                    -                 touch and vision, fused
+auto       touch                vision            touch and vision, fused
+
+Frames. A photograph by itself is read in its own frame: x, y in mm from its first pixel, where its scale is known. A
+plan for touch is made in that frame, and a recording of that plan comes in it, too. A height map has a frame of its
+own; the middle of the picture is then taken to lie over the middle of the map.
 """
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glyphs.errors import FileError
+from glyphs.errors import FileError, MarksError
+from pipeline.files.limits import Limits, check_map, check_photo, check_scan
 from pipeline.files.parts import Part
 from pipeline.files.touch_file import read_height_map, read_scan, row_order_matters
 from pipeline.files.units import Unit
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
-    from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from pipeline.files.listed import ListedPart
-    from pipeline.reading.expected import Expected
+    from pipeline.reading.vision_file import KeptVision
     from recognition.reader import Reader
     from recognition.reading import Reading
-    from recognition.tactile_reader import TactileReader
 
 
 class Mode(StrEnum):
@@ -53,124 +60,167 @@ def senses_of(part: Part | ListedPart, mode: Mode | None) -> tuple[Sense, ...]:
     Raises:
         FileError: a file that the mode needs is not there.
     """
-    felt, seen = bool(part.height_map or part.scan), bool(part.photo)
+    tactile, visual = bool(part.height_map or part.scan), bool(part.photo)
     named = part.scan or part.height_map or part.photo or part.name
-    if mode in (Mode.TACTILE, Mode.FUSED) and not felt:
+    if mode in (Mode.TACTILE, Mode.FUSED) and not tactile:
         raise FileError(named, "has no height map and no scan", "add one, or read it with --mode vision")
-    if mode in (Mode.VISION, Mode.FUSED) and not seen:
+    if mode in (Mode.VISION, Mode.FUSED) and not visual:
         raise FileError(named, "has no photograph", "add one of the same stem, or read with --mode tactile")
-    if mode is Mode.FUSED or (mode is Mode.AUTO and felt and seen):
+    if mode is Mode.FUSED or (mode is Mode.AUTO and tactile and visual):
         return (Sense.TOUCH, Sense.VISION)
-    if mode is Mode.VISION or not felt:
+    if mode is Mode.VISION or not tactile:
         return (Sense.VISION,)
     return (Sense.TOUCH,)
 
 
-class Senses:
-    """Reads parts with the senses that the mode asks for, and verifies what is expected of them."""
+class PartReader:
+    """Reads parts from their files."""
 
     def __init__(
         self,
         reader: Reader,
         *,
         mode: Mode | None = None,
-        expected: Expected | None = None,
         unit: Unit = Unit.MM,
+        limits: Limits | None = None,
     ) -> None:
-        self.reader, self.mode, self.expected, self.unit = reader, mode, expected, unit
+        """Take the reader.
 
-    def sense(self, part: Part) -> Reading:
-        """Load the part, read it, and verify it if a text is expected of it.
+        Args:
+            reader: keeps its templates from part to part.
+            mode: senses that read; see the table above.
+            unit: of height files that state none.
+            limits: checked from the files' heads before anything is decoded.
+        """
+        self.reader, self.mode, self.unit, self.limits = reader, mode, unit, limits
+
+    def read(self, part: Part, *, expected: str = "") -> Reading:
+        """Load a part, read it, and verify the text expected of it if there is one.
 
         Raises:
             FileError: a file of the part cannot be used.
             VerifyError: an expected text that cannot be looked for.
         """
+        return self.verified(self.unverified(part, expected=expected), expected)
+
+    def unverified(self, part: Part, *, expected: str = "", earlier: KeptVision | None = None) -> Reading:
+        """As `read`, without the verdict.
+
+        Args:
+            part: its files.
+            expected: text that `verified` shall be asked for.
+            earlier: what the camera's reader made of a photograph that is not at hand any more.
+
+        Raises:
+            FileError: a file of the part cannot be used.
+            VerifyError: an expected text that is none of the format.
+        """
         if part.problem is not None:
             raise part.problem
-        senses = senses_of(part, self.mode)
-        if senses == (Sense.TOUCH,):
-            found = felt(part, self.reader.touch, unit=self.unit)
-        elif senses == (Sense.VISION,):
-            found = self.reader.vision.read_photo(load_photo(part))
-        else:
-            found = self._fused(part)
-        if self.expected is None:
-            return found
-        text = self.expected.of(part.name)
-        if text is None:
-            unknown = "not verified: the table of expected texts has no such part"
-            return _noted(found, unknown)
-        return self.reader.verify(found, text)
+        self._check_expected(part, expected)
+        senses, note, photo = senses_of(part, self.mode), "", None
+        if Sense.VISION in senses:
+            # before touch takes its time
+            try:
+                photo = load_photo(part, self.limits)
+            except FileError as problem:
+                if self.mode is not Mode.AUTO or Sense.TOUCH not in senses:
+                    raise
+                note = f"read by touch alone: {problem}"
+        touch = self._touch(part) if Sense.TOUCH in senses else None
+        surface = touch.trace.height_map if touch is not None else None
+        vision = None
+        if photo is not None:
+            vision = self._vision(part, photo, surface, expected)
+        elif earlier is not None:
+            from pipeline.reading.vision_file import over
 
-    def _fused(self, part: Part) -> Reading:
-        touch = felt(part, self.reader.touch, unit=self.unit)
-        try:
-            photo = load_photo(part, over=touch.trace.height_map)
-        except FileError as problem:
-            if self.mode is not Mode.AUTO:
-                raise
-            return _noted(touch, f"read by touch alone: {problem}")
-        return self.reader.fuse(touch, self.reader.vision.read_photo(photo))
+            vision = over(earlier, surface).vision_for(expected)
+        if touch is None or vision is None:
+            reading = touch or vision
+            assert reading is not None
+            return replace(reading, notes=(*reading.notes, note)) if note else reading
+        return self.reader.fuse(touch, vision)
+
+    def verified(self, reading: Reading, expected: str) -> Reading:
+        """The reading with the verdict on the text expected, if there is one.
+
+        Raises:
+            VerifyError: a text that cannot be looked for.
+        """
+        return self.reader.verify(reading, expected) if expected else reading
+
+    def _vision(self, part: Part, photo: Photo, surface: HeightMap | None, expected: str) -> Reading:
+        from recognition.reader import centred
+
+        with _about(part.photo):
+            vision = self.reader.vision.read_photo(photo if surface is None else centred(photo, surface))
+            return self.reader.opened(vision, expected) if expected else vision
+
+    def _touch(self, part: Part) -> Reading:
+        """A recorded scan goes before a height map.
+
+        Of a format that is met with either row first, the other order is tried where the standards' is not
+        accepted.
+        """
+        touch = self.reader.touch
+        if part.scan is not None:
+            with _about(part.scan):
+                if self.limits is not None:
+                    check_scan(part.scan, most=self.limits.max_scan_samples)
+                return touch.read_scan(read_scan(part.scan))
+        path = part.height_map
+        assert path is not None
+        with _about(path):
+            if self.limits is not None:
+                check_map(path, most=self.limits.max_map_samples)
+            from pipeline.files.npz import read_soil
+
+            soil = read_soil(path) if path.suffix.lower() == ".npz" else None
+            found = touch.read_height_map(read_height_map(path, unit=self.unit), soil=soil, part_id=part.name)
+            if not row_order_matters(path) or not found.text or found.decision == "accept":
+                return found
+            from pipeline.files.instruments import RowOrder
+
+            turned = read_height_map(path, row_order=RowOrder.TOP_FIRST)
+            other = touch.read_height_map(turned, part_id=part.name)
+            return max(found, other, key=lambda reading: reading.confidence)
+
+    def _check_expected(self, part: Part, expected: str) -> None:
+        grammar = self.reader.grammar
+        if expected and grammar is not None and (broken := grammar.objections(expected)):
+            from recognition.verify import VerifyError
+
+            where = f"text expected of {part.name}"
+            raise VerifyError(
+                f"is {expected!r}, but {'; '.join(broken)}", where=where, hint="correct one of them"
+            )
 
 
-def felt(part: Part, reader: TactileReader, *, unit: Unit = Unit.MM) -> Reading:
-    """Load what there is to be felt and read it; a recorded scan goes before a height map.
-
-    Of a format that is met with either row first, the other order is tried where the standards' is not
-    accepted.
-
-    Args:
-        part: with a scan or a height map.
-        reader: reads it.
-        unit: of height files that state none.
-
-    Raises:
-        FileError: the file cannot be used.
-    """
-    if part.scan is not None:
-        return reader.read_scan(read_scan(part.scan))
-    if part.height_map is None:
-        raise FileError(part.photo or part.name, "has no height map and no scan", "add one")
-    found = reader.read_height_map(
-        read_height_map(part.height_map, unit=unit), soil=_soil(part.height_map), part_id=part.name
-    )
-    if not row_order_matters(part.height_map) or not found.text or found.decision == "accept":
-        return found
-    from pipeline.files.instruments import RowOrder
-
-    turned = read_height_map(part.height_map, row_order=RowOrder.TOP_FIRST)
-    other = reader.read_height_map(turned, part_id=part.name)
-    return max(found, other, key=lambda reading: reading.confidence)
-
-
-def load_photo(part: Part, *, over: HeightMap | None = None) -> Photo:
+def load_photo(part: Part, limits: Limits | None = None) -> Photo:
     """The photograph of a part.
 
-    Args:
-        part: with a photograph.
-        over: its height map, whose middle the camera's stage brings under the middle of the picture.
-
     Raises:
-        FileError: the file cannot be used.
+        FileError: it has none, or the file cannot be used.
     """
     from pipeline.files.photos import read_photo
-    from recognition.reader import centred
 
     if part.photo is None:
         raise FileError(part.name, "has no photograph", "add one of the same stem")
     if part.photo_problem is not None:
         raise part.photo_problem
-    photo = read_photo(part.photo)
-    return photo if over is None else centred(photo, over)
+    with _about(part.photo):
+        if limits is not None:
+            check_photo(part.photo, most=limits.max_photo_pixels)
+        return read_photo(part.photo)
 
 
-def _noted(reading: Reading, note: str) -> Reading:
-    return replace(reading, notes=(*reading.notes, note))
-
-
-def _soil(path: Path) -> Soil | None:
-    """What lies on the part, where the file tells."""
-    from pipeline.files.npz import read_soil
-
-    return read_soil(path) if path.suffix.lower() == ".npz" else None
+@contextlib.contextmanager
+def _about(path: Path | None) -> Iterator[None]:
+    """Name the file in an error that names nothing."""
+    try:
+        yield
+    except MarksError as error:
+        if error.where or path is None:
+            raise
+        raise FileError(path, error.what, error.hint) from error

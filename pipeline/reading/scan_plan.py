@@ -61,7 +61,7 @@ def plan_of(
         field_mm: width and height that the stage can feel.
         reason: why touch is needed.
     """
-    from pipeline.reading.vision_file import middle_mm
+    from recognition.vision_frame import photo_middle_mm
     from whisker_array.whisker.array import default_plan
     from whisker_array.whisker.touch import default_touch
 
@@ -82,17 +82,16 @@ def plan_of(
         seconds=round(raster.scan_time_s, 1),
         height_mm=line.height_mm,
         reason=reason,
-        middle_mm=middle_mm(photo) if known else None,
+        middle_mm=photo_middle_mm(photo) if known else None,
     )
 
 
 def _around(vision: Reading | None, photo: Photo, settings: ReadSettings) -> _Line:
     """The line and its margin, within the picture."""
-    from pipeline.reading.vision_file import middle_mm
-    from recognition.vision_frame import photo_origin_mm
+    from recognition.vision_frame import photo_middle_mm, photo_origin_mm
 
     left, top = photo_origin_mm(photo)
-    middle = middle_mm(photo)
+    middle = photo_middle_mm(photo)
     right, bottom = 2.0 * middle[0] - left, 2.0 * middle[1] - top
     place = vision.trace.place if vision is not None else None
     if place is None or vision is None:

@@ -21,8 +21,7 @@ from glyphs.errors import FileError, damage_reported, require_file
 from pipeline.common.record_json import from_json, to_json
 
 if TYPE_CHECKING:
-    from glyphs.camera.photo import Photo
-    from glyphs.surface.maps import EdgeMap
+    from glyphs.surface.maps import EdgeMap, HeightMap
     from recognition.lattice import Lattice
     from recognition.reading import Reading, ReadingTrace
 
@@ -49,8 +48,10 @@ class KeptVision:
     @classmethod
     def of(cls, vision: Reading, *, expected: str = "") -> KeptVision:
         """What to keep of a reading of a photograph."""
+        from recognition.vision_frame import photo_middle_mm
+
         photo = vision.trace.photo
-        middle = middle_mm(photo) if photo is not None and photo.pitch_mm is not None else None
+        middle = photo_middle_mm(photo) if photo is not None and photo.pitch_mm is not None else None
         return cls(vision, middle, expected)
 
     def vision_for(self, expected: str) -> Reading:
@@ -60,12 +61,12 @@ class KeptVision:
         return self.vision if known else self.vision.traced(open_lattice=trace.lattice)
 
 
-def middle_mm(photo: Photo) -> tuple[float, float]:
-    """Photo frame (x, y) of the middle of a picture; in pixels where its scale is unknown."""
-    from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
-
-    (rows, cols), pitch, (x0, y0) = photo.shape, photo_pitch_mm(photo), photo_origin_mm(photo)
-    return (x0 + 0.5 * (cols - 1) * pitch, y0 + 0.5 * (rows - 1) * pitch)
+def over(kept: KeptVision, surface: HeightMap | None) -> KeptVision:
+    """The same with the middle of the picture over that of a height map, where both are known."""
+    if surface is None or kept.middle_mm is None:
+        return kept
+    width, height = surface.size_mm
+    return moved(kept, 0.5 * width - kept.middle_mm[0], 0.5 * height - kept.middle_mm[1])
 
 
 def moved(kept: KeptVision, x_mm: float, y_mm: float) -> KeptVision:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from pipeline.reading.jobs import Limits
+    from pipeline.files.limits import Limits
 
 
 def warm_up(settings: ReadSettings, limits: Limits) -> None:
@@ -23,8 +23,7 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     from pipeline.files.npz import write_npz
     from pipeline.files.photos import write_photo
     from pipeline.files.synth import SynthSpec, make_part
-    from pipeline.reading.job_reading import read_job
-    from pipeline.reading.jobs import Job
+    from pipeline.reading.jobs import Job, read_job
 
     cv2.setNumThreads(1)
     spec = SynthSpec("AA99", seed=1, height_mm=settings.height_mm or 5.0, variation=False)

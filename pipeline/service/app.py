@@ -16,7 +16,7 @@ from fastapi.responses import Response
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from pipeline.common.version import program_version
-from pipeline.reading.jobs import Limits
+from pipeline.files.limits import Limits
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.access import Access
 from pipeline.service.api.lookup import lookup_router

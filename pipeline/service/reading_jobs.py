@@ -16,15 +16,14 @@ import structlog
 
 from glyphs.errors import FileError
 from pipeline.common.records import EvidenceKind, EvidenceRecord
-from pipeline.reading.job_reading import read_job
-from pipeline.reading.jobs import Done, Job
+from pipeline.reading.jobs import Done, Job, read_job
 from pipeline.service.problem import Problem
 from pipeline.service.uploads import Upload
 from pipeline.workers.pool import BusyError, WorkerLostError
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
-    from pipeline.reading.jobs import Limits
+    from pipeline.files.limits import Limits
     from pipeline.service.metrics import Metrics
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.workers.pool import WorkPool

@@ -133,7 +133,7 @@ def test_a_format_that_cannot_be_is_the_parts_own_error(tmp_path: Path) -> None:
 def test_a_text_expected_that_the_format_forbids_is_told(tmp_path: Path) -> None:
     write_npz(tmp_path / "a.npz", HeightMap(np.zeros((40, 60), np.float32), 0.1))
     listed = ListedPart("a", str(tmp_path / "a.npz"), expected="A1", format="99")
-    assert "should read 'A1'" in read_listed(ORDER, listed).record.error
+    assert "text expected of a: is 'A1', but it does not fit" in read_listed(ORDER, listed).record.error
     noted = read_listed(RunOrder(ORDER.settings, verify=True), ListedPart("a", str(tmp_path / "a.npz")))
     assert "not verified" in noted.record.messages[-1]
 

@@ -21,7 +21,7 @@ from pipeline.common.version import program_version
 from pipeline.files.npz import write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.reading.as_record import record_of_part, rivals_of
-from pipeline.reading.part_reader import Senses
+from pipeline.reading.part_reader import PartReader
 from recognition.box import Box
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
@@ -66,15 +66,15 @@ class FakeReader:
         raise AssertionError("no scan in these tests")
 
 
-def fake_senses() -> Senses:
-    readers: Any = SimpleNamespace(touch=FakeReader(), vision=None, grammar=None)
-    return Senses(readers)
+def fake_reader() -> PartReader:
+    reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None)
+    return PartReader(reader)
 
 
-def record_of(part: Part, senses: Senses | None = None) -> ReadingRecord:
-    senses = senses or fake_senses()
+def record_of(part: Part, reader: PartReader | None = None) -> ReadingRecord:
+    reader = reader or fake_reader()
     settings = ReadSettings(format=("99",))
-    return record_of_part(part.name, str(part.height_map), lambda: (senses.sense(part), settings, None))[0]
+    return record_of_part(part.name, str(part.height_map), lambda: (reader.read(part), settings, None))[0]
 
 
 def stamped(folder: Path, *values: int) -> Path:
@@ -86,8 +86,8 @@ def stamped(folder: Path, *values: int) -> Path:
 def test_one_bad_file_is_one_row(tmp_path: Path) -> None:
     stamped(tmp_path, 11, 12, 13, 14)
     (tmp_path / "part-12.npz").write_bytes(b"rubbish")
-    senses = fake_senses()
-    rows = [record_of(part, senses) for part in discover([tmp_path, tmp_path / "none.npz"])]
+    reader = fake_reader()
+    rows = [record_of(part, reader) for part in discover([tmp_path, tmp_path / "none.npz"])]
     assert [r.part for r in rows] == ["part-11", "part-12", "part-13", "part-14", "none"]
     assert [r.text for r in rows] == ["11", "", "", "", ""]
     assert [bool(r.error) for r in rows] == [False, True, True, True, True]

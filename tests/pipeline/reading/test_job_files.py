@@ -24,9 +24,9 @@ def outcomes(pipe: Any) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
     from glyphs.errors import FileError
     from pipeline.common.settings import ReadSettings
+    from pipeline.files.limits import Limits
     from pipeline.files.touch_file import is_photo, is_scan
-    from pipeline.reading.job_reading import read_job
-    from pipeline.reading.jobs import Job, Limits
+    from pipeline.reading.jobs import Job, read_job
 
     settings = ReadSettings(font=("gothic",), height_mm=5.0)
     with tempfile.TemporaryDirectory() as place:

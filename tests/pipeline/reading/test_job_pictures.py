@@ -11,11 +11,11 @@ from glyphs.surface.maps import EdgeMap, TraceDirection
 from pipeline.common.records import EvidenceKind
 from pipeline.reading.job_pictures import (
     MOST_PIXELS_A_SIDE,
+    MadeFile,
     edges_picture,
     photo_picture,
     vision_edges_picture,
 )
-from pipeline.reading.jobs import MadeFile
 
 DIRECTIONS = (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y)
 

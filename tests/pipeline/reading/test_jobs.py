@@ -11,11 +11,11 @@ import pytest
 from glyphs.errors import FileError
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.settings import ReadSettings
+from pipeline.files.limits import Limits
 from pipeline.files.npz import write_npz
 from pipeline.files.photos import read_photo
 from pipeline.files.synth import SynthSpec, make_part, write_part
-from pipeline.reading.job_reading import read_job
-from pipeline.reading.jobs import Done, Job, Limits
+from pipeline.reading.jobs import Done, Job, read_job
 from pipeline.reading.kept_readers import MOST_KEPT, reader_of
 from pipeline.reading.scan_plan import plan_of
 from pipeline.service.stage import ScanOrder, SimulatedStage
@@ -218,16 +218,16 @@ def test_readers_are_kept_until_their_database_changes(tmp_path: Path) -> None:
 
     path = tmp_path / "dies.npz"
     save_database(GlyphDatabase(fonts={"gothic": load_font("gothic")}), path)
-    settings = ReadSettings()
-    first = reader_of(settings, path)
-    assert reader_of(settings, path) is first
+    settings = ReadSettings(database=path)
+    first = reader_of(settings)
+    assert reader_of(settings) is first
     changed = path.stat().st_mtime_ns + 10**9
     os.utime(path, ns=(changed, changed))
-    second = reader_of(settings, path)
+    second = reader_of(settings)
     assert second is not first
     for k in range(MOST_KEPT):
         reader_of(ReadSettings(height_mm=1.0 + k))
-    assert reader_of(settings, path) is not second
+    assert reader_of(settings) is not second
 
 
 def test_without_a_scale_the_whole_field_is_asked_for(parts: Parts) -> None:

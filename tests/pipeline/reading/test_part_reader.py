@@ -17,14 +17,13 @@ from glyphs.surface.maps import HeightMap
 from pipeline.files.npz import soil_members, write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.files.photos import write_photo
-from pipeline.reading.expected import Expected
-from pipeline.reading.part_reader import Mode, Sense, Senses, senses_of
+from pipeline.reading.part_reader import Mode, PartReader, Sense, senses_of
 from recognition.box import Box
 from recognition.lattice import Lattice
 from recognition.reader import Reader
 from recognition.reader_settings import ReaderSettings
 from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
-from recognition.verify import Verdict
+from recognition.verify import Verdict, VerifyError
 
 SHAPE = (20, 30)
 
@@ -139,18 +138,18 @@ def test_modes(mode: Mode | None, felt: Any, seen: Any, both: Any, folder: Path)
 
 def test_touch_is_given_the_soil(folder: Path) -> None:
     reader = FakeReader()
-    found = Senses(reader).sense(part(folder, "both"))
+    found = PartReader(reader).read(part(folder, "both"))
     ((_, soil, name),) = reader.given
     assert name == "both"
     assert soil.thickness_mm == pytest.approx(np.full(SHAPE, 0.01))
     assert (found.text, found.vision, found.trace.photo) == ("A1", None, None)
-    Senses(reader).sense(part(folder, "felt"))
+    PartReader(reader).read(part(folder, "felt"))
     assert reader.given[1][1] is None
 
 
 def test_a_photograph_alone_is_read_by_vision(folder: Path) -> None:
     reader = FakeReader()
-    found = Senses(reader).sense(part(folder, "seen"))
+    found = PartReader(reader).read(part(folder, "seen"))
     assert (found.source, found.touch) == ("vision", None)
     assert reader.given[0].centre_mm is None
     assert reader.asked == ["vision"]
@@ -161,7 +160,7 @@ def test_both_senses_are_fused(mode: Mode, folder: Path, monkeypatch: pytest.Mon
     seen: list[Any] = []
     fused_as(monkeypatch, seen)
     reader = FakeReader()
-    found = Senses(reader, mode=mode).sense(part(folder, "both"))
+    found = PartReader(reader, mode=mode).read(part(folder, "both"))
     assert found.source == "fused"
     assert seen == [("A1", "B1", None)]
     # the stage brings the middle of the plate under the middle of the picture
@@ -170,39 +169,38 @@ def test_both_senses_are_fused(mode: Mode, folder: Path, monkeypatch: pytest.Mon
 
 def test_a_photograph_that_cannot_be_used_leaves_touch_to_auto_alone(folder: Path) -> None:
     (folder / "both.png").write_bytes(b"\x89PNG rubbish")
-    found = Senses(FakeReader(), mode=Mode.AUTO).sense(part(folder, "both"))
+    found = PartReader(FakeReader(), mode=Mode.AUTO).read(part(folder, "both"))
     assert found.source == "tactile"
     assert any("read by touch alone" in message and "both.png" in message for message in found.messages())
     with pytest.raises(FileError, match=r"both\.png"):
-        Senses(FakeReader(), mode=Mode.FUSED).sense(part(folder, "both"))
+        PartReader(FakeReader(), mode=Mode.FUSED).read(part(folder, "both"))
 
 
 def test_two_photographs_are_told_where_vision_is_asked(folder: Path) -> None:
     (folder / "both.jpg").write_bytes(b"x")
-    assert Senses(FakeReader()).sense(part(folder, "both")).text == "A1"
+    assert PartReader(FakeReader()).read(part(folder, "both")).text == "A1"
     with pytest.raises(FileError, match="which is the part's is unclear"):
-        Senses(FakeReader(), mode=Mode.VISION).sense(part(folder, "both"))
+        PartReader(FakeReader(), mode=Mode.VISION).read(part(folder, "both"))
 
 
 def test_touch_is_verified_on_its_beliefs(folder: Path) -> None:
-    senses = Senses(FakeReader(), expected=Expected("B1"))
-    found = senses.sense(part(folder, "both"))
+    found = PartReader(FakeReader()).read(part(folder, "both"), expected="B1")
     assert found.trace.verification is not None
     assert found.trace.verification.verdict is Verdict.REFUTED
     assert ReadingFlag.MISMATCH in found.flags
-    found = Senses(FakeReader(), expected=Expected("A1")).sense(part(folder, "both"))
+    found = PartReader(FakeReader()).read(part(folder, "both"), expected="A1")
     assert found.trace.verification is not None
     assert found.trace.verification.verdict is Verdict.CONFIRMED
 
 
 def test_vision_under_a_format_looks_again_for_any_character(folder: Path) -> None:
     reader = FakeReader("A9")
-    found = Senses(reader, expected=Expected("B1")).sense(part(folder, "seen"))
+    found = PartReader(reader).read(part(folder, "seen"), expected="B1")
     assert reader.asked == ["vision", "vision open to B1"]
     assert found.trace.verification is not None
     assert found.trace.verification.verdict is Verdict.CONFIRMED
     reader = FakeReader()
-    Senses(reader, expected=Expected("B1")).sense(part(folder, "seen"))
+    PartReader(reader).read(part(folder, "seen"), expected="B1")
     assert reader.asked == ["vision"]
 
 
@@ -210,29 +208,30 @@ def test_both_senses_are_verified_together(folder: Path, monkeypatch: pytest.Mon
     seen: list[Any] = []
     fused_as(monkeypatch, seen, lattice=lattice("B1"))
     reader = FakeReader("A9")
-    found = Senses(reader, mode=Mode.FUSED, expected=Expected("B1")).sense(part(folder, "both"))
+    found = PartReader(reader, mode=Mode.FUSED).read(part(folder, "both"), expected="B1")
     assert found.trace.verification is not None
     assert found.trace.verification.verdict is Verdict.CONFIRMED
     assert "vision open to B1" in reader.asked
     fused_as(monkeypatch, [], lattice=lattice("B1"), contradicted=("place 1",))
-    found = Senses(FakeReader(), mode=Mode.FUSED, expected=Expected("B1")).sense(part(folder, "both"))
+    found = PartReader(FakeReader(), mode=Mode.FUSED).read(part(folder, "both"), expected="B1")
     assert found.trace.verification is not None
     assert found.trace.verification.verdict is Verdict.UNDECIDED
     assert ReadingFlag.SENSES_DISAGREE in found.flags
     # what the camera has nothing to say of, touch is asked alone
     fused_as(monkeypatch, [])
-    found = Senses(FakeReader(), mode=Mode.FUSED, expected=Expected("A1")).sense(part(folder, "both"))
+    found = PartReader(FakeReader(), mode=Mode.FUSED).read(part(folder, "both"), expected="A1")
     assert found.trace.verification is not None
     assert found.trace.verification.verdict is Verdict.CONFIRMED
 
 
-def test_a_part_that_the_table_does_not_know_is_told(folder: Path) -> None:
-    found = Senses(FakeReader(), expected=Expected(by_part={"other": "A1"})).sense(part(folder, "felt"))
-    assert found.trace.verification is None
-    assert "not verified" in found.messages()[-1]
+def test_an_expected_text_that_the_format_forbids_costs_no_reading(folder: Path) -> None:
+    reader = FakeReader(format="A9")
+    with pytest.raises(VerifyError, match="text expected of felt: is 'ZZ', but it does not fit"):
+        PartReader(reader).read(part(folder, "felt"), expected="ZZ")
+    assert reader.given == []
 
 
 def test_a_part_with_a_problem_is_not_opened(folder: Path) -> None:
     problem = FileError("a", "b", "c")
     with pytest.raises(FileError):
-        Senses(FakeReader()).sense(replace(part(folder, "felt"), problem=problem))
+        PartReader(FakeReader()).read(replace(part(folder, "felt"), problem=problem))

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, TraceDirection
-from pipeline.reading.vision_file import KeptVision, load_vision, middle_mm, moved, save_vision
+from pipeline.reading.vision_file import KeptVision, load_vision, moved, save_vision
 from recognition.box import Box
 from recognition.lattice import Lattice
 from recognition.reader_settings import ReaderSettings
 from recognition.reading import Decision, Reading, ReadingFlag
 from recognition.vision_combine import as_reading
-from recognition.vision_frame import LinePlace
+from recognition.vision_frame import LinePlace, photo_middle_mm
 
 HALF_PRECISION = 1e-3
 """Relative, of edges: ten bits of mantissa."""
@@ -149,8 +149,8 @@ def test_open_beliefs_are_of_their_text_only() -> None:
 
 def test_middle_of_a_picture() -> None:
     photo = Photo(np.zeros((11, 21), dtype=np.uint8), pitch_mm=0.1)
-    assert middle_mm(photo) == pytest.approx((1.0, 0.5))
-    assert middle_mm(replace(photo, centre_mm=(7.0, 8.0))) == pytest.approx((7.0, 8.0))
+    assert photo_middle_mm(photo) == pytest.approx((1.0, 0.5))
+    assert photo_middle_mm(replace(photo, centre_mm=(7.0, 8.0))) == pytest.approx((7.0, 8.0))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])

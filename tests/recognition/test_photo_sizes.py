@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from glyphs.camera.photo import Photo
-from pipeline.reading.photo_sizes import ENOUGH_ROWS, SIZES, read_at_sizes, shrunk
-from pipeline.reading.vision_file import middle_mm
+from recognition.photo_sizes import ENOUGH_ROWS, SIZES, read_at_sizes, shrunk
 from recognition.reading import Decision, Reading
-from recognition.vision_frame import LinePlace, photo_origin_mm
+from recognition.vision_frame import LinePlace, photo_middle_mm, photo_origin_mm, photo_pitch_mm
 
 
 def photo(pixels: int, *, pitch_mm: float | None = 0.01) -> Photo:
@@ -52,11 +51,15 @@ def test_shrinking_leaves_the_frame_where_it_is(centre: tuple[float, float] | No
     small = shrunk(given, 112_500)  # a quarter of the length
     assert small.shape == (225, 500)
     assert small.pitch_mm == pytest.approx(0.04)
-    assert middle_mm(small) == pytest.approx(middle_mm(given))
+    assert photo_middle_mm(small) == pytest.approx(photo_middle_mm(given))
     # rims alike: the first pixel reaches as far out
     for one, other in zip(photo_origin_mm(small), photo_origin_mm(given), strict=True):
         assert one - 0.02 == pytest.approx(other - 0.005)
 
 
-def test_without_a_scale_there_is_none_after_shrinking() -> None:
-    assert shrunk(photo(10**6, pitch_mm=None), 10**5).pitch_mm is None
+def test_without_a_scale_the_frame_is_that_of_the_pixels_as_taken() -> None:
+    given = photo(10**6, pitch_mm=None)
+    small = shrunk(given, 62_500)
+    assert small.pitch_mm is None
+    assert photo_pitch_mm(small) == pytest.approx(4.0, rel=0.01)
+    assert photo_middle_mm(small) == pytest.approx(photo_middle_mm(given))

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from glyphs.camera.photo import Photo
-    from recognition.reading import Reading
+from glyphs.camera.photo import Photo
+from recognition.reading import Reading
+from recognition.vision_frame import photo_middle_mm, photo_pitch_mm
 
 SIZES = (600_000, 4_000_000)
 """Pixels at which a photograph is read, one after the other, until its characters are high enough."""
@@ -34,7 +33,7 @@ def read_at_sizes(photo: Photo, read: Callable[[Photo], Reading]) -> Reading:
 
 
 def shrunk(photo: Photo, pixels: int) -> Photo:
-    """The photograph with about so many pixels, in the same frame if its scale is known; itself if it has fewer."""
+    """The photograph with about so many pixels, in the same frame; itself if it has fewer."""
     from glyphs.opencv import cv2
 
     rows, cols = photo.shape
@@ -43,12 +42,10 @@ def shrunk(photo: Photo, pixels: int) -> Photo:
         return photo
     size = (max(8, round(cols * scale)), max(8, round(rows * scale)))
     made = np.asarray(cv2.resize(photo.pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    if photo.pitch_mm is None:
-        return replace(photo, pixels=made)
     # the rims stay where they are: the first pixel's middle does not, and with it the frame's origin
-    from pipeline.reading.vision_file import middle_mm
-
-    return replace(photo, pixels=made, pitch_mm=photo.pitch_mm * cols / size[0], centre_mm=middle_mm(photo))
+    pitch = photo_pitch_mm(photo) * cols / size[0]
+    size_of_pixels = {"shrunk": pitch} if photo.pitch_mm is None else {"pitch_mm": pitch}
+    return replace(photo, pixels=made, centre_mm=photo_middle_mm(photo), **size_of_pixels)
 
 
 def _sizes(photo: Photo) -> Iterator[Photo]:
@@ -60,4 +57,4 @@ def _sizes(photo: Photo) -> Iterator[Photo]:
 
 
 def _rows(photo: Photo, height_mm: float) -> float:
-    return height_mm / (photo.pitch_mm if photo.pitch_mm is not None else 1.0)
+    return height_mm / photo_pitch_mm(photo)
