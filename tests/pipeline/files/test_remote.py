@@ -500,7 +500,7 @@ def test_a_signed_address_is_fetched_and_not_told() -> None:
         with pytest.raises(FileError) as caught:
             read(f"{url}/lot/a.npz?X-Signature=secretly")
         assert "secret" not in str(caught.value)
-        assert "may not be read" in caught.value.problem
+        assert "may not be read" in caught.value.what
 
 
 def test_an_endless_file_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
