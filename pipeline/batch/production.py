@@ -64,8 +64,9 @@ def run_batch(
     with opened(options, _description(inputs, settings, options)) as run:
         done = len(run.book.done) if run.book is not None else 0
         _print_begun(run, options)
-        with Progress(len(parts), done=done) as advance:
-            run.on_row = advance
+        with Progress() as progress:
+            progress.start(len(parts), done)
+            run.on_row = lambda row: progress.advance(failed=bool(row.error))
 
             def on_any_row(row: Row) -> None:
                 if shown is not None:

@@ -1,4 +1,4 @@
-"""How far a run is: a bar or a clock on a terminal, a line a minute elsewhere."""
+"""How far a run is, on standard error: a bar or a clock on a terminal, a line a minute elsewhere."""
 
 from __future__ import annotations
 
@@ -6,65 +6,57 @@ import sys
 import time
 from typing import Any
 
-from pipeline.common.row import Row
-
 LINE_EVERY_S = 60.0
 
 
 class Progress:
-    """Called with the row of every part that is read; on standard error."""
+    """Shows how far a run is, from `start` to the end of its block."""
 
-    def __init__(self, total: int, *, done: int = 0) -> None:
+    _bar: Any = None
+    _task: Any = None
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def start(self, total: int, done: int = 0) -> None:
         """Begin.
 
         Args:
             total: parts of the run.
             done: of these read in an earlier sitting.
         """
-        self._total, self._done, self._before, self._unread = total, done, done, 0
-        self._bar: Any = None
-        self._task: Any = None
+        self._total, self._done, self._before, self._failed = total, done, done, 0
         self._began_s = self._shown_s = time.monotonic()
+        if not sys.stderr.isatty():
+            return
+        from rich import progress
+        from rich.console import Console
 
-    def __enter__(self) -> Progress:
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import (
-                BarColumn,
-                MofNCompleteColumn,
-                Progress,
-                SpinnerColumn,
-                TextColumn,
-                TimeElapsedColumn,
-                TimeRemainingColumn,
-            )
-
-            step = TextColumn("{task.description}", markup=False)
-            columns = (
-                (step, BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-                if self._total > 1
-                else (SpinnerColumn(), step, TimeElapsedColumn())
-            )
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            self._task = self._bar.add_task("reading", total=self._total, completed=self._done)
-            self._bar.start()
-        return self
+        step = progress.TextColumn("{task.description}", markup=False)
+        columns = (
+            (step, progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeRemainingColumn())
+            if total > 1
+            else (progress.SpinnerColumn(), step, progress.TimeElapsedColumn())
+        )
+        self._bar = progress.Progress(*columns, console=Console(stderr=True), transient=True)
+        self._task = self._bar.add_task("reading", total=total, completed=done)
+        self._bar.start()
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 
     def step(self, what: str) -> None:
-        """Show what is being done just now, such as "compiling kernels, once per machine"."""
+        """Show what is being done until the next part is done, such as "compiling, once per machine"."""
         if self._bar is not None:
             self._bar.update(self._task, description=what)
         else:
             print(what, file=sys.stderr, flush=True)
 
-    def __call__(self, row: Row) -> None:
-        """One part more is read."""
+    def advance(self, *, failed: bool = False) -> None:
+        """One part more is done."""
         self._done += 1
-        self._unread += bool(row.error)
+        self._failed += failed
         if self._bar is not None:
             self._bar.update(self._task, advance=1, description="reading")
             return
@@ -74,7 +66,7 @@ class Progress:
             rate = (self._done - self._before) / (now - self._began_s)
             left_min = (self._total - self._done) / rate / 60.0
             print(
-                f"{self._done:,} of {self._total:,} parts, {rate:.2f} a second, {self._unread:,} with an error,"
+                f"{self._done:,} of {self._total:,} parts, {rate:.2f} a second, {self._failed:,} with an error,"
                 f" about {left_min:.0f} min left",
                 file=sys.stderr,
                 flush=True,

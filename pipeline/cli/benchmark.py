@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -15,7 +14,6 @@ from pipeline.common.settings import SettingsError
 if TYPE_CHECKING:
     from pipeline.benchmark.report import Written
     from pipeline.benchmark.run import Benchmark
-    from pipeline.benchmark.trials import Trial
 
 FaceName = Literal["sharp", "flat", "round", "dotted"]
 FidelityName = Literal["pointwise", "contact"]
@@ -133,7 +131,7 @@ def benchmark(
             )
         chosen = _listed(mode) + (tuple(PEERS) if peers else ())
         written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
-    _tell(written)
+    _print_result(written)
     return 0
 
 
@@ -149,19 +147,24 @@ def _numbers(text: str) -> list[float]:
 
 
 def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:
+    from pipeline.batch.progress import Progress
     from pipeline.benchmark.report import command_line, write_report
     from pipeline.benchmark.run import run_benchmark
     from pipeline.workers.cluster import ClusterError
     from pipeline.workers.options import ExecutorOptions
     from pipeline.workers.pool import WorkerLostError
 
-    with _Progress() as progress:
+    with Progress() as progress:
         try:
             with ExecutorOptions(jobs, cluster).opened(len(benchmark.parts.items())) as executor:
                 trials = run_benchmark(
-                    benchmark, out, executor=executor, on_start=progress.start, on_part=progress.on_part
+                    benchmark,
+                    out,
+                    executor=executor,
+                    on_start=progress.start,
+                    on_part=lambda _: progress.advance(),
                 )
-                progress.say("drawing the report")
+                progress.step("drawing the report")
                 return write_report(benchmark, trials, out, command=command_line(), executor=executor)
         except KeyboardInterrupt as error:
             raise CommandError(
@@ -173,44 +176,7 @@ def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> 
             raise CommandError(str(error)) from error
 
 
-class _Progress:
-    """A bar on the terminal; nothing elsewhere."""
-
-    def __init__(self) -> None:
-        self._bar: Any = None
-        self._task: Any = None
-
-    def __enter__(self) -> _Progress:
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-            columns = (
-                TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
-            )  # fmt: skip
-            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            self._task = self._bar.add_task("parts", total=None)
-            self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def start(self, total: int, done: int) -> None:
-        if self._bar is not None:
-            self._bar.update(self._task, total=total, completed=done)
-
-    def on_part(self, _: Sequence[Trial]) -> None:
-        if self._bar is not None:
-            self._bar.advance(self._task)
-
-    def say(self, what: str) -> None:
-        if self._bar is not None:
-            self._bar.update(self._task, description=what)
-
-
-def _tell(written: Written) -> None:
+def _print_result(written: Written) -> None:
     from rich.console import Console
     from rich.table import Table
 
