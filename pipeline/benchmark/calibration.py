@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.benchmark.shares import Share, share
+from pipeline.common.shares import Share, share
 
 BINS = 10
 

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, PercentFormatter
 from numpy.typing import NDArray
 
-from pipeline.benchmark.shares import Share
 from pipeline.benchmark.statistics import Group
+from pipeline.common.shares import Share
 
 _STYLES = (
     ("#0072b2", "o", "-"), ("#d55e00", "s", "--"), ("#009e73", "D", "-"), ("#7f7f7f", "^", ":"),

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.shares import CONFIDENCE_LEVEL, RESAMPLES
+from pipeline.benchmark.shares import RESAMPLES
+from pipeline.common.shares import CONFIDENCE_LEVEL
 
 MOST_EXACT = 14
 """Parts that differ up to which every pattern of signs is counted out: 2^14."""

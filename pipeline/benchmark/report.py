@@ -26,12 +26,12 @@ from pipeline.benchmark.confusion import characters_right
 from pipeline.benchmark.modes import PEERS
 from pipeline.benchmark.peers import ACCEPTED_FROM
 from pipeline.benchmark.run import Benchmark
-from pipeline.benchmark.shares import Share
 from pipeline.benchmark.statistics import Group, Statistics, plain, statistics_of
 from pipeline.benchmark.targets import Verdict, verdicts
 from pipeline.benchmark.trials import Trial
 from pipeline.benchmark.worst_parts import WorstPart, draw_worst, marked, rank_worst
 from pipeline.common.atomic import replacing
+from pipeline.common.shares import Share
 from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
 
 PAGE, TABLE, FIGURES = "report.html", "benchmark.csv", "benchmark.json"

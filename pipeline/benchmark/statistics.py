@@ -16,9 +16,10 @@ from pipeline.benchmark.calibration import Reliability, reliability
 from pipeline.benchmark.confusion import Confusion, characters_right, confusion
 from pipeline.benchmark.pairs import CharacterTest, SerialTest, compare_characters, mcnemar
 from pipeline.benchmark.risk import RiskCoverage, risk_coverage
-from pipeline.benchmark.shares import Share, resampled, share
+from pipeline.benchmark.shares import resampled
 from pipeline.benchmark.trials import Trial
 from pipeline.common.alignment import align
+from pipeline.common.shares import Share, share
 
 SINGLE_MODES = ("tactile", "vision")
 FUSED = "fused"

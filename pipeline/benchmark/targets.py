@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pipeline.benchmark.shares import Share
 from pipeline.benchmark.statistics import FUSED, Group, Statistics
+from pipeline.common.shares import Share
 
 SIGNIFICANT = 0.05
 

@@ -348,6 +348,16 @@ class Delivery:
 
 
 @dataclass(frozen=True)
+class History:
+    """All that happened to a part, oldest first; nothing of it is ever changed."""
+
+    events: tuple[EventRecord, ...]
+    readings: tuple[ReadingRecord, ...]
+    reviews: tuple[ReviewRecord, ...]
+    evidence: tuple[EvidenceRecord, ...]
+
+
+@dataclass(frozen=True)
 class Statistics:
     """The dashboard's numbers of a stretch of time.
 

@@ -214,7 +214,7 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
     @app.get(
         "/metrics",
         tags=["service"],
-        summary="Figures for Prometheus",
+        summary="Numbers for Prometheus",
         response_class=Response,
         responses={200: {"content": {"text/plain": {}}}},
     )

@@ -6,71 +6,27 @@ with Client("http://127.0.0.1:8417", token="tm_...") as client:
         part = client.add_scan(part.id, "part.h5")
     print(part.text, part.state)
 
-A request that finds the service busy waits as long as it is told and asks again; one whose connection is lost is sent
-again where that cannot do anything twice. A part is sent with an idempotency key, so it becomes one part however
-often it is sent.
+A part is sent with an idempotency key, so it becomes one part however often it is sent (`patient_http`).
 """
 
 from __future__ import annotations
 
-import random
 import secrets
-import ssl
-import time
-from collections.abc import Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from glyphs.errors import MarksError, MissingExtraError
 from pipeline.common.record_json import from_json
-from pipeline.common.records import (
-    EventRecord,
-    EvidenceRecord,
-    PartRecord,
-    PartState,
-    ReadingRecord,
-    ReviewAction,
-    ReviewRecord,
-)
-from pipeline.common.retry_after import retry_after_s
+from pipeline.common.records import History, PartRecord, PartState, ReviewAction
+from pipeline.service.patient_http import PatientHttp, ServiceError, Source
 
 if TYPE_CHECKING:
     import httpx
 
+__all__ = ["Client", "ServiceError"]
+
 T = TypeVar("T")
-Source = Path | str | bytes
-"""A file, or what it holds."""
 Which = Literal["photo", "edges", "sight-edges", "boxes"]
-_BUSY = (429, 502, 503, 504)
-_FIRST_WAIT_S = 0.25
-_LONGEST_WAIT_S = 20.0
-
-
-class ServiceError(MarksError):
-    """The service refuses a request, or cannot be reached.
-
-    Attributes:
-        status: of HTTP; 0 where there was no answer.
-        problem: what the answer says, as RFC 9457 has it; empty where it says nothing.
-    """
-
-    def __init__(self, status: int, problem: Mapping[str, Any], message: str = "") -> None:
-        said = message or problem.get("detail") or problem.get("title") or "the service says no more"
-        super().__init__(f"{status}: {said}" if status else str(said))
-        self.status, self.problem = status, dict(problem)
-
-
-@dataclass(frozen=True)
-class History:
-    """All that happened to a part, oldest first."""
-
-    events: tuple[EventRecord, ...]
-    readings: tuple[ReadingRecord, ...]
-    reviews: tuple[ReviewRecord, ...]
-    evidence: tuple[EvidenceRecord, ...]
 
 
 class Client:
@@ -85,31 +41,12 @@ class Client:
         patience_s: float = 60.0,
         ca_file: Path | None = None,
     ) -> None:
-        """Make ready; nothing is sent yet.
-
-        Args:
-            url: of the service, http://127.0.0.1:8417.
-            token: tm_..., where the service asks for one. Over plain http anybody on the way can read it.
-            timeout_s: for one answer.
-            patience_s: for asking again, counted from the first attempt; 0: ask once.
-            ca_file: certificates of authorities to trust, instead of the usual ones.
+        """Make ready; nothing is sent yet. Arguments as `PatientHttp`.
 
         Raises:
             MissingExtraError: httpx is not installed.
         """
-        try:
-            import httpx
-        except ImportError as error:
-            raise MissingExtraError("the client", "httpx", "service") from error
-        self._patience_s = patience_s
-        trusted = ssl.create_default_context(cafile=str(ca_file)) if ca_file is not None else True
-        headers = {"user-agent": "tactile-marks", "accept": "application/json"}
-        if token:
-            headers["authorization"] = f"Bearer {token}"
-        # no redirects and no proxies of the environment: the token goes to the service and nowhere else
-        self._http = httpx.Client(
-            base_url=url, headers=headers, timeout=timeout_s, verify=trusted, trust_env=False
-        )
+        self._http = PatientHttp(url, token, timeout_s=timeout_s, patience_s=patience_s, ca_file=ca_file)
 
     def __enter__(self) -> Client:
         return self
@@ -142,7 +79,7 @@ class Client:
             name: what the line calls the part.
             expected: text that it should read.
             database: glyph database to read with.
-            touch: where the camera is unsure: "plan" tells what to feel, "stage" has the service's stage feel it.
+            touch: where the camera is unsure: "plan" answers what to scan, "stage" has the service's stage scan it.
             idempotency_key: of this part; made unless given. Give one that is kept with the part, and the part can be
                 sent again even after this program was started anew.
 
@@ -155,7 +92,7 @@ class Client:
             raise ValueError("give a photograph, a scan, or both")
         fields = {"name": name, "expected": expected, "database": database, "touch": touch}
         files = {"photo": (photo, "photo"), "scan": (scan, "scan.h5")}
-        answer = self._send(
+        answer = self._http.send(
             "POST",
             "/v1/parts",
             data={key: value for key, value in fields.items() if value},
@@ -167,7 +104,7 @@ class Client:
     def verify(
         self, expected: str, photo: Source | None = None, scan: Source | None = None, **options: Any
     ) -> PartRecord:
-        """As `read`, of a part that should bear a text: `part.reading.verdict` tells whether it does.
+        """As `read`, of a part that should bear a text: `part.reading.verdict` says whether it does.
 
         Raises:
             ServiceError, ValueError, OSError: as `read`; an empty text.
@@ -177,13 +114,13 @@ class Client:
         return self.read(photo, scan, expected=expected, **options)
 
     def add_scan(self, part_id: str, scan: Source, *, idempotency_key: str | None = None) -> PartRecord:
-        """Add what was felt of a part; the answer is read from both.
+        """Add a scan of a part; the answer is read from both.
 
         Raises:
             ServiceError: refused, or not reached in time.
             OSError: the file cannot be read.
         """
-        answer = self._send(
+        answer = self._http.send(
             "POST",
             f"{_path(part_id)}/scan",
             files={"scan": (scan, "scan.h5")},
@@ -197,7 +134,7 @@ class Client:
         Raises:
             ServiceError: refused, or not reached in time.
         """
-        return _record(PartRecord, self._send("POST", f"{_path(part_id)}/touch", once=True))
+        return _record(PartRecord, self._http.send("POST", f"{_path(part_id)}/touch", repeatable=False))
 
     def review(
         self,
@@ -217,7 +154,7 @@ class Client:
             text: the serial as it is.
             who: says so.
             note: anything more.
-            before: the text as it was seen; another one there by now is a ServiceError of status 409.
+            before: the text as it was; another one there by now is a ServiceError of status 409.
 
         Raises:
             ServiceError: refused, or not reached in time.
@@ -225,7 +162,9 @@ class Client:
         body = {"action": ReviewAction(action).value, "text": text, "who": who, "note": note}
         if before is not None:
             body["before"] = before
-        return _record(PartRecord, self._send("POST", f"{_path(part_id)}/review", json=body, once=True))
+        return _record(
+            PartRecord, self._http.send("POST", f"{_path(part_id)}/review", json=body, repeatable=False)
+        )
 
     def part(self, part_id: str) -> PartRecord:
         """A part as it stands.
@@ -233,7 +172,7 @@ class Client:
         Raises:
             ServiceError: there is none, or the service is not reached in time.
         """
-        return _record(PartRecord, self._send("GET", _path(part_id)))
+        return _record(PartRecord, self._http.send("GET", _path(part_id)))
 
     def parts(
         self,
@@ -258,7 +197,7 @@ class Client:
         """
         wanted = {"state": state.value if state else "", "text": text, "name": name, "before": before or ""}
         query = {key: value for key, value in wanted.items() if value}
-        answer = self._send("GET", "/v1/parts", params={**query, "limit": str(limit)})
+        answer = self._http.send("GET", "/v1/parts", params={**query, "limit": str(limit)})
         return _record(tuple[PartRecord, ...], answer)
 
     def history(self, part_id: str) -> History:
@@ -267,60 +206,15 @@ class Client:
         Raises:
             ServiceError: there is none, or the service is not reached in time.
         """
-        return _record(History, self._send("GET", f"{_path(part_id)}/history"))
+        return _record(History, self._http.send("GET", f"{_path(part_id)}/history"))
 
     def picture(self, part_id: str, which: Which) -> bytes:
-        """A picture of a part, JPEG or PNG: as photographed, as felt, or with the characters' boxes.
+        """A picture of a part, JPEG or PNG: as photographed, as scanned, or with the characters' boxes.
 
         Raises:
             ServiceError: there is none, or the service is not reached in time.
         """
-        return self._send("GET", f"{_path(part_id)}/pictures/{which}").content
-
-    def _send(
-        self,
-        method: str,
-        path: str,
-        *,
-        files: Mapping[str, tuple[Source | None, str]] | None = None,
-        once: bool = False,
-        **request: Any,
-    ) -> httpx.Response:
-        """Send, and again where that helps; `once` if what has been done must not be done a second time."""
-        import httpx
-
-        until, attempt = time.monotonic() + self._patience_s, 0
-        while True:
-            attempt += 1
-            wait_s = 0.0
-            try:
-                with ExitStack() as opened:
-                    if files is not None:
-                        request["files"] = {key: _opened(opened, *file) for key, file in files.items()}
-                    answer = self._http.request(method, path, **request)
-            except httpx.TransportError as error:
-                # without a connection nothing was sent
-                safe = not once or isinstance(error, httpx.ConnectError | httpx.ConnectTimeout)
-                failure = ServiceError(0, {}, f"the service is not reached: {error or repr(error)}")
-            else:
-                if answer.is_success:
-                    return answer
-                failure = _refused(answer)
-                told_to_wait = "retry-after" in answer.headers
-                safe = answer.status_code in _BUSY and (told_to_wait or not once)
-                wait_s = retry_after_s(answer.headers)
-            wait_s = max(wait_s, min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2.0 ** (attempt - 1)))
-            wait_s *= 1.0 + 0.25 * random.random()  # many clients that were refused together come back apart
-            if not safe or time.monotonic() + wait_s > until:
-                raise failure
-            time.sleep(wait_s)
-
-
-def _opened(stack: ExitStack, source: Source | None, name: str) -> tuple[str, Any]:
-    if isinstance(source, bytes):
-        return name, source
-    path = Path(source or "")
-    return path.name, stack.enter_context(path.open("rb"))
+        return self._http.send("GET", f"{_path(part_id)}/pictures/{which}").content
 
 
 def _path(part_id: str) -> str:
@@ -338,15 +232,3 @@ def _record(kind: type[T], answer: httpx.Response) -> T:
             {},
             "the answer is not understood; is there a service of this version at the url?",
         ) from error
-
-
-def _refused(answer: httpx.Response) -> ServiceError:
-    try:
-        problem = answer.json()
-    except ValueError:
-        problem = {}
-    if not isinstance(problem, dict):
-        problem = {}
-    if not problem and answer.has_redirect_location:
-        return ServiceError(answer.status_code, {}, f"the service has moved to {answer.headers['location']}")
-    return ServiceError(answer.status_code, problem, "" if problem else answer.reason_phrase)

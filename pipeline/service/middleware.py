@@ -76,10 +76,10 @@ class RequestLayer:
                 fault = Problem(500, f"the service failed; its log says why under {request_id}")
                 await problem_answer(fault, request_id)(scope, receive, sent)
             finally:
-                self._tell(scope, status, time.perf_counter() - start)
+                self._record(scope, status, time.perf_counter() - start)
         return None
 
-    def _tell(self, scope: Scope, status: int, seconds: float) -> None:
+    def _record(self, scope: Scope, status: int, seconds: float) -> None:
         route = _route(scope)
         self._metrics.requests.labels(scope["method"][:10], route, str(status)).inc()
         self._metrics.request_seconds.labels(route).observe(seconds)
@@ -126,8 +126,8 @@ class DoorLayer:
     """Turns away what needs no look: calls out of pages of other sites, and uploads that have no room.
 
     Where no token is asked for, a page of another site that the operator has open must not reach the service through
-    the operator's browser: not by a form, which is seen here, nor by a name of its own that it lets point here, which
-    Starlette's TrustedHostMiddleware sees.
+    the operator's browser: not by a form, which is caught here, nor by a name of its own that it lets point here, which
+    Starlette's TrustedHostMiddleware catches.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class DoorLayer:
         Args:
             app: what lies within.
             busy: seconds after which to ask again, None while there is room.
-            refused: told of every upload turned away.
+            refused: called with every upload turned away.
             uploads: whether a path takes uploads.
             most_bytes: of one request.
         """

@@ -1,4 +1,4 @@
-"""What goes wrong with a request, as RFC 9457 has it: application/problem+json, with the mend."""
+"""What goes wrong with a request, as RFC 9457 has it: application/problem+json, and what to do."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The whisker stage and the camera as the service drives them, and simulated ones to try it out.
 
-A stage is told the region in the photograph's frame, and what lies under the middle of the photograph; it knows where
-its camera's axis meets the plate, brings the two together, feels, and hands the recording back in the frame of the
-order, so that what was felt lies over what was seen.
+A stage is given the region in the photograph's frame, and what lies under the middle of the photograph; it knows where
+its camera's axis meets the plate, brings the two together, scans, and hands the recording back in the frame of the
+order, so that the scan lies over the photograph.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class StageError(MarksError):
 
 @dataclass(frozen=True)
 class ScanOrder:
-    """What a stage is asked to feel.
+    """What a stage is asked to scan.
 
     Attributes:
         part_name: what the line calls the part.
@@ -53,14 +53,14 @@ class Stage(Protocol):
         """Feel the part that lies under the whiskers, and write a recording.
 
         Args:
-            order: what to feel.
+            order: what to scan.
             into: folder for the recording.
 
         Returns:
             The recording (.h5), in the frame of the order's region.
 
         Raises:
-            StageError: it could not be felt, and what to do.
+            StageError: it could not be scanned, and what to do.
         """
 
 
@@ -138,13 +138,13 @@ class SimulatedStage:
         The camera's axis meets the middle of the map.
 
         Raises:
-            StageError: no such part, a map that cannot be felt, or a region off the part.
+            StageError: no such part, a map that cannot be scanned, or a region off the part.
         """
         from whisker_array.scan.recording import save_scan
 
         path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
         try:
-            scan = self._felt(path, order)
+            scan = self._scan(path, order)
             made = into / "scan.h5"
             save_scan(scan, made)
         except FileError as problem:
@@ -154,7 +154,7 @@ class SimulatedStage:
             raise StageError(f"{path.name} cannot be scanned: {error.what}", hint) from error
         return made
 
-    def _felt(self, path: Path, order: ScanOrder) -> Scan:
+    def _scan(self, path: Path, order: ScanOrder) -> Scan:
         from pipeline.files.npz import read_soil
         from pipeline.files.touch_file import read_height_map
         from pipeline.reading.scan_plan import raster_of

@@ -1,4 +1,4 @@
-"""A stage or camera of iron: a driver of the integrator's own, found by name.
+"""A real stage or camera: a driver of the integrator's own, found by name.
 
 stage_driver = "press_hall.stage:open_stage"        open_stage() gives what has `feel` (`pipeline.service.stage.Stage`)
 """

@@ -1,4 +1,4 @@
-"""What was sent: received to a file of our own naming, and told apart by what it holds or is called."""
+"""What was sent: received to a file of our own naming, and sorted by what it holds or is called."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ class Upload:
         return types.get(self.path.suffix, "application/octet-stream")
 
 
-def told_name(name: str | None) -> str:
-    """A file's name as its sender told it: the last part of any path, printable, of bounded length."""
+def sent_name(name: str | None) -> str:
+    """A file's name as its sender gave it: the last part of any path, printable, of bounded length."""
     last = re.split(r"[/\\]", name or "")[-1]
     return _UNPRINTABLE.sub("_", last)[:MOST_NAME] or "unnamed"
 
@@ -80,7 +80,7 @@ async def receive(sent: UploadFile, role: str, folder: Path) -> Upload:
     """
     import anyio.to_thread
 
-    name = told_name(sent.filename)
+    name = sent_name(sent.filename)
     head = await sent.read(_HEAD)
     if not head:
         raise Problem(422, f"the {role} {name!r} is empty; send it again")

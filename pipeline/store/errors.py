@@ -73,7 +73,7 @@ def fit_limit(limit: int) -> int:
 
 
 def cleaned(value: Any) -> Any:
-    """JSON values with what no database holds replaced by U+FFFD, for text that nobody can mend any more."""
+    """JSON values with what no database holds replaced by U+FFFD, for text that nobody can correct any more."""
     if isinstance(value, str):
         return _UNFIT.sub("\ufffd", value)
     if isinstance(value, dict):

@@ -86,10 +86,10 @@ def _seconds(tx: Transaction, since: datetime) -> Mapping[str, tuple[float, floa
 def _nearest_rank(counts: Mapping[float, int], percent: int) -> float:
     """The least value that at least so many percent of all do not exceed."""
     wanted = -(-percent * sum(counts.values()) // 100)
-    seen = 0
+    passed = 0
     for value in sorted(counts):
-        seen += counts[value]
-        if seen >= wanted:
+        passed += counts[value]
+        if passed >= wanted:
             return value
     raise AssertionError("no values")
 

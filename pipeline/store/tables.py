@@ -5,7 +5,7 @@
                         |  \\--< events     (*)
                          \\---< evidence           (*) triggers refuse every change and removal
 
-What a part's row holds beside its own (its last reading and review, the figures' columns) can all be told from the
+What a part's row holds beside its own (its last reading and review, the columns of the statistics) all follows from the
 rows that never change; it stands there so that lists and figures need no more than an index.
 """
 
@@ -191,7 +191,7 @@ outbox = sa.Table(
     sa.Column("due_at", UtcTime, nullable=False),
     sa.Index(None, "due_at", "id"),
     sa.Index(None, "part_id", "target", "id"),
-    # a number is never given twice, for receivers tell what they have had by it
+    # a number is never given twice, for by it receivers know what they have had
     sqlite_autoincrement=True,
 )
 

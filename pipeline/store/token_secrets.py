@@ -9,7 +9,7 @@ PREFIX = "tm_"
 
 
 def new_token() -> str:
-    """A secret of 256 random bits; the beginning tells programs that look for leaked secrets what it is."""
+    """A secret of 256 random bits; by its beginning programs find leaked ones."""
     return PREFIX + secrets.token_urlsafe(32)
 
 

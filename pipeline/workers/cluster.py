@@ -220,7 +220,7 @@ def _called(mark: str, function: Callable[[O, T], R], order: O, task: T) -> R:
 
 
 def _keep_to_one_core() -> None:
-    """The other workers have the other cores; numba is told thread by thread."""
+    """The other workers have the other cores; numba has it set thread by thread."""
     import numba
 
     from glyphs.opencv import cv2

@@ -32,7 +32,7 @@ class ExecutorOptions:
 
         Raises:
             ClusterError: no cluster, or none that can be used.
-            ValueError: a number of jobs that cannot be.
+            SettingsError: a number of jobs that cannot be.
         """
         if self.cluster is not None:
             from pipeline.workers.cluster import ClusterExecutor

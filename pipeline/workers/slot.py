@@ -183,7 +183,7 @@ class Slot:
         try:
             self.pipe.send((task.function, task.args))
         except OSError:
-            pass  # it has died: seen below
+            pass  # it has died, as is found below
         except Exception as error:  # arguments that cannot be pickled
             return error
         started = time.monotonic()

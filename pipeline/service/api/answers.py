@@ -1,4 +1,4 @@
-"""What the interface takes and answers of parts, and how its description tells it."""
+"""What the interface takes and answers of parts, and how its description has it."""
 
 from __future__ import annotations
 
@@ -11,13 +11,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.common.part_id import is_part_id
 from pipeline.common.records import (
-    EventRecord,
     EvidenceKind,
-    EvidenceRecord,
     PartRecord,
-    ReadingRecord,
     ReviewAction,
-    ReviewRecord,
     Scope,
 )
 from pipeline.service.access import Access, Caller
@@ -53,16 +49,6 @@ class PartAnswer(PartRecord):
     links: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class HistoryAnswer:
-    """All that happened to a part, oldest first; nothing of it is ever changed."""
-
-    events: tuple[EventRecord, ...]
-    readings: tuple[ReadingRecord, ...]
-    reviews: tuple[ReviewRecord, ...]
-    evidence: tuple[EvidenceRecord, ...]
-
-
 class ReviewBody(BaseModel):
     """What a person says of a part."""
 
@@ -85,7 +71,7 @@ class ReviewBody(BaseModel):
     before: str | None = Field(
         default=None,
         max_length=200,
-        description="the text as it was seen; if it has changed since, the answer is 409",
+        description="the text as it was; if it has changed since, the answer is 409",
     )
 
 

@@ -8,13 +8,20 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import FileResponse, Response
 
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope, Statistics
+from pipeline.common.records import (
+    EvidenceKind,
+    EvidenceRecord,
+    History,
+    PartRecord,
+    PartState,
+    Scope,
+    Statistics,
+)
 from pipeline.plots.boxes_picture import boxes_picture
 from pipeline.service.access import Access, Caller
 from pipeline.service.api.answers import (
     PICTURES,
     TEXT,
-    HistoryAnswer,
     PartAnswer,
     PartId,
     PictureName,
@@ -66,7 +73,7 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
 
     @router.get(
         "/parts/{part_id}/history",
-        response_model=HistoryAnswer,
+        response_model=History,
         summary="All that happened to a part",
         responses={
             200: {"content": {"application/json": {"example": HISTORY_EXAMPLE}}},
@@ -76,7 +83,7 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
     def history(part_id: PartId, caller: Caller = Reads) -> Any:
         store = service.store
         store.part(checked_id(part_id))
-        return HistoryAnswer(
+        return History(
             store.history(part_id), store.readings(part_id), store.reviews(part_id), store.evidence(part_id)
         )
 

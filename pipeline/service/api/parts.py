@@ -1,4 +1,4 @@
-"""Parts over HTTP, sent in: read, felt, reviewed."""
+"""Parts over HTTP, sent in: read, scanned, reviewed."""
 
 from __future__ import annotations
 
@@ -83,12 +83,12 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         new = NewPart(name=name, expected=expected.strip(), database=database, touch=touch == "stage")
         folder = service.evidence.new_work_folder()
         try:
-            seen = await receive(photo, "photo", folder) if photo is not None else None
-            felt = await receive(scan, "scan", folder) if scan is not None else None
+            photograph = await receive(photo, "photo", folder) if photo is not None else None
+            scanned = await receive(scan, "scan", folder) if scan is not None else None
             key = _idempotency(
-                request, caller, idempotency_key, (seen, felt), (name, expected, database, touch)
+                request, caller, idempotency_key, (photograph, scanned), (name, expected, database, touch)
             )
-            done = await service.receive(new, photo=seen, scan=felt, idempotency=key)
+            done = await service.receive(new, photo=photograph, scan=scanned, idempotency=key)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
         return _answered(done, response)
@@ -115,9 +115,9 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         checked_id(part_id)
         folder = service.evidence.new_work_folder()
         try:
-            felt = await receive(scan, "scan", folder)
-            key = _idempotency(request, caller, idempotency_key, (felt,), (part_id,))
-            done = await service.add_scan(part_id, felt, idempotency=key)
+            scanned = await receive(scan, "scan", folder)
+            key = _idempotency(request, caller, idempotency_key, (scanned,), (part_id,))
+            done = await service.add_scan(part_id, scanned, idempotency=key)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
         return _answered(done, response)

@@ -34,7 +34,7 @@ class DeliveryError(MarksError):
 
     Attributes:
         away: the target cannot be reached at all, so others need not be tried now.
-        lasting: somebody has to mend something; there is no use in trying soon.
+        lasting: somebody has to change something; there is no use in trying soon.
         retry_after_s: the target's own wish; 0 where it has none.
     """
 

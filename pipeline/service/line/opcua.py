@@ -12,7 +12,7 @@ One scan is one part: a repetition by Cycles or Duration would make further part
 Cycles above 1 is refused, and Duration is for how long Scan waits. A part read through another door (HTTP, TCP) is
 shown as well: `show`.
 
-Without users everybody who reaches the port may scan, so it listens on the loopback address unless told otherwise.
+Without users everybody who reaches the port may scan, so it listens on the loopback address unless set otherwise.
 With a certificate only signed and encrypted connections are taken; with users only theirs.
 """
 
@@ -38,7 +38,7 @@ from pipeline.service.line.opcua_result import (
     ocr_scan_result,
     status_of,
 )
-from pipeline.service.line.trigger import FOR_CALLER, LineDecision, Trigger, decision_of, in_words, is_hidden
+from pipeline.service.line.trigger import EXPECTED, LineDecision, Trigger, decision_of, in_words, is_hidden
 
 __all__ = ["OpcUaPort", "require_asyncua"]
 
@@ -69,7 +69,6 @@ class OpcUaPort:
         private_key: Path | None = None,
         connections: int = 16,
         answer_s: float = 120.0,
-        for_caller: tuple[type[Exception], ...] = FOR_CALLER,
     ) -> None:
         """Check the settings; nothing is opened yet.
 
@@ -83,8 +82,7 @@ class OpcUaPort:
             certificate: of the server, PEM or DER.
             private_key: of the certificate.
             connections: at once.
-            answer_s: for one scan; after it the status tells so, and the part is read to its end all the same.
-            for_caller: failures of a trigger whose words are for the caller.
+            answer_s: for one scan; after it the status says so, and the part is read to its end all the same.
 
         Raises:
             MissingExtraError: asyncua is not installed.
@@ -100,7 +98,7 @@ class OpcUaPort:
                 "users need a certificate, else their passwords can be read on the way", hint="give one"
             )
         self.host, self.port = host, port
-        self._trigger, self._for_caller, self._name, self._version = trigger, for_caller, name, version
+        self._trigger, self._name, self._version = trigger, name, version
         self._users, self._certificate, self._private_key = dict(users or {}), certificate, private_key
         self._connections, self._answer_s = connections, answer_s
         self._server: Any = None
@@ -120,7 +118,7 @@ class OpcUaPort:
         """
         asyncua, ua = require_asyncua(), ua_types()
         for quiet in ("asyncua", "asyncua.server.address_space", "asyncua.common"):
-            logging.getLogger(quiet).setLevel(logging.ERROR)  # it tells of every message and session
+            logging.getLogger(quiet).setLevel(logging.ERROR)  # it logs every message and session
         server = asyncua.Server(user_manager=Users(self._users))
         server.iserver.allow_remote_admin = False
         server.iserver.max_connections = self._connections
@@ -175,7 +173,7 @@ class OpcUaPort:
 
         Args:
             part: as it stands.
-            event: whether subscribers are told.
+            event: whether subscribers get an event.
         """
         if self._server is None or (part.id, part.changed_at) in self._shown:
             return
@@ -196,8 +194,8 @@ class OpcUaPort:
             if event and self._events is not None:
                 self._events.event.ScanResult = [ocr_scan_result(part)]
                 self._events.event.Severity = 100 if decision_of(part) is LineDecision.ACCEPT else 500
-                for_caller = f"{decision_of(part).value} {part.text} {part.name} {part.id}"
-                await self._events.trigger(message=" ".join(for_caller.split()))
+                message = f"{decision_of(part).value} {part.text} {part.name} {part.id}"
+                await self._events.trigger(message=" ".join(message.split()))
 
     async def _scan(self, _parent: Any, *arguments: Any) -> Any:
         """Method Scan: one trigger, and its result."""
@@ -256,7 +254,7 @@ class OpcUaPort:
     def _begin(self, name: str, status: int, *, event: bool) -> asyncio.Task[PartRecord]:
         """Begin the one scan that there may be."""
         self._scanning = task = asyncio.create_task(self._cycle(name, status, event))
-        task.add_done_callback(lambda done: done.cancelled() or done.exception())  # told in DeviceInfo
+        task.add_done_callback(lambda done: done.cancelled() or done.exception())  # DeviceInfo says it
         return task
 
     async def _cycle(self, name: str, status: int, event: bool) -> PartRecord:
@@ -267,9 +265,9 @@ class OpcUaPort:
             await self._write("DeviceInfo", "")
             return part
         except Exception as error:
-            if not isinstance(error, self._for_caller):
+            if not isinstance(error, EXPECTED):
                 _log.exception("a trigger of the OPC UA port failed")
-            await self._write("DeviceInfo", in_words(error, self._for_caller))
+            await self._write("DeviceInfo", in_words(error))
             raise
         finally:
             self._scanning = None
@@ -282,7 +280,7 @@ class OpcUaPort:
             return None, DEVICE_NOT_READY
         error = scan.exception()
         if error is not None:
-            return None, DEVICE_NOT_READY if isinstance(error, self._for_caller) else DEVICE_FAULT
+            return None, DEVICE_NOT_READY if isinstance(error, EXPECTED) else DEVICE_FAULT
         return scan.result(), status_of(scan.result())
 
     async def _write(self, name: str, value: int | str) -> None:

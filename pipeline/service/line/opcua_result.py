@@ -1,4 +1,4 @@
-"""A part as OPC 30010 tells it: OcrScanResult and the status of a scan.
+"""A part as OPC 30010 has it: OcrScanResult and the status of a scan.
 
 CodeType   RAW:STRING           ScanData  the serial as a string
 Quality    confidence, whole percent rounded down: 100 is never said of what is less

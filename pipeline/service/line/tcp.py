@@ -5,7 +5,7 @@ PING<CR><LF>         -->  PONG<CR><LF>
 anything else        -->  ERROR;what is wrong<CR><LF>
 
 Lines are UTF-8 and end with CR LF, CR or LF. Answers come in the order of the lines. The port asks for no name and
-encrypts nothing: whoever reaches it can trigger. So it listens on the loopback address unless told otherwise, and
+encrypts nothing: whoever reaches it can trigger. So it listens on the loopback address unless set otherwise, and
 beyond that `clients` names the addresses that may call.
 """
 
@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString
-from pipeline.service.line.trigger import FOR_CALLER, Trigger, in_words, is_hidden
+from pipeline.service.line.trigger import EXPECTED, Trigger, in_words, is_hidden
 
 LINE_END = b"\r\n"
 _LET_GO_S = 0.5
@@ -34,11 +34,11 @@ class TcpLimits:
     """What one caller may take.
 
     Attributes:
-        connections: at once; more are told so and closed.
-        line_bytes: of one line; a longer one is told so and closes the connection.
+        connections: at once; more get an error and are closed.
+        line_bytes: of one line; a longer one gets an error and closes the connection.
         idle_s: without a line after which a connection is closed.
         line_s: in which a line that has begun must end.
-        answer_s: for one trigger; after it an error is told, and the part is read to its end all the same.
+        answer_s: for one trigger; after it the answer is an error, and the part is read to its end all the same.
         write_s: in which the caller must take an answer.
     """
 
@@ -71,7 +71,6 @@ class TcpPort:
         template: str = DEFAULT_FORMAT,
         clients: Sequence[str] = (),
         limits: TcpLimits | None = None,
-        for_caller: tuple[type[Exception], ...] = FOR_CALLER,
     ) -> None:
         """Check the settings; nothing is opened yet.
 
@@ -82,13 +81,12 @@ class TcpPort:
             template: of the result string.
             clients: addresses or networks that may call (192.168.1.20, 10.0.0.0/24); empty: whoever can.
             limits: what one caller may take.
-            for_caller: failures of a trigger whose words are for the caller.
 
         Raises:
             ValueError: no such format, address or network.
         """
         self.host, self.port = host, port
-        self._trigger, self._for_caller = trigger, for_caller
+        self._trigger = trigger
         self._result = ResultString(template or DEFAULT_FORMAT)
         self._clients = tuple(ipaddress.ip_network(client) for client in clients)
         self._limits = limits or TcpLimits()
@@ -189,9 +187,9 @@ class TcpPort:
         try:
             return self._result.of(await self._trigger(name)).encode()
         except Exception as error:
-            if not isinstance(error, self._for_caller):
+            if not isinstance(error, EXPECTED):
                 _log.exception("a trigger of the TCP port failed")
-            return _error(in_words(error, self._for_caller))
+            return _error(in_words(error))
 
     async def _write(self, writer: asyncio.StreamWriter, answer: bytes) -> None:
         writer.write(answer + LINE_END)

@@ -6,18 +6,17 @@ import unicodedata
 from collections.abc import Awaitable, Callable
 from enum import StrEnum
 
-from glyphs.errors import FileError
+from glyphs.errors import MarksError
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.problem import Problem
-from pipeline.store.errors import StoreError
 
 Trigger = Callable[[str], Awaitable[PartRecord]]
 """Takes the picture of the part of that name (it may be empty), reads it, and answers when it is durable."""
 
-FOR_CALLER: tuple[type[Exception], ...] = (Problem, FileError, StoreError)
-"""Failures whose words are for the caller; of any other one only its being is told."""
+EXPECTED = (Problem, MarksError)
+"""Failures whose words are for the caller; any other one is a fault of the program, for the log."""
 
-_MOST_SHOWN = 200
+_MOST_WORDS = 200
 _HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
 
 
@@ -33,8 +32,8 @@ class LineDecision(StrEnum):
 def decision_of(part: PartRecord) -> LineDecision:
     """The part in one word.
 
-    ACCEPT: read surely, or a person has told its text. REVIEW: a person has to look. REJECT: one has to look, and
-    nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and nobody has felt it yet.
+    ACCEPT: read surely, or a person has said its text. REVIEW: a person has to look. REJECT: one has to look, and
+    nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and there is no scan yet.
     """
     if part.state is PartState.TOUCH_NEEDED:
         return LineDecision.TOUCH
@@ -51,10 +50,10 @@ def is_hidden(char: str) -> bool:
     return unicodedata.category(char) in _HIDDEN
 
 
-def in_words(error: BaseException, for_caller: tuple[type[Exception], ...] = FOR_CALLER) -> str:
-    """What to tell the caller of a failure: one line, without control characters, not long."""
-    if not isinstance(error, for_caller):
+def in_words(error: BaseException) -> str:
+    """What to say to the caller of a failure: one line, without control characters, not long."""
+    if not isinstance(error, EXPECTED):
         return "the service failed; its log says why"
     plain = "".join(" " if is_hidden(char) else char for char in str(error))
     words = " ".join(plain.split())
-    return words if len(words) <= _MOST_SHOWN else words[: _MOST_SHOWN - 3] + "..."
+    return words if len(words) <= _MOST_WORDS else words[: _MOST_WORDS - 3] + "..."

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -12,30 +11,14 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from pipeline.common.records import PartState, Statistics
+from pipeline.common.shares import share
 from pipeline.service.pages.frame import Frame, PageError
 
 SPANS = {"hour": timedelta(hours=1), "day": timedelta(days=1), "week": timedelta(weeks=1)}
 CHART_WIDTH, CHART_HEIGHT = 1000.0, 150.0
-_Z = 1.959963984540054  # of the normal distribution, 95 % of which lies within
 _SOURCES = ("vision", "tactile", "fused")
 _MOST_LABELS = 8
 _MOST_TICKS = 4
-
-
-@dataclass(frozen=True)
-class ShareView:
-    """k of n and its interval.
-
-    Attributes:
-        count, total: how many of how many.
-        value, low, high: the share and Wilson's 95 % interval, 0 to 1.
-    """
-
-    count: int
-    total: int
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -72,24 +55,6 @@ class Chart:
     ticks: tuple[tuple[int, float], ...]
     width: float = CHART_WIDTH
     height: float = CHART_HEIGHT
-
-
-def wilson(count: int, total: int) -> ShareView:
-    """A share with Wilson's 95 % interval; in closed form, for a page has no time to load a statistics library.
-
-    Raises:
-        ValueError: more than all, or fewer than none.
-    """
-    if not 0 <= count <= total:
-        raise ValueError(f"{count} of {total} is not a share")
-    if total == 0:
-        return ShareView(0, 0, 0.0, 0.0, 1.0)
-    p, zz = count / total, _Z * _Z / total
-    middle = (p + 0.5 * zz) / (1.0 + zz)
-    half = _Z * math.sqrt(p * (1.0 - p) / total + 0.25 * zz / total) / (1.0 + zz)
-    low = 0.0 if count == 0 else middle - half
-    high = 1.0 if count == total else middle + half
-    return ShareView(count, total, p, low, high)
 
 
 def chart_of(per_hour: Sequence[tuple[datetime, int]]) -> Chart | None:
@@ -136,24 +101,24 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
         caller = frame.reader(request)
         if span not in SPANS:
             raise PageError(422, f"There is no span {span!r}; choose hour, day or week.")
-        counts = frame.store.statistics(datetime.now(UTC) - SPANS[span])
+        numbers = frame.store.statistics(datetime.now(UTC) - SPANS[span])
         return frame.page(
             request,
             "dashboard.html.j2",
             caller=caller,
             span=span,
             spans=tuple(SPANS),
-            counts=counts,
-            camera=wilson(min(counts.by_camera, counts.parts), counts.parts),
-            fallback=wilson(min(counts.fell_back, counts.parts), counts.parts),
-            rejects=wilson(min(counts.rejects, counts.parts), counts.parts),
-            right=wilson(counts.right_before_review, counts.reviewed),
-            characters=wilson(counts.characters_right, counts.characters_reviewed),
-            seconds=[(s, counts.seconds[s]) for s in _SOURCES if s in counts.seconds],
-            states=_states(counts),
-            chart=chart_of(counts.per_hour),
+            numbers=numbers,
+            camera=share(min(numbers.by_camera, numbers.parts), numbers.parts),
+            fallback=share(min(numbers.fell_back, numbers.parts), numbers.parts),
+            rejects=share(min(numbers.rejects, numbers.parts), numbers.parts),
+            right=share(numbers.right_before_review, numbers.reviewed),
+            characters=share(numbers.characters_right, numbers.characters_reviewed),
+            seconds=[(s, numbers.seconds[s]) for s in _SOURCES if s in numbers.seconds],
+            states=_states(numbers),
+            chart=chart_of(numbers.per_hour),
         )
 
 
-def _states(counts: Statistics) -> list[tuple[PartState, int]]:
-    return [(state, counts.by_state.get(state, 0)) for state in PartState]
+def _states(numbers: Statistics) -> list[tuple[PartState, int]]:
+    return [(state, numbers.by_state.get(state, 0)) for state in PartState]

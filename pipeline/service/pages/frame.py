@@ -53,7 +53,7 @@ STATE_NAMES = {
 
 
 class PageError(MarksError):
-    """What a person asked for cannot be done; the message says why and the mend.
+    """What a person asked for cannot be done; the message says why and what to do.
 
     Attributes:
         status: of the answer.
@@ -181,7 +181,7 @@ class Frame:
 
     def refusal(self, request: Request, status: int, message: str) -> Response:
         """A page that says why there is no other."""
-        return self.page(request, "message.html.j2", status=status, message=message, status_shown=status)
+        return self.page(request, "message.html.j2", status=status, message=message, shown_status=status)
 
 
 def page_route(frame: Frame) -> type[APIRoute]:

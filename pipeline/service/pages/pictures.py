@@ -105,23 +105,25 @@ def picture_pair(
     low_margin: float = LOW_MARGIN,
 ) -> tuple[PictureView, PictureView]:
     """The photograph and the tactile edge map; before touch, the camera's edge map in its place."""
-    seen = _last(readings, ("vision",))
+    by_camera = _last(readings, ("vision",))
     photo = _view(
-        part, seen, _record(evidence, EvidenceKind.PHOTO_PICTURE), folder,
+        part, by_camera, _record(evidence, EvidenceKind.PHOTO_PICTURE), folder,
         which="photo", title="Photograph", missing="No photograph was sent with this part.",
         low_margin=low_margin,
     )  # fmt: skip
-    felt = _last(readings, _TOUCH)
+    by_touch = _last(readings, _TOUCH)
     edges = _record(evidence, EvidenceKind.EDGES_PICTURE)
     vision_edges = _record(evidence, EvidenceKind.VISION_EDGES_PICTURE)
-    if edges is None and felt is None and vision_edges is not None:
+    if edges is None and by_touch is None and vision_edges is not None:
         return photo, _view(
-            part, seen, vision_edges, folder,
+            part, by_camera, vision_edges, folder,
             which="sight-edges", title="Camera’s edge map (not scanned yet)", missing="", low_margin=low_margin,
         )  # fmt: skip
-    missing = "This part has not been scanned yet." if felt is None else "No edge map was kept of this part."
+    missing = (
+        "This part has not been scanned yet." if by_touch is None else "No edge map was kept of this part."
+    )
     return photo, _view(
-        part, felt, edges, folder,
+        part, by_touch, edges, folder,
         which="edges", title="Tactile edge map", missing=missing, low_margin=low_margin,
     )  # fmt: skip
 
@@ -179,7 +181,7 @@ def _view(
 
 
 def _frame(meta: Mapping[str, float]) -> tuple[float, float, float] | None:
-    """(x0_mm, y0_mm, mm_per_pixel), where all that boxes need is told and can be."""
+    """(x0_mm, y0_mm, mm_per_pixel), where all that boxes need is known and can be."""
     values = [meta.get(name, math.nan) for name in ("x0_mm", "y0_mm", "mm_per_pixel", "width", "height")]
     if not all(math.isfinite(v) for v in values) or min(values[2:]) <= 0.0:
         return None

@@ -34,7 +34,7 @@ class Place:
         index: from 0.
         char: the best candidate; "?" without any.
         doubt: mismatch, not read, confused, unsure or least sure; empty where there is none.
-        state_text: the state in the reader's words, such as "confused 8/B".
+        words: the state in the reader's words, such as "confused 8/B".
         grade: of the mark, A to F; empty where it was not graded.
         candidates: those worth showing, best first.
     """
@@ -42,7 +42,7 @@ class Place:
     index: int
     char: str
     doubt: str
-    state_text: str
+    words: str
     grade: str
     candidates: tuple[CandidateRecord, ...]
 
@@ -84,8 +84,8 @@ def places_of(reading: ReadingRecord | None, *, low_margin: float = LOW_MARGIN) 
 
 def _place(index: int, character: CharacterRecord, doubt: str) -> Place:
     char = character.candidates[0].char if character.candidates else UNKNOWN_CHAR
-    state_text = doubt if doubt in (UNSURE, LEAST_SURE) else character.state or doubt
-    return Place(index, char, doubt, state_text, character.grade, _worth_showing(character.candidates))
+    words = doubt if doubt in (UNSURE, LEAST_SURE) else character.state or doubt
+    return Place(index, char, doubt, words, character.grade, _worth_showing(character.candidates))
 
 
 def _doubt(character: CharacterRecord, low_margin: float) -> str:

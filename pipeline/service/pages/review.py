@@ -79,8 +79,8 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/review/{part_id}")
     def review(request: Request, part_id: str, done: str = "", alone: str = "") -> Response:
-        notice = "No other part is waiting." if alone else ""
-        return _review_page(frame, request, frame.store.part(part_id), done=_done(frame, done), notice=notice)
+        remark = "No other part is waiting." if alone else ""
+        return _review_page(frame, request, frame.store.part(part_id), done=_done(frame, done), remark=remark)
 
     @router.post("/review/{part_id}")
     def say(
@@ -134,7 +134,7 @@ def _quicker(part: PartRecord) -> str:
 
 
 def _done(frame: Frame, part_id: str) -> PartRecord | None:
-    """The part just dealt with, to be told of; None where the address names none."""
+    """The part just dealt with; None where the address names none."""
     if not part_id:
         return None
     try:
@@ -151,7 +151,7 @@ def _review_page(
     *,
     said: Said | None = None,
     done: PartRecord | None = None,
-    notice: str = "",
+    remark: str = "",
     fault: str = "",
     status: int = 200,
 ) -> Response:
@@ -179,6 +179,6 @@ def _review_page(
         may_review=Scope.REVIEW in caller.scopes,
         most=(MOST_TEXT, MOST_WHO, MOST_NOTE),
         done=done,
-        notice=notice,
+        remark=remark,
         fault=fault,
     )

@@ -13,10 +13,11 @@ from pipeline.benchmark.calibration import reliability
 from pipeline.benchmark.confusion import characters_right, confusion
 from pipeline.benchmark.pairs import compare_characters, mcnemar
 from pipeline.benchmark.risk import risk_coverage
-from pipeline.benchmark.shares import resampled, share
+from pipeline.benchmark.shares import resampled
 from pipeline.benchmark.statistics import GroupKey, Split, compare, group_of, plain, split_of, statistics_of
 from pipeline.benchmark.trials import ReadCharacter, Trial
 from pipeline.common.alignment import EXTRA, MISSING, align
+from pipeline.common.shares import share
 
 SERIAL = st.text(alphabet="AB1", max_size=7)
 

@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.benchmark.shares import share
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import (
     CandidateRecord,
@@ -31,7 +30,7 @@ from pipeline.common.records import (
     Scope,
 )
 from pipeline.service.access import Access
-from pipeline.service.pages.dashboard import chart_of, wilson
+from pipeline.service.pages.dashboard import chart_of
 from pipeline.service.pages.login import own_address
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import aligned, cells_of, expected_cells, places_of
@@ -233,8 +232,8 @@ def test_pictures_that_are_gone_missing_or_never_were_are_told_in_words(shop: Sh
     bare = shop.client.get(f"/review/{shop.add()}").text
     assert "No photograph was sent" in bare
     assert "No edge map was kept" in bare
-    unfelt = shop.client.get(f"/review/{shop.add(readings=(reading('KX', source='vision'),))}").text
-    assert "has not been scanned yet" in unfelt
+    unscanned = shop.client.get(f"/review/{shop.add(readings=(reading('KX', source='vision'),))}").text
+    assert "has not been scanned yet" in unscanned
 
 
 def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
@@ -436,20 +435,6 @@ def test_the_dashboard_counts_what_was_read_and_said(shop: Shop) -> None:
         assert "9 of 10" in page
         assert '<tr data-source="vision"><td>camera</td><td class="n">0.250</td>' in page
         assert '<tr data-state="accepted">' in page
-
-
-@settings(deadline=None)  # the first takes in the library
-@given(st.integers(0, 400), st.integers(0, 400))
-def test_wilson_in_closed_form_is_the_librarys(count: int, more: int) -> None:
-    mine, other = wilson(count, count + more), share(count, count + more)
-    # both evaluate the same formula in doubles
-    assert (mine.low, mine.high) == pytest.approx((other.low, other.high), abs=1e-12)
-    assert mine.value == other.value
-
-
-def test_more_than_all_is_no_share() -> None:
-    with pytest.raises(ValueError, match="no share"):
-        wilson(3, 2)
 
 
 @given(st.lists(st.integers(0, 5000), min_size=2, max_size=170))
