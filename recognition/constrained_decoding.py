@@ -28,6 +28,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from recognition.check_digits import blind_pairs
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
@@ -102,6 +103,8 @@ class Choice:
     flags: ChoiceFlag = ChoiceFlag.NONE
     tested: int = 0
     unresolved: float = 0.0
+
+    __repr__ = one_line
 
     @property
     def margin(self) -> float:

@@ -106,6 +106,10 @@ class MarkGrade:
     parameters: tuple[Parameter, ...]
     action: Action
 
+    def __repr__(self) -> str:
+        values = ", ".join(f"{p.name} {p.grade}" for p in self.parameters)
+        return f"MarkGrade({self.letter}: {values or 'not graded'}; {self.action.value})"
+
     @property
     def grade(self) -> int | None:
         """4 to 0, the worst of the parameters; None when too little was felt."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from textwrap import shorten
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +91,9 @@ class Grammar:
             FormatError: no word, too many, or none that the rest allows.
         """
         return replace(self, lexicon=frozenset(words))
+
+    def __repr__(self) -> str:
+        return f"Grammar({shorten(str(self), 160)!r})"
 
     def __str__(self) -> str:
         """The parts, about as `parse` reads them."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from recognition.box import Box
 
 
@@ -29,6 +30,8 @@ class Lattice:
     log_belief: NDArray[np.float64]
     boxes: tuple[Box, ...] = ()
     spaces_after: frozenset[int] = frozenset()
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         log = np.array(self.log_belief, dtype=np.float64)

@@ -12,6 +12,7 @@ import numpy as np
 from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from glyphs.fonts.serials import FormatError
+from glyphs.surface.display import one_line
 from recognition.depth_rules import DepthRule
 from recognition.grammar import Grammar
 from whisker_array.simulation.traces import Fidelity
@@ -57,6 +58,8 @@ class ReaderSettings:
     accept_confidence: float = 0.9
     accept_margin: float = 0.3
     depth_rules: tuple[DepthRule, ...] = ()
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         fonts = (self.fonts,) if isinstance(self.fonts, str) else tuple(self.fonts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import Flag, StrEnum, auto
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
@@ -14,6 +14,8 @@ from recognition.confusions import PlaceState
 from recognition.grade import MarkGrade
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap, HeightMap
     from recognition.constrained_decoding import Choice
@@ -139,6 +141,9 @@ class CharacterReading:
     state: PlaceState | None = None
     grade: MarkGrade | None = None
 
+    def __repr__(self) -> str:
+        return f"CharacterReading({' '.join(f'{c.char} {c.probability:.3f}' for c in self.candidates)})"
+
     def __post_init__(self) -> None:
         if not self.candidates:
             raise ValueError("a character has at least one candidate")
@@ -199,6 +204,9 @@ class ReadingTrace:
     vision: Reading | None = None
     verification: Verification | None = None
 
+    def __repr__(self) -> str:
+        return f"ReadingTrace({', '.join(f.name for f in fields(self) if getattr(self, f.name))})"
+
 
 _NO_TRACE = ReadingTrace()
 Unit = Literal["mm", "px"]
@@ -255,6 +263,41 @@ class Reading:
     def scaled(self) -> bool:
         """Whether lengths are mm, not pixels of a photograph of unknown scale."""
         return self.unit == "mm"
+
+    def __repr__(self) -> str:
+        return f"Reading({self.text!r}, {self.decision.value}, {self.confidence:.4f}, {self.source})"
+
+    def __str__(self) -> str:
+        """The reading in one line, for people."""
+        if not self.text:
+            return "no characters"
+        facts = [f"“{self.text}”, {self.decision.value}, confidence {self.confidence:.3f}"]
+        facts += [self.font] if self.font else []
+        if self.height_mm:
+            height = f"{self.height_mm:.2f} mm" if self.scaled else f"{self.height_mm:.0f} pixels high"
+            facts.append(f"{height}, {'raised' if self.raised else 'sunk'}, {self.rotation_deg:+.1f}°")
+        if self.depth_min_mm is not None:
+            facts.append(f"{'standing' if self.raised else 'deep'} {self.depth_min_mm:.3f} mm at least")
+        return ", ".join(facts)
+
+    def _repr_html_(self) -> str:
+        from recognition.reading_html import table_html
+
+        return table_html(str(self), self.characters, self.messages())
+
+    def plot(self, *, title: str = "") -> Figure:
+        """All that is known of the part as a matplotlib figure: what was measured, the boxes, the candidates.
+
+        At the prompt `matplotlib.pyplot.show()` shows it.
+        """
+        import matplotlib.pyplot as plt
+
+        from recognition.picture import reading_figure
+
+        figure = reading_figure(self, title=title, figure=plt.figure())
+        if "inline" in plt.get_backend():
+            plt.close(figure)  # a notebook shows what is returned; it would show an open figure once more
+        return figure
 
     def traced(self, **fields: Any) -> Reading:
         """The same reading, with these fields of its trace."""

@@ -18,6 +18,7 @@ from enum import StrEnum
 import numpy as np
 
 from glyphs.errors import MarksError
+from glyphs.surface.display import one_line
 from recognition.confusions import CharacterState, PlaceState, state_of
 from recognition.constrained_decoding import choose
 from recognition.grammar import Grammar
@@ -95,6 +96,8 @@ class Verification:
     log10_odds: float
     characters: tuple[CharacterCheck, ...]
     places: int
+
+    __repr__ = one_line
 
     def messages(self) -> tuple[str, ...]:
         """What is not as expected, in words, with places of the text counted from 1."""

@@ -20,7 +20,7 @@ from pipeline.benchmark.run import Benchmark, reader_for
 from pipeline.benchmark.specimens import Item
 from pipeline.benchmark.trials import Trial
 from pipeline.common.alignment import align
-from pipeline.plots.axes import edge_panel, height_panel
+from recognition.panels import edge_panel, height_panel
 
 SHOWN = 12
 _OWN_MODES = ("fused", "tactile", "vision")

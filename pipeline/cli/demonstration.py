@@ -14,10 +14,10 @@ from glyphs.stamping.die import Face
 from pipeline.common.atomic import replacing
 from pipeline.files.lead_in import calibrate_scan
 from pipeline.files.npz import write_npz
-from pipeline.plots.inspection import inspection_figure
 from pipeline.plots.pictures import SheetPart, overview_figure, same_text, save_figure
 from pipeline.reading.simulated_scan import feel
 from recognition.levelling import level
+from recognition.picture import reading_figure
 from recognition.reader import Reader
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan
@@ -153,7 +153,7 @@ def _page(parts: list[SheetPart]) -> str:
 
 def _inline(part: SheetPart) -> str:
     stream = io.BytesIO()
-    inspection_figure(part.reading, title=part.name).savefig(stream, format="png")
+    reading_figure(part.reading, title=part.name).savefig(stream, format="png")
     data = base64.b64encode(stream.getvalue()).decode("ascii")
     name = html.escape(part.name)
     return f'<h2>{name}</h2><img alt="{name}" src="data:image/png;base64,{data}">'

@@ -34,10 +34,10 @@ def inspect(
     with failures_reported():
         from pipeline.files.parts import discover
         from pipeline.files.units import Unit
-        from pipeline.plots.inspection import inspection_figure
-        from pipeline.plots.pictures import check_picture, headline, save_figure
+        from pipeline.plots.pictures import check_picture, save_figure
         from pipeline.reading.part_reader import Mode, PartReader
         from pipeline.reading.readers import open_reader
+        from recognition.picture import reading_figure
 
         picture = out if out is not None else Path(f"{file.stem}-inspect.png")
         check_picture(picture)
@@ -49,8 +49,8 @@ def inspect(
         (part,) = parts
         mode = Mode(reading.mode) if reading.mode else None
         found = PartReader(open_reader(reading), mode=mode, unit=Unit(reading.unit)).read(part)
-        save_figure(inspection_figure(_with_photo(found, part), title=part.name), picture)
-    print(f"{part.name}: {headline(found)}")
+        save_figure(reading_figure(_with_photo(found, part), title=part.name), picture)
+    print(f"{part.name}: {found}")
     for message in found.messages():
         print(f"  {message}")
     print(f"wrote {picture}")

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from glyphs.errors import FileError
 from pipeline.common.atomic import check_writable, replacing
-from pipeline.plots.axes import edge_panel, height_panel
+from recognition.panels import edge_panel, height_panel
 
 if TYPE_CHECKING:
     from recognition.reading import Reading
@@ -39,23 +39,6 @@ def save_figure(figure: Figure, path: Path) -> None:
     check_picture(path)
     with replacing(path) as temporary:
         figure.savefig(temporary, format=path.suffix[1:].lower())
-
-
-def headline(reading: Reading) -> str:
-    """The reading in one line."""
-    found = (
-        f"“{reading.text}”, {reading.decision.value}, confidence {reading.confidence:.3f}"
-        if reading.text
-        else "no characters"
-    )
-    facts = [f"{reading.font}"] if reading.font else []
-    if reading.height_mm:
-        kind = "raised" if reading.raised else "sunk"
-        height = f"{reading.height_mm:.2f} mm" if reading.scaled else f"{reading.height_mm:.0f} pixels high"
-        facts.append(f"{height}, {kind}, {reading.rotation_deg:+.1f}°")
-    if reading.depth_min_mm is not None:
-        facts.append(f"{'standing' if reading.raised else 'deep'} {reading.depth_min_mm:.3f} mm at least")
-    return ", ".join([found, *facts])
 
 
 @dataclass(frozen=True, eq=False)

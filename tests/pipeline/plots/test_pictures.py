@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from pipeline.plots.axes import moment_image
-from pipeline.plots.inspection import inspection_figure
-from pipeline.plots.pictures import SheetPart, headline, overview_figure, same_text, save_figure
+from pipeline.plots.pictures import SheetPart, overview_figure, same_text, save_figure
+from recognition.panels import moment_image
+from recognition.picture import reading_figure
 from recognition.reading import (
     Box,
     Candidate,
@@ -78,7 +78,7 @@ def inked(figure: Figure, path: Path) -> float:
 
 
 def test_all_of_a_trace_is_drawn(tmp_path: Path) -> None:
-    figure = inspection_figure(part(), title="part $7$ _x_")
+    figure = reading_figure(part(), title="part $7$ _x_")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert sum("edge map, traced" in t for t in titles) == 3
     assert sum("raw moment" in t for t in titles) == 1
@@ -95,7 +95,7 @@ def test_all_of_a_trace_is_drawn(tmp_path: Path) -> None:
 
 
 def test_a_scan_names_its_characters_on_what_was_felt(tmp_path: Path) -> None:
-    figure = inspection_figure(part().traced(height_map=None), title="scan")
+    figure = reading_figure(part().traced(height_map=None), title="scan")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert not any(t.startswith("height map") for t in titles)
     (relief,) = [a for a in figure.axes if a.get_title(loc="left").startswith("height by touch")]
@@ -107,18 +107,18 @@ def test_what_there_is_not_has_no_panel(tmp_path: Path) -> None:
     found = part()
     assert found.trace.relief is not None
     one_way = replace(found.trace.relief, slope_x=None, slope_y=None, route=Route.FLOORS)
-    figure = inspection_figure(found.traced(relief=one_way), title="one way")
+    figure = reading_figure(found.traced(relief=one_way), title="one way")
     titles = [a.get_title(loc="left") for a in figure.axes]
     assert any(t.startswith("height by touch") for t in titles)
     assert not any(t.startswith("steepness") for t in titles)
-    figure = inspection_figure(EMPTY, title="none")
+    figure = reading_figure(EMPTY, title="none")
     assert len(figure.axes) == 1
-    assert "no characters were found" in " ".join(t.get_text() for t in figure.axes[0].texts)
+    assert "no characters found" in " ".join(t.get_text() for t in figure.axes[0].texts)
     assert inked(figure, tmp_path / "a.png") > 0.0
 
 
 def test_rows_run_downwards_in_every_picture() -> None:
-    for axes in inspection_figure(part(), title="x").axes:
+    for axes in reading_figure(part(), title="x").axes:
         if axes.get_ylabel() == "y, mm":
             bottom, top = axes.get_ylim()
             assert bottom > top
@@ -166,6 +166,6 @@ def test_spaces_are_not_stamped(one: str, other: str, same: bool) -> None:
 
 
 def test_the_headline_tells_the_reading() -> None:
-    line: Any = headline(part())
+    line: Any = str(part())
     assert line == "“AAA”, review, confidence 0.700, gothic, 3.00 mm, sunk, -2.0°, deep 0.123 mm at least"
-    assert headline(EMPTY) == "no characters"
+    assert str(EMPTY) == "no characters"

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pipeline.plots.axes import (
+from recognition.panels import (
     BOX_COLOUR,
     candidate_panel,
     edge_panel,
@@ -35,7 +35,6 @@ from pipeline.plots.axes import (
     steepness_panel,
     vision_edge_panel,
 )
-from pipeline.plots.pictures import headline
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.scan.scan import only
 
@@ -44,11 +43,11 @@ if TYPE_CHECKING:
 
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap
-    from recognition.reading import Reading, ReadingTrace
+    from recognition import Reading, ReadingTrace
 
 
-def inspection_figure(reading: Reading, *, title: str) -> Figure:
-    """All that is known of one part."""
+def reading_figure(reading: Reading, *, title: str = "", figure: Figure | None = None) -> Figure:
+    """All that is known of one part, drawn on a figure of its own unless one is given."""
     photo, touch = reading.trace.photo, reading.touch
     panels: list[Callable[[Axes], None]] = []
     if photo is not None:
@@ -57,8 +56,12 @@ def inspection_figure(reading: Reading, *, title: str) -> Figure:
     if touch is not None:
         panels += _touch_panels(touch.trace, reading)
     rows = (len(panels) + 1) // 2
-    figure = Figure(figsize=(12.0, 3.5 + 2.1 * rows), dpi=110, layout="constrained")
-    figure.suptitle(f"{title}: {headline(reading)}", fontsize=12, fontweight="bold", wrap=True)
+    figure = figure if figure is not None else Figure(dpi=110)
+    figure.set_size_inches(12.0, 3.5 + 2.1 * rows)
+    figure.set_layout_engine("constrained")
+    figure.suptitle(
+        f"{title}: {reading}" if title else str(reading), fontsize=12, fontweight="bold", wrap=True
+    )
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[1.0] * rows + [1.05])
     for k, draw in enumerate(panels):
         draw(figure.add_subplot(grid[k // 2, k % 2]))

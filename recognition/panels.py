@@ -10,13 +10,12 @@ from matplotlib.patches import Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from pipeline.common.row import state_text
 from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap, HeightMap
-    from recognition.reading import CharacterReading, Reading
+    from recognition import CharacterReading, Reading
     from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Sweep
 
@@ -249,8 +248,9 @@ def candidate_panel(axes: Axes, reading: Reading) -> None:
 
 def _judgement(character: CharacterReading) -> str:
     """State and grade of one place, a line each."""
+    state = character.state
     lines = (
-        [] if character.state is None else [state_text(character.state.state.value, character.state.chars)]
+        [] if state is None else [f"{state.state.value} {'/'.join(c or '-' for c in state.chars)}".strip()]
     )
     if character.grade is not None:
         why = character.grade.limiting

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from pipeline.plots.inspection import inspection_figure
 from recognition.box import Box
 from recognition.confusions import CharacterState, PlaceState
 from recognition.grade import Action, MarkGrade, Parameter
+from recognition.picture import reading_figure
 from recognition.reading import Candidate, CharacterReading, Decision, Reading
 
 
@@ -54,7 +54,7 @@ def words(axes: Any) -> str:
 
 
 def test_both_senses_stand_side_by_side() -> None:
-    figure = inspection_figure(
+    figure = reading_figure(
         reading("fused").traced(touch=tactile(), vision=reading("vision"), photo=photo()), title="both"
     )
     picture = axes_of(figure, "photograph")
@@ -68,14 +68,14 @@ def test_both_senses_stand_side_by_side() -> None:
 
 
 def test_state_and_grade_stand_below_the_candidates() -> None:
-    figure = inspection_figure(tactile(), title="touch")
+    figure = reading_figure(tactile(), title="touch")
     panel = axes_of(figure, "candidates of each place and the belief in them, its state and its mark's grade")
     assert "confused 8/B\ngrade C, contrast" in words(panel)
     assert not any(a.get_title(loc="left").startswith("photograph") for a in figure.axes)
 
 
 def test_a_photograph_alone(tmp_path: Path) -> None:
-    figure = inspection_figure(reading("vision").traced(photo=photo()), title="vision")
+    figure = reading_figure(reading("vision").traced(photo=photo()), title="vision")
     assert "height map, levelled" not in [a.get_title(loc="left") for a in figure.axes]
     figure.savefig(tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 10_000
@@ -83,13 +83,13 @@ def test_a_photograph_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("placed", [True, False])
 def test_a_photograph_that_was_not_read_is_shown(placed: bool) -> None:
-    figure = inspection_figure(tactile().traced(photo=photo(placed=placed)), title="touch")
+    figure = reading_figure(tactile().traced(photo=photo(placed=placed)), title="touch")
     # boxes felt are drawn where the stage says how picture and plate lie
     assert len(axes_of(figure, "photograph").patches) == int(placed)
     assert axes_of(figure, "the camera's edge map").images
 
 
 def test_without_a_pitch_the_scale_of_the_edges_is_not_known() -> None:
-    figure = inspection_figure(tactile().traced(photo=photo(None)), title="touch")
+    figure = reading_figure(tactile().traced(photo=photo(None)), title="touch")
     assert axes_of(figure, "photograph, pixels").get_xlabel() == "x, pixels"
     assert "no line was found" in words(axes_of(figure, "the camera's edge map"))

@@ -1,0 +1,182 @@
+"""What `from recognition import ...` offers, and how its values show themselves."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import is_dataclass
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import recognition
+from glyphs import EdgeMap, TraceDirection
+from glyphs.camera.photo import Photo
+from glyphs.surface.maps import HeightMap
+from recognition import (
+    Box,
+    Candidate,
+    CharacterReading,
+    Decision,
+    Grammar,
+    Lattice,
+    MarkDepth,
+    Reader,
+    ReaderSettings,
+    Reading,
+    ReadingFlag,
+    ReadingTrace,
+    Verification,
+)
+from recognition.check_digits import CheckDigit
+from recognition.confusions import state_of
+from recognition.constrained_decoding import choose
+from recognition.depth_rules import depth_rule
+from recognition.grade import Action, MarkGrade, Parameter
+from recognition.verify import verify
+from recognition.vision_frame import LinePlace
+
+LONGEST = 200
+TEXT = "KX40725<&>"
+
+
+def lattice() -> Lattice:
+    chars = tuple("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789<&>")
+    beliefs = np.full((len(TEXT), len(chars)), 1e-4)
+    beliefs[np.arange(len(TEXT)), [chars.index(c) for c in TEXT]] = 0.95
+    boxes = tuple(Box(float(k), 0.0, k + 0.9, 5.0) for k in range(len(TEXT)))
+    return Lattice(chars, np.log(beliefs), boxes)
+
+
+def grade() -> MarkGrade:
+    names = ("contrast", "completeness", "contamination", "depth")
+    return MarkGrade(tuple(Parameter(name, 0.5, 3) for name in names), Action.CLEAN)
+
+
+def reading() -> Reading:
+    characters = tuple(
+        CharacterReading(
+            tuple(Candidate(c, 0.9, p) for c, p in ((char, 0.95), ("8", 0.03), ("B", 0.01), ("Q", 0.005))),
+            box,
+            MarkDepth(0.2, 0.15, 0.25),
+            state_of({char: 0.95, "8": 0.03}),
+            grade(),
+        )
+        for char, box in zip(TEXT, lattice().boxes, strict=True)
+    )
+    layers = np.zeros((2, 40, 80), np.float32)
+    trace = ReadingTrace(
+        EdgeMap(layers, tuple(TraceDirection)[:2], np.ones((40, 80), np.bool_), 0.1),
+        lattice(),
+        choice=choose(lattice(), None),
+        height_map=HeightMap(np.zeros((40, 80), np.float32), 0.1),
+    )
+    return Reading(
+        characters,
+        Decision.REVIEW,
+        0.6,
+        ReadingFlag.AMBIGUOUS | ReadingFlag.UNREAD_MARKS,
+        "gothic",
+        5.0,
+        box=Box(0.0, 0.0, 10.0, 5.0),
+        trace=trace,
+    )
+
+
+def values() -> list[object]:
+    read = reading()
+    return [
+        read,
+        read.trace,
+        read.trace.choice,
+        read.characters[0],
+        *(read.characters[0].candidates[0], read.characters[0].depth, read.characters[0].state, grade()),
+        lattice(),
+        verify(lattice(), TEXT),
+        ReaderSettings(fonts=("gothic", "futural"), format="AA999999", height_mm=5.0),
+        Grammar(lexicon=frozenset(str(k) for k in range(1000, 9000))),
+        Grammar(sets=("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789",) * 20),
+        CheckDigit("luhn"),
+        depth_rule("27CFR478.92"),
+        LinePlace((4.0, 5.0), 7.0, 5.0, 1.5),
+        Box(0.1234567891234, 0.0, 1.0, 1.0),
+    ]
+
+
+@pytest.mark.parametrize("value", values(), ids=lambda value: type(value).__name__)
+def test_values_print_on_one_short_line(value: object) -> None:
+    assert len(repr(value)) < LONGEST
+    assert "\n" not in repr(value)
+
+
+def test_no_public_value_is_left_out() -> None:
+    public = (getattr(recognition, name) for name in recognition.__all__)
+    kinds = {kind for kind in public if isinstance(kind, type) and is_dataclass(kind)}
+    assert kinds - {type(value) for value in values()} == set()
+    assert Verification in kinds
+
+
+def test_the_package_lists_its_vocabulary() -> None:
+    for name in recognition.__all__:
+        assert getattr(recognition, name) is not None
+    with pytest.raises(AttributeError, match="nothing_of_that_name"):
+        recognition.nothing_of_that_name  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_importing_is_cheap() -> None:
+    heavy = {"numpy", "scipy", "numba", "cv2", "matplotlib"}
+    code = f"import sys, recognition; print({heavy} & set(sys.modules))"
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout == "set()\n"
+
+
+def test_a_reading_is_a_table_in_a_notebook() -> None:
+    html = reading()._repr_html_()
+    assert "gothic" in html
+    assert html.count("<td") == 3 * len(TEXT)
+    assert "&lt;" in html  # characters are text, not markup
+    assert "<b style='font-size:150%'><</b>" not in html
+    assert ReadingFlag.UNREAD_MARKS.messages()[0] in html
+    assert len(html) < 20_000
+
+
+def test_a_reading_is_drawn_for_show() -> None:
+    import matplotlib.pyplot as plt
+
+    matplotlib.use("agg")
+    figure = reading().plot(title="part")
+    assert isinstance(figure, Figure)
+    assert figure.get_suptitle().startswith("part: “KX40725<&>”, review")
+    assert plt.gcf() is figure
+    plt.close(figure)
+
+
+def test_a_reading_keeps_its_trace_but_is_not_compared_by_it() -> None:
+    read = reading()
+    assert read == read.traced(height_map=None)
+    assert read.traced(height_map=None).trace.lattice is read.trace.lattice
+    assert "trace" not in repr(read)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ((np.zeros((3, 3)),), TypeError, "a ndarray cannot be read; give a HeightMap, a Scan or a Photo"),
+        ((Photo(np.zeros((9, 9), np.uint8)),) * 2, ValueError, "two of Photo"),
+    ],
+)
+def test_what_cannot_be_read_is_refused(
+    given: tuple[object, ...], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        Reader(fonts="gothic").read(*given)  # type: ignore[arg-type]
+
+
+def test_unknown_options_are_refused() -> None:
+    with pytest.raises(TypeError, match="hight_mm"):
+        Reader(hight_mm=5.0)  # type: ignore[call-arg]
+    assert Reader(ReaderSettings(height_mm=3.0), fonts=["gothic"]).settings == ReaderSettings(
+        ("gothic",), height_mm=3.0
+    )
