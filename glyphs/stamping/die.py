@@ -23,7 +23,6 @@ __all__ = [
     "default_depth_mm",
     "default_die",
     "die_glyph",
-    "glyph_relief_mm",
     "ideal_relief",
     "ink_points_mm",
     "relief_mm",
@@ -79,18 +78,6 @@ def die_glyph(glyph: Glyph, die: Die, *, height_mm: float) -> Glyph:
     if die.face is not Face.DOTTED:
         return fitted
     return replace(fitted, strokes=tuple(_dots(fitted.strokes, die.dot_pitch_mm / height_mm)))
-
-
-def glyph_relief_mm(
-    glyph: Glyph, die: Die, x_mm: ArrayLike, y_mm: ArrayLike, *, height_mm: float
-) -> NDArray[np.float32]:
-    """Relief of a glyph of that height at positions in its frame (x right, y up from the baseline), mm.
-
-    Raises:
-        StampError: as `die_glyph`.
-    """
-    shape = die_glyph(glyph, die, height_mm=height_mm)
-    return shape_relief_mm(shape, die, x_mm, y_mm, height_mm=height_mm)
 
 
 def shape_relief_mm(

@@ -22,8 +22,8 @@ pytest.importorskip("Pynite", reason="an independent frame program: pip install 
 
 from Pynite import FEModel3D
 
+from tests.support.paper import l_shaped_compliance
 from whisker_array.whisker.beam import Segment, chain_compliance
-from whisker_array.whisker.closed_forms import l_shaped_compliance
 from whisker_array.whisker.sections import Material, Rectangle, Round, Section, Tube
 from whisker_array.whisker.shapes import LShaped
 

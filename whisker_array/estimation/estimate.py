@@ -148,13 +148,6 @@ def slope_from_turned(one_n_mm: ArrayLike, turned_n_mm: ArrayLike, tip: TipModel
     return _small_root(b * e * (q - 1.0), (a * e - b * c) * (1.0 + q), a * c * (1.0 - q))
 
 
-def lift_from_slope(moment_n_mm: ArrayLike, slope: ArrayLike, tip: TipModel, *, mu: float) -> Array:
-    """Lift d0 + h, mm, of a differentiator dragged over a surface of known slope dh/dx; NaN where it would jam."""
-    theta = np.arctan(np.asarray(slope, dtype=np.float64)) + np.arctan(mu)
-    theta = np.where(np.abs(theta) < np.pi / 2.0, theta, np.nan)
-    return np.asarray(moment_n_mm, dtype=np.float64) / moment_per_lift(theta, tip)
-
-
 def tip_shift_mm(theta_rad: ArrayLike, lift_mm: ArrayLike, tip: TipModel) -> Array:
     """How far the tip is bent along x from its force-free place, e_x.D11 f with e_y.D11 f = lift, mm."""
     t = np.tan(np.asarray(theta_rad, dtype=np.float64))

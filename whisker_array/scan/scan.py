@@ -99,6 +99,10 @@ class Scan:
                 f"kinds {self.kind} do not fit {self.n_whiskers} whiskers of {1 + len(self.others)} kinds"
             )
         object.__setattr__(self, "kind", kinds)
+        if self.calibration is not None and self.calibration.gain.size != self.n_whiskers:
+            raise MapError(
+                f"a calibration of {self.calibration.gain.size} whiskers for a scan of {self.n_whiskers}"
+            )
         if not (self.line_pitch_mm > 0.0 and np.isfinite(self.line_pitch_mm)):
             raise MapError(f"line_pitch_mm is {self.line_pitch_mm}", hint="it must be positive")
         if not (self.sample_rate_hz > 0.0 and np.isfinite(self.sample_rate_hz)):
@@ -271,10 +275,3 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
         others=(),
         kind=(),
     )
-
-
-def with_calibration(scan: Scan, calibration: Calibration) -> Scan:
-    """The same scan with gains and offsets of its whiskers."""
-    if calibration.gain.size != scan.n_whiskers:
-        raise ValueError(f"calibration of {calibration.gain.size} whiskers for a scan of {scan.n_whiskers}")
-    return replace(scan, calibration=calibration)

@@ -10,6 +10,24 @@
       +----------------------------------> x
 
 Angles in rad, forces in N, lengths in mm, moments in N mm. F itself has no unit.
+
+    (7)          e_y . D11 f = d0 + h: the surface imposes the tip's height; D11 is `TipModel.compliance_mm_per_n`
+    (8) to (10)  f = f_n R a: `rotation`, `contact_direction`, `contact_force`
+    (11)         f_n of a height and a slope: `normal_force_n`
+    (13), (14)   m = s3 . T1 f: `moment_n_mm`, `land_moment_n_mm`; s3 . T1 is `TipModel.moment_arm_mm`
+    (15), (16)   F, the moment on a slope over that on the land: `enhancement_factor`, `moment_ratio` for arrays
+    (17), (18)   straight whisker: D11 = l^3 / (3 E I) n n^T, so F = 1
+    (19) to (21) L-shaped whisker: its D11 (the print of (20) is wrong in two terms) and T1
+    (22)         L-shaped whisker, o = (l2 - l3) / l1, c and s of the setting angle:
+                 F = [c - (s + o) g(alpha)] / [c - (s + o) g(0)]
+                   . [c - (s + 1.5 k) g(0)] / [c - (s + 1.5 k) g(alpha)]
+    (23)         g = (tan(alpha) - mu) / (1 + mu tan(alpha)) = tan(alpha - atan(mu)), the lean of the force
+    (24)         beta = 0, l3 = l2: F = [1 - 1.5 k g(0)] / [1 - 1.5 k g(alpha)]
+    (25), (26)   the same with h = -g, which is 0/0 in form at alpha = 0
+    (27)         mu = 0: F = 1 / (1 - 1.5 k tan(alpha)), singular at tan(alpha) = 2 / (3 k)
+
+`beam` integrates any chain of segments, so (17) to (27) are not computed here; the tests compare with them
+(`tests/support/paper.py`, where the corrected (20) stands in full).
 """
 
 from __future__ import annotations
@@ -63,14 +81,6 @@ def contact_force(normal_force_n: float, *, alpha_rad: float, mu: float) -> NDAr
     return np.asarray(normal_force_n * (rotation(alpha_rad) @ contact_direction(mu)))
 
 
-def moment_n_mm(force_n: ArrayLike, tip_model: TipModel) -> float:
-    """Eq. (13), with (10) also (14): m = s3 . T1 f, the moment at the sensor about the lateral axis, N mm.
-
-    The tip pushed up behind the base gives a negative moment on the land.
-    """
-    return float(tip_model.moment_arm_mm @ np.asarray(force_n, dtype=np.float64))
-
-
 def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.0, mu: float) -> float:
     """Eqs. (7) and (11): the normal force at which the tip height is what the surface imposes, N.
 
@@ -91,6 +101,14 @@ def normal_force_n(tip_model: TipModel, *, lift_mm: float, alpha_rad: float = 0.
             hint="take a smaller k, or a surface less steep",
         )
     return lift_mm / give
+
+
+def moment_n_mm(force_n: ArrayLike, tip_model: TipModel) -> float:
+    """Eq. (13), with (10) also (14): m = s3 . T1 f, the moment at the sensor about the lateral axis, N mm.
+
+    The tip pushed up behind the base gives a negative moment on the land.
+    """
+    return float(tip_model.moment_arm_mm @ np.asarray(force_n, dtype=np.float64))
 
 
 def land_moment_n_mm(tip_model: TipModel, *, preload_mm: float, mu: float) -> float:
@@ -115,106 +133,6 @@ def enhancement_factor(tip_model: TipModel, *, alpha_rad: float, mu: float) -> f
     lift = _divide(float(row @ land), float(row @ slope), "the force on this slope cannot lift the tip")
     turn = _divide(float(arm @ slope), float(arm @ land), "the force on the land makes no moment")
     return lift * turn
-
-
-def enhancement_l_shaped(
-    *, alpha_rad: float, mu: float, k: float, beta_rad: float = 0.0, arm_offset: float = 0.0
-) -> float:
-    """Eq. (22), the L-shaped whisker at any setting.
-
-    F = [c - (s + o) g(alpha)] / [c - (s + o) g(0)] . [c - (s + 1.5 k) g(0)] / [c - (s + 1.5 k) g(alpha)]
-
-    Args:
-        alpha_rad: intersection angle, rad.
-        mu: friction coefficient.
-        k: l2 / l1.
-        beta_rad: setting angle, rad.
-        arm_offset: o = (l2 - l3) / l1.
-
-    Raises:
-        WhiskerError: a denominator vanishes.
-    """
-    g, g0 = friction_slope(alpha_rad, mu), friction_slope(0.0, mu)
-    c, s = math.cos(beta_rad), math.sin(beta_rad)
-    turn = _divide(c - (s + arm_offset) * g, c - (s + arm_offset) * g0, "no moment on the land")
-    lift = _divide(c - (s + 1.5 * k) * g0, c - (s + 1.5 * k) * g, "the force cannot lift the tip")
-    return turn * lift
-
-
-def friction_slope(alpha_rad: float, mu: float) -> float:
-    """Eq. (23): g = (tan(alpha) - mu) / (1 + mu tan(alpha)) = tan(alpha - atan(mu)), the lean of the force.
-
-    Raises:
-        WhiskerError: 1 + mu tan(alpha) = 0, a rising wall on the edge of the friction cone.
-    """
-    _check(alpha_rad, mu)
-    t = math.tan(alpha_rad)
-    return _divide(t - mu, 1.0 + mu * t, "the contact force is horizontal")
-
-
-def enhancement_level(*, alpha_rad: float, mu: float, k: float) -> float:
-    """Eq. (24), beta = 0 and l3 = l2: F = [1 - 1.5 k g(0, mu)] / [1 - 1.5 k g(alpha, mu)].
-
-    Raises:
-        WhiskerError: alpha is the singular angle.
-    """
-    return _divide(
-        1.0 - 1.5 * k * friction_slope(0.0, mu),
-        1.0 - 1.5 * k * friction_slope(alpha_rad, mu),
-        "alpha is the singular angle",
-    )
-
-
-def enhancement_level_with_h(*, alpha_rad: float, mu: float, k: float) -> float:
-    """Eq. (25): F = (1 + 1.5 k mu) / (1 + 1.5 k h(alpha, mu)).
-
-    The print is right: h = -g exactly, so that (25) is (24). But (26) is 0/0 in form at alpha = 0
-    and loses digits near it; compute with (24).
-
-    Raises:
-        WhiskerError: alpha is 0 or the singular angle.
-    """
-    h = h_of_paper(alpha_rad, mu)
-    return _divide(1.0 + 1.5 * k * mu, 1.0 + 1.5 * k * h, "alpha is the singular angle")
-
-
-def h_of_paper(alpha_rad: float, mu: float) -> float:
-    """Eq. (26): h = 1/tan(alpha) - (tan(alpha) + 1/tan(alpha)) / (mu tan(alpha) + 1), which is -g of (23).
-
-    (mu t + 1 - t^2 - 1) / (t (mu t + 1)) = (mu - t) / (mu t + 1). Not the surface height h(x, z).
-
-    Raises:
-        WhiskerError: alpha = 0, where the form is 0/0 (its limit is mu).
-    """
-    _check(alpha_rad, mu)
-    t = math.tan(alpha_rad)
-    what = "eq. (26) is 0/0 at alpha = 0"
-    return _divide(1.0, t, what) - _divide(t + _divide(1.0, t, what), mu * t + 1.0, "the force is horizontal")
-
-
-def enhancement_frictionless(*, alpha_rad: float, k: float) -> float:
-    """Eq. (27), mu = 0: F = 1 / (1 - 1.5 k tan(alpha)).
-
-    Raises:
-        WhiskerError: alpha is the singular angle.
-    """
-    _check(alpha_rad, 0.0)
-    return _divide(1.0, 1.0 - 1.5 * k * math.tan(alpha_rad), "alpha is the singular angle")
-
-
-def singular_angle_rad(k: float, *, mu: float = 0.0) -> float:
-    """Where F of (24) is singular, rad: alpha_1 = atan(2 / (3 k)) of the paper, plus atan(mu) with friction.
-
-    The paper gives the frictionless angle; with g = tan(alpha - atan mu) friction moves it up. At pi/2 or
-    beyond no slope is singular. k = 0 (straight) gives pi/2 + atan(mu).
-
-    Raises:
-        WhiskerError: k or mu negative or not finite.
-    """
-    _check_mu(mu)
-    if not (math.isfinite(k) and k >= 0.0):
-        raise WhiskerError(f"k is {k}", hint="l2 / l1 is finite and not negative")
-    return math.atan2(2.0, 3.0 * k) + math.atan(mu)
 
 
 def _lift_and_turn(

@@ -13,9 +13,9 @@ from glyphs.stamping.die import (
     default_depth_mm,
     default_die,
     die_glyph,
-    glyph_relief_mm,
     ideal_relief,
     relief_mm,
+    shape_relief_mm,
     to_plate,
 )
 from glyphs.stamping.variation import StampError
@@ -151,11 +151,10 @@ def test_glyph_relief_is_the_profile_of_the_distance():
     glyph = GOTHIC.glyph("K")
     die = default_die(6.0, font=GOTHIC)
     x, y = np.meshgrid(np.linspace(0, 5, 40), np.linspace(0, 6, 40))
-    distance = signed_distance(
-        die_glyph(glyph, die, height_mm=6.0), x / 6, y / 6, stroke=die.stroke_mm / 6
-    ) * np.float32(6)
+    shape = die_glyph(glyph, die, height_mm=6.0)
+    distance = signed_distance(shape, x / 6, y / 6, stroke=die.stroke_mm / 6) * np.float32(6)
     expected = relief_mm(distance, die, half_width_mm=die.stroke_mm / 2)
-    assert np.array_equal(glyph_relief_mm(glyph, die, x, y, height_mm=6.0), expected)
+    assert np.array_equal(shape_relief_mm(shape, die, x, y, height_mm=6.0), expected)
 
 
 def relief_of(char="R", **options):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs.fonts.outlines import SERIAL_CHARACTERS, FontError, load_font
-from glyphs.stamping.die import Face, default_die, glyph_relief_mm, to_plate
+from glyphs.stamping.die import Face, default_die, die_glyph, shape_relief_mm, to_plate
 from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import PlateVariation, StampedPart, StampingVariation, stamp_line
 from glyphs.stamping.variation import StampError
@@ -49,7 +49,10 @@ def test_without_variation_every_character_is_the_ideal_one(angle, face):
         shape = _fitted(char, die)
         middle = (shape.ink_box[0] + shape.ink_box[2]) / 2 * 5.0
         expected = np.minimum(
-            expected, glyph_relief_mm(GOTHIC.glyph(char), die, u + middle, v + 2.5, height_mm=5.0)
+            expected,
+            shape_relief_mm(
+                die_glyph(GOTHIC.glyph(char), die, height_mm=5.0), die, u + middle, v + 2.5, height_mm=5.0
+            ),
         )
     assert z == pytest.approx(expected, abs=2e-5)
 

@@ -15,7 +15,7 @@ from glyphs.stamping.stamp import StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import calibrated_moments, edge_map
 from whisker_array.estimation.gridding import averaging
-from whisker_array.scan.scan import Scan, trace_scan, with_calibration
+from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import Calibration, SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, default_plan
@@ -144,14 +144,14 @@ def test_calibration_removes_what_it_knows(stamped: HeightMap) -> None:
     chain = SensorChain(gain=np.linspace(0.8, 1.2, 8), offset_n_mm=np.linspace(-1.0, 1.0, 8))
     ideal = trace_scan(stamped, touch=TOUCH, plan=plan)
     raw = trace_scan(stamped, touch=TOUCH, plan=plan, sensor=chain, rng=np.random.default_rng(0))
-    known = with_calibration(raw, Calibration(chain.gain, chain.offset_n_mm))
+    known = replace(raw, calibration=Calibration(chain.gain, chain.offset_n_mm))
     for got, sweep in zip(known.sweeps, ideal.sweeps, strict=True):
         np.testing.assert_allclose(calibrated_moments(known, got), sweep.moment_n_mm, atol=2e-5)
     assert rms(edge_map(known), edge_map(ideal)) < 1e-4
     # without calibration, air gives the offsets and the borders of the whiskers their gains
     assert rms(edge_map(raw), edge_map(ideal)) < 5e-4
     # an offset that the calibration has wrong is corrected by the air
-    wrong = with_calibration(raw, Calibration(chain.gain, np.zeros(8)))
+    wrong = replace(raw, calibration=Calibration(chain.gain, np.zeros(8)))
     assert rms(edge_map(wrong), edge_map(ideal)) < 1e-4
 
 
@@ -266,7 +266,7 @@ def test_averaging_interpolates_where_samples_are_coarse() -> None:
 def test_refusals_say_what_is_wrong(scan: Scan) -> None:
     first, rest = scan.sweeps[0], scan.sweeps[1:]
     lost = replace(first, flags=np.full_like(first.flags, np.uint8(SampleFlag.CONTACT_LOST)))
-    with pytest.raises(MapError, match=r"no usable samples in the 0° sweep: the tip left the surface"):
+    with pytest.raises(MapError, match=r"no usable samples in the 0° sweep: the whisker lost contact"):
         edge_map(replace(scan, sweeps=(lost, *rest)))
     silent = replace(first, moment_n_mm=np.zeros_like(first.moment_n_mm))
     with pytest.raises(MapError, match="no land"):

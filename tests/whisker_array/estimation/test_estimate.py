@@ -9,13 +9,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.support.paper import lift_from_slope
 from whisker_array.estimation.estimate import (
     friction_from_shapes,
     friction_from_two_ways,
     is_profiler,
     lean_from_moment,
     lift_from_profiler,
-    lift_from_slope,
     moment_per_lift,
     slope_from_turned,
     tip_shift_mm,
@@ -206,9 +206,9 @@ def test_the_wrong_whisker_is_refused() -> None:
         lift_from_profiler(-5.0, differentiator)
     with pytest.raises(WhiskerError, match="is not a profiler"):
         friction_from_shapes(-5.0, -5.0, differentiator=differentiator, profiler=differentiator)
-    with pytest.raises(WhiskerError, match="does not feel the slope"):
+    with pytest.raises(WhiskerError, match="does not measure the slope"):
         lean_from_moment(-5.0, 1.0, profiler)
     with pytest.raises(WhiskerError, match="same both ways"):
         friction_from_two_ways(-5.0, -5.0, profiler)
-    with pytest.raises(WhiskerError, match="does not feel the slope"):
+    with pytest.raises(WhiskerError, match="does not measure the slope"):
         slope_from_turned(-5.0, -5.0, profiler, mu=0.2)

@@ -9,7 +9,7 @@ import pytest
 
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.estimation.friction import USABLE_SD, FrictionRoute, land_friction
-from whisker_array.scan.scan import Scan, only, trace_scan, with_calibration
+from whisker_array.scan.scan import Scan, only, trace_scan
 from whisker_array.scan.sensor import Calibration, SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
@@ -91,7 +91,7 @@ def test_shapes_give_the_friction_with_gains_from_a_bench(fidelity: Fidelity, mu
 def test_a_bench_calibration_makes_up_for_unequal_gains() -> None:
     chain = draw_sensor_chain(2 * N, rng=np.random.default_rng(1), gain_sd=0.03)
     raw = scan_of(0.4, two_way=False, chain=chain)
-    bench = with_calibration(raw, Calibration(chain.gain, chain.offset_n_mm))
+    bench = replace(raw, calibration=Calibration(chain.gain, chain.offset_n_mm))
     (found,) = land_friction(bench)
     assert abs(found.mu - 0.4) < 3.0 * found.sd + 0.005
     assert found.sd < 0.01 < land_friction(raw)[0].sd
@@ -100,9 +100,9 @@ def test_a_bench_calibration_makes_up_for_unequal_gains() -> None:
 def test_gains_read_off_land_say_nothing_of_its_friction() -> None:
     chain = SensorChain.ideal(2 * N)
     calibration = Calibration(chain.gain, chain.offset_n_mm, from_land=True)
-    assert land_friction(with_calibration(scan_of(0.4, two_way=False), calibration)) == ()
+    assert land_friction(replace(scan_of(0.4, two_way=False), calibration=calibration)) == ()
     # the way back needs no gains
-    (found,) = land_friction(with_calibration(scan_of(0.4), calibration))
+    (found,) = land_friction(replace(scan_of(0.4), calibration=calibration))
     assert found.route is FrictionRoute.TWO_WAYS
     assert found.mu == pytest.approx(0.4, abs=0.003)
 

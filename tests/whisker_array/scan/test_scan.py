@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
-from whisker_array.scan.scan import Scan, trace_scan, with_calibration
+from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import Calibration, SensorChain, SensorError, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
@@ -208,11 +208,11 @@ def test_counts_add_up_and_calibration_must_fit() -> None:
     air = sum(s.air_n_mm.size for s in scan.sweeps)
     assert scan.n_samples + air == PLAN.n_samples
     assert scan.sample_rate_hz == PLAN.sample_rate_hz
-    calibrated = with_calibration(scan, Calibration(np.ones(4), np.zeros(4)))
+    calibrated = replace(scan, calibration=Calibration(np.ones(4), np.zeros(4)))
     assert calibrated.calibration is not None
     assert calibrated.sweeps is scan.sweeps
-    with pytest.raises(ValueError, match="3 whiskers for a scan of 4"):
-        with_calibration(scan, Calibration(np.ones(3), np.zeros(3)))
+    with pytest.raises(MapError, match="3 whiskers for a scan of 4"):
+        replace(scan, calibration=Calibration(np.ones(3), np.zeros(3)))
 
 
 def test_touch_knows_its_land_and_its_scale() -> None:

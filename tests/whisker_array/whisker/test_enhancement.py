@@ -9,23 +9,25 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from whisker_array.whisker.enhancement import (
-    contact_direction,
-    contact_force,
-    enhancement_factor,
+from tests.support.paper import (
     enhancement_frictionless,
     enhancement_l_shaped,
     enhancement_level,
     enhancement_level_with_h,
     friction_slope,
     h_of_paper,
+    singular_angle_rad,
+)
+from whisker_array.whisker.enhancement import (
+    contact_direction,
+    contact_force,
+    enhancement_factor,
     is_jammed,
     land_moment_n_mm,
     moment_n_mm,
     moment_ratio,
     normal_force_n,
     rotation,
-    singular_angle_rad,
 )
 from whisker_array.whisker.sections import Rectangle, Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, Straight, TipModel

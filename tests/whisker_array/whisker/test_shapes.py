@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, optimize
 
-from whisker_array.whisker.closed_forms import (
+from tests.support.paper import (
     l_shaped_compliance,
     l_shaped_moment_arm,
     straight_compliance,
