@@ -41,6 +41,10 @@ class FileError(MarksError):
         self.path = Path(path)
 
 
+class FaultError(FileError):
+    """A fault of the program, met while it was at work on a file: nothing is wrong with the file."""
+
+
 class MissingExtraError(MarksError):
     """A library that an optional part of the program needs is not installed."""
 
@@ -48,6 +52,12 @@ class MissingExtraError(MarksError):
         super().__init__(
             f"{what} needs {library}", hint=f"install it with: pip install 'tactile-marks[{extra}]'"
         )
+
+
+def fault_of(error: Exception, *, longest: int = 300) -> str:
+    """What to say of an error that nobody expected: its kind and message on one line."""
+    said = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    return f"fault of the program ({' '.join(said.split())[:longest]})"
 
 
 def require_file(path: Path, *, most_bytes: int) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
+from glyphs.errors import fault_of
 from pipeline.batch.summary import Summary
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.common.records import ReadingRecord
@@ -97,7 +98,7 @@ class Run:
             try:
                 self.book.add(record)
             except ValueError as error:  # a fault of the program, which may not end the night
-                problem = f"{record.part}: fault of the program, {str(error)[:500]}"
+                problem = f"{record.part}: {fault_of(error)}; please report it"
                 record = ReadingRecord.failed(record.part, problem)
                 self.book.add(record)
         row = Row.of(record)

@@ -115,6 +115,8 @@ class Summary:
 
 def _kind(message: str) -> str:
     """A message without what differs from part to part."""
+    if message.startswith("low confidence: "):
+        return "low confidence"
     return _NUMBER.sub("#", _QUOTED.sub("'...'", message))[:160].strip()
 
 

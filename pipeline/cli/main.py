@@ -12,6 +12,7 @@ from typing import Literal
 from cyclopts import App, CycloptsError, Parameter, ValidationError
 from cyclopts.argument import ArgumentCollection
 
+from glyphs.errors import fault_of
 from pipeline.cli.exit_status import BROKEN_PIPE, FAULT, INTERRUPTED, USAGE, CommandError
 
 PROGRAM = "tactile-marks"
@@ -156,8 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BROKEN_PIPE
     except Exception as error:
         traceback.print_exc()
-        fault = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        return _complain(f"fault of the program ({fault}); please report it with the lines above", FAULT)
+        return _complain(f"{fault_of(error)}; please report it with the lines above", FAULT)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from glyphs.errors import MarksError
+from glyphs.errors import MarksError, fault_of
 from pipeline.common.records import Box, CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from pipeline.common.row import WORTH_SHOWING
 from pipeline.common.run_description import key_of
@@ -42,7 +42,7 @@ def record_of_part(
         error = str(problem) if problem.where else f"{file}: {problem}"
     # A fault of the program in one part may not cost a night's run the other parts; the record names its kind.
     except Exception as fault:
-        error = f"{file}: fault of the program, {type(fault).__name__}: {_one_line(fault)}"
+        error = f"{file}: {fault_of(fault)}; please report it"
     return ReadingRecord.failed(name, error, seconds=round(time.perf_counter() - started, 4)), None
 
 
@@ -147,10 +147,6 @@ def _character(character: CharacterReading, scaled: bool) -> CharacterRecord:
         depth_min_mm=None if depth is None else _finite(depth.min_mm),
         depth_mean_mm=None if depth is None else _finite(depth.mean_mm),
     )
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _share(value: float) -> float:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from glyphs.errors import FileError, MarksError
+from glyphs.errors import FaultError, FileError, MarksError, fault_of
 from pipeline.common.records import EvidenceKind, PartState, ReadingRecord, ScanPlanRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
@@ -203,8 +203,7 @@ def _sender_names(job: Job, names: Mapping[Path, str]) -> Iterator[None]:
         raise FileError(name, "needs more memory than a job may have", "crop or thin it") from error
     except Exception as error:
         _log.exception("fault of the program while reading %s", name)
-        fault = _unplaced(f"{type(error).__name__}: {' '.join(str(error).split())}", job, names)
-        raise FileError(name, f"met a fault of the program ({fault[:200]})", "report it") from error
+        raise FaultError(name, _unplaced(fault_of(error), job, names), "please report it") from error
 
 
 def _unplaced(message: str, job: Job, names: Iterable[Path]) -> str:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
-from glyphs.errors import FileError
+from glyphs.errors import FaultError, FileError
 from pipeline.common.records import EvidenceKind, EvidenceRecord
 from pipeline.reading.jobs import Done, Job, read_job
 from pipeline.service.problem import Problem
@@ -142,7 +142,8 @@ class ReadingJobs:
         try:
             return await asyncio.wrap_future(future)
         except FileError as problem:
-            raise Problem(422, str(problem)) from problem
+            status = 500 if isinstance(problem, FaultError) else 422
+            raise Problem(status, str(problem)) from problem
         except WorkerLostError as error:
             self._metrics.lost_workers.inc()
             log.warning("worker lost", why=str(error))

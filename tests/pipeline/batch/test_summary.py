@@ -43,6 +43,9 @@ def test_decisions_reasons_rate_and_slowest_are_told() -> None:
 def test_a_message_with_a_semicolon_in_brackets_is_one() -> None:
     flags = "place 1: I or J (one upright; serifs are missing in some fonts); marks are dirty"
     reasons = counted(Row("a", "I1", "review", flags=flags)).reasons
+    assert counted(Row("a", "I1", "review", flags="low confidence: 1 or I at place 1?")).reasons == {
+        "low confidence": 1
+    }
     assert dict(reasons) == {
         "place #: I or J (one upright; serifs are missing in some fonts)": 1,
         "marks are dirty": 1,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glyphs.errors import FileError
+from glyphs.errors import FaultError, FileError
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
@@ -265,3 +265,15 @@ def test_soil_beside_the_map_is_felt(folder: Path, tmp_path: Path) -> None:
     write_npz(path, HeightMap(z, 0.1), more={"friction": np.float64(5.0)})
     with pytest.raises(FileError, match="friction runs"):
         read_job(Job(folder, height_map=path), SETTINGS, LIMITS)
+
+
+def test_a_fault_of_the_program_is_not_put_down_to_the_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(_: ReadSettings) -> None:
+        raise ZeroDivisionError("no marks")
+
+    monkeypatch.setattr("pipeline.reading.kept_readers.reader_of", broken)
+    says = r"fault of the program \(ZeroDivisionError: no marks\); please report it"
+    with pytest.raises(FaultError, match=says):
+        read_job(Job(folder=folder, photo=folder / "photo.png"), ReadSettings(), Limits())
