@@ -113,7 +113,7 @@ class PartReader:
 
         Raises:
             FileError: a file of the part cannot be used.
-            VerifyError: an expected text that is none of the format.
+            VerifyError: an expected text that does not fit the format.
         """
         if part.problem is not None:
             raise part.problem

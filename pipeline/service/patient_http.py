@@ -92,7 +92,7 @@ class PatientHttp:
         Args:
             method: of HTTP.
             path: on the service.
-            files: by field; each with the name it bears where it is no file.
+            files: by field; each with the name it bears where it is not a file.
             repeatable: whether doing it twice comes to the same; else only what surely was not done is sent again.
             request: as httpx takes it.
 

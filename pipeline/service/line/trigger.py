@@ -33,7 +33,7 @@ def decision_of(part: PartRecord) -> LineDecision:
     """The part in one word.
 
     ACCEPT: read surely, or a person has said its text. REVIEW: a person has to look. REJECT: one has to look, and
-    nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and there is no scan yet.
+    nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and there is not a scan yet.
     """
     if part.state is PartState.TOUCH_NEEDED:
         return LineDecision.TOUCH
