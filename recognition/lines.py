@@ -6,6 +6,7 @@ fits badly: dots, other strokes, then softer hands and other widths, for marks o
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ from recognition.frames import is_edge_channel
 from recognition.localise import MIN_RELIEF_SHARE, activity_of, bands, line_rotation_deg, percentile
 from recognition.search import Hypothesis, LineFit, LineSearch, refine_geometry, refine_shape, refine_stroke
 
+_log = logging.getLogger(__name__)
 RIVAL_SHARE = 0.8
 """Of what the best font explains, which another must reach to be looked at closely."""
 DOTTED_SCORE = 0.8
@@ -113,10 +115,12 @@ def _best_by_font(search: LineSearch, hypotheses: list[Hypothesis]) -> dict[str,
     """The best fit of every font; other rotations are not tried once one explains the line."""
     best: dict[str, LineFit] = {}
     turn: float | None = None
+    names = list(dict.fromkeys(h.font.name for h in hypotheses))
     for hypothesis in hypotheses:
         if turn is not None and hypothesis.rotation_deg != turn and _score(best) > SETTLED_SCORE:
             break
         turn = hypothesis.rotation_deg
+        _log.debug("trying font %d of %d", names.index(hypothesis.font.name) + 1, len(names))
         fit = search.fit(hypothesis)
         held = best.get(hypothesis.font.name)
         if held is None or fit.value_mm > held.value_mm:

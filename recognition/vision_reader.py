@@ -7,6 +7,7 @@ photo --line_places--> places --+--> templates: SightSearch --> lattice --+
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -37,6 +38,7 @@ from recognition.vision_templates import CLOSE_LOOK, GLANCE, Look, VisionBasis, 
 Engine = Literal["rapidocr", "templates", "best"]
 NAMED_WEIGHT, FOREIGN_WEIGHT = 0.6, 0.3
 """Weight of templates beside the network, by likelihood on dirty parts; the less where nobody named the font."""
+_log = logging.getLogger(__name__)
 LEADING_FITS = 2
 """Suppositions looked at closely, of all that were tried."""
 PLAIN_VALUE = 16.0
@@ -213,7 +215,11 @@ class VisionReader:
         self, search: VisionSearch, tried: list[tuple[Font, Supposed]]
     ) -> list[tuple[VisionFit, Font]]:
         """What each supposition explains at a glance, most first."""
-        seen = [(search.fit(self._basis(font, GLANCE), supposed), font) for font, supposed in tried]
+        names = list(dict.fromkeys(font.name for font, _ in tried))
+        seen = []
+        for font, supposed in tried:
+            _log.debug("trying font %d of %d", names.index(font.name) + 1, len(names))
+            seen.append((search.fit(self._basis(font, GLANCE), supposed), font))
         return sorted(((fit, font) for fit, font in seen if fit is not None), key=_promise, reverse=True)
 
     def _of_fit(self, fit: VisionFit) -> Lattice:

@@ -76,7 +76,7 @@ def run_batch(
 
             run.on_any_row = on_any_row
             began = time.monotonic()
-            with executors.opened(len(parts) - done) as executor:
+            with executors.opened(len(parts) - done) as executor, progress.steps():
                 run.work(parts, order, executor)
                 workers = executor.workers
         elapsed_s = time.monotonic() - began

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from typing import Any
 
+from pipeline.batch.steps import steps_shown
+
 LINE_EVERY_S = 60.0
+_READING = "reading"
 
 
 class Progress:
@@ -38,8 +42,14 @@ class Progress:
             if total > 1
             else (progress.SpinnerColumn(), step, progress.TimeElapsedColumn())
         )
-        self._bar = progress.Progress(*columns, console=Console(stderr=True), transient=True)
-        self._task = self._bar.add_task("reading", total=total, completed=done)
+        self._bar = progress.Progress(
+            *columns,
+            console=Console(stderr=True),
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        )
+        self._task = self._bar.add_task(_READING, total=total, completed=done)
         self._bar.start()
 
     def __exit__(self, *_: object) -> None:
@@ -47,18 +57,20 @@ class Progress:
             self._bar.stop()
 
     def step(self, what: str) -> None:
-        """Show what is being done until the next part is done, such as "compiling, once per machine"."""
+        """Show, on a terminal, what is being done until the next part is done: "trying font 3 of 5"."""
         if self._bar is not None:
-            self._bar.update(self._task, description=what)
-        else:
-            print(what, file=sys.stderr, flush=True)
+            self._bar.update(self._task, description=what or _READING)
+
+    def steps(self) -> contextlib.AbstractContextManager[None]:
+        """Show the steps of every part that this process reads within the block."""
+        return contextlib.nullcontext() if self._bar is None else steps_shown(self.step)
 
     def advance(self, *, failed: bool = False) -> None:
         """One part more is done."""
         self._done += 1
         self._failed += failed
         if self._bar is not None:
-            self._bar.update(self._task, advance=1, description="reading")
+            self._bar.update(self._task, advance=1, description=_READING)
             return
         now = time.monotonic()
         if now - self._shown_s >= LINE_EVERY_S and self._done < self._total:

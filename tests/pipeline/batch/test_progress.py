@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import logging
 import sys
 
+import numba
 import pytest
 
 from pipeline.batch.progress import Progress
@@ -25,12 +27,11 @@ def test_a_log_has_a_line_a_minute(
         for k in range(200):
             now += 0.5
             progress.advance(failed=k < 3)
-        progress.step("drawing the report")
+        progress.step("for a terminal only")
     shown = capsys.readouterr()
     assert shown.out == ""
     assert shown.err.splitlines() == [
         "1,120 of 2,000 parts, 2.00 a second, 3 with an error, about 7 min left",
-        "drawing the report",
     ]
 
 
@@ -46,3 +47,25 @@ def test_a_terminal_shows_the_step_of_a_single_part_too(total: int, monkeypatch:
         progress.advance()
     assert "trying [font] 3 of 5" in terminal.getvalue()
     assert ("0/3" in terminal.getvalue()) == (total == 3)
+
+
+def test_kernels_and_fonts_are_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setenv("TERM", "xterm")
+    shown: list[str] = []
+    monkeypatch.setattr(Progress, "step", lambda _, what: shown.append(what))
+    with Progress() as progress:
+        progress.start(1)
+        with progress.steps():
+            assert numba.njit(lambda x: x + 1)(1) == 2
+            logging.getLogger("recognition.lines").debug("trying font %d of %d", 1, 5)
+            assert numba.njit(lambda x: x + 2)(1) == 3
+    compiling, trying = "compiling, once per machine", "trying font 1 of 5"
+    # a kernel may be compiled for another
+    assert [step for step, before in zip(shown, ["", *shown], strict=False) if step != before] == [
+        compiling, "", trying, compiling, trying,
+    ]  # fmt: skip
+    assert not logging.getLogger("recognition").handlers
+    with Progress() as progress, progress.steps():  # nobody watches
+        logging.getLogger("recognition.lines").debug("trying font %d of %d", 2, 5)
+    assert "trying font 2 of 5" not in shown
