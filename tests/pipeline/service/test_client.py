@@ -237,7 +237,7 @@ def test_what_cannot_be_sent_is_said_before(fresh: tuple[Service, str], tmp_path
         with pytest.raises(FileNotFoundError):
             client.read(tmp_path / "none.png")
         for wrong in ("", "../tokens", "a/b", "a?b", "ä"):
-            with pytest.raises(ServiceError, match="no part's id"):
+            with pytest.raises(ServiceError, match="not a part's id"):
                 client.part(wrong)
     assert not service.requests
 
