@@ -15,6 +15,8 @@ from pipeline.common.records import Delivery, PartState
 from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Outbox, Pace, body_of
 from tests.support.line_fakes import LONG_S, MemoryOutbox, part, reading, until
 
+pytestmark = pytest.mark.anyio
+
 FAST = Pace(look_s=0.02, first_wait_s=0.01, longest_wait_s=0.05, longest_rest_s=0.05, send_s=5.0)
 
 
@@ -62,105 +64,90 @@ def dispatcher_of(outbox: Outbox, pace: Pace = FAST, **senders: Recorder) -> Dis
     return Dispatcher(outbox, senders, rng=np.random.default_rng(5), pace=pace)
 
 
-def test_everything_arrives_once_and_in_order_for_each_part() -> None:
-    async def run() -> None:
-        outbox, webhook, mqtt = filled(7, 5, ("webhook", "mqtt")), Recorder(), Recorder()
-        dispatcher = dispatcher_of(outbox, webhook=webhook, mqtt=mqtt)
-        await emptied(outbox, dispatcher)
-        for sender in (webhook, mqtt):
-            assert len(sender.arrived) == 35
-            assert set(sender.attempts.values()) == {1}
-            assert sender.closed
-            for index in range(7):
-                assert sender.of(f"PART{index}") == sorted(sender.of(f"PART{index}"))
-        assert dispatcher.sent == {"webhook": 35, "mqtt": 35}
-        assert not dispatcher.failed
-        assert not outbox.failures
-
-    asyncio.run(run())
+async def test_everything_arrives_once_and_in_order_for_each_part() -> None:
+    outbox, webhook, mqtt = filled(7, 5, ("webhook", "mqtt")), Recorder(), Recorder()
+    dispatcher = dispatcher_of(outbox, webhook=webhook, mqtt=mqtt)
+    await emptied(outbox, dispatcher)
+    for sender in (webhook, mqtt):
+        assert len(sender.arrived) == 35
+        assert set(sender.attempts.values()) == {1}
+        assert sender.closed
+        for index in range(7):
+            assert sender.of(f"PART{index}") == sorted(sender.of(f"PART{index}"))
+    assert dispatcher.sent == {"webhook": 35, "mqtt": 35}
+    assert not dispatcher.failed
+    assert not outbox.failures
 
 
 @pytest.mark.parametrize("away", [True, False])
-def test_what_fails_at_random_arrives_all_the_same_and_in_order(away: bool) -> None:
-    async def run() -> None:
-        rng = np.random.default_rng(3)
+async def test_what_fails_at_random_arrives_all_the_same_and_in_order(away: bool) -> None:
+    rng = np.random.default_rng(3)
 
-        async def trouble(_: Delivery) -> None:
-            if rng.random() < 0.4:
-                raise DeliveryError("not now", away=away)
+    async def trouble(_: Delivery) -> None:
+        if rng.random() < 0.4:
+            raise DeliveryError("not now", away=away)
 
-        outbox, sender = filled(6, 6), Recorder(trouble)
-        dispatcher = dispatcher_of(outbox, webhook=sender)
-        await emptied(outbox, dispatcher)
-        assert len(sender.arrived) == 36
-        for index in range(6):
-            assert sender.of(f"PART{index}") == sorted(sender.of(f"PART{index}"))
-        assert dispatcher.failed["webhook"] == sum(sender.attempts.values()) - 36 > 0
-        assert not dispatcher.errors
-
-    asyncio.run(run())
+    outbox, sender = filled(6, 6), Recorder(trouble)
+    dispatcher = dispatcher_of(outbox, webhook=sender)
+    await emptied(outbox, dispatcher)
+    assert len(sender.arrived) == 36
+    for index in range(6):
+        assert sender.of(f"PART{index}") == sorted(sender.of(f"PART{index}"))
+    assert dispatcher.failed["webhook"] == sum(sender.attempts.values()) - 36 > 0
+    assert not dispatcher.errors
 
 
-def test_a_target_that_is_away_is_asked_seldom_and_holds_up_no_other() -> None:
-    async def run() -> None:
-        back = asyncio.Event()
+async def test_a_target_that_is_away_is_asked_seldom_and_holds_up_no_other() -> None:
+    back = asyncio.Event()
 
-        async def trouble(_: Delivery) -> None:
-            if not back.is_set():
-                raise DeliveryError("away", away=True)
+    async def trouble(_: Delivery) -> None:
+        if not back.is_set():
+            raise DeliveryError("away", away=True)
 
-        outbox, gone, well = filled(300, 1, ("mqtt", "webhook")), Recorder(trouble), Recorder()
-        pace = Pace(look_s=0.01, first_wait_s=0.05, longest_wait_s=0.3, longest_rest_s=0.2, batch=50)
-        dispatcher = dispatcher_of(outbox, pace, mqtt=gone, webhook=well)
-        dispatcher.start()
-        await until(lambda: len(well.arrived) == 300, why="for the target that works")
-        assert "away" in dispatcher.errors["mqtt"]
-        assert sum(gone.attempts.values()) < 100  # of 300 that are due: one tried after every rest
-        back.set()
-        await until(lambda: outbox.undelivered() == 0)
-        await dispatcher.stop()
-        assert len(gone.arrived) == 300
-
-    asyncio.run(run())
+    outbox, gone, well = filled(300, 1, ("mqtt", "webhook")), Recorder(trouble), Recorder()
+    pace = Pace(look_s=0.01, first_wait_s=0.05, longest_wait_s=0.3, longest_rest_s=0.2, batch=50)
+    dispatcher = dispatcher_of(outbox, pace, mqtt=gone, webhook=well)
+    dispatcher.start()
+    await until(lambda: len(well.arrived) == 300, why="for the target that works")
+    assert "away" in dispatcher.errors["mqtt"]
+    assert sum(gone.attempts.values()) < 100  # of 300 that are due: one tried after every rest
+    back.set()
+    await until(lambda: outbox.undelivered() == 0)
+    await dispatcher.stop()
+    assert len(gone.arrived) == 300
 
 
-def test_a_sender_that_hangs_holds_up_no_other_and_is_given_up() -> None:
-    async def run() -> None:
-        first = True
+async def test_a_sender_that_hangs_holds_up_no_other_and_is_given_up() -> None:
+    first = True
 
-        async def hang(_: Delivery) -> None:
-            nonlocal first
-            if first:
-                first = False
-                await asyncio.Event().wait()
+    async def hang(_: Delivery) -> None:
+        nonlocal first
+        if first:
+            first = False
+            await asyncio.Event().wait()
 
-        outbox, hanging, well = filled(1, 2, ("mqtt", "webhook")), Recorder(hang), Recorder()
-        pace = Pace(look_s=0.02, first_wait_s=0.01, longest_wait_s=0.05, longest_rest_s=0.05, send_s=0.5)
-        dispatcher = dispatcher_of(outbox, pace, mqtt=hanging, webhook=well)
-        dispatcher.start()
-        await until(lambda: len(well.arrived) == 2)
-        assert not hanging.arrived
-        await until(lambda: outbox.undelivered() == 0)
-        await dispatcher.stop()
-        assert any("in time" in error for _, error in outbox.failures)
-
-    asyncio.run(run())
+    outbox, hanging, well = filled(1, 2, ("mqtt", "webhook")), Recorder(hang), Recorder()
+    pace = Pace(look_s=0.02, first_wait_s=0.01, longest_wait_s=0.05, longest_rest_s=0.05, send_s=0.5)
+    dispatcher = dispatcher_of(outbox, pace, mqtt=hanging, webhook=well)
+    dispatcher.start()
+    await until(lambda: len(well.arrived) == 2)
+    assert not hanging.arrived
+    await until(lambda: outbox.undelivered() == 0)
+    await dispatcher.stop()
+    assert any("in time" in error for _, error in outbox.failures)
 
 
-def test_a_sender_that_breaks_does_not_end_the_dispatcher() -> None:
-    async def run() -> None:
-        async def broken(delivery: Delivery) -> None:
-            if delivery.attempts == 0:
-                raise RuntimeError("a fault of the program")
+async def test_a_sender_that_breaks_does_not_end_the_dispatcher() -> None:
+    async def broken(delivery: Delivery) -> None:
+        if delivery.attempts == 0:
+            raise RuntimeError("a fault of the program")
 
-        outbox, sender = filled(2, 2), Recorder(broken)
-        await emptied(outbox, dispatcher_of(outbox, webhook=sender))
-        assert any("RuntimeError" in error for _, error in outbox.failures)
-
-    asyncio.run(run())
+    outbox, sender = filled(2, 2), Recorder(broken)
+    await emptied(outbox, dispatcher_of(outbox, webhook=sender))
+    assert any("RuntimeError" in error for _, error in outbox.failures)
 
 
-def test_a_store_that_is_away_for_a_while_costs_nothing_but_a_second_sending() -> None:
+async def test_a_store_that_is_away_for_a_while_costs_nothing_but_a_second_sending() -> None:
     class Failing(MemoryOutbox):
         looks = takes = 0
 
@@ -176,28 +163,22 @@ def test_a_store_that_is_away_for_a_while_costs_nothing_but_a_second_sending() -
                 raise OSError("the database does not answer")
             super().delivered(delivery_id)
 
-    async def run() -> None:
-        outbox, sender = Failing(), Recorder()
-        outbox.put(part(), ("webhook",))
-        await emptied(outbox, dispatcher_of(outbox, webhook=sender))
-        assert [delivery.id for delivery in sender.arrived] == [1, 1]
-
-    asyncio.run(run())
+    outbox, sender = Failing(), Recorder()
+    outbox.put(part(), ("webhook",))
+    await emptied(outbox, dispatcher_of(outbox, webhook=sender))
+    assert [delivery.id for delivery in sender.arrived] == [1, 1]
 
 
-def test_a_target_that_is_no_longer_set_up_keeps_its_deliveries_and_is_said() -> None:
-    async def run() -> None:
-        outbox, sender = filled(60, 1, ("mqtt", "webhook")), Recorder()
-        pace = Pace(look_s=0.01, first_wait_s=0.01, longest_wait_s=60.0, batch=20)
-        dispatcher = dispatcher_of(outbox, pace, webhook=sender)
-        dispatcher.start()
-        await until(lambda: len(sender.arrived) == 60)
-        await until(lambda: len(outbox.failures) == 60)
-        await dispatcher.stop()
-        assert outbox.undelivered() == 60
-        assert {error for _, error in outbox.failures} == {"no mqtt is set up"}
-
-    asyncio.run(run())
+async def test_a_target_that_is_no_longer_set_up_keeps_its_deliveries_and_is_said() -> None:
+    outbox, sender = filled(60, 1, ("mqtt", "webhook")), Recorder()
+    pace = Pace(look_s=0.01, first_wait_s=0.01, longest_wait_s=60.0, batch=20)
+    dispatcher = dispatcher_of(outbox, pace, webhook=sender)
+    dispatcher.start()
+    await until(lambda: len(sender.arrived) == 60)
+    await until(lambda: len(outbox.failures) == 60)
+    await dispatcher.stop()
+    assert outbox.undelivered() == 60
+    assert {error for _, error in outbox.failures} == {"no mqtt is set up"}
 
 
 def test_waiting_grows_to_its_limit_and_is_never_all_at_once() -> None:
@@ -227,57 +208,48 @@ def test_waiting_grows_to_its_limit_and_is_never_all_at_once() -> None:
     assert 85.0 < max(waits) <= 100.0
 
 
-def test_waking_is_quicker_than_looking() -> None:
-    async def run() -> None:
-        outbox, sender = MemoryOutbox(), Recorder()
-        dispatcher = dispatcher_of(outbox, Pace(look_s=1000.0), webhook=sender)
-        dispatcher.start()
-        await asyncio.sleep(0.05)
-        outbox.put(part(), ("webhook",))
-        dispatcher.wake()
-        await until(lambda: len(sender.arrived) == 1)
-        await dispatcher.stop()
-
-    asyncio.run(run())
+async def test_waking_is_quicker_than_looking() -> None:
+    outbox, sender = MemoryOutbox(), Recorder()
+    dispatcher = dispatcher_of(outbox, Pace(look_s=1000.0), webhook=sender)
+    dispatcher.start()
+    await asyncio.sleep(0.05)
+    outbox.put(part(), ("webhook",))
+    dispatcher.wake()
+    await until(lambda: len(sender.arrived) == 1)
+    await dispatcher.stop()
 
 
-def test_stopping_lets_what_is_being_sent_arrive_and_keeps_the_rest() -> None:
-    async def run() -> None:
-        begun, go = asyncio.Event(), asyncio.Event()
+async def test_stopping_lets_what_is_being_sent_arrive_and_keeps_the_rest() -> None:
+    begun, go = asyncio.Event(), asyncio.Event()
 
-        async def slow(_: Delivery) -> None:
-            begun.set()
-            await go.wait()
+    async def slow(_: Delivery) -> None:
+        begun.set()
+        await go.wait()
 
-        outbox, sender = filled(1, 2), Recorder(slow)
-        dispatcher = dispatcher_of(outbox, webhook=sender)
-        dispatcher.start()
-        await asyncio.wait_for(begun.wait(), LONG_S)
-        stopping = asyncio.create_task(dispatcher.stop(grace_s=LONG_S))
-        await asyncio.sleep(0.05)
-        go.set()
-        await asyncio.wait_for(stopping, LONG_S)
-        assert [delivery.id for delivery in sender.arrived] == [1]
-        assert outbox.undelivered() == 1
-        assert sender.closed
-
-    asyncio.run(run())
+    outbox, sender = filled(1, 2), Recorder(slow)
+    dispatcher = dispatcher_of(outbox, webhook=sender)
+    dispatcher.start()
+    await asyncio.wait_for(begun.wait(), LONG_S)
+    stopping = asyncio.create_task(dispatcher.stop(grace_s=LONG_S))
+    await asyncio.sleep(0.05)
+    go.set()
+    await asyncio.wait_for(stopping, LONG_S)
+    assert [delivery.id for delivery in sender.arrived] == [1]
+    assert outbox.undelivered() == 1
+    assert sender.closed
 
 
-def test_a_stop_does_not_wait_for_ever_and_loses_nothing() -> None:
-    async def run() -> None:
-        async def never(_: Delivery) -> None:
-            await asyncio.Event().wait()
+async def test_a_stop_does_not_wait_for_ever_and_loses_nothing() -> None:
+    async def never(_: Delivery) -> None:
+        await asyncio.Event().wait()
 
-        outbox, sender = filled(1, 1), Recorder(never)
-        dispatcher = dispatcher_of(outbox, webhook=sender)
-        dispatcher.start()
-        await until(lambda: sender.attempts.total() == 1)
-        await asyncio.wait_for(dispatcher.stop(grace_s=0.05), LONG_S)
-        assert outbox.undelivered() == 1
-        assert not sender.arrived
-
-    asyncio.run(run())
+    outbox, sender = filled(1, 1), Recorder(never)
+    dispatcher = dispatcher_of(outbox, webhook=sender)
+    dispatcher.start()
+    await until(lambda: sender.attempts.total() == 1)
+    await asyncio.wait_for(dispatcher.stop(grace_s=0.05), LONG_S)
+    assert outbox.undelivered() == 1
+    assert not sender.arrived
 
 
 def test_with_the_real_store(tmp_path: Path) -> None:

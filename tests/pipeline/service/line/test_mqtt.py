@@ -22,6 +22,8 @@ from pipeline.service.line.mqtt import MqttSender
 from tests.support.line_broker import Broker, Listener
 from tests.support.line_fakes import MemoryOutbox, free_port, part, until, until_now
 
+pytestmark = pytest.mark.anyio
+
 FAST = Pace(look_s=0.02, first_wait_s=0.02, longest_wait_s=0.2, longest_rest_s=0.2)
 
 
@@ -57,18 +59,14 @@ def one_delivery(part_id: str = "PART1", number: int = 1) -> Delivery:
     return Delivery(number, "mqtt", part_id, {"id": part_id, "text": f"TEXT{number}"})
 
 
-def test_a_result_is_published_and_the_status_follows(
+async def test_a_result_is_published_and_the_status_follows(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-
-    async def run() -> None:
-        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", prefix="plant/line-4")
-        await asyncio.gather(*(sender.send(one_delivery(f"PART{n}", n)) for n in range(50)))
-        await sender.close()
-
-    asyncio.run(run())
+    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", prefix="plant/line-4")
+    await asyncio.gather(*(sender.send(one_delivery(f"PART{n}", n)) for n in range(50)))
+    await sender.close()
     until_now(lambda: len(listener.results()) == 50 and len(listener.statuses("plant/line-4")) == 2)
     topics = {topic for topic, _, _ in listener.messages}
     assert {f"plant/line-4/parts/PART{n}/result" for n in range(50)} < topics
@@ -80,63 +78,51 @@ def test_a_result_is_published_and_the_status_follows(
     assert late.messages == [("plant/line-4/status", b"offline", True)]
 
 
-def test_results_are_published_with_qos_1(make_broker: Callable[..., Broker]) -> None:
+async def test_results_are_published_with_qos_1(make_broker: Callable[..., Broker]) -> None:
     broker = make_broker()
-
-    async def run() -> None:
-        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
-        await sender.send(one_delivery())
-        await sender.close()
-
-    asyncio.run(run())
+    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
+    await sender.send(one_delivery())
+    await sender.close()
     until_now(lambda: "PART1/result" in broker.log)
     line = next(line for line in broker.log.splitlines() if "PART1/result" in line)
     assert "Received PUBLISH" in line
     assert "q1, r0" in line
 
 
-def test_the_last_will_tells_of_a_service_that_died(
+async def test_the_last_will_tells_of_a_service_that_died(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-
-    async def run() -> None:
-        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
-        await sender.send(one_delivery())
-        assert sender._connection is not None
-        raw = sender._connection._client._client.socket()
-        assert raw is not None
-        raw.shutdown(2)  # as a machine that loses its power: no goodbye
-        await until(lambda: listener.statuses() == ["online", "offline"], why="for the will")
-        await sender.send(one_delivery(number=2))  # and it comes back by itself
-        await until(lambda: listener.statuses() == ["online", "offline", "online"])
-        await sender.close()
-
-    asyncio.run(run())
+    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
+    await sender.send(one_delivery())
+    assert sender._connection is not None
+    raw = sender._connection._client._client.socket()
+    assert raw is not None
+    raw.shutdown(2)  # as a machine that loses its power: no goodbye
+    await until(lambda: listener.statuses() == ["online", "offline"], why="for the will")
+    await sender.send(one_delivery(number=2))  # and it comes back by itself
+    await until(lambda: listener.statuses() == ["online", "offline", "online"])
+    await sender.close()
 
 
-def test_the_status_is_online_though_there_is_nothing_to_publish(
+async def test_the_status_is_online_though_there_is_nothing_to_publish(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-
-    async def run() -> None:
-        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
-        sender.start()
-        await until(lambda: listener.statuses() == ["online"])
-        broker.kill()
-        listener.messages.clear()
-        await asyncio.to_thread(broker.start)
-        await until(lambda: listener.statuses()[-1:] == ["online"], why="for it to come back by itself")
-        await sender.close()
-
-    asyncio.run(run())
+    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
+    sender.start()
+    await until(lambda: listener.statuses() == ["online"])
+    broker.kill()
+    listener.messages.clear()
+    await asyncio.to_thread(broker.start)
+    await until(lambda: listener.statuses()[-1:] == ["online"], why="for it to come back by itself")
+    await sender.close()
     until_now(lambda: listener.statuses()[-1] == "offline")
 
 
-def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(
+async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
     broker = make_broker()
@@ -160,30 +146,27 @@ def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(
         async def close(self) -> None:
             await self._sender.close()
 
-    async def run() -> None:
-        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=5.0)
-        dispatcher = Dispatcher(outbox, {"mqtt": WhileSeen(sender)}, rng=np.random.default_rng(4), pace=FAST)
-        dispatcher.start()
-        for step in range(each):
-            for index in range(parts - 1):
-                outbox.put(part(id=f"PART{index}", text=f"N{step}"), ("mqtt",))
-            dispatcher.wake()
-            if step % 20 == 10:
-                sent = dispatcher.sent["mqtt"]
-                await until(lambda sent=sent: dispatcher.sent["mqtt"] > sent)
-                broker.kill()  # in the middle of sending
-                listener.subscribed.clear()
-            # and something is left to be sent, should all have arrived before
-            outbox.put(part(id=f"PART{parts - 1}", text=f"N{step}"), ("mqtt",))
-            if step % 20 == 10:
-                failed = dispatcher.failed["mqtt"]
-                await until(lambda failed=failed: dispatcher.failed["mqtt"] > failed)
-                await asyncio.to_thread(broker.start)
-            await asyncio.sleep(0.002)
-        await until(lambda: outbox.undelivered() == 0, why="for everything to arrive")
-        await dispatcher.stop()
-
-    asyncio.run(run())
+    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=5.0)
+    dispatcher = Dispatcher(outbox, {"mqtt": WhileSeen(sender)}, rng=np.random.default_rng(4), pace=FAST)
+    dispatcher.start()
+    for step in range(each):
+        for index in range(parts - 1):
+            outbox.put(part(id=f"PART{index}", text=f"N{step}"), ("mqtt",))
+        dispatcher.wake()
+        if step % 20 == 10:
+            sent = dispatcher.sent["mqtt"]
+            await until(lambda sent=sent: dispatcher.sent["mqtt"] > sent)
+            broker.kill()  # in the middle of sending
+            listener.subscribed.clear()
+        # and something is left to be sent, should all have arrived before
+        outbox.put(part(id=f"PART{parts - 1}", text=f"N{step}"), ("mqtt",))
+        if step % 20 == 10:
+            failed = dispatcher.failed["mqtt"]
+            await until(lambda failed=failed: dispatcher.failed["mqtt"] > failed)
+            await asyncio.to_thread(broker.start)
+        await asyncio.sleep(0.002)
+    await until(lambda: outbox.undelivered() == 0, why="for everything to arrive")
+    await dispatcher.stop()
     wanted = [f"N{step}" for step in range(each)]
 
     def seen(index: int) -> list[object]:
@@ -199,28 +182,24 @@ def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(
     assert outbox.failures
 
 
-def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
+async def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
     broker = make_broker()
     listener = listen(broker.port)
-
-    async def run() -> None:
-        sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=0.5)
-        await sender.send(one_delivery(number=1))
-        broker.kill(signal.SIGSTOP)
-        try:
-            for number in (2, 3):
-                with pytest.raises(DeliveryError) as caught:
-                    await sender.send(one_delivery(number=number))
-                assert caught.value.away
-        finally:
-            broker.kill(signal.SIGCONT)
-        await sender.send(one_delivery(number=4))
-        await sender.send(one_delivery(number=5))
-        await sender.close()
-
-    asyncio.run(run())
+    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=0.5)
+    await sender.send(one_delivery(number=1))
+    broker.kill(signal.SIGSTOP)
+    try:
+        for number in (2, 3):
+            with pytest.raises(DeliveryError) as caught:
+                await sender.send(one_delivery(number=number))
+            assert caught.value.away
+    finally:
+        broker.kill(signal.SIGCONT)
+    await sender.send(one_delivery(number=4))
+    await sender.send(one_delivery(number=5))
+    await sender.close()
     until_now(lambda: bool(listener.results()) and listener.results()[-1]["delivery_id"] == 5)
     numbers = [int(str(r["delivery_id"])) for r in listener.results()]
     # what the broker had in its socket when it hung may come, but before what was sent afterwards
@@ -228,17 +207,14 @@ def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
     assert {1, 4, 5} <= set(numbers)
 
 
-def test_nobody_there_is_told_at_once() -> None:
-    async def run() -> None:
-        sender = MqttSender(f"mqtt://127.0.0.1:{free_port()}")
-        with pytest.raises(DeliveryError, match="cannot be reached") as caught:
-            await sender.send(one_delivery())
-        assert caught.value.away
-        await sender.close()
-        with pytest.raises(DeliveryError, match="closed"):
-            await sender.send(one_delivery())
-
-    asyncio.run(run())
+async def test_nobody_there_is_told_at_once() -> None:
+    sender = MqttSender(f"mqtt://127.0.0.1:{free_port()}")
+    with pytest.raises(DeliveryError, match="cannot be reached") as caught:
+        await sender.send(one_delivery())
+    assert caught.value.away
+    await sender.close()
+    with pytest.raises(DeliveryError, match="closed"):
+        await sender.send(one_delivery())
 
 
 def test_user_and_password_are_checked_and_never_told(
@@ -306,28 +282,24 @@ def certificates(folder: Path, name: str) -> tuple[Path, Path]:
     return certificate, private
 
 
-def test_over_tls_the_brokers_certificate_is_checked(
+async def test_over_tls_the_brokers_certificate_is_checked(
     make_broker: Callable[..., Broker], tmp_path: Path
 ) -> None:
     certificate, key = certificates(tmp_path, "broker")
     stranger, _ = certificates(tmp_path, "stranger")
     broker = make_broker(f"allow_anonymous true\ncertfile {certificate}\nkeyfile {key}\n")
-
-    async def run() -> None:
-        url = f"mqtts://127.0.0.1:{broker.port}"
-        sender = MqttSender(url, ca_file=certificate)
-        await sender.send(one_delivery())
-        await sender.close()
-        for wrong in (MqttSender(url), MqttSender(url, ca_file=stranger)):
-            with pytest.raises(DeliveryError, match="certificate"):
-                await wrong.send(one_delivery())
-            await wrong.close()
-        plain = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=2.0)
-        with pytest.raises(DeliveryError):
-            await plain.send(one_delivery())
-        await plain.close()
-
-    asyncio.run(run())
+    url = f"mqtts://127.0.0.1:{broker.port}"
+    sender = MqttSender(url, ca_file=certificate)
+    await sender.send(one_delivery())
+    await sender.close()
+    for wrong in (MqttSender(url), MqttSender(url, ca_file=stranger)):
+        with pytest.raises(DeliveryError, match="certificate"):
+            await wrong.send(one_delivery())
+        await wrong.close()
+    plain = MqttSender(f"mqtt://127.0.0.1:{broker.port}", timeout_s=2.0)
+    with pytest.raises(DeliveryError):
+        await plain.send(one_delivery())
+    await plain.close()
 
 
 @pytest.mark.parametrize("url", ["", "127.0.0.1:1883", "http://127.0.0.1", "mqtt://"])
@@ -342,11 +314,8 @@ def test_a_prefix_that_is_no_topic_is_refused(prefix: str) -> None:
         MqttSender("mqtt://127.0.0.1", prefix=prefix)
 
 
-def test_a_part_cannot_choose_another_topic() -> None:
-    async def run() -> None:
-        sender = MqttSender("mqtt://127.0.0.1:1")
-        for name in ("a/b", "#", "a+"):
-            with pytest.raises(DeliveryError, match="topic"):
-                await sender.send(one_delivery(name))
-
-    asyncio.run(run())
+async def test_a_part_cannot_choose_another_topic() -> None:
+    sender = MqttSender("mqtt://127.0.0.1:1")
+    for name in ("a/b", "#", "a+"):
+        with pytest.raises(DeliveryError, match="topic"):
+            await sender.send(one_delivery(name))

@@ -26,6 +26,8 @@ from pipeline.service.line.opcua_result import ocr_scan_result, status_of
 from pipeline.service.problem import Problem
 from tests.support.line_fakes import LONG_S, NOW, part, reading, until
 
+pytestmark = pytest.mark.anyio
+
 T = TypeVar("T")
 DEVICE = ["2:DeviceSet", "4:tactile-marks"]
 STRANGER = """
@@ -304,32 +306,29 @@ def test_a_scan_that_takes_longer_than_its_duration_goes_on_and_is_told_as_it_en
     shared.run(run())
 
 
-def test_a_caller_that_goes_does_not_end_the_reading_and_a_stop_waits_for_it() -> None:
-    async def run() -> None:
-        go, read = asyncio.Event(), []
+async def test_a_caller_that_goes_does_not_end_the_reading_and_a_stop_waits_for_it() -> None:
+    go, read = asyncio.Event(), []
 
-        async def trigger(name: str) -> PartRecord:
-            await go.wait()
-            read.append(name)
-            return part(name)
+    async def trigger(name: str) -> PartRecord:
+        await go.wait()
+        read.append(name)
+        return part(name)
 
-        port = OpcUaPort(trigger)
-        await port.start()
-        client = Client(f"opc.tcp://127.0.0.1:{port.port}/tactile-marks", timeout=LONG_S)
-        await client.connect()
-        device = await client.nodes.objects.get_child(DEVICE)
-        calling = asyncio.create_task(device.call_method("4:TriggerPart", "P1"))
-        await until(lambda: port._scanning is not None)
-        calling.cancel()
-        await asyncio.gather(calling, return_exceptions=True)
-        client.disconnect_socket()  # no goodbye: it would wait behind the scan
-        stopping = asyncio.create_task(port.stop(grace_s=LONG_S))
-        await asyncio.sleep(0.05)
-        go.set()
-        await asyncio.wait_for(stopping, LONG_S)
-        assert read == ["P1"]
-
-    asyncio.run(run())
+    port = OpcUaPort(trigger)
+    await port.start()
+    client = Client(f"opc.tcp://127.0.0.1:{port.port}/tactile-marks", timeout=LONG_S)
+    await client.connect()
+    device = await client.nodes.objects.get_child(DEVICE)
+    calling = asyncio.create_task(device.call_method("4:TriggerPart", "P1"))
+    await until(lambda: port._scanning is not None)
+    calling.cancel()
+    await asyncio.gather(calling, return_exceptions=True)
+    client.disconnect_socket()  # no goodbye: it would wait behind the scan
+    stopping = asyncio.create_task(port.stop(grace_s=LONG_S))
+    await asyncio.sleep(0.05)
+    go.set()
+    await asyncio.wait_for(stopping, LONG_S)
+    assert read == ["P1"]
 
 
 def test_nobody_may_write_or_be_the_administrator(shared: Shared) -> None:
@@ -349,70 +348,64 @@ def test_nobody_may_write_or_be_the_administrator(shared: Shared) -> None:
     shared.run(run())
 
 
-def test_users_and_a_certificate(tmp_path: Path) -> None:
+async def test_users_and_a_certificate(tmp_path: Path) -> None:
     from asyncua.crypto.cert_gen import setup_self_signed_certificate
     from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
     from cryptography.x509.oid import ExtendedKeyUsageOID
 
-    async def run() -> None:
-        files = {}
-        for who, usage in (
-            ("server", ExtendedKeyUsageOID.SERVER_AUTH),
-            ("client", ExtendedKeyUsageOID.CLIENT_AUTH),
-        ):
-            files[who] = (tmp_path / f"{who}.der", tmp_path / f"{who}.pem")
-            certificate, key = files[who]
-            await setup_self_signed_certificate(
-                key, certificate, f"urn:tactile-marks:{who}", "localhost", [usage], {"commonName": who}
-            )
-        certificate, key = files["server"]
+    files = {}
+    for who, usage in (
+        ("server", ExtendedKeyUsageOID.SERVER_AUTH),
+        ("client", ExtendedKeyUsageOID.CLIENT_AUTH),
+    ):
+        files[who] = (tmp_path / f"{who}.der", tmp_path / f"{who}.pem")
+        certificate, key = files[who]
+        await setup_self_signed_certificate(
+            key, certificate, f"urn:tactile-marks:{who}", "localhost", [usage], {"commonName": who}
+        )
+    certificate, key = files["server"]
 
-        async def call(user: str, password: str, *, secure: bool = True) -> str:
-            client = Client(url, timeout=LONG_S)
-            client.application_uri = "urn:tactile-marks:client"
-            if user:
-                client.set_user(user)
-                client.set_password(password)
-            if secure:
-                mine, mine_key = files["client"]
-                await client.set_security(SecurityPolicyBasic256Sha256, mine, mine_key)
-            async with client:
-                device = await client.nodes.objects.get_child(DEVICE)
-                told: str = (await device.call_method("4:TriggerPart", "P1"))[1]
-                return told
+    async def call(user: str, password: str, *, secure: bool = True) -> str:
+        client = Client(url, timeout=LONG_S)
+        client.application_uri = "urn:tactile-marks:client"
+        if user:
+            client.set_user(user)
+            client.set_password(password)
+        if secure:
+            mine, mine_key = files["client"]
+            await client.set_security(SecurityPolicyBasic256Sha256, mine, mine_key)
+        async with client:
+            device = await client.nodes.objects.get_child(DEVICE)
+            told: str = (await device.call_method("4:TriggerPart", "P1"))[1]
+            return told
 
-        options = {"users": {"line-4": "pa55"}, "certificate": certificate, "private_key": key}
-        async with serving_opcua(**options) as (_, url):
-            assert await call("line-4", "pa55") == "KX407251"
-            for user, password in (("line-4", "wrong"), ("line-4", ""), ("admin", ""), ("", "")):
-                with pytest.raises(ua.UaError):
-                    await call(user, password)
+    options = {"users": {"line-4": "pa55"}, "certificate": certificate, "private_key": key}
+    async with serving_opcua(**options) as (_, url):
+        assert await call("line-4", "pa55") == "KX407251"
+        for user, password in (("line-4", "wrong"), ("line-4", ""), ("admin", ""), ("", "")):
             with pytest.raises(ua.UaError):
-                await call("line-4", "pa55", secure=False)
-
-    asyncio.run(run())
+                await call(user, password)
+        with pytest.raises(ua.UaError):
+            await call("line-4", "pa55", secure=False)
     with pytest.raises(SettingsError, match="certificate"):
         OpcUaPort(read_at_once, users={"a": "b"})
     with pytest.raises(SettingsError, match="both"):
         OpcUaPort(read_at_once, certificate=tmp_path / "server.der")
 
 
-def test_more_connections_than_may_be_are_refused_and_a_stop_does_not_wait_for_ever() -> None:
-    async def run() -> None:
-        async def never(_: str) -> PartRecord:
-            await asyncio.Event().wait()
-            raise AssertionError
+async def test_more_connections_than_may_be_are_refused_and_a_stop_does_not_wait_for_ever() -> None:
+    async def never(_: str) -> PartRecord:
+        await asyncio.Event().wait()
+        raise AssertionError
 
-        port = OpcUaPort(never, connections=1)
-        await port.start()
-        url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
-        async with asking(url) as (_, device):
-            with pytest.raises((ua.UaError, ConnectionError, TimeoutError)):
-                await Client(url, timeout=2.0).connect()
-            assert await device.call_method("3:ScanStart", settings()) == 0
-        await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
-
-    asyncio.run(run())
+    port = OpcUaPort(never, connections=1)
+    await port.start()
+    url = f"opc.tcp://127.0.0.1:{port.port}/tactile-marks"
+    async with asking(url) as (_, device):
+        with pytest.raises((ua.UaError, ConnectionError, TimeoutError)):
+            await Client(url, timeout=2.0).connect()
+        assert await device.call_method("3:ScanStart", settings()) == 0
+    await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
 
 
 def test_it_is_quiet(shared: Shared, caplog: pytest.LogCaptureFixture) -> None:

@@ -21,6 +21,8 @@ from pipeline.service.line.trigger import LineDecision, decision_of, in_words, i
 from pipeline.service.problem import Problem
 from tests.support.line_fakes import LONG_S, part, reading, until
 
+pytestmark = pytest.mark.anyio
+
 ANSWER = b"P17;ACCEPT;KX407251;0.998;fused;01KB0000000000000000000017\r\n"
 
 
@@ -56,13 +58,10 @@ def answer_to(sent: bytes, trigger: Any = read_at_once, **options: Any) -> bytes
     return asyncio.run(run())
 
 
-def test_listens_on_the_loopback_address_unless_told_otherwise() -> None:
-    async def run() -> None:
-        async with listening() as port:
-            assert port.host == "127.0.0.1"
-            assert port.port > 0
-
-    asyncio.run(run())
+async def test_listens_on_the_loopback_address_unless_told_otherwise() -> None:
+    async with listening() as port:
+        assert port.host == "127.0.0.1"
+        assert port.port > 0
 
 
 @pytest.mark.parametrize("end", [b"\r\n", b"\n", b"\r"])
@@ -71,32 +70,26 @@ def test_a_trigger_is_answered_with_one_result_string(end: bytes) -> None:
     assert answer_to(b"PING" + end + b"trigger P17" + end) == b"PONG\r\n" + ANSWER
 
 
-def test_a_line_may_come_in_pieces_and_lines_together() -> None:
-    async def run() -> None:
-        async with listening() as port:
-            reader, writer = await asyncio.open_connection(port.host, port.port)
-            for piece in (b"TRI", b"GGER P", b"17\r", b"\nPING\r", b"\n\r\n\nPING\n"):
-                writer.write(piece)
-                await writer.drain()
-                await asyncio.sleep(0.02)  # else they travel together, which must be right as well
-            answers = [await asyncio.wait_for(reader.readline(), LONG_S) for _ in range(3)]
-            assert answers == [ANSWER, b"PONG\r\n", b"PONG\r\n"]
-            writer.close()
-
-    asyncio.run(run())
+async def test_a_line_may_come_in_pieces_and_lines_together() -> None:
+    async with listening() as port:
+        reader, writer = await asyncio.open_connection(port.host, port.port)
+        for piece in (b"TRI", b"GGER P", b"17\r", b"\nPING\r", b"\n\r\n\nPING\n"):
+            writer.write(piece)
+            await writer.drain()
+            await asyncio.sleep(0.02)  # else they travel together, which must be right as well
+        answers = [await asyncio.wait_for(reader.readline(), LONG_S) for _ in range(3)]
+        assert answers == [ANSWER, b"PONG\r\n", b"PONG\r\n"]
+        writer.close()
 
 
-def test_a_return_at_the_end_of_a_packet_is_answered_without_waiting_for_a_line_feed() -> None:
-    async def run() -> None:
-        async with listening() as port:
-            reader, writer = await asyncio.open_connection(port.host, port.port)
-            writer.write(b"PING\r")
-            assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
-            writer.write(b"\nPING\r\n")
-            assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
-            writer.close()
-
-    asyncio.run(run())
+async def test_a_return_at_the_end_of_a_packet_is_answered_without_waiting_for_a_line_feed() -> None:
+    async with listening() as port:
+        reader, writer = await asyncio.open_connection(port.host, port.port)
+        writer.write(b"PING\r")
+        assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
+        writer.write(b"\nPING\r\n")
+        assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
+        writer.close()
 
 
 def test_what_is_not_understood_is_told() -> None:
@@ -128,47 +121,41 @@ def test_a_long_line_is_refused_and_the_connection_closed() -> None:
     assert answer_to(b"TRIGGER " + b"x" * 24 + b"\r\n", limits=limits).startswith(b"x" * 24)
 
 
-def test_silence_and_slowness_end_a_connection() -> None:
-    async def run() -> None:
-        async with listening(limits=TcpLimits(idle_s=0.1)) as port:
-            reader, _ = await asyncio.open_connection(port.host, port.port)
-            assert await asyncio.wait_for(reader.read(), LONG_S) == b"ERROR;nothing came for too long\r\n"
-        async with listening(limits=TcpLimits(line_s=0.3)) as port:
-            reader, writer = await asyncio.open_connection(port.host, port.port)
+async def test_silence_and_slowness_end_a_connection() -> None:
+    async with listening(limits=TcpLimits(idle_s=0.1)) as port:
+        reader, _ = await asyncio.open_connection(port.host, port.port)
+        assert await asyncio.wait_for(reader.read(), LONG_S) == b"ERROR;nothing came for too long\r\n"
+    async with listening(limits=TcpLimits(line_s=0.3)) as port:
+        reader, writer = await asyncio.open_connection(port.host, port.port)
 
-            async def drip() -> None:
-                while True:
-                    writer.write(b"x")
-                    await asyncio.sleep(0.02)
+        async def drip() -> None:
+            while True:
+                writer.write(b"x")
+                await asyncio.sleep(0.02)
 
-            dripping = asyncio.create_task(drip())
-            assert await asyncio.wait_for(reader.read(), LONG_S) == b"ERROR;the line did not end\r\n"
-            dripping.cancel()
-
-    asyncio.run(run())
+        dripping = asyncio.create_task(drip())
+        assert await asyncio.wait_for(reader.read(), LONG_S) == b"ERROR;the line did not end\r\n"
+        dripping.cancel()
 
 
-def test_more_connections_than_may_be_are_told_so() -> None:
-    async def run() -> None:
-        async with listening(limits=TcpLimits(connections=2)) as port:
-            kept = [await asyncio.open_connection(port.host, port.port) for _ in range(2)]
-            for reader, writer in kept:
-                writer.write(b"PING\r\n")
-                assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
-            assert await said(port, b"") == b"ERROR;too many connections\r\n"
-            kept[0][1].close()
+async def test_more_connections_than_may_be_are_told_so() -> None:
+    async with listening(limits=TcpLimits(connections=2)) as port:
+        kept = [await asyncio.open_connection(port.host, port.port) for _ in range(2)]
+        for reader, writer in kept:
+            writer.write(b"PING\r\n")
+            assert await asyncio.wait_for(reader.readline(), LONG_S) == b"PONG\r\n"
+        assert await said(port, b"") == b"ERROR;too many connections\r\n"
+        kept[0][1].close()
 
-            async def again() -> bool:
-                return await said(port, b"PING\r\n") == b"PONG\r\n"
+        async def again() -> bool:
+            return await said(port, b"PING\r\n") == b"PONG\r\n"
 
-            for _ in range(200):
-                if await again():
-                    break
-                await asyncio.sleep(0.01)
-            else:
-                raise AssertionError("the place of a caller who has gone is not given away")
-
-    asyncio.run(run())
+        for _ in range(200):
+            if await again():
+                break
+            await asyncio.sleep(0.01)
+        else:
+            raise AssertionError("the place of a caller who has gone is not given away")
 
 
 def test_only_the_clients_named_may_call() -> None:
@@ -179,93 +166,81 @@ def test_only_the_clients_named_may_call() -> None:
         TcpPort(read_at_once, clients=("10.0.0.300",))
 
 
-def test_answers_keep_the_order_of_the_lines_and_callers_do_not_wait_for_each_other() -> None:
-    async def run() -> None:
-        go = asyncio.Event()
+async def test_answers_keep_the_order_of_the_lines_and_callers_do_not_wait_for_each_other() -> None:
+    go = asyncio.Event()
 
-        async def trigger(name: str) -> PartRecord:
-            if name == "slow":
-                await go.wait()
-            return part(name)
-
-        async with listening(trigger) as port:
-            reader, writer = await asyncio.open_connection(port.host, port.port)
-            writer.write(b"TRIGGER slow\r\nTRIGGER fast\r\n")
-            assert (await said(port, b"TRIGGER other\r\n")).startswith(b"other;")
-            go.set()
-            answers = [await asyncio.wait_for(reader.readline(), LONG_S) for _ in range(2)]
-            assert [answer.split(b";")[0] for answer in answers] == [b"slow", b"fast"]
-            writer.close()
-
-    asyncio.run(run())
-
-
-def test_a_part_is_read_to_its_end_though_the_caller_resets_or_gives_up() -> None:
-    async def run() -> None:
-        begun, go, read = asyncio.Event(), asyncio.Event(), []
-
-        async def trigger(name: str) -> PartRecord:
-            begun.set()
+    async def trigger(name: str) -> PartRecord:
+        if name == "slow":
             await go.wait()
-            read.append(name)
-            return part(name)
+        return part(name)
 
-        async with listening(trigger, limits=TcpLimits(answer_s=0.2)) as port:
-            _, writer = await asyncio.open_connection(port.host, port.port)
-            writer.write(b"TRIGGER gone\r\n")
-            await asyncio.wait_for(begun.wait(), LONG_S)
-            raw = writer.get_extra_info("socket")
-            raw.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-            writer.transport.abort()
-            late = await said(port, b"TRIGGER late\r\n")
-            assert late == b"ERROR;no result in time, the part is still being read\r\n"
-            go.set()
-            await until(lambda: sorted(read) == ["gone", "late"])
-
-    asyncio.run(run())
-
-
-def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
-    async def run() -> None:
-        begun, go = asyncio.Event(), asyncio.Event()
-
-        async def trigger(name: str) -> PartRecord:
-            begun.set()
-            await go.wait()
-            return part(name)
-
-        port = TcpPort(trigger)
-        await port.start()
-        idle_reader, _ = await asyncio.open_connection(port.host, port.port)
+    async with listening(trigger) as port:
         reader, writer = await asyncio.open_connection(port.host, port.port)
-        writer.write(b"TRIGGER P17\r\nTRIGGER P18\r\n")
-        await asyncio.wait_for(begun.wait(), LONG_S)
-        stopping = asyncio.create_task(port.stop(grace_s=LONG_S))
-        assert await asyncio.wait_for(idle_reader.read(), LONG_S) == b""
-        with pytest.raises(ConnectionRefusedError):
-            await asyncio.open_connection(port.host, port.port)
+        writer.write(b"TRIGGER slow\r\nTRIGGER fast\r\n")
+        assert (await said(port, b"TRIGGER other\r\n")).startswith(b"other;")
         go.set()
-        assert await asyncio.wait_for(reader.read(), LONG_S) == ANSWER  # and P18 was not begun
-        await asyncio.wait_for(stopping, LONG_S)
+        answers = [await asyncio.wait_for(reader.readline(), LONG_S) for _ in range(2)]
+        assert [answer.split(b";")[0] for answer in answers] == [b"slow", b"fast"]
+        writer.close()
 
-    asyncio.run(run())
+
+async def test_a_part_is_read_to_its_end_though_the_caller_resets_or_gives_up() -> None:
+    begun, go, read = asyncio.Event(), asyncio.Event(), []
+
+    async def trigger(name: str) -> PartRecord:
+        begun.set()
+        await go.wait()
+        read.append(name)
+        return part(name)
+
+    async with listening(trigger, limits=TcpLimits(answer_s=0.2)) as port:
+        _, writer = await asyncio.open_connection(port.host, port.port)
+        writer.write(b"TRIGGER gone\r\n")
+        await asyncio.wait_for(begun.wait(), LONG_S)
+        raw = writer.get_extra_info("socket")
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        writer.transport.abort()
+        late = await said(port, b"TRIGGER late\r\n")
+        assert late == b"ERROR;no result in time, the part is still being read\r\n"
+        go.set()
+        await until(lambda: sorted(read) == ["gone", "late"])
 
 
-def test_a_stop_does_not_wait_for_ever() -> None:
-    async def run() -> None:
-        async def never(_: str) -> PartRecord:
-            await asyncio.Event().wait()
-            raise AssertionError
+async def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
+    begun, go = asyncio.Event(), asyncio.Event()
 
-        port = TcpPort(never)
-        await port.start()
-        reader, writer = await asyncio.open_connection(port.host, port.port)
-        writer.write(b"TRIGGER P17\r\n")
-        await until(lambda: bool(port._reading))
-        await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
-        assert await asyncio.wait_for(reader.read(), LONG_S) == b""
+    async def trigger(name: str) -> PartRecord:
+        begun.set()
+        await go.wait()
+        return part(name)
 
-    asyncio.run(run())
+    port = TcpPort(trigger)
+    await port.start()
+    idle_reader, _ = await asyncio.open_connection(port.host, port.port)
+    reader, writer = await asyncio.open_connection(port.host, port.port)
+    writer.write(b"TRIGGER P17\r\nTRIGGER P18\r\n")
+    await asyncio.wait_for(begun.wait(), LONG_S)
+    stopping = asyncio.create_task(port.stop(grace_s=LONG_S))
+    assert await asyncio.wait_for(idle_reader.read(), LONG_S) == b""
+    with pytest.raises(ConnectionRefusedError):
+        await asyncio.open_connection(port.host, port.port)
+    go.set()
+    assert await asyncio.wait_for(reader.read(), LONG_S) == ANSWER  # and P18 was not begun
+    await asyncio.wait_for(stopping, LONG_S)
+
+
+async def test_a_stop_does_not_wait_for_ever() -> None:
+    async def never(_: str) -> PartRecord:
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    port = TcpPort(never)
+    await port.start()
+    reader, writer = await asyncio.open_connection(port.host, port.port)
+    writer.write(b"TRIGGER P17\r\n")
+    await until(lambda: bool(port._reading))
+    await asyncio.wait_for(port.stop(grace_s=0.05), LONG_S)
+    assert await asyncio.wait_for(reader.read(), LONG_S) == b""
 
 
 @pytest.mark.parametrize(
