@@ -13,16 +13,16 @@ from stdnum.iso7064 import mod_11_2, mod_11_10, mod_37_2, mod_37_36, mod_97_10
 
 from glyphs.fonts.serials import FormatError
 from recognition.check_digits import CHECK_DIGITS, BlindPair, CheckDigit, blind_pairs
-from recognition.remainders import ALPHANUMERIC, FIGURES, VIN_CHARACTERS
+from recognition.remainders import ALPHANUMERIC, DIGITS, VIN_CHARACTERS
 
 VIN = "1M8GDM9AXKP042788"
 """49 CFR 565.15(c)(5), the regulation's own example."""
 PEERS = {
-    "luhn": (luhn, FIGURES, luhn.calc_check_digit),
-    "iso7064mod11_2": (mod_11_2, FIGURES, mod_11_2.calc_check_digit),
+    "luhn": (luhn, DIGITS, luhn.calc_check_digit),
+    "iso7064mod11_2": (mod_11_2, DIGITS, mod_11_2.calc_check_digit),
     "iso7064mod37_2": (mod_37_2, ALPHANUMERIC, mod_37_2.calc_check_digit),
     "iso7064mod97_10": (mod_97_10, ALPHANUMERIC, mod_97_10.calc_check_digits),
-    "iso7064mod11_10": (mod_11_10, FIGURES, mod_11_10.calc_check_digit),
+    "iso7064mod11_10": (mod_11_10, DIGITS, mod_11_10.calc_check_digit),
     "iso7064mod37_36": (mod_37_36, ALPHANUMERIC, mod_37_36.calc_check_digit),
 }
 
@@ -42,7 +42,7 @@ def test_as_python_stdnum(name: str, data: st.DataObject) -> None:
         assert check.holds(other) == peer.is_valid(other)
 
 
-@given(st.sampled_from([7, 11, 12, 13]).flatmap(lambda n: st.text(FIGURES, min_size=n, max_size=n)))
+@given(st.sampled_from([7, 11, 12, 13]).flatmap(lambda n: st.text(DIGITS, min_size=n, max_size=n)))
 def test_gs1_as_python_stdnum(body: str) -> None:
     good = body + ean.calc_check_digit(body)
     assert CheckDigit("gs1").holds(good)
@@ -147,5 +147,5 @@ def test_a_missing_python_stdnum_is_said(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_an_opaque_rule_has_no_machine() -> None:
     with pytest.raises(FormatError, match="whole text"):
-        blind_pairs(CheckDigit("stdnum:imei"), [FIGURES] * 15)
+        blind_pairs(CheckDigit("stdnum:imei"), [DIGITS] * 15)
     assert CHECK_DIGITS[-1] == "stdnum:NAME"
