@@ -13,7 +13,7 @@ from cyclopts import App, CycloptsError, Parameter, ValidationError
 from cyclopts.argument import ArgumentCollection
 
 from glyphs.errors import fault_of
-from pipeline.cli.exit_status import BROKEN_PIPE, FAULT, INTERRUPTED, USAGE, CommandError
+from pipeline.cli.exit_status import BROKEN_PIPE, FAULT, INTERRUPTED, USAGE, CommandError, failures_reported
 
 PROGRAM = "tactile-marks"
 
@@ -29,7 +29,8 @@ def _settings(app: App, commands: tuple[str, ...], arguments: ArgumentCollection
     if any(argument.name == "--config" for argument in arguments):
         from pipeline.cli.settings import from_file_and_environment
 
-        from_file_and_environment(app, commands, arguments)
+        with failures_reported():
+            from_file_and_environment(app, commands, arguments)
 
 
 def _default(value: object) -> str | None:

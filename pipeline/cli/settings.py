@@ -11,7 +11,6 @@ A command has a parameter of type `Reading` or `Service`, and one `config`. A ke
 
 from __future__ import annotations
 
-import difflib
 import json
 import os
 import tomllib
@@ -23,8 +22,7 @@ import pydantic
 from cyclopts import App, CycloptsError, Group, Parameter
 from cyclopts.argument import Argument, ArgumentCollection, Token
 
-from pipeline.cli.exit_status import USAGE, CommandError
-from pipeline.common.settings import ReadSettings, Settings
+from pipeline.common.settings import ReadSettings, Settings, SettingsError, bad_value
 from pipeline.service.settings import ServiceSettings
 
 DEFAULT_FILE = Path("tactile-marks.toml")
@@ -69,7 +67,7 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
     """Give a command what environment and file say of its settings where its flags say nothing.
 
     Raises:
-        CommandError: a file that cannot be read, unknown keys.
+        SettingsError: a file that cannot be read, unknown keys.
     """
     written: dict[str, Any] | None = None
     for argument in arguments:
@@ -79,10 +77,10 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
         if written is None:
             file, written = _read_file(arguments)
         for name, variable in _variables(model):
-            _check_known(model, name, variable, "the environment")
+            model.check_known(name, called=variable, where="the environment")
             _give(argument, name, os.environ[variable], variable)
         for name, value in _of_table(written, model, file).items():
-            _check_known(model, name, name, str(file))
+            model.check_known(name, where=str(file))
             _give(argument, name, value, f"{name} in {file}")
 
 
@@ -91,16 +89,10 @@ def explained(error: CycloptsError) -> str:
     cause = error.__cause__
     if not isinstance(cause, pydantic.ValidationError):
         return str(error)
-    first = cause.errors()[0]
-    message = first["msg"].removeprefix("Value error, ")
-    if not first["loc"]:
-        return message
-    name = str(first["loc"][0])
-    where = flag_of(name)
-    for field in error.argument.children if error.argument is not None else ():
-        if field.keys[-1] == name and field.tokens and field.tokens[0].source != "cli":
-            where = field.tokens[0].source
-    return f"{where} is {first['input']!r}: {message[:1].lower()}{message[1:]}"
+    fields = error.argument.children if error.argument is not None else ()
+    sources = {field.keys[-1]: field.tokens[0].source for field in fields if field.tokens}
+    elsewhere = {name: source for name, source in sources.items() if source != "cli"}
+    return str(bad_value(cause, called=lambda name: elsewhere.get(name, flag_of(name))))
 
 
 def flag_of(name: str) -> str:
@@ -117,7 +109,7 @@ def _give(argument: Argument, name: str, value: Any, source: str) -> None:
             try:
                 value = check.func(value)  # type: ignore[call-arg]
             except ValueError as error:
-                raise CommandError(f"{source} is {value!r}: {error}", status=USAGE) from error
+                raise SettingsError(f"{source} is {value!r}: {error}") from error
     values = value if isinstance(value, (list, tuple)) else (value,)
     for index, item in enumerate(values):
         text = json.dumps(item) if isinstance(item, (dict, list)) else str(item)
@@ -140,18 +132,8 @@ def _of_table(written: dict[str, Any], model: type[Settings], file: Path) -> dic
         return {key: value for key, value in written.items() if key not in {other.table for other in MODELS}}
     found = written.get(model.table, {})
     if not isinstance(found, dict):
-        raise CommandError(
-            f"{model.table} in {file} is {found!r}", hint=f"make it a table: [{model.table}]", status=USAGE
-        )
+        raise SettingsError(f"{model.table} in {file} is {found!r}", hint=f"make it a table: [{model.table}]")
     return found
-
-
-def _check_known(model: type[Settings], name: str, shown: str, where: str) -> None:
-    known = list(model.model_fields)
-    if name not in known:
-        near = difflib.get_close_matches(name.lower(), known, n=2)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"the keys are {', '.join(known)}"
-        raise CommandError(f"unknown key {shown} in {where}", hint=hint, status=USAGE)
 
 
 def _read_file(arguments: ArgumentCollection) -> tuple[Path, dict[str, Any]]:
@@ -162,8 +144,8 @@ def _read_file(arguments: ArgumentCollection) -> tuple[Path, dict[str, Any]]:
     try:
         return file, tomllib.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
-        raise CommandError(
-            f"{file} cannot be read ({error.strerror})", hint="check the name after --config", status=USAGE
+        raise SettingsError(
+            f"{file} cannot be read ({error.strerror})", hint="check the name after --config"
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise CommandError(f"{file} is not TOML ({error})", hint="correct that line", status=USAGE) from error
+        raise SettingsError(f"{file} is not TOML ({error})", hint="correct that line") from error

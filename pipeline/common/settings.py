@@ -6,10 +6,12 @@ reference in the documentation (`pipeline.cli.settings`). A library user builds 
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from glyphs.errors import MarksError
 
@@ -34,9 +36,52 @@ class Settings(BaseModel):
             field.description = " ".join(str(field.description).split())
 
     @classmethod
+    def of(cls, **given: Any) -> Self:
+        """The settings given, as a program gives them.
+
+        Raises:
+            SettingsError: an unknown one, one that cannot be.
+        """
+        for name in given:
+            cls.check_known(name)
+        try:
+            return cls(**given)
+        except ValidationError as error:
+            raise bad_value(error) from error
+
+    @classmethod
+    def check_known(cls, name: str, *, called: str = "", where: str = "") -> None:
+        """Refuse a name that no setting has.
+
+        Raises:
+            SettingsError: there is none; names near it are in the hint.
+        """
+        known = list(cls.model_fields)
+        if name not in known:
+            near = difflib.get_close_matches(name.lower(), known, n=2)
+            hint = f"did you mean {' or '.join(near)}?" if near else f"the settings are {', '.join(known)}"
+            raise SettingsError(f"unknown setting {called or name}{where and ' in '}{where}", hint=hint)
+
+    @classmethod
     def variable(cls, name: str) -> str:
         """The environment variable of a setting."""
         return "_".join(("TACTILE_MARKS", *([cls.table] if cls.table else []), name)).upper()
+
+
+def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> SettingsError:
+    """The first of the values that cannot be, in words.
+
+    Args:
+        error: of pydantic.
+        called: how the person who gave it calls a setting.
+    """
+    first = error.errors()[0]
+    message = first["msg"].removeprefix("Value error, ")
+    if not first["loc"]:
+        return SettingsError(message)
+    return SettingsError(
+        f"{called(str(first['loc'][0]))} is {first['input']!r}: {message[:1].lower()}{message[1:]}"
+    )
 
 
 def _by_commas(value: Any) -> Any:

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from cyclopts import App, CycloptsError
 
-from pipeline.cli.exit_status import USAGE, CommandError
 from pipeline.cli.main import main
 from pipeline.cli.settings import (
     READING,
@@ -21,7 +20,7 @@ from pipeline.cli.settings import (
     from_file_and_environment,
 )
 from pipeline.cli.settings_reference import settings_reference
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.service.settings import ServiceSettings
 
 FILE = Path("tactile-marks.toml")
@@ -37,7 +36,7 @@ def run(command: Callable[..., object], *flags: str) -> object:
     try:
         return app(flags, exit_on_error=False, print_error=False)
     except CycloptsError as error:
-        raise CommandError(explained(error), status=USAGE) from error
+        raise SettingsError(explained(error)) from error
 
 
 def reading(*flags: str) -> ReadSettings:
@@ -151,8 +150,8 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("toml", "message"),
     [
-        ("hight_mm = 5", r"unknown key hight_mm in tactile-marks\.toml; did you mean height_mm"),
-        ("[read]\nheight_mm = 5", "unknown key read"),
+        ("hight_mm = 5", r"unknown setting hight_mm in tactile-marks\.toml; did you mean height_mm"),
+        ("[read]\nheight_mm = 5", "unknown setting read"),
         ("height_mm = -5", r"height_mm in tactile-marks\.toml is '-5': input should be greater than 0"),
         ("height_mm = nan", "height_mm"),
         ('height_mm = "tall"', "height_mm in .* is 'tall'"),
@@ -169,7 +168,7 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
         ('depth_rule = "VIN"', "depth_rule in .* is 'VIN': unknown depth rule 'VIN'; known are 27CFR478.92"),
         ("min_depth_mm = 0", "min_depth_mm in .* is '0'"),
         ("min_depth_mm = -0.1", "min_depth_mm"),
-        ("[service]\nprot = 1\n", "unknown key prot in .* did you mean port"),
+        ("[service]\nprot = 1\n", "unknown setting prot in .* did you mean port"),
         ("service = 3\n", "make it a table"),
         ('[service]\nport = "many"\n', "port in"),
         ('[service]\nhost = "0.0.0.0"\ntokens = "off"\n', "without tokens"),
@@ -183,9 +182,8 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_a_bad_file_is_an_error_with_key_and_place(toml: str, message: str) -> None:
     FILE.write_text(toml, encoding="utf-8")
-    with pytest.raises(CommandError, match=message) as error:
+    with pytest.raises(SettingsError, match=message):
         serving()
-    assert error.value.status == USAGE
 
 
 @pytest.mark.parametrize(
@@ -201,7 +199,7 @@ def test_a_bad_environment_is_an_error_with_its_variable(
     variable: str, value: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(variable, value)
-    with pytest.raises(CommandError, match=message):
+    with pytest.raises(SettingsError, match=message):
         serving()
 
 
@@ -214,7 +212,7 @@ def test_a_bad_environment_is_an_error_with_its_variable(
     ],
 )
 def test_bad_flags(flags: tuple[str, ...], message: str) -> None:
-    with pytest.raises(CommandError, match=message):
+    with pytest.raises(SettingsError, match=message):
         reading(*flags)
 
 
@@ -235,6 +233,13 @@ def test_every_setting_has_a_description_and_stands_in_help_and_reference(
     assert main(["read", "--help"]) == 0
     shown = capsys.readouterr().out
     assert all(str(field.description)[:60] in shown for field in ReadSettings.model_fields.values())
+
+
+def test_what_cannot_be_is_bad_usage_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    FILE.write_text("hight_mm = 5\n", encoding="utf-8")
+    assert main(["read", "part.npz"]) == 2
+    said = "tactile-marks: unknown setting hight_mm in tactile-marks.toml; did you mean height_mm?\n"
+    assert capsys.readouterr().err == said
 
 
 def test_help_of_a_command_is_its_whole_docstring(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
 from recognition.reader_settings import ReaderSettings
 
@@ -19,8 +19,11 @@ def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> 
         ("luhn",),
     )
     assert (settings.height_mm, settings.fidelity) == (None, "contact")
-    with pytest.raises(ValidationError, match="hight_mm"):
-        ReadSettings(hight_mm=5.0)
+    assert ReadSettings.of(font="gothic, futural", format="sets:AB,0-9", check="luhn") == settings
+    with pytest.raises(SettingsError, match="unknown setting hight_mm; did you mean height_mm"):
+        ReadSettings.of(hight_mm=5.0)
+    with pytest.raises(SettingsError, match=r"height_mm is -5\.0: input should be greater than 0"):
+        ReadSettings.of(height_mm=-5.0)
     with pytest.raises(ValidationError, match="frozen"):
         settings.height_mm = 5.0
 
