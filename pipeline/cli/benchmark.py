@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from pipeline.cli.choices import FaceName, FidelityName
 from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
     from pipeline.benchmark.report import Written
     from pipeline.benchmark.run import Benchmark
-
-FaceName = Literal["sharp", "flat", "round", "dotted"]
-FidelityName = Literal["pointwise", "contact"]
 
 
 def benchmark(

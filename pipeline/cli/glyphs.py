@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
+from pipeline.cli.choices import FaceName
 from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
-
-FaceName = Literal["sharp", "flat", "round", "dotted"]
 
 
 def list_fonts(database: Path | None = None) -> int:

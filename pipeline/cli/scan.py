@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+from pipeline.cli.choices import FidelityName
 from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 
-FidelityName = Literal["pointwise", "contact"]
 UnitName = Literal["um", "mm", "m", "in"]
 
 

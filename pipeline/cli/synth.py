@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
 
+from pipeline.cli.choices import FaceName
 from pipeline.cli.exit_status import failures_reported
-
-FaceName = Literal["sharp", "flat", "round", "dotted"]
 
 
 def synth(

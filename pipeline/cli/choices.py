@@ -1,0 +1,8 @@
+"""Choices that flags of several commands have, as words: the enums themselves are too heavy for help."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+FaceName = Literal["sharp", "flat", "round", "dotted"]
+FidelityName = Literal["pointwise", "contact"]
