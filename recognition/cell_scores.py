@@ -12,12 +12,13 @@ A template's mean over the window, and its norm about it, come from sums by colu
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from glyphs.compiled import CONTRACTED, kernel
 from recognition.correlation import LEAST_INK, add_stretches
 
 ALIGNED = 8
@@ -69,42 +70,21 @@ def cell_ink(patches: NDArray[np.float32], half_rows: int) -> CellInk:
     )
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _cut(layers, row, column, rows, cols):  # type: ignore[no-untyped-def]
-    """(channels, rows, cols) of the image from (row, column) on; land, which is zero, beyond it."""
-    count, n_rows, n_cols = layers.shape
-    out = np.zeros((count, rows, cols), dtype=np.float32)
-    low, high = max(0, -column), min(cols, n_cols - column)
-    if low < high:
-        for k in range(count):
-            for r in range(max(0, -row), min(rows, n_rows - row)):
-                out[k, r, low:high] = layers[k, row + r, column + low : column + high]
-    return out
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _stacked(cut, along, stretch):  # type: ignore[no-untyped-def]
-    """(columns, channels, rows, stretch) of the cell: shifts along, and nought to the end of the stretch."""
+@kernel()
+def _prepare(cut, tall, wide, along, stack, total, square, room):  # type: ignore[no-untyped-def]
+    """Fill the stack, the sum of each window by channel, and the sum of squares about the channels' means."""
     count, rows, cols = cut.shape
-    out = np.zeros((cols - along + 1, count, rows, stretch), dtype=np.float32)
-    for c in range(out.shape[0]):
+    stretch = stack.shape[3]
+    for c in range(stack.shape[0]):
         for k in range(count):
             for r in range(rows):
-                filled, seen = out[c, k, r], cut[k, r, c : c + along]
+                filled, line = stack[c, k, r], cut[k, r]
                 for j in range(along):
-                    filled[j] = seen[j]
-    return out
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _window_sums(cut, tall, wide, stretch):  # type: ignore[no-untyped-def]
-    """(channels, shifts) sum of each window, and (shifts,) root of the sum of squares about the channels' means."""
-    count, rows, cols = cut.shape
-    down, along = rows - tall + 1, cols - wide + 1
-    total, square = np.zeros((count, down * stretch)), np.zeros(down * stretch)
-    s1, s2 = np.empty(cols), np.empty(cols)
+                    filled[j] = line[c + j]
+    s1, s2 = room[0], room[1]
     for k in range(count):
-        s1[:], s2[:] = 0.0, 0.0
+        for c in range(cols):
+            s1[c] = s2[c] = 0.0
         for r in range(rows):
             for c in range(cols):
                 v = np.float64(cut[k, r, c])
@@ -117,7 +97,10 @@ def _window_sums(cut, tall, wide, stretch):  # type: ignore[no-untyped-def]
                     s2[c] -= v * v
             i = r - tall + 1
             if i >= 0:
-                t1, t2 = s1[: wide - 1].sum(), s2[: wide - 1].sum()
+                t1 = t2 = 0.0
+                for c in range(wide - 1):
+                    t1 += s1[c]
+                    t2 += s2[c]
                 for j in range(along):
                     t1 += s1[j + wide - 1]
                     t2 += s2[j + wide - 1]
@@ -125,122 +108,148 @@ def _window_sums(cut, tall, wide, stretch):  # type: ignore[no-untyped-def]
                     square[i * stretch + j] += t2 - t1 * t1 / (wide * tall)
                     t1 -= s1[j]
                     t2 -= s2[j]
-    return total, np.sqrt(np.maximum(square, 1e-12))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _places(ink, first, last, left, stack, at):  # type: ignore[no-untyped-def]
-    """Where in the stack the shifts of each pixel of ink begin."""
-    _, count, rows, stretch = stack.shape
-    for n in range(first, last):
-        at[n - first] = (((ink.column[n] + left) * count + ink.channel[n]) * rows + ink.row[n]) * stretch
+@kernel(allow=CONTRACTED)
+def _straight(  # type: ignore[no-untyped-def]
+    flat,
+    shape,
+    channel,
+    row,
+    column,
+    value,
+    span,
+    left,
+    along,
+    gone,
+    norm,
+    sums,
+    root,
+    at,
+    table,
+    best,
+    shift,
+):
+    """Of each template the best correlation and its shift; `gone` are its channels' means, `span` its ink."""
+    count, rows, stretch = shape
+    for t in range(best.size):
+        first, last = span[t, 0], span[t, 1]
+        for n in range(first, last):
+            at[n] = (((column[n] + left) * count + channel[n]) * rows + row[n]) * stretch
+        for i in range(table.size):
+            table[i] = np.float32(0.0)
+        add_stretches(table, np.int64(0), table.size, flat, at, value, first, last)
+        for i in range(table.size):
+            mean = 0.0
+            for k in range(gone.shape[1]):
+                mean += gone[t, k] * sums[k, i]
+            table[i] = (table[i] - mean) / (norm[t] * root[i])
+        found, most = 0, -np.inf
+        for dv in range(table.size // stretch):
+            for du in range(along):
+                if table[dv * stretch + du] > most:
+                    found, most = dv * along + du, table[dv * stretch + du]
+        best[t], shift[t] = most, found
 
 
-@njit(cache=True, fastmath={"contract"})  # type: ignore[untyped-decorator,unused-ignore]
-def _upright(flat, at, value, gone, sums, root, norm, out):  # type: ignore[no-untyped-def]
-    """Correlations of one template at every shift; `gone` are its channels' means."""
-    out[:] = np.float32(0.0)
-    add_stretches(out, flat, at, value, 0, value.size)
-    for i in range(out.size):
-        mean = 0.0
-        for k in range(gone.size):
-            mean += gone[k] * sums[k, i]
-        out[i] = (out[i] - mean) / (norm * root[i])
+class Scored(NamedTuple):
+    """Best correlation of each template with a cell, (T,), and the shift it has there; the cell's stack and sums.
+
+    Attributes:
+        sums: (channels, shifts) of each window.
+        root: (shifts,) of the sum of squares about the channels' means.
+    """
+
+    best: NDArray[np.float64]
+    shift: NDArray[np.int64]
+    stack: NDArray[np.float32]
+    sums: NDArray[np.float64]
+    root: NDArray[np.float64]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def straight_scores(layers, ink, first_t, last_t, cell):  # type: ignore[no-untyped-def]
-    """Best correlation of each template, (T,), and the shift it has there; the cell's stack and its sums.
+def straight_scores(
+    layers: NDArray[np.float32], ink: CellInk, first_t: int, last_t: int, cell: tuple[int, ...]
+) -> Scored:
+    """The templates from first_t to last_t, upright.
 
     A cell is its row and column, the rows it reaches up and down, the columns left and right, and the rows and
     columns by which it is shifted either way.
     """
     at_row, at_column, up, left, right, sv, su = cell
-    tall, wide = 2 * up + 1, left + right + 1
+    tall, wide, along = 2 * up + 1, left + right + 1, 2 * su + 1
+    stretch = -(-along // ALIGNED) * ALIGNED
     cut = _cut(layers, at_row - up - sv, at_column - left - su, tall + 2 * sv, wide + 2 * su)
-    along, stretch = 2 * su + 1, -(-(2 * su + 1) // ALIGNED) * ALIGNED
-    stack = _stacked(cut, along, stretch)
-    sums, root = _window_sums(cut, tall, wide, stretch)
-    flat = stack.ravel()
-    count = stack.shape[1]
+    count, rows, cols = cut.shape
+    shifts = (2 * sv + 1) * stretch
+    stack = np.zeros((wide, count, rows, stretch), dtype=np.float32)
+    sums, square = np.zeros((count, shifts)), np.zeros(shifts)
+    _prepare(cut, tall, wide, along, stack, sums, square, np.empty((2, cols)))
+    root = np.sqrt(np.maximum(square, 1e-12))
     middle = ink.start.shape[1] // 2 - 1
     low, high = middle - left, middle + right + 1
-    n = tall * wide
+    which = slice(first_t, last_t)
+    whole = ink.total[which, high] - ink.total[which, low]
+    norm = ink.square[which, high] - ink.square[which, low]
+    for k in range(count):
+        norm -= whole[:, k] * whole[:, k] / (tall * wide)
+    norm = np.maximum(np.sqrt(np.maximum(norm, 0.0)), 1e-12)
     best, shift = np.empty(last_t - first_t), np.empty(last_t - first_t, dtype=np.int64)
-    at = np.empty(ink.value.size, dtype=np.int64)
-    table = np.empty(root.size, dtype=np.float32)
-    gone = np.empty(count)
-    for t in range(first_t, last_t):
-        first, last = ink.start[t, low], ink.start[t, high]
-        _places(ink, first, last, left, stack, at)
-        norm = ink.square[t, high] - ink.square[t, low]
-        for k in range(count):
-            s = ink.total[t, high, k] - ink.total[t, low, k]
-            gone[k] = s / n
-            norm -= s * s / n
-        norm = max(np.sqrt(max(norm, 0.0)), 1e-12)
-        _upright(flat, at, ink.value[first:last], gone, sums, root, norm, table)
-        i, most = 0, -np.inf
-        for dv in range(2 * sv + 1):
-            for du in range(along):
-                if table[dv * stretch + du] > most:
-                    i, most = dv * along + du, table[dv * stretch + du]
-        best[t - first_t], shift[t - first_t] = most, i
-    return best, shift, stack, sums, root
+    at, table = np.empty(ink.value.size, dtype=np.int64), np.empty(shifts, dtype=np.float32)
+    span = np.ascontiguousarray(ink.start[which, [low, high]])
+    gone = whole / (tall * wide)
+    _straight(
+        stack.ravel(), stack.shape[1:], ink.channel, ink.row, ink.column, ink.value, span, left, along,
+        gone, norm, sums, root, at, table, best, shift,
+    )  # fmt: skip
+    return Scored(best, shift, stack, sums, root)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _parts(ink, first, last, up, half_width, half_height, out):  # type: ignore[no-untyped-def]
-    """The template and its two leaning parts, (3, ink)."""
-    for n in range(first, last):
-        u = min(max(ink.column[n] / half_width, -1.0), 1.0)
-        v = min(max((ink.row[n] - up) / half_height, -1.0), 1.0)
-        out[0, n - first] = ink.value[n]
-        out[1, n - first] = ink.value[n] * np.float32(u)
-        out[2, n - first] = ink.value[n] * np.float32(v)
+def _cut(layers: NDArray[np.float32], row: int, column: int, rows: int, cols: int) -> NDArray[np.float32]:
+    """(channels, rows, cols) of the image from (row, column) on; land, which is zero, beyond it."""
+    count, n_rows, n_cols = layers.shape
+    out = np.zeros((count, rows, cols), dtype=np.float32)
+    top, bottom = max(0, -row), min(rows, n_rows - row)
+    low, high = max(0, -column), min(cols, n_cols - column)
+    if top < bottom and low < high:
+        out[:, top:bottom, low:high] = layers[:, row + top : row + bottom, column + low : column + high]
+    return out
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _gram(channel, parts, count, n):  # type: ignore[no-untyped-def]
-    """(3, 3) products of the parts about their channels' means, and those means, (3, channels)."""
-    sums, products = np.zeros((3, count)), np.zeros((3, 3))
-    for i in range(channel.size):
+@kernel(allow=CONTRACTED)
+def _tilted(  # type: ignore[no-untyped-def]
+    flat, shape, channel, row, column, value, up, left, along, n_window, half_width, half_height, most_lean,
+    sums, root, at, parts, found, mean, gram, best,
+):  # fmt: skip
+    """As `tilted_score`, of the ink given, into `best`; `found`, `mean` and `gram` are zero."""
+    count, rows, stretch = shape
+    for n in range(at.size):
+        k = channel[n]
+        at[n] = (((column[n] + left) * count + k) * rows + row[n]) * stretch
+        # the template and its two leaning parts
+        parts[0, n] = value[n]
+        parts[1, n] = value[n] * np.float32(min(max(column[n] / half_width, -1.0), 1.0))
+        parts[2, n] = value[n] * np.float32(min(max((row[n] - up) / half_height, -1.0), 1.0))
         for p in range(3):
-            a = np.float64(parts[p, i])
-            sums[p, channel[i]] += a
+            a = np.float64(parts[p, n])
+            mean[p, k] += a
             for q in range(p, 3):
-                products[p, q] += a * np.float64(parts[q, i])
+                gram[p, q] += a * np.float64(parts[q, n])
+    # products of the parts about their channels' means
     for p in range(3):
         for q in range(p, 3):
             for k in range(count):
-                products[p, q] -= sums[p, k] * sums[q, k] / n
-            products[q, p] = products[p, q]
-    return products, sums / n
-
-
-@njit(cache=True, fastmath={"contract"})  # type: ignore[untyped-decorator,unused-ignore]
-def tilted_score(stack, along, sums, root, ink, t, up, left, right, half_width, half_height, most_lean):  # type: ignore[no-untyped-def]
-    """Best correlation of one template whose one side may be struck deeper than the other, and its shift.
-
-    The parts are made orthogonal one after the other, in the numbers of their Gram matrix.
-    """
-    flat, count = stack.ravel(), stack.shape[1]
-    middle = ink.start.shape[1] // 2 - 1
-    first, last = ink.start[t, middle - left], ink.start[t, middle + right + 1]
-    at = np.empty(last - first, dtype=np.int64)
-    _places(ink, first, last, left, stack, at)
-    parts = np.empty((3, last - first), dtype=np.float32)
-    _parts(ink, first, last, up, half_width, half_height, parts)
-    gram, mean = _gram(ink.channel[first:last], parts, count, (2 * up + 1) * (left + right + 1))
-    size = max(np.sqrt(max(gram[0, 0], 0.0)), 1e-12)
-    c10, c20 = gram[0, 1] / size, gram[0, 2] / size
-    length1 = max(np.sqrt(max(gram[1, 1] - c10 * c10, 0.0)), 1e-12)
-    c21 = (gram[1, 2] - c10 * c20) / length1
-    length2 = max(np.sqrt(max(gram[2, 2] - c20 * c20 - c21 * c21, 0.0)), 1e-12)
-    found = np.zeros((3, root.size), dtype=np.float32)
+                gram[p, q] -= mean[p, k] * mean[q, k] / n_window
     for p in range(3):
-        add_stretches(found[p], flat, at, parts[p], 0, at.size)
-    best, shift, stretch = -2.0, 0, stack.shape[3]
+        for k in range(count):
+            mean[p, k] /= n_window
+    size = max(math.sqrt(max(gram[0, 0], 0.0)), 1e-12)
+    c10, c20 = gram[0, 1] / size, gram[0, 2] / size
+    length1 = max(math.sqrt(max(gram[1, 1] - c10 * c10, 0.0)), 1e-12)
+    c21 = (gram[1, 2] - c10 * c20) / length1
+    length2 = max(math.sqrt(max(gram[2, 2] - c20 * c20 - c21 * c21, 0.0)), 1e-12)
+    for p in range(3):
+        add_stretches(found[p], np.int64(0), root.size, flat, at, parts[p], np.int64(0), at.size)
+    most, shift = -2.0, 0
     for i in range(root.size):
         if i % stretch >= along:
             continue
@@ -255,12 +264,42 @@ def tilted_score(stack, along, sums, root, ink, t, up, left, right, half_width, 
         upright /= root[i]
         score = upright
         if upright > 0.0:
-            square = upright * upright
-            for part, length in ((first_part, length1), (second_part, length2)):
-                seen = abs(part) / root[i]
-                taken = min(seen, most_lean * upright * length / size)
-                square += taken * (2.0 * seen - taken)
-            score = np.sqrt(min(square, 1.0))
-        if score > best:
-            best, shift = score, i // stretch * along + i % stretch
-    return best, shift
+            lean = most_lean * upright / size
+            seen1, seen2 = abs(first_part) / root[i], abs(second_part) / root[i]
+            taken1, taken2 = min(seen1, lean * length1), min(seen2, lean * length2)
+            square = upright * upright + taken1 * (2.0 * seen1 - taken1) + taken2 * (2.0 * seen2 - taken2)
+            score = math.sqrt(min(square, 1.0))
+        if score > most:
+            most, shift = score, i // stretch * along + i % stretch
+    best[0], best[1] = most, shift
+
+
+def tilted_score(
+    cell: Scored,
+    along: int,
+    ink: CellInk,
+    t: int,
+    *,
+    up: int,
+    left: int,
+    right: int,
+    half_width: float,
+    half_height: float,
+    most_lean: float,
+) -> tuple[float, int]:
+    """Best correlation of one template whose one side may be struck deeper than the other, and its shift.
+
+    The parts are made orthogonal one after the other, in the numbers of their Gram matrix.
+    """
+    stack = cell.stack
+    middle = ink.start.shape[1] // 2 - 1
+    of = slice(ink.start[t, middle - left], ink.start[t, middle + right + 1])
+    channel, row, column, value = (values[of] for values in (ink.channel, ink.row, ink.column, ink.value))
+    found, best = np.zeros((3, cell.root.size), dtype=np.float32), np.empty(2)
+    _tilted(
+        stack.ravel(), stack.shape[1:], channel, row, column, value, up, left, along,
+        (2 * up + 1) * (left + right + 1), half_width, half_height, most_lean, cell.sums, cell.root,
+        np.empty_like(channel), np.empty((3, value.size), dtype=np.float32), found,
+        np.zeros((3, stack.shape[1])), np.zeros((3, 3)), best,
+    )  # fmt: skip
+    return float(best[0]), int(best[1])

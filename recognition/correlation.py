@@ -12,10 +12,15 @@ of a window takes off it is known from sums over windows, which neighbouring pla
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from glyphs.compiled import ANY_ORDER, CONTRACTED, kernel
+
+Image: TypeAlias = NDArray[np.float32]
+Floats: TypeAlias = NDArray[np.float64]
 
 LEAST_INK = 1e-4
 """Of the largest prediction: less is none."""
@@ -56,142 +61,132 @@ def ink_lists(windows: NDArray[np.float32], mean: NDArray[np.float32]) -> InkLis
     )
 
 
-@njit(cache=True, fastmath={"contract", "reassoc"})  # type: ignore[untyped-decorator,unused-ignore]
-def add_stretches(total, flat, at, value, first, last):  # type: ignore[no-untyped-def]
-    """total[i] += sum of value[n] * flat[at[n] + i] over first <= n < last; eight at once, to save on stores."""
-    size = total.size
-    n = first
+@kernel(allow=ANY_ORDER)
+def add_stretches(total, low, size, flat, at, value, first, last):  # type: ignore[no-untyped-def]
+    """total[low + i] += sum of value[n] * flat[at[n] + i] over first <= n < last; eight at once, to save on stores."""
+    begin, n = np.uint64(low), first  # what has no sign need not be looked at as an index from the end
     while n + 8 <= last:
         v0, v1, v2, v3 = value[n], value[n + 1], value[n + 2], value[n + 3]
         v4, v5, v6, v7 = value[n + 4], value[n + 5], value[n + 6], value[n + 7]
-        f0, f1 = flat[at[n] : at[n] + size], flat[at[n + 1] : at[n + 1] + size]
-        f2, f3 = flat[at[n + 2] : at[n + 2] + size], flat[at[n + 3] : at[n + 3] + size]
-        f4, f5 = flat[at[n + 4] : at[n + 4] + size], flat[at[n + 5] : at[n + 5] + size]
-        f6, f7 = flat[at[n + 6] : at[n + 6] + size], flat[at[n + 7] : at[n + 7] + size]
-        for i in range(size):
-            some = v0 * f0[i] + v1 * f1[i] + v2 * f2[i] + v3 * f3[i]
-            total[i] += some + (v4 * f4[i] + v5 * f5[i] + v6 * f6[i] + v7 * f7[i])
+        a0, a1, a2, a3 = np.uint64(at[n]), np.uint64(at[n + 1]), np.uint64(at[n + 2]), np.uint64(at[n + 3])
+        a4, a5, a6, a7 = (
+            np.uint64(at[n + 4]),
+            np.uint64(at[n + 5]),
+            np.uint64(at[n + 6]),
+            np.uint64(at[n + 7]),
+        )
+        for j in range(size):
+            i = np.uint64(j)
+            some = v0 * flat[a0 + i] + v1 * flat[a1 + i] + v2 * flat[a2 + i] + v3 * flat[a3 + i]
+            more = v4 * flat[a4 + i] + v5 * flat[a5 + i] + v6 * flat[a6 + i] + v7 * flat[a7 + i]
+            total[begin + i] += some + more
         n += 8
     while n < last:
-        v0, f0 = value[n], flat[at[n] : at[n] + size]
-        for i in range(size):
-            total[i] += v0 * f0[i]
+        v0, a0 = value[n], np.uint64(at[n])
+        for j in range(size):
+            i = np.uint64(j)
+            total[begin + i] += v0 * flat[a0 + i]
         n += 1
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def products(layers, start, channel, row, column, value, first_row, last_row, out):  # type: ignore[no-untyped-def]
+@kernel()
+def _products(flat, base, at, value, start, first, last, out):  # type: ignore[no-untyped-def]
+    """Add up the pixels from first to last of all templates, block by block; `at` is room for the ink's places."""
+    for begin in range(first, last, BLOCK):
+        size = min(BLOCK, last - begin)
+        for n in range(base.size):
+            at[n] = base[n] + begin
+        for t in range(out.shape[0]):
+            add_stretches(out[t], begin, size, flat, at, value, start[t], start[t + 1])
+
+
+def products(layers: Image, ink: InkLists, first_row: int, last_row: int, out: Image) -> None:
     """out[t, r, c] += the product of the template with the window there, of rows first_row <= r < last_row.
 
     Rows must keep the templates' half height from the rim; what stands within their half width of a rim is void.
     """
     _, rows, cols = layers.shape
-    rim = max(np.abs(column).max(), 1) if column.size else 1
-    flat = np.zeros(layers.size + 2 * rim, dtype=np.float32)
-    flat[rim : rim + layers.size] = layers.ravel()
-    base = np.empty(channel.size, dtype=np.int64)
-    for n in range(channel.size):
-        base[n] = (channel[n] * rows + row[n]) * cols + column[n] + rim
-    at = np.empty_like(base)
-    for begin in range(first_row * cols, last_row * cols, BLOCK):
-        stop = min(begin + BLOCK, last_row * cols)
-        for n in range(base.size):
-            at[n] = base[n] + begin
-        for t in range(out.shape[0]):
-            add_stretches(out[t].ravel()[begin:stop], flat, at, value, start[t], start[t + 1])
+    rim = max(int(np.abs(ink.column).max(initial=0)), 1)
+    flat = np.pad(layers.ravel(), rim)
+    base = (ink.channel * rows + ink.row) * cols + ink.column + rim
+    _products(
+        flat, base, np.empty_like(base), ink.value, ink.start, first_row * cols, last_row * cols,
+        out.reshape(out.shape[0], -1),
+    )  # fmt: skip
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def running_sums(layers, half_rows, rim):  # type: ignore[no-untyped-def]
+def running_sums(layers: Image, half_rows: int, rim: int) -> Floats:
     """(channels + 1, rows, rim + cols + 1 + rim) sums over rows within half_rows and all columns before.
 
     The last are of squares. In the rims stands what lies before and after all columns.
     """
     count, rows, cols = layers.shape
+    exact = np.empty((count + 1, rows, cols))
+    exact[:count] = layers
+    np.einsum("krc,krc->rc", exact[:count], exact[:count], out=exact[count])
+    down = np.zeros((count + 1, rows + 1, cols))
+    np.cumsum(exact, axis=1, out=down[:, 1:])
+    at = np.arange(rows)
     out = np.zeros((count + 1, rows, cols + 1 + 2 * rim))
-    column = np.zeros((count + 1, cols))
-    for r in range(-half_rows, rows):
-        for k in range(count):
-            if r + half_rows < rows:
-                for c in range(cols):
-                    v = np.float64(layers[k, r + half_rows, c])
-                    column[k, c] += v
-                    column[count, c] += v * v
-            if r - half_rows - 1 >= 0:
-                for c in range(cols):
-                    v = np.float64(layers[k, r - half_rows - 1, c])
-                    column[k, c] -= v
-                    column[count, c] -= v * v
-        if r >= 0:
-            for k in range(count + 1):
-                total = 0.0
-                for c in range(cols):
-                    total += column[k, c]
-                    out[k, r, rim + c + 1] = total
-                out[k, r, rim + cols + 1 :] = total
+    sums = down[:, np.minimum(at + half_rows + 1, rows)] - down[:, np.maximum(at - half_rows, 0)]
+    np.cumsum(sums, axis=2, out=out[:, :, rim + 1 : rim + cols + 1])
+    out[:, :, rim + cols + 1 :] = out[:, :, rim + cols, None]
     return out
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def window_sums(running, rim, half_rows, half_cols):  # type: ignore[no-untyped-def]
+def window_sums(running: Floats, rim: int, half_rows: int, half_cols: int) -> tuple[Image, Floats]:
     """Sum over a window about every pixel, of each channel, and the sum of squares about the mean over channels."""
-    count, rows, cols = running.shape[0] - 1, running.shape[1], running.shape[2] - 1 - 2 * rim
+    cols = running.shape[2] - 1 - 2 * rim
+    after, before = rim + half_cols + 1, rim - half_cols
+    sums = running[:, :, after : after + cols] - running[:, :, before : before + cols]
+    total, spread = sums[:-1], sums[-1]
     share = 1.0 / ((2 * half_rows + 1) * (2 * half_cols + 1))
-    total = np.empty((count, rows, cols), dtype=np.float32)
-    spread = np.empty((rows, cols))
-    for r in range(rows):
-        line = spread[r]
-        after, before = running[count, r, rim + half_cols + 1 :], running[count, r, rim - half_cols :]
-        for c in range(cols):
-            line[c] = after[c] - before[c]
-        for k in range(count):
-            sums = total[k, r]
-            after, before = running[k, r, rim + half_cols + 1 :], running[k, r, rim - half_cols :]
-            for c in range(cols):
-                s = after[c] - before[c]
-                sums[c] = s
-                line[c] -= s * s * share
-        for c in range(cols):
-            line[c] = max(line[c], 0.0)
-    return total, spread
+    spread = spread - np.einsum("krc,krc->rc", total, total) * share
+    return total.astype(np.float32), np.maximum(spread, 0.0)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def normalise(layers, product, window, halves, mean, norm, half_rows, first_row, last_row):  # type: ignore[no-untyped-def]
+def normalise(
+    layers: Image,
+    product: Image,
+    window: NDArray[np.int64],
+    halves: NDArray[np.int64],
+    mean: Image,
+    norm: NDArray[np.float64],
+    half_rows: int,
+    first_row: int,
+    last_row: int,
+) -> Image:
     """Turn products into correlations, in place; (windows, rows, cols) mean square of the image in each window.
 
     A window's mean comes off, over the template's norm and the window's spread; 0 where the window leaves the image.
     """
-    rim = halves.max()
+    rim = int(halves.max())
     running = running_sums(layers, half_rows, rim)
-    _, rows, cols = layers.shape
+    count, rows, cols = layers.shape
     energy = np.empty((halves.size, rows, cols), dtype=np.float32)
-    root = np.empty((rows, cols), dtype=np.float32)
-    for i in range(halves.size):
-        half = halves[i]
+    scale = (1.0 / norm).astype(np.float32)
+    product[:, :first_row] = product[:, last_row:] = 0.0
+    for i, half in enumerate(halves.tolist()):
         total, spread = window_sums(running, rim, half_rows, half)
-        count = (2 * half_rows + 1) * (2 * half + 1) * layers.shape[0]
-        floor = 1e-6 * max(spread.max(), 1e-12)
-        for r in range(rows):
-            for c in range(cols):
-                energy[i, r, c] = spread[r, c] / count
-                root[r, c] = np.sqrt(max(spread[r, c], floor))
-        for t in range(window.size):
-            if window[t] != i:
-                continue
-            product[t, :first_row], product[t, last_row:] = np.float32(0.0), np.float32(0.0)
-            for r in range(first_row, last_row):
-                _scaled(product[t, r], total, r, root[r], mean[t], np.float32(1.0 / norm[t]))
-                product[t, r, : min(half, cols)] = np.float32(0.0)
-                product[t, r, max(0, cols - half) :] = np.float32(0.0)
+        energy[i] = spread / ((2 * half_rows + 1) * (2 * half + 1) * count)
+        root = np.sqrt(np.maximum(spread, 1e-6 * max(float(spread.max()), 1e-12))).astype(np.float32)
+        _scaled(product, window, i, total, root, mean, scale, first_row, last_row)
+        product[window == i, :, : min(half, cols)] = 0.0
+        product[window == i, :, max(0, cols - half) :] = 0.0
     return energy
 
 
-@njit(cache=True, fastmath={"contract"})  # type: ignore[untyped-decorator,unused-ignore]
-def _scaled(line, total, row, root, mean, scale):  # type: ignore[no-untyped-def]
-    for k in range(mean.size):
-        inside = total[k, row]
-        for c in range(line.size):
-            line[c] -= mean[k] * inside[c]
-    for c in range(line.size):
-        line[c] = line[c] * scale / root[c]
+@kernel(allow=CONTRACTED)
+def _scaled(product, window, which, total, root, mean, scale, first_row, last_row):  # type: ignore[no-untyped-def]
+    count, _, cols = total.shape
+    for t in range(window.size):
+        if window[t] != which:
+            continue
+        for r in range(first_row, last_row):
+            line = product[t, r]
+            for k in range(count):
+                inside, share = total[k, r], mean[t, k]
+                for c in range(cols):
+                    line[c] -= share * inside[c]
+            for c in range(cols):
+                line[c] = line[c] * scale[t] / root[r, c]

@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from glyphs.compiled import kernel
 
 MAX_CHARACTERS = 64
 _NONE = -1e9
@@ -45,7 +46,7 @@ class Spacing:
 
 
 # fmt: off
-@njit(cache=True)
+@kernel()
 def _before(  # type: ignore[no-untyped-def]
     best, by_template, half, start, overlap, reach, gap_free, gap_cost, expected, behind, step_cost, step_limit
 ):
@@ -62,15 +63,14 @@ def _before(  # type: ignore[no-untyped-def]
     return before, at
 
 
-@njit(cache=True)
+@kernel()
 def _chain(  # type: ignore[no-untyped-def]
     reward, half, allowed, free, overlap, reach, gap_free, gap_cost,
-    ahead, behind, step_cost, step_limit, best, from_end, by_template,
+    ahead, behind, step_cost, step_limit, earlier, earlier_end, best, from_end, by_template,
 ):
-    """best[k, e]: most earned by k + 1 characters whose last ink ends at column e."""
+    """best[k, e]: most earned by k + 1 characters whose last ink ends at column e; `earlier...` are room."""
     n_places, n_templates = allowed.shape
     cols = reward.shape[1]
-    earlier, earlier_end = np.empty(cols), np.empty(cols, dtype=np.int64)
     for k in range(n_places):
         placed, spaced = False, step_limit[k] > 0.0
         if k > 0 and not spaced:
@@ -149,7 +149,7 @@ def best_chain(
     _chain(
         np.ascontiguousarray(reward), np.ascontiguousarray(half_cols), table, free,
         overlap, reach, gap_free, float(gap_cost), spacing.before, spacing.after,
-        float(spacing.cost), limit, best, from_end, by_template,
+        float(spacing.cost), limit, np.empty(cols), np.empty(cols, dtype=np.int64), best, from_end, by_template,
     )  # fmt: skip
     k = int(np.unravel_index(int(np.argmax(best)), best.shape)[0]) if free else table.shape[0] - 1
     end = int(np.argmax(best[k]))

@@ -2,102 +2,90 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeAlias
+
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
+
+from glyphs.compiled import kernel
+
+Floats: TypeAlias = NDArray[np.float64]
 
 LEAST_PIVOT = 1e-9
 """Of the largest element of the normal equations: below, they do not tell all three terms of a plane."""
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def bilinear(depth, row, col):  # type: ignore[no-untyped-def]
-    """Depth at a place, which is moved onto the map; NaN beside what was felt."""
-    rows, cols = depth.shape
-    row, col = min(max(row, 0.0), rows - 1.001), min(max(col, 0.0), cols - 1.001)
-    r, c = int(row), int(col)
+def bilinear(depth: Floats, row: Floats, col: Floats) -> Floats:
+    """Depth at places, in rows and columns of any shape; they are moved onto the map, and NaN beside what was felt."""
+    row, col = np.clip(row, 0.0, depth.shape[0] - 1.001), np.clip(col, 0.0, depth.shape[1] - 1.001)
+    r, c = row.astype(np.int64), col.astype(np.int64)
     down, right = row - r, col - c
     upper = depth[r, c] * (1.0 - right) + depth[r, c + 1] * right
     lower = depth[r + 1, c] * (1.0 - right) + depth[r + 1, c + 1] * right
-    return upper * (1.0 - down) + lower * down
+    return np.asarray(upper * (1.0 - down) + lower * down)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def mean_depths(depth, poses, middle, moves):  # type: ignore[no-untyped-def]
-    """(poses, moves down, moves right) mean depth of (poses, n, 2) points; places not felt count as land."""
+@kernel()
+def _mean_depths(depth, poses, middle, moves, out):  # type: ignore[no-untyped-def]
+    """As `mean_depths`; looked up like `bilinear`."""
     n = poses.shape[1]
-    out = np.zeros((poses.shape[0], moves.size, moves.size))
     for p in range(poses.shape[0]):
         for i in range(moves.size):
             for j in range(moves.size):
                 total = 0.0
+                down, right = middle[0] + moves[i], middle[1] + moves[j]
                 for k in range(n):
-                    row = poses[p, k, 0] + (middle[0] + moves[i])
-                    value = bilinear(depth, row, poses[p, k, 1] + (middle[1] + moves[j]))
-                    if np.isfinite(value):
-                        total += value
+                    row = min(max(poses[p, k, 0] + down, 0.0), depth.shape[0] - 1.001)
+                    col = min(max(poses[p, k, 1] + right, 0.0), depth.shape[1] - 1.001)
+                    r, c = int(row), int(col)
+                    row, col = row - r, col - c
+                    upper = depth[r, c] * (1.0 - col) + depth[r, c + 1] * col
+                    lower = depth[r + 1, c] * (1.0 - col) + depth[r + 1, c + 1] * col
+                    value = upper * (1.0 - row) + lower * row
+                    total += value if abs(value) < np.inf else 0.0
                 out[p, i, j] = total / n
+
+
+def mean_depths(depth: Floats, poses: Floats, middle: Floats, moves: NDArray[np.floating[Any]]) -> Floats:
+    """(poses, moves down, moves right) mean depth of (poses, n, 2) points; places not felt count as land."""
+    out = np.empty((poses.shape[0], moves.size, moves.size))
+    _mean_depths(depth, poses, middle, moves, out)
     return out
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def across(depth, points, normals, aside, plane):  # type: ignore[no-untyped-def]
+def across(depth: Floats, points: Floats, normals: Floats, aside: Floats, plane: Floats) -> Floats:
     """(aside, n) depth below a plane across a stroke at each of (n, 2) points."""
-    out = np.empty((aside.size, points.shape[0]))
-    for i in range(aside.size):
-        for k in range(points.shape[0]):
-            row, col = points[k, 0] + aside[i] * normals[k, 0], points[k, 1] + aside[i] * normals[k, 1]
-            out[i, k] = bilinear(depth, row, col) - plane[0] - (row * plane[1] + col * plane[2])
-    return out
+    row, col = (points[:, axis] + aside[:, None] * normals[:, axis] for axis in (0, 1))
+    return np.asarray(bilinear(depth, row, col) - plane[0] - (row * plane[1] + col * plane[2]))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def deepest(depth, most_points):  # type: ignore[no-untyped-def]
+def deepest(depth: Floats, most_points: int) -> Floats:
     """(n,) depth where the stroke's middle is, looked for over neighbouring points together."""
     n = depth.shape[1]
     window = min(most_points, n)
     ahead = (window - 1) // 2
-    out = np.empty(n)
-    for k in range(n):
-        best = -np.inf
-        out[k] = depth[0, k]
-        for i in range(depth.shape[0]):
-            total = 0.0
-            for j in range(max(0, k + ahead - window + 1), min(n, k + ahead + 1)):
-                total += depth[i, j]
-            if total > best:
-                best, out[k] = total, depth[i, k]
-    return out
+    wide = np.pad(depth, ((0, 0), (window - 1 - ahead, ahead)))
+    total = np.sum([wide[:, j : j + n] for j in range(window)], axis=0)
+    return np.asarray(depth[np.argmax(total, axis=0), np.arange(n)])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def robust_plane(level, row, col, rounds):  # type: ignore[no-untyped-def]
+def robust_plane(level: Floats, row: Floats, col: Floats, rounds: int) -> tuple[Floats, bool]:
     """Level and slopes of samples at (row, col), by Tukey's weights, which leave out what lies off; if they tell."""
-    terms, matrix = np.array([np.median(level), 0.0, 0.0]), np.empty((3, 4))
-    residual, design = np.empty(level.size), np.empty(3)
+    terms = np.array([float(np.median(level)), 0.0, 0.0])
+    design = np.stack([np.ones(level.size), row, col, level])
     for _ in range(rounds):
-        for n in range(level.size):
-            residual[n] = level[n] - terms[0] - terms[1] * row[n] - terms[2] * col[n]
-        spread = 1.4826 * np.median(np.abs(residual))
+        residual = level - terms[0] - terms[1] * row - terms[2] * col
+        spread = 1.4826 * float(np.median(np.abs(residual)))
         if spread <= 0.0:
             break
-        matrix[:] = 0.0
-        for n in range(level.size):
-            weight = max(1.0 - (residual[n] / (3.0 * spread)) ** 2, 0.0) ** 2
-            design[0], design[1], design[2] = 1.0, row[n], col[n]
-            for i in range(3):
-                for j in range(3):
-                    matrix[i, j] += weight * design[i] * design[j]
-                matrix[i, 3] += weight * design[i] * level[n]
+        weight = np.maximum(1.0 - (residual / (3.0 * spread)) ** 2, 0.0) ** 2
+        matrix = (design[:3] * weight) @ design.T
         least = LEAST_PIVOT * np.abs(matrix[:, :3]).max()
         for i in range(3):
             # symmetric and not negative: no rows need change places
             if not matrix[i, i] > least:
                 return terms, False
-            for j in range(i + 1, 3):
-                matrix[j] -= matrix[i] * (matrix[j, i] / matrix[i, i])
-        for i in range(2, -1, -1):
-            total = matrix[i, 3]
-            for j in range(i + 1, 3):
-                total -= matrix[i, j] * terms[j]
-            terms[i] = total / matrix[i, i]
+            matrix[i + 1 :] -= np.outer(matrix[i + 1 :, i] / matrix[i, i], matrix[i])
+        for i in (2, 1, 0):
+            terms[i] = (matrix[i, 3] - matrix[i, i + 1 : 3] @ terms[i + 1 :]) / matrix[i, i]
     return terms, True

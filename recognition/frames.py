@@ -14,9 +14,9 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from glyphs.compiled import CONTRACTED, kernel, read_only
 from glyphs.surface.maps import EdgeMap, TraceDirection
 from recognition.box import Box
 
@@ -114,15 +114,16 @@ def turned(upright: LineImage, *, rotation_deg: float) -> LineImage:
     out_cols = math.ceil(cols * abs(cos) + rows * abs(sin))
     out_rows = math.ceil(rows * abs(cos) + cols * abs(sin))
     origin = (-0.5 * (out_cols - 1) * upright.pitch_u_mm, -0.5 * (out_rows - 1) * upright.pitch_v_mm)
-    channels = _turned(upright.channels, out_rows, out_cols, cos, sin)
+    channels = np.zeros((upright.channels.shape[0], out_rows, out_cols), dtype=np.float32)
+    _turned(read_only(upright.channels), cos, sin, channels)
     return replace(upright, channels=channels, origin_mm=origin, rotation_deg=rotation_deg)
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _turned(layers, out_rows, out_cols, cos, sin):  # type: ignore[no-untyped-def]
-    """Bilinear, about the middle; zero beyond the image."""
+@kernel()
+def _turned(layers, cos, sin, out):  # type: ignore[no-untyped-def]
+    """Bilinear, about the middle; `out` stays as it is beyond the image."""
     count, rows, cols = layers.shape
-    out = np.zeros((count, out_rows, out_cols), dtype=np.float32)
+    _, out_rows, out_cols = out.shape
     for i in range(out_rows):
         v = i - 0.5 * (out_rows - 1)
         for j in range(out_cols):
@@ -136,46 +137,40 @@ def _turned(layers, out_rows, out_cols, cos, sin):  # type: ignore[no-untyped-de
                 upper = layers[k, r, c] * (1.0 - right) + layers[k, r, c + 1] * right
                 lower = layers[k, r + 1, c] * (1.0 - right) + layers[k, r + 1, c + 1] * right
                 out[k, i, j] = upper * (1.0 - down) + lower * down
-    return out
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _triangles(n_samples, n_pixels, step, pitch):  # type: ignore[no-untyped-def]
+def _triangles(
+    n_samples: int, n_pixels: int, step: float, pitch: float
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """First sample of each pixel and the weights from it on: a triangle one pixel, or step, wide to each side."""
     reach = max(pitch, step) * (1.0 + 1e-6)
     most = min(n_samples, int(2.0 * reach / step) + 2)
-    first = np.empty(n_pixels, dtype=np.int64)
-    weight = np.zeros((n_pixels, most), dtype=np.float32)
-    exact = np.empty(most)
-    for i in range(n_pixels):
-        middle = i * pitch
-        first[i] = min(max(int(np.ceil((middle - reach) / step)), 0), n_samples - most)
-        for j in range(most):
-            exact[j] = max(1.0 - abs(middle - (first[i] + j) * step) / reach, 0.0)
-        weight[i] = exact / exact.sum()
-    return first, weight
+    middle = np.arange(n_pixels) * pitch
+    first = np.clip(np.ceil((middle - reach) / step).astype(np.int64), 0, n_samples - most)
+    sample = (first[:, None] + np.arange(most)) * step
+    weight = np.maximum(1.0 - np.abs(middle[:, None] - sample) / reach, 0.0)
+    return first, (weight / weight.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
-@njit(cache=True, fastmath={"contract"})  # type: ignore[untyped-decorator,unused-ignore]
-def _averaged(layers, first_v, weight_v, first_u, weight_u):  # type: ignore[no-untyped-def]
-    """Weighted sums down, then along."""
+@kernel(allow=CONTRACTED)
+def _averaged(layers, first_v, weight_v, first_u, weight_u, line, out):  # type: ignore[no-untyped-def]
+    """Weighted sums down, into `line`, then along; weight_u is (samples, pixels)."""
     count, _, cols = layers.shape
-    out = np.empty((count, first_v.size, first_u.size), dtype=np.float32)
-    line, across = np.empty(cols, dtype=np.float32), weight_u.T.copy()
     for k in range(count):
         for i in range(first_v.size):
-            line[:] = np.float32(0.0)
+            for c in range(cols):
+                line[c] = np.float32(0.0)
             for j in range(weight_v.shape[1]):
                 w, sample = weight_v[i, j], layers[k, first_v[i] + j]
                 for c in range(cols):
                     line[c] += w * sample[c]
             row = out[k, i]
-            row[:] = np.float32(0.0)
-            for j in range(across.shape[0]):
-                w, sample = across[j], line[j:]
-                for p in range(row.size):
-                    row[p] += w[p] * sample[first_u[p]]
-    return out
+            for p in range(first_u.size):
+                row[p] = np.float32(0.0)
+            for j in range(weight_u.shape[0]):
+                w = weight_u[j]
+                for p in range(first_u.size):
+                    row[p] += w[p] * line[j + first_u[p]]
 
 
 def resampled(image: LineImage, *, pitch_u_mm: float, pitch_v_mm: float) -> LineImage:
@@ -197,9 +192,11 @@ def _averaged_onto(image: LineImage, pitch_u_mm: float, pitch_v_mm: float) -> Li
     n_v = int((rows - 1) * image.pitch_v_mm / pitch_v_mm + 1e-6) + 1
     first_u, weight_u = _triangles(cols, n_u, image.pitch_u_mm, pitch_u_mm)
     first_v, weight_v = _triangles(rows, n_v, image.pitch_v_mm, pitch_v_mm)
-    layers = np.ascontiguousarray(image.channels, dtype=np.float32)
+    layers, along = read_only(image.channels, np.float32), np.ascontiguousarray(weight_u.T)
+    channels = np.empty((layers.shape[0], n_v, n_u), dtype=np.float32)
+    _averaged(layers, first_v, weight_v, first_u, along, np.empty(cols, dtype=np.float32), channels)
     return LineImage(
-        _averaged(layers, first_v, weight_v, first_u, weight_u),
+        channels,
         pitch_u_mm,
         pitch_v_mm,
         image.origin_mm,

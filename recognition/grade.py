@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 STROKE_SHARE = 0.3
@@ -201,25 +200,16 @@ def _action(grades: dict[str, int]) -> Action:
     return Action.RE_STRIKE if shallow else Action.NONE
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def reaching(values, pixels):  # type: ignore[no-untyped-def]
+def reaching(values: NDArray[np.float64], pixels: int) -> NDArray[np.float64]:
     """The largest value within so many pixels, channel by channel."""
-    count, rows, cols = values.shape
-    out = np.empty_like(values)
-    line = np.empty(cols)
-    for k in range(count):
-        for r in range(rows):
-            line[:] = values[k, r]
-            for i in range(max(0, r - pixels), min(rows, r + pixels + 1)):
-                near = values[k, i]
-                for c in range(cols):
-                    line[c] = max(line[c], near[c])
-            out[k, r] = line
-            for move in range(1, pixels + 1):
-                for c in range(cols - move):
-                    out[k, r, c] = max(out[k, r, c], line[c + move])
-                for c in range(move, cols):
-                    out[k, r, c] = max(out[k, r, c], line[c - move])
+    down = values.copy()
+    for move in range(1, pixels + 1):
+        np.maximum(down[:, move:], values[:, :-move], out=down[:, move:])
+        np.maximum(down[:, :-move], values[:, move:], out=down[:, :-move])
+    out = down.copy()
+    for move in range(1, pixels + 1):
+        np.maximum(out[:, :, move:], down[:, :, :-move], out=out[:, :, move:])
+        np.maximum(out[:, :, :-move], down[:, :, move:], out=out[:, :, :-move])
     return out
 
 

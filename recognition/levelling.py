@@ -15,7 +15,6 @@ from recognition.levelling_fit import (
     median_near,
     steepness_squared,
     tukey,
-    without_form,
 )
 from recognition.localise import MIN_RELIEF_SHARE, bands, line_rotation_deg
 
@@ -66,15 +65,9 @@ def level(height_map: HeightMap, *, degree: int = 2) -> HeightMap:
         spread = 1.4826 * median_near(residual, spread / 1.4826, BRACKET * spread, about=middle)
         if spread <= 0.0:
             break
-        tukey(thin.ravel(), over.ravel(), middle, 1.0 / (3.0 * spread), weight.ravel(), weighted.ravel())
-    out = np.empty(z.shape, dtype=np.float32)
-    without_form(
-        z,
-        np.stack([row_terms**j for j in terms.power_v]),
-        np.stack([col_terms**i for i in terms.power_u]),
-        coefficients.astype(np.float32),
-        out,
-    )
+        weight, weighted = tukey(thin, over, middle, 3.0 * spread)
+    form = Terms(col_terms, row_terms, degree).surface(coefficients)
+    out = z - form.astype(np.float32)
     out.flags.writeable = False  # so that it is not copied
     return HeightMap(out, height_map.pitch_mm)
 
@@ -90,8 +83,7 @@ def relief_mm(height_map: HeightMap) -> float:
 
 def _activity(z: NDArray[np.float32], pitch_mm: float) -> NDArray[np.float64]:
     """`localise.activity_of` both slopes of a map, without laying them out."""
-    activity = np.empty(z.shape)
-    steepness_squared(z, pitch_mm, activity)
+    activity = steepness_squared(z, pitch_mm)
     floor, top = median_and_quantile(activity, 0.97)
     activity -= floor
     return np.asarray(np.clip(activity, 0.0, max(top - floor, 1e-300), out=activity))
@@ -99,6 +91,8 @@ def _activity(z: NDArray[np.float32], pitch_mm: float) -> NDArray[np.float64]:
 
 def first_look(levelled: HeightMap) -> FirstLook:
     """Rotation and heights worth trying, from the slopes of a levelled map."""
+    from scipy import ndimage
+
     from glyphs.opencv import cv2
 
     rows = levelled.shape[0]
@@ -109,16 +103,12 @@ def first_look(levelled: HeightMap) -> FirstLook:
     step = max(1, rows // WORK_ROWS)
     z = np.where(np.isfinite(levelled.z_mm), levelled.z_mm, 0.0)
     if step > 1:
-        from scipy import ndimage
-
         z = ndimage.uniform_filter(z, size=step)[step // 2 :: step, step // 2 :: step]
     pitch = levelled.pitch_mm * step
     smooth = cv2.GaussianBlur(z, (7, 7), _SMOOTHING_PIXELS, borderType=cv2.BORDER_REFLECT)
     activity = _activity(np.asarray(smooth, dtype=np.float32), pitch)
     rotation = line_rotation_deg(activity)
     if rotation:
-        from scipy import ndimage
-
         activity = ndimage.rotate(activity, rotation, reshape=True, order=1)
     found = bands(activity, pitch_mm=pitch)
     heights = [b.height_mm for b in found if b.height_mm > MIN_HEIGHT_SHARE * smaller]

@@ -1,12 +1,14 @@
-"""The loops of `mounting`, compiled: the robust polynomial through the land, and medians of much that hardly moves."""
+"""What levelling is made of: the robust polynomial through the land, and medians of much that hardly moves."""
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-_ANY_ORDER = {"reassoc", "contract", "arcp", "nsz"}
+Floats: TypeAlias = NDArray[np.float64]
+
 BRACKET = 0.05
 """To either side of the last median, in spreads, that the next one is first looked for in."""
 
@@ -43,70 +45,30 @@ class Terms:
         return np.asarray(self._v[:, : self._n] @ (table @ self._u[:, : self._n].T))
 
 
-@njit(cache=True, error_model="numpy", fastmath=_ANY_ORDER)  # type: ignore[untyped-decorator,unused-ignore]
-def tukey(z, over, middle, inv_cut, weight, weighted):  # type: ignore[no-untyped-def]
-    """Biweights of heights that lie `over` a fit, which vanish 1 / inv_cut from the middle, and the heights by them."""
-    for j in range(z.size):
-        off = (over[j] - middle) * inv_cut
-        w = 1.0 - off * off
-        known = w > 0.0  # not for NaN either
-        weight[j] = w * w if known else 0.0
-        weighted[j] = w * w * z[j] if known else 0.0
-
-
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def _between(values, middle, low, high, out):  # type: ignore[no-untyped-def]
-    """Distances from `middle` (values as they are if it is NaN) from low to high, and how many are below."""
-    below = within = 0
-    plain = np.isnan(middle)
-    for value in values:
-        x = value if plain else abs(value - middle)
-        below += 1 if x < low else 0
-        out[within] = x
-        within += 1 if (x >= low) & (x <= high) else 0
-    return below, within
+def tukey(z: Floats, over: Floats, middle: float, cut: float) -> tuple[Floats, Floats]:
+    """Biweights of heights that lie `over` a fit, which vanish `cut` from the middle, and the heights by them."""
+    off = (over - middle) / cut
+    weight = np.fmax(1.0 - off * off, 0.0) ** 2  # nought for NaN, too
+    return weight, np.where(weight > 0.0, weight * z, 0.0)
 
 
 def median_near(values: NDArray[np.float64], guess: float, reach: float, *, about: float = np.nan) -> float:
     """The median of values, or of their distances from `about`: exact, and quick when it is within reach of a guess."""
     n = values.size
-    near = np.empty(n + 1)
-    below, within = _between(values, about, guess - reach, guess + reach, near)
-    if not below <= (n - 1) // 2 <= n // 2 < below + within:
-        below, within = _between(values, about, -np.inf, np.inf, near)
+    if not np.isnan(about):
+        values = np.abs(values - about)
+    near, below = values[np.abs(values - guess) <= reach], int(np.count_nonzero(values < guess - reach))
+    if not below <= (n - 1) // 2 <= n // 2 < below + near.size:
+        near, below = values, 0
     upper = n // 2 - below
-    parted = np.partition(near[:within], upper)
+    parted = np.partition(near, upper)
     return float(parted[upper] if n % 2 else 0.5 * (parted[upper] + parted[:upper].max()))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def without_form(z, terms_v, terms_u, coefficients, out):  # type: ignore[no-untyped-def]
-    """Heights less the polynomial, in float32 term by term; terms_v (terms, rows), terms_u (terms, cols)."""
-    form = np.empty(z.shape[1], dtype=np.float32)
-    for i in range(z.shape[0]):
-        form[:] = np.float32(0.0)
-        for k in range(coefficients.size):
-            scale, across = coefficients[k], terms_v[k, i]
-            for j in range(form.size):
-                form[j] += scale * np.float32(across * terms_u[k, j])
-        for j in range(form.size):
-            out[i, j] = z[i, j] - form[j]
-
-
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
-def steepness_squared(z, pitch, out):  # type: ignore[no-untyped-def]
-    """Square of the gradient of (rows, cols) float32: central differences, one-sided at the rim, into float64."""
-    rows, cols = z.shape
-    one, two = np.float32(pitch), np.float32(2.0 * pitch)
-    for i in range(rows):
-        up, down = z[max(i - 1, 0)], z[min(i + 1, rows - 1)]
-        span, line = two if 0 < i < rows - 1 else one, z[i]
-        for j in range(1, cols - 1):
-            a, b = np.float64((line[j + 1] - line[j - 1]) / two), np.float64((down[j] - up[j]) / span)
-            out[i, j] = a * a + b * b
-        for j, left, right in ((0, 0, 1), (cols - 1, cols - 2, cols - 1)):
-            a, b = np.float64((line[right] - line[left]) / one), np.float64((down[j] - up[j]) / span)
-            out[i, j] = a * a + b * b
+def steepness_squared(z: NDArray[np.float32], pitch: float) -> Floats:
+    """Square of the gradient of a (rows, cols) map: central differences, one-sided at the rim."""
+    down, right = (slope.astype(np.float64) for slope in np.gradient(z, pitch))
+    return np.asarray(right * right + down * down)
 
 
 def median_and_quantile(values: NDArray[np.float64], share: float) -> tuple[float, float]:

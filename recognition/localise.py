@@ -10,8 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from glyphs.compiled import kernel
 
 MAX_ROTATION_DEG = 10.0
 ROTATION_STEP_DEG = 0.5
@@ -68,7 +69,8 @@ def line_rotation_deg(activity: NDArray[np.float64]) -> float:
     x, y = u - 0.5 * (cols - 1), v - 0.5 * (rows - 1)
     # the sweep across: a rotation moves the ends of the line by this many rows
     angles = np.arange(-MAX_ROTATION_DEG, MAX_ROTATION_DEG + 1e-9, ROTATION_STEP_DEG)
-    sharp = _sharpness(x, y, weight, np.radians(angles))
+    sharp = np.empty(angles.size)
+    _sharpness(x, y, weight, np.radians(angles), np.empty(x.size), np.empty(rows + cols + 2), sharp)
     best = int(np.argmax(sharp))
     level = sharp[len(angles) // 2]
     if sharp[best] < 1.06 * level:
@@ -81,25 +83,28 @@ def line_rotation_deg(activity: NDArray[np.float64]) -> float:
     return float(angles[best])
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _sharpness(x, y, weight, angles):  # type: ignore[no-untyped-def]
-    """(angles,) sum of squares of what is gathered in rows of a frame turned so."""
-    out = np.zeros(angles.size)
-    at = np.empty(x.size)
+@kernel()
+def _sharpness(x, y, weight, angles, at, profile, out):  # type: ignore[no-untyped-def]
+    """(angles,) sum of squares of what is gathered in rows of a frame turned so; `at` and `profile` are room."""
     for n in range(angles.size):
         sin, cos = math.sin(angles[n]), math.cos(angles[n])
+        low, high = np.inf, -np.inf
         for i in range(x.size):
             at[i] = cos * y[i] - sin * x[i]
-        low, high = at.min(), at.max()
-        profile = np.zeros(int(high - low) + 2)
+            low, high = min(low, at[i]), max(high, at[i])
+        rows = int(high - low) + 2
+        for r in range(rows):
+            profile[r] = 0.0
         for i in range(x.size):
             place = at[i] - low
             first = int(place)
             part = place - first
             profile[first] += weight[i] * (1.0 - part)
             profile[first + 1] += weight[i] * part
-        out[n] = (profile * profile).sum()
-    return out
+        total = 0.0
+        for r in range(rows):
+            total += profile[r] * profile[r]
+        out[n] = total
 
 
 def bands(activity: NDArray[np.float64], *, pitch_mm: float, most: int = 5) -> tuple[Band, ...]:

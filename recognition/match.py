@@ -17,7 +17,7 @@ from glyphs.surface.maps import TraceDirection
 from recognition.correlation import InkLists, ink_lists, normalise, products, running_sums, window_sums
 from recognition.frames import LineImage, channels
 from recognition.templates import PIXELS, TemplateSet
-from whisker_array.estimation.gridding import averaging
+from whisker_array.estimation.spreading import averaging
 
 SEARCH_PIXELS = 16
 """Pixels to a character height in the search."""
@@ -133,7 +133,7 @@ def dense_scores(
     score = np.zeros((search.norm.size, n_rows, n_cols), dtype=np.float32)
     ink = search.ink
     if high > low:
-        products(layers, ink.start, ink.channel, ink.row, ink.column, ink.value, low, high, score)
+        products(layers, ink, low, high, score)
     halves, window = np.unique(search.half_cols, return_inverse=True)
     window = window.astype(np.int64)
     energy = normalise(layers, score, window, halves, ink.mean, search.norm, search.half_rows, low, high)

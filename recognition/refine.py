@@ -229,7 +229,8 @@ def _score_cell(
     sv, su = (SHIFT_ROWS, SHIFT_COLUMNS) if only is None else (1, 1)
     first, last = (0, ink.start.shape[0]) if only is None else (only, only + 1)
     cell = (row, column, up, left, right, sv, su)
-    scores, shift, stack, sums, root = straight_scores(fine.channels, ink, first, last, cell)
+    straight = straight_scores(fine.channels, ink, first, last, cell)
+    scores, shift = straight.best, straight.shift
     turn = np.zeros(scores.size)
     if only is None:
         for angle in (0.0, *TURNS_DEG):
@@ -237,19 +238,9 @@ def _score_cell(
                 # the die of a hammer blow leans: depth varies over the character as 1 + a u + b v
                 half = max(float(half_width[t]) * PIXELS, 1.0)
                 score, at = tilted_score(
-                    stack,
-                    2 * su + 1,
-                    sums,
-                    root,
-                    made[angle],
-                    t,
-                    up,
-                    left,
-                    right,
-                    half,
-                    0.5 * PIXELS,
-                    MAX_LEAN,
-                )
+                    straight, 2 * su + 1, made[angle], t,
+                    up=up, left=left, right=right, half_width=half, half_height=0.5 * PIXELS, most_lean=MAX_LEAN,
+                )  # fmt: skip
                 if score > scores[t]:
                     scores[t], shift[t], turn[t] = score, at, angle
     winner = int(np.argmax(scores))

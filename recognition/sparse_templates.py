@@ -12,7 +12,7 @@ from recognition.frames import channels
 from recognition.pixel_model import N_PREDICTED, PixelModel
 from recognition.ratio_sums import FEW, ratio_maps, sum_ratios
 from recognition.templates import PIXELS, TemplateSet
-from whisker_array.estimation.gridding import averaging
+from whisker_array.estimation.spreading import averaging
 
 EVIDENCE_PIXELS = 24
 """Pixels to a character height."""

@@ -6,9 +6,9 @@ A character earns its width times (score^2 - floor^2), shallow ones less, less w
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from glyphs.compiled import kernel
 from recognition.localise import percentile
 from recognition.match import DenseScores
 
@@ -22,39 +22,23 @@ def depth_share(dense: DenseScores) -> NDArray[np.float32]:
     return np.asarray(np.sqrt(np.clip(dense.window_energy / max(typical, 1e-30), 0.0, 1.0)))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _reward(score, share, width, sign, floor, cost, out):  # type: ignore[no-untyped-def]
-    for c in range(score.size):
-        s = sign * score[c]
-        square = s * s if s > np.float32(0.0) else -s * s
-        out[c] = width * share[c] * (square - floor) - cost
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _promises(score, window, share, width, sign, floor, cost):  # type: ignore[no-untyped-def]
-    """(rows,) sum over columns of the most that any template earns there, if it earns at all."""
+@kernel()
+def _promises(score, window, share, width, sign, floor, cost, best, out):  # type: ignore[no-untyped-def]
+    """(rows,) sum over columns of the most that any template earns there, if it earns at all; `best` is room."""
     count, rows, cols = score.shape
-    out = np.zeros(rows)
-    reward, best = np.empty(cols, dtype=np.float32), np.empty(cols, dtype=np.float32)
     for r in range(rows):
-        best[:] = np.float32(0.0)
+        for c in range(cols):
+            best[c] = np.float32(0.0)
         for t in range(count):
-            _reward(score[t, r], share[window[t], r], width[t], sign, floor, cost, reward)
+            line, shares = score[t, r], share[window[t], r]
             for c in range(cols):
-                best[c] = max(best[c], reward[c])
-        out[r] = best.sum()
-    return out
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def _rewards(score, window, share, width, sign, floor, cost, first, last):  # type: ignore[no-untyped-def]
-    """(T, rows, cols) rewards of the rows from first to last."""
-    count, _, cols = score.shape
-    out = np.empty((count, last - first, cols), dtype=np.float32)
-    for t in range(count):
-        for r in range(first, last):
-            _reward(score[t, r], share[window[t], r], width[t], sign, floor, cost, out[t, r - first])
-    return out
+                s = sign * line[c]
+                square = s * s if s > np.float32(0.0) else -s * s
+                best[c] = max(best[c], width[t] * shares[c] * (square - floor) - cost)
+        total = np.float32(0.0)
+        for c in range(cols):
+            total += best[c]
+        out[r] = total
 
 
 class TemplateScores:
@@ -92,10 +76,13 @@ class TemplateScores:
 
     def promises(self) -> NDArray[np.float64]:
         """(rows,) sum over columns of the most that any template earns there, if it earns at all."""
-        found: NDArray[np.float64] = _promises(*self._of)
+        _, rows, cols = self._of[0].shape
+        found = np.empty(rows)
+        _promises(*self._of, np.empty(cols, dtype=np.float32), found)
         return found
 
     def near(self, first: int, last: int) -> NDArray[np.float32]:
         """(T, last - first, cols) what each template earns in those rows."""
-        found: NDArray[np.float32] = _rewards(*self._of, first, last)
-        return found
+        score, window, share, width, sign, floor, cost = self._of
+        s = sign * score[:, first:last]
+        return np.asarray(width[:, None, None] * share[window, first:last] * (s * np.abs(s) - floor) - cost)

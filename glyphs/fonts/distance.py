@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from glyphs.compiled import FAST, kernel
 
 _CHUNK = 1024  # points handled together: three float64 buffers of this length stay in the first-level cache
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")  # type: ignore[untyped-decorator,unused-ignore]
+@kernel(allow=FAST)
+def _least_squares(x, y, segments, out):  # type: ignore[no-untyped-def]
+    """The square of the distance of each point from the nearest segment, into `out`, infinite as yet."""
+    n = x.size
+    for start in range(0, n, _CHUNK):
+        stop = min(start + _CHUNK, n)
+        for k in range(segments.shape[0]):
+            ax, ay = segments[k, 0], segments[k, 1]
+            dx, dy = segments[k, 2] - ax, segments[k, 3] - ay
+            length2 = dx * dx + dy * dy
+            inverse = 1.0 / length2 if length2 > 0.0 else 0.0
+            for i in range(start, stop):
+                px, py = x[i] - ax, y[i] - ay
+                t = min(max((px * dx + py * dy) * inverse, 0.0), 1.0)
+                ex, ey = px - t * dx, py - t * dy
+                out[i] = min(out[i], ex * ex + ey * ey)
+
+
 def segment_distance(
     x: NDArray[np.float64], y: NDArray[np.float64], segments: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -23,37 +41,14 @@ def segment_distance(
     Returns:
         (n,) distances; infinity when there is no segment.
     """
+    out = np.full(x.size, np.inf)
+    _least_squares(x, y, segments, out)
+    return np.asarray(np.sqrt(out))
+
+
+@kernel()
+def _wind(x, y, segments, out):  # type: ignore[no-untyped-def]
     n = x.size
-    out = np.full(n, np.inf)
-    for start in range(0, n, _CHUNK):
-        stop = min(start + _CHUNK, n)
-        for k in range(segments.shape[0]):
-            ax, ay = segments[k, 0], segments[k, 1]
-            dx, dy = segments[k, 2] - ax, segments[k, 3] - ay
-            length2 = dx * dx + dy * dy
-            inverse = 1.0 / length2 if length2 > 0.0 else 0.0
-            for i in range(start, stop):
-                px, py = x[i] - ax, y[i] - ay
-                t = min(max((px * dx + py * dy) * inverse, 0.0), 1.0)
-                ex, ey = px - t * dx, py - t * dy
-                out[i] = min(out[i], ex * ex + ey * ey)
-    for i in range(n):
-        out[i] = np.sqrt(out[i])
-    return out
-
-
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
-def winding_number(
-    x: NDArray[np.float64], y: NDArray[np.float64], segments: NDArray[np.float64]
-) -> NDArray[np.int32]:
-    """Winding number of closed polygons, given as directed segments (m, 4), about every point (n,).
-
-    Returns:
-        (n,) int32. Upward edges count when the point lies strictly to their left, downward ones the reverse
-        (D. Sunday's rule), so a horizontal edge never counts twice.
-    """
-    n = x.size
-    out = np.zeros(n, np.int32)
     for start in range(0, n, _CHUNK):
         stop = min(start + _CHUNK, n)
         for k in range(segments.shape[0]):
@@ -66,4 +61,17 @@ def winding_number(
                             out[i] += 1
                     elif left < 0.0:
                         out[i] -= 1
+
+
+def winding_number(
+    x: NDArray[np.float64], y: NDArray[np.float64], segments: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """Winding number of closed polygons, given as directed segments (m, 4), about every point (n,).
+
+    Returns:
+        (n,) int32. Upward edges count when the point lies strictly to their left, downward ones the reverse
+        (D. Sunday's rule), so a horizontal edge never counts twice.
+    """
+    out = np.zeros(x.size, np.int32)
+    _wind(x, y, segments, out)
     return out

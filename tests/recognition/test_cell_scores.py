@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.lib.stride_tricks import sliding_window_view
 
-from recognition.cell_scores import cell_ink, straight_scores, tilted_score
+from recognition.cell_scores import CellInk, Scored, cell_ink, straight_scores, tilted_score
 
 FLOAT32 = 5e-5
 """Of a correlation in single precision, over some hundred pixels, ink below 1e-4 of the strongest left out."""
@@ -48,6 +48,13 @@ def centred(values: np.ndarray) -> np.ndarray:
 def scored(layers: np.ndarray, templates: np.ndarray, row: int, column: int, *, only: slice = slice(0, 4)):
     ink = cell_ink(templates, UP)
     return ink, straight_scores(layers, ink, only.start, only.stop, (row, column, UP, LEFT, RIGHT, SV, SU))
+
+
+def tilted(cell: Scored, ink: CellInk, t: int, half_width: float) -> tuple[float, int]:
+    return tilted_score(
+        cell, 2 * SU + 1, ink, t,
+        up=UP, left=LEFT, right=RIGHT, half_width=half_width, half_height=HALF_HEIGHT, most_lean=LEAN,
+    )  # fmt: skip
 
 
 # in the middle, leaning over each rim, beyond the map
@@ -102,17 +109,15 @@ def leaning(shifts: np.ndarray, spread: np.ndarray, template: np.ndarray, half_w
 @given(st.integers(0, 2**32 - 1), st.floats(1.0, 9.0))
 def test_tilted_scores_are_those_of_leaning_templates(seed: int, half_width: float) -> None:
     layers, templates = some(seed)
-    ink, (best, _, stack, sums, root) = scored(layers, templates, 13, 16)
+    ink, cell = scored(layers, templates, 13, 16)
     shifts = centred(windows_at(layers, 13, 16))
     spread = np.linalg.norm(shifts, axis=1)
     for t in range(4):
-        score, at = tilted_score(
-            stack, 2 * SU + 1, sums, root, ink, t, UP, LEFT, RIGHT, half_width, HALF_HEIGHT, LEAN
-        )
+        score, at = tilted(cell, ink, t, half_width)
         expected = leaning(shifts, spread, templates[t], half_width)
         assert score == pytest.approx(expected.max(), abs=FLOAT32)
         assert expected[at] == pytest.approx(expected.max(), abs=FLOAT32)
-        assert score >= best[t] - FLOAT32
+        assert score >= cell.best[t] - FLOAT32
 
 
 def test_a_template_struck_aslant_is_known_again() -> None:
@@ -121,7 +126,7 @@ def test_a_template_struck_aslant_is_known_again() -> None:
     u = np.clip((np.arange(window.shape[2]) - LEFT) / 5.0, -1.0, 1.0)
     layers = np.zeros_like(layers)
     layers[:, 13 - UP : 13 + UP + 1, 16 - LEFT : 16 + RIGHT + 1] = window * (1.0 + 0.4 * u)
-    ink, (best, _, stack, sums, root) = scored(layers, templates, 13, 16)
-    score, _ = tilted_score(stack, 2 * SU + 1, sums, root, ink, 2, UP, LEFT, RIGHT, 5.0, HALF_HEIGHT, LEAN)
+    ink, cell = scored(layers, templates, 13, 16)
+    score, _ = tilted(cell, ink, 2, 5.0)
     assert score == pytest.approx(1.0, abs=FLOAT32)
-    assert best[2] < 0.999
+    assert cell.best[2] < 0.999

@@ -45,7 +45,7 @@ def test_stretches_are_added_whatever_their_number(n_ink: int) -> None:
     flat, value = rng.normal(size=200).astype(np.float32), rng.normal(size=n_ink).astype(np.float32)
     at = rng.integers(0, 150, n_ink)
     total = np.ones(37, dtype=np.float32)
-    add_stretches(total, flat, at, value, 0, n_ink)
+    add_stretches(total, 0, total.size, flat, at, value, 0, n_ink)
     expected = 1.0 + sum((float(v) * flat[a : a + 37] for v, a in zip(value, at, strict=True)), np.zeros(37))
     np.testing.assert_allclose(total, expected, atol=FLOAT32 * 10)
 
@@ -57,7 +57,7 @@ def test_products_are_windows_times_templates(seed: int, rows: int) -> None:
     ink = ink_lists(templates, np.zeros((5, 3)))
     out = np.zeros((5, *layers.shape[1:]), dtype=np.float32)
     low, high = WINDOW[0], rows - WINDOW[0]
-    products(layers, ink.start, ink.channel, ink.row, ink.column, ink.value, low, high, out)
+    products(layers, ink, low, high, out)
     expected = np.einsum("ijkrc,tkrc->tij", windows_of(layers, *WINDOW), templates)
     # within half a window of the sides stands what the product is not asked for
     inside = (slice(None), slice(low, high), slice(WINDOW[1], -WINDOW[1]))
@@ -89,7 +89,7 @@ def test_products_made_normal_are_correlation_coefficients(seed: int) -> None:
     ink = ink_lists(templates, mean)
     low, high = WINDOW[0], layers.shape[1] - WINDOW[0]
     score = np.zeros((5, *layers.shape[1:]), dtype=np.float32)
-    products(layers, ink.start, ink.channel, ink.row, ink.column, ink.value, low, high, score)
+    products(layers, ink, low, high, score)
     which, halves = np.zeros(5, dtype=np.int64), np.array([WINDOW[1]])
     energy = normalise(layers, score, which, halves, ink.mean, norm, WINDOW[0], low, high)
     for r, c in ((low, WINDOW[1]), (7, 20), (high - 1, layers.shape[2] - WINDOW[1] - 1)):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import MapError, TraceDirection
-from whisker_array.estimation.spreading import spread, triangles
+from whisker_array.estimation.spreading import averaging, spread
 
 Lines = NDArray[np.float64]
 
@@ -105,17 +104,9 @@ def on_grid(
         pixel_along, pixel_across = (grid.x_mm, grid.y_mm) if along_x else (grid.y_mm, grid.x_mm)
         layer, good = spread(
             each.values,
-            triangles(each.along_mm + (dx if along_x else dy), pixel_along, grid.pitch_mm),
-            triangles(each.place_mm + (dy if along_x else dx), pixel_across, grid.pitch_mm),
+            averaging(each.along_mm + (dx if along_x else dy), pixel_along, grid.pitch_mm),
+            averaging(each.place_mm + (dy if along_x else dx), pixel_across, grid.pitch_mm),
         )
         layers.append(layer if along_x else layer.T)
         valid &= good if along_x else good.T
     return layers, valid
-
-
-def averaging(position: NDArray[Any], pixel: NDArray[Any], pitch: float) -> Any:
-    """Sparse (pixels, samples) weights of a triangle one pixel (or one step, if larger) wide to each side."""
-    from scipy import sparse
-
-    band = triangles(np.asarray(position, np.float64), np.asarray(pixel, np.float64), pitch)
-    return sparse.csr_array((band.weight, band.sample, band.first), shape=(pixel.size, position.size))

@@ -14,7 +14,7 @@ from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import calibrated_moments, edge_map
-from whisker_array.estimation.gridding import averaging
+from whisker_array.estimation.spreading import averaging
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import Calibration, SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag

@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from whisker_array.estimation.gridding import averaging
-from whisker_array.estimation.spreading import spread, triangles
+from whisker_array.estimation.spreading import averaging, spread
 
 Lines = NDArray[np.float64]
 
@@ -32,7 +31,7 @@ def test_layers_are_those_of_full_matrices(seed: int, holes: float, step: float)
     known = np.isfinite(values)
     expected, weight = c.sum(axis=1)[:, None] * a.sum(axis=1), c @ known.astype(float) @ a.T
     total = c @ np.where(known, values, 0.0) @ a.T
-    layer, valid = spread(values, triangles(along, pixel_along, 0.1), triangles(across, pixel_across, 0.1))
+    layer, valid = spread(values, averaging(along, pixel_along, 0.1), averaging(across, pixel_across, 0.1))
     # half of the weight, give or take its rounding
     clear = np.abs(weight - 0.5 * expected) > 1e-9 * (1.0 + expected)
     np.testing.assert_array_equal(valid[clear], ((weight > 0.5 * expected) & (expected > 0.0))[clear])
@@ -50,5 +49,5 @@ def test_the_sparse_weights_are_the_full_ones() -> None:
 
 
 def test_one_sample_alone_is_reached_within_a_pitch() -> None:
-    band = triangles(np.array([1.0]), np.array([0.4, 0.5, 1.0, 1.9]), 0.5)
-    np.testing.assert_array_equal(np.diff(band.first), [0, 1, 1, 0])
+    weights = averaging(np.array([1.0]), np.array([0.4, 0.5, 1.0, 1.9]), 0.5)
+    np.testing.assert_array_equal(np.diff(weights.indptr), [0, 1, 1, 0])
