@@ -66,8 +66,8 @@ def level(height_map: HeightMap, *, degree: int = 2) -> HeightMap:
         if spread <= 0.0:
             break
         weight, weighted = tukey(thin, over, middle, 3.0 * spread)
-    form = Terms(col_terms, row_terms, degree).surface(coefficients)
-    out = z - form.astype(np.float32)
+    out = z.copy()
+    out -= terms.form(coefficients, col_terms, row_terms)
     out.flags.writeable = False  # so that it is not copied
     return HeightMap(out, height_map.pitch_mm)
 

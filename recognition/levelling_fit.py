@@ -44,6 +44,13 @@ class Terms:
         table[self.power_v, self.power_u] = coefficients
         return np.asarray(self._v[:, : self._n] @ (table @ self._u[:, : self._n].T))
 
+    def form(self, coefficients: Floats, u: Floats, v: Floats) -> NDArray[np.float32]:
+        """The polynomial at other coordinates, summed term by term in single precision."""
+        out = np.zeros((v.size, u.size), dtype=np.float32)
+        for c, i, j in zip(coefficients.astype(np.float32), self.power_u, self.power_v, strict=True):
+            out += c * np.outer(v**j, u**i).astype(np.float32)
+        return out
+
 
 def tukey(z: Floats, over: Floats, middle: float, cut: float) -> tuple[Floats, Floats]:
     """Biweights of heights that lie `over` a fit, which vanish `cut` from the middle, and the heights by them."""
