@@ -1,1 +1,9 @@
-"""Composition and the outside world: files, settings, batch runs and the command line."""
+"""Composition and the outside world: files, settings, batch runs, the service and the command line.
+
+`read` reads a part from its files in one call; the names below are the vocabulary (listed in `__init__.pyi`, loaded on
+first use).
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -42,10 +42,14 @@ class Senses:
     @cached_property
     def touch(self) -> Reading:
         """Scanned and read by touch."""
+        from pipeline.reading.part_reader import read_surface
+
         part = self.specimen
         reading: Reading = self._timed(
             "touch",
-            lambda: self._reader.touch.read_height_map(part.height_map, soil=part.soil, part_id=part.part),
+            lambda: read_surface(
+                self._reader, part.height_map, soil=part.soil, turned=part.turned, part_id=part.part
+            ),
         )
         return reading
 

@@ -79,6 +79,7 @@ class Specimen:
         soil: dirt and friction; None of a clean part.
         take_photo: photographs it; None without a camera.
         line_mm: (x0, y0, x1, y1) around the line, plate frame; None where it is not known.
+        turned: the map with the other row first, as `pipeline.reading.part_reader.read_surface` takes it.
     """
 
     part: str
@@ -87,6 +88,7 @@ class Specimen:
     soil: Soil | None
     take_photo: Callable[[], Photo] | None
     line_mm: Box | None
+    turned: Callable[[], HeightMap] | None = None
 
 
 class Parts(Protocol):
@@ -258,6 +260,7 @@ class FolderParts:
         from pipeline.files.npz import read_soil
         from pipeline.files.photos import read_photo
         from pipeline.files.touch_file import read_height_map
+        from pipeline.reading.part_reader import other_rows
 
         files = item.files
         if files is None or files.problem is not None:
@@ -272,6 +275,7 @@ class FolderParts:
             soil=read_soil(files.height_map) if files.height_map.suffix.lower() == ".npz" else None,
             take_photo=None if photo is None else lambda: read_photo(photo),
             line_mm=None,
+            turned=other_rows(files.height_map),
         )
 
     def description(self) -> dict[str, Any]:

@@ -17,7 +17,7 @@ own; the middle of the picture is then taken to lie over the middle of the map.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -31,6 +31,7 @@ from pipeline.files.units import Unit
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
+    from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from pipeline.files.listed import ListedPart
     from pipeline.reading.vision_file import KeptVision
@@ -158,17 +159,12 @@ class PartReader:
             return self.reader.opened(vision, expected) if expected else vision
 
     def _touch(self, part: Part) -> Reading:
-        """A recorded scan goes before a height map.
-
-        Of a format that is met with either row first, the other order is tried where the standards' is not
-        accepted.
-        """
-        touch = self.reader.touch
+        """A recorded scan goes before a height map."""
         if part.scan is not None:
             with _about(part.scan):
                 if self.limits is not None:
                     check_scan(part.scan, most=self.limits.max_scan_samples)
-                return touch.read_scan(read_scan(part.scan))
+                return self.reader.touch.read_scan(read_scan(part.scan))
         path = part.height_map
         assert path is not None
         with _about(path):
@@ -176,15 +172,13 @@ class PartReader:
                 check_map(path, most=self.limits.max_map_samples)
             from pipeline.files.npz import read_soil
 
-            soil = read_soil(path) if path.suffix.lower() == ".npz" else None
-            found = touch.read_height_map(read_height_map(path, unit=self.unit), soil=soil, part_id=part.name)
-            if not row_order_matters(path) or not found.text or found.decision == "accept":
-                return found
-            from pipeline.files.instruments import RowOrder
-
-            turned = read_height_map(path, row_order=RowOrder.TOP_FIRST)
-            other = touch.read_height_map(turned, part_id=part.name)
-            return max(found, other, key=lambda reading: reading.confidence)
+            return read_surface(
+                self.reader,
+                read_height_map(path, unit=self.unit),
+                soil=read_soil(path) if path.suffix.lower() == ".npz" else None,
+                turned=other_rows(path),
+                part_id=part.name,
+            )
 
     def _check_expected(self, part: Part, expected: str) -> None:
         grammar = self.reader.grammar
@@ -195,6 +189,40 @@ class PartReader:
             raise VerifyError(
                 f"is {expected!r}, but {'; '.join(broken)}", where=where, hint="correct one of them"
             )
+
+
+def read_surface(
+    reader: Reader,
+    surface: HeightMap,
+    *,
+    soil: Soil | None = None,
+    turned: Callable[[], HeightMap] | None = None,
+    part_id: str = "",
+) -> Reading:
+    """Read a height map by touch.
+
+    Args:
+        reader: of both senses.
+        surface: top of the part and of what lies on it.
+        soil: what lies on it, if known.
+        turned: the same with the other row first, of a format that is met with either; tried where the standards'
+            order is not accepted.
+        part_id: what the part is called.
+    """
+    found = reader.touch.read_height_map(surface, soil=soil, part_id=part_id)
+    if turned is None or not found.text or found.decision == "accept":
+        return found
+    other = reader.touch.read_height_map(turned(), part_id=part_id)
+    return max(found, other, key=lambda reading: reading.confidence)
+
+
+def other_rows(path: Path) -> Callable[[], HeightMap] | None:
+    """What loads a height map with the other row first, of a format that is met with either."""
+    if not row_order_matters(path):
+        return None
+    from pipeline.files.instruments import RowOrder
+
+    return lambda: read_height_map(path, row_order=RowOrder.TOP_FIRST)
 
 
 def load_photo(part: Part, limits: Limits | None = None) -> Photo:

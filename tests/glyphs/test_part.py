@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import glyphs
+import pipeline
+import recognition
 import whisker_array
 from glyphs import Camera, Dirt, FontError, Light, StampingVariation, soil_part, stamp
 from glyphs.fonts.serials import FormatError
@@ -69,10 +71,10 @@ def test_what_cannot_be_stamped(error: type[Exception], message: str, wrong: dic
         stamp(**{"text": "A", "height_mm": 3.0, **wrong})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("package", [glyphs, whisker_array])
+@pytest.mark.parametrize("package", [glyphs, whisker_array, recognition, pipeline])
 def test_a_package_lists_its_vocabulary(package: object) -> None:
     names = package.__all__  # type: ignore[attr-defined]
-    assert len(names) > 30
+    assert len(names) > 15
     for name in names:
         assert getattr(package, name) is not None
     with pytest.raises(AttributeError, match="nothing_of_that_name"):

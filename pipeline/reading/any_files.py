@@ -1,0 +1,52 @@
+"""One part from whatever files there are of it, in one call."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from glyphs.errors import FileError
+from pipeline.common.settings import ReadSettings
+from pipeline.files.parts import Part, key_and_kind
+
+if TYPE_CHECKING:
+    from recognition.reading import Reading
+
+
+def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings: Any) -> Reading:
+    """Read one part from its height map, scan or photograph, or from several of these.
+
+    Example::
+
+        reading = pipeline.read("part.npz", font="gothic", format="AA999999")
+
+    Soil in an `.npz` is used. Of several files all are read: touch and a photograph are fused. Readers and their
+    templates are kept for the next call with the same settings.
+
+    Args:
+        file: of the part.
+        more: others of the same part, one of a kind.
+        expected: text that the part should bear; the verdict is `reading.trace.verification`.
+        settings: fields of `ReadSettings`, such as font, format, height_mm, mode.
+
+    Raises:
+        FileError: a file that cannot be used, or two of a kind.
+        MarksError: settings or an expected text that cannot be used.
+    """
+    from pipeline.files.units import Unit
+    from pipeline.reading.kept_readers import reader_of
+    from pipeline.reading.part_reader import Mode, PartReader
+
+    checked = ReadSettings(**settings)
+    files: dict[str, Path] = {}
+    for path in map(Path, (file, *more)):
+        kind = key_and_kind(str(path))[1] or "height_map"
+        if kind in files:
+            raise FileError(
+                path, f"is a second {kind.replace('_', ' ')} beside {files[kind]}", "read one at a time"
+            )
+        files[kind] = path
+    part = Part(Path(file).stem, files.get("height_map"), files.get("scan"), files.get("photo"))
+    mode = Mode(checked.mode) if checked.mode is not None else Mode.AUTO
+    parts = PartReader(reader_of(checked), mode=mode, unit=Unit(checked.unit))
+    return parts.read(part, expected=expected)

@@ -1,0 +1,104 @@
+"""One part is read alike by whoever reads it: command line, cluster, service, benchmark and library."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+import pipeline
+from glyphs.camera.photo import Photo
+from glyphs.errors import FileError
+from glyphs.soiling.dirty import Dirt
+from pipeline.batch.task import RunOrder, read_listed
+from pipeline.benchmark.run import Benchmark, try_part
+from pipeline.benchmark.specimens import Condition, FolderParts
+from pipeline.common.records import ReadingRecord
+from pipeline.common.settings import ReadSettings
+from pipeline.files.limits import Limits
+from pipeline.files.listed import ListedPart
+from pipeline.files.synth import SynthSpec, write_part
+from pipeline.reading.jobs import Job, read_job
+from recognition.photo_sizes import SIZES
+from recognition.reader_settings import ReaderSettings
+
+SETTINGS = ReadSettings(font=("gothic",), format=("AA99",))
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A dirty part whose photograph has more pixels than its characters need."""
+    stem = tmp_path_factory.mktemp("part") / "part"
+    text = write_part(SynthSpec("AA99", seed=1, dirt=Dirt.of(0.2), pixel_mm=0.015), stem, 0, photos=True)
+    (stem.parent / "truth.csv").write_text(f"part,text\npart,{text}\n", encoding="utf-8")
+    photo = pipeline.read_photo(stem.with_suffix(".png"))
+    assert photo.shape[0] * photo.shape[1] > 1.5 * SIZES[0], "or there is but one size to read it at"
+    return {"photo": stem.with_suffix(".png"), "height_map": stem.with_suffix(".npz")}
+
+
+def told(record: ReadingRecord) -> tuple[object, ...]:
+    """All but names, times and settings."""
+    return (
+        record.text,
+        record.decision,
+        record.confidence,
+        record.characters,
+        record.height_mm,
+        record.source,
+    )
+
+
+@pytest.mark.parametrize(
+    ("kinds", "mode"),
+    [(("photo",), "vision"), (("height_map",), "tactile"), (("photo", "height_map"), "fused")],
+)
+def test_whoever_reads_a_part_reads_the_same(
+    kinds: tuple[str, ...], mode: str, files: dict[str, Path], tmp_path: Path
+) -> None:
+    given = {kind: files[kind] for kind in kinds}
+    # the same settings for all, that templates are made once; the service reads by whatever files there are
+    settings = SETTINGS.model_copy(update={"mode": mode})
+    listed = ListedPart("part", **{kind: str(path) for kind, path in given.items()})
+    by_command = read_listed(RunOrder(settings), listed).record
+    by_cluster = pickle.loads(
+        pickle.dumps(read_listed(*pickle.loads(pickle.dumps((RunOrder(settings), listed)))))
+    )
+    by_service = read_job(Job(tmp_path, **given), settings, Limits()).readings[-1]
+    assert by_command.error == ""
+    assert told(by_command) == told(by_cluster.record) == told(by_service)
+
+    by_library = pipeline.read(*given.values(), font="gothic", format="AA99", mode=mode)
+    assert (by_library.text, by_library.decision) == (by_command.text, by_command.decision)
+    assert by_library.confidence == pytest.approx(by_command.confidence, abs=1e-6)  # as the record rounds
+
+    folder = files["photo"].parent
+    parts = FolderParts.load([str(folder)], folder / "truth.csv", Condition(None, "gothic", "AA99"))
+    (trial,) = try_part(Benchmark(parts, (mode,), ReaderSettings()), parts.items()[0])
+    assert (trial.error, trial.text, trial.decision) == ("", by_command.text, by_command.decision)
+    assert trial.confidence == pytest.approx(by_command.confidence, abs=1e-6)
+    assert [c.char for c in trial.characters] == [c.char for c in by_command.characters]
+
+
+def test_the_library_uses_the_soil_of_the_file_and_verifies(files: dict[str, Path]) -> None:
+    reading = pipeline.read(files["height_map"], font="gothic", format="AA99", expected="ZZ00")
+    assert reading.source == "tactile"
+    assert reading.trace.verification is not None
+    assert reading.trace.verification.verdict == "refuted"
+    with pytest.raises(FileError, match="is a second height map beside"):
+        pipeline.read(files["height_map"], "other.x3p")
+
+
+def test_a_photograph_without_a_scale_is_measured_in_its_own_pixels(
+    files: dict[str, Path], tmp_path: Path
+) -> None:
+    scaled = pipeline.read_photo(files["photo"])
+    pipeline.write_photo(tmp_path / "bare.png", Photo(scaled.pixels))
+    bare = read_listed(RunOrder(SETTINGS), ListedPart("bare", photo=str(tmp_path / "bare.png"))).record
+    record = read_listed(RunOrder(SETTINGS), ListedPart("part", photo=str(files["photo"]))).record
+    assert (bare.height_mm, record.height_px) == (None, None)
+    assert all(c.box_mm is None and c.box_px is not None for c in bare.characters)
+    assert scaled.pitch_mm is not None
+    assert record.height_mm is not None
+    # a height found by two searches, a few percent apart
+    assert bare.height_px == pytest.approx(record.height_mm / scaled.pitch_mm, rel=0.1)
