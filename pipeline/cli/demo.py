@@ -39,10 +39,8 @@ def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = Fa
                 flush=True,
             )
 
-        print(
-            "Stamping plates, scanning them with simulated whiskers and reading them, font and size unknown."
-        )
-        print("The first run on a machine takes longer: it compiles.\n")
+        print("Stamping plates, scanning them with simulated whiskers, and reading them without")
+        print("being given font or size. The first run on a machine takes longer: it compiles.\n")
         print(f"{'part':<13} {'stamped':<9} {'read':<9} {'':<6} {'decision':<9} confidence  font", flush=True)
         try:
             out.mkdir(parents=True, exist_ok=True)
