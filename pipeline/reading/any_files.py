@@ -31,13 +31,14 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
 
     Raises:
         FileError: a file that cannot be used, or two of a kind.
-        MarksError: settings or an expected text that cannot be used.
+        SettingsError: a setting that there is not, or that cannot be.
+        MarksError: a font or an expected text that cannot be used.
     """
     from pipeline.files.units import Unit
     from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
 
-    checked = ReadSettings(**settings)
+    checked = ReadSettings.of(**settings)
     files: dict[str, Path] = {}
     for path in map(Path, (file, *more)):
         kind = key_and_kind(str(path))[1] or "height_map"

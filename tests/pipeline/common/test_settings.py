@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
+import pipeline
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
 from recognition.reader_settings import ReaderSettings
@@ -56,3 +57,8 @@ def test_vision_that_verifies_knows_the_length_only() -> None:
     assert vision.places is not None
     assert len(vision.places) == 4
     assert all("Q" in place and "7" in place for place in vision.places)
+
+
+def test_one_call_says_which_setting_there_is_not() -> None:
+    with pytest.raises(SettingsError, match="unknown setting fonts; did you mean font"):
+        pipeline.read("part.npz", fonts="gothic")
