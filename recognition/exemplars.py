@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
-from glyphs.fonts.glyph import FELT_PIXELS, Font
+from glyphs.fonts.glyph import RELIEF_PIXELS, Font
 from glyphs.surface.maps import EdgeMap
 from recognition.evidence_cache import EvidenceCache
 from recognition.frames import LineImage
@@ -52,7 +52,7 @@ class Cut:
 
     Attributes:
         char: what it is, as the reviewer says.
-        edge_map: the felt layers in the line's frame, FELT_PIXELS to the height, origin such that (0, 0) is the
+        edge_map: the felt layers in the line's frame, RELIEF_PIXELS to the height, origin such that (0, 0) is the
             reference point; directions are those of the plate frame.
         relief: (rows, cols) float32 height over the land in character heights, a mark is negative however it was
             stamped; NaN where not known or where a neighbour stands.
@@ -250,7 +250,7 @@ def _cut(
         layers,
         edges.directions,
         valid & own,
-        height / FELT_PIXELS,
+        height / RELIEF_PIXELS,
         (float(u[0, 0]), float(v[0, 0])),
     )
     shape = np.where(own, felt / height, np.nan).astype(np.float16).astype(np.float32)

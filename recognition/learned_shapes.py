@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.fonts.glyph import FELT_PIXELS, Font, Glyph
+from glyphs.fonts.glyph import RELIEF_PIXELS, Font, Glyph
 from recognition.exemplars import ExemplarError
 from recognition.laid_over import Patch, common_relief, laid_over
 from recognition.nearest_hand import Hand, depth_of, nearest_hand
@@ -181,12 +181,12 @@ def _trimmed(patch: Patch) -> Patch:
     sizes = np.bincount(labels.ravel())
     deepest = ndimage.maximum(-patch, labels, np.arange(sizes.size))
     # shallow hollows beside the character are the plate's
-    ink &= (sizes >= (SPECK_HEIGHTS * FELT_PIXELS) ** 2)[labels] & (deepest >= FLOOR_SHARE * depth_of(patch))[
-        labels
-    ]
+    ink &= (sizes >= (SPECK_HEIGHTS * RELIEF_PIXELS) ** 2)[labels] & (
+        deepest >= FLOOR_SHARE * depth_of(patch)
+    )[labels]
     if not ink.any():
         return patch
-    far = ndimage.distance_transform_edt(~ink) / FELT_PIXELS
+    far = ndimage.distance_transform_edt(~ink) / RELIEF_PIXELS
     return np.asarray(patch * np.clip(2.0 - far / RIM_HEIGHTS, 0.0, 1.0), dtype=np.float32)
 
 
@@ -199,7 +199,7 @@ def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Gly
     middle_row, middle_col = patch.shape[0] // 2, patch.shape[1] // 2
     lines = find_contours(closed, OUTLINE_SHARE * depth_of(patch))  # type: ignore[no-untyped-call,unused-ignore]
     outlines = [
-        np.column_stack([line[:-1, 1] - middle_col, middle_row - line[:-1, 0]]) / FELT_PIXELS + (0.0, 0.5)
+        np.column_stack([line[:-1, 1] - middle_col, middle_row - line[:-1, 0]]) / RELIEF_PIXELS + (0.0, 0.5)
         for line in lines
     ]
     outlines = [line for line in outlines if len(line) > 2 and abs(_area(line)) > SPECK_HEIGHTS**2]
@@ -207,7 +207,7 @@ def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Gly
         return None
     across = np.concatenate(outlines)[:, 0]
     middle, half = 0.5 * float(across.max() + across.min()), 0.5 * float(across.max() - across.min())
-    centred = ndimage.shift(patch, (0.0, -middle * FELT_PIXELS), order=1, mode="constant")
+    centred = ndimage.shift(patch, (0.0, -middle * RELIEF_PIXELS), order=1, mode="constant")
     # side bearings are the known font's
     box = base.ink_box if base is not None and base.inked else (0.05, 0.0, 0.05, 1.0)
     before = max(0.0, box[0])
@@ -216,7 +216,7 @@ def _glyph(char: str, patch: Patch, base: Glyph | None, *, guessed: bool) -> Gly
         char,
         contours=tuple(line + np.array([before + half - middle, 0.0]) for line in outlines),
         advance=before + 2.0 * half + after,
-        felt=centred,
+        relief=centred,
         guessed=guessed,
     )
 

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from glyphs.fonts.glyph import FELT_PIXELS, Font, signed_distance
+from glyphs.fonts.glyph import RELIEF_PIXELS, Font, signed_distance
 from glyphs.stamping.die import default_die, die_glyph, relief_mm
 from recognition.laid_over import Patch, likeness
 from recognition.templates import CANONICAL_HEIGHT_MM
@@ -116,8 +116,8 @@ def _distance(font: Font, char: str, size: tuple[int, ...], *, width: float, dep
     die = default_die(height, font=font, depth_mm=depth * height)
     shape = die_glyph(font.glyph(char), die, height_mm=height)
     box = shape.ink_box
-    x = (np.arange(size[1]) - size[1] // 2) / FELT_PIXELS / width + 0.5 * (box[0] + box[2])
-    y = 0.5 - (np.arange(size[0]) - size[0] // 2) / FELT_PIXELS
+    x = (np.arange(size[1]) - size[1] // 2) / RELIEF_PIXELS / width + 0.5 * (box[0] + box[2])
+    y = 0.5 - (np.arange(size[0]) - size[0] // 2) / RELIEF_PIXELS
     return signed_distance(shape, x[None, :], y[:, None], stroke=shape.stroke)
 
 
@@ -126,4 +126,4 @@ def _struck(distance: Patch, *, depth: float, grow: float, soften: float) -> Pat
     from scipy import ndimage
 
     relief = relief_mm(distance - np.float32(grow), default_die(1.0, depth_mm=depth))
-    return ndimage.gaussian_filter(relief, soften * FELT_PIXELS) if soften else relief
+    return ndimage.gaussian_filter(relief, soften * RELIEF_PIXELS) if soften else relief

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.fonts.glyph import FELT_PIXELS
+from glyphs.fonts.glyph import RELIEF_PIXELS
 from recognition.frames import LineImage
 from whisker_array.estimation.relief import Relief
 
@@ -24,8 +24,8 @@ Layer = NDArray[np.float64]
 
 def cell_grid(height_mm: float) -> tuple[Layer, Layer]:
     """Offsets (u, v) of a cut's pixels from its middle, mm."""
-    pitch = height_mm / FELT_PIXELS
-    rows, cols = round(HALF_ROWS_HEIGHTS * FELT_PIXELS), round(HALF_COLUMNS_HEIGHTS * FELT_PIXELS)
+    pitch = height_mm / RELIEF_PIXELS
+    rows, cols = round(HALF_ROWS_HEIGHTS * RELIEF_PIXELS), round(HALF_COLUMNS_HEIGHTS * RELIEF_PIXELS)
     v, u = np.meshgrid(np.arange(-rows, rows + 1) * pitch, np.arange(-cols, cols + 1) * pitch, indexing="ij")
     return u, v
 
@@ -90,7 +90,7 @@ def ink_box(
     if not across.size or not down.size:
         return None
     # from half the depth up a wall of 45 degrees to the land
-    wall = INK_SHARE * deep + 0.5 * height_mm / FELT_PIXELS
+    wall = INK_SHARE * deep + 0.5 * height_mm / RELIEF_PIXELS
     return (
         float(u[0, across[0]] - wall),
         float(v[down[0], 0] - wall),

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.fonts.glyph import FELT_PIXELS, Font, Glyph, signed_distance
+from glyphs.fonts.glyph import RELIEF_PIXELS, Font, Glyph, signed_distance
 from glyphs.stamping.die import (
     Die,
     Face,
@@ -198,8 +198,8 @@ def _relief(
 ) -> NDArray[np.float32]:
     """Sunk relief of one glyph at offsets (u, v) from its middle, its outline grown but no taller."""
     height = CANONICAL_HEIGHT_MM
-    if shape.felt is not None and not key.grow:
-        return _felt_relief(shape.felt, u, v)
+    if shape.relief is not None and not key.grow:
+        return _felt_relief(shape.relief, u, v)
     if not key.grow:
         return shape_relief_mm(shape, key.die, u + middle[0], v + middle[1], height_mm=height)
     shrink = 1.0 - 2.0 * key.grow
@@ -214,7 +214,7 @@ def _felt_relief(
     """Relief of a learned glyph at offsets (u right, v up) from its middle, mm, as it was felt."""
     from scipy import ndimage
 
-    pixel = CANONICAL_HEIGHT_MM / FELT_PIXELS
+    pixel = CANONICAL_HEIGHT_MM / RELIEF_PIXELS
     at = [felt.shape[0] // 2 - v / pixel, felt.shape[1] // 2 + u / pixel]
     found = ndimage.map_coordinates(felt, at, order=1, mode="constant")
     return np.asarray(found * np.float32(CANONICAL_HEIGHT_MM), dtype=np.float32)

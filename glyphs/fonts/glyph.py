@@ -22,8 +22,8 @@ from glyphs.surface.display import one_line
 
 Points = NDArray[np.float64]
 
-FELT_PIXELS = 40
-"""Pixels to the cap height of a relief that was felt."""
+RELIEF_PIXELS = 40
+"""Pixels to the cap height of a relief learned by touch."""
 
 
 class FontError(MarksError):
@@ -46,7 +46,7 @@ def _point_arrays(name: str, char: str, arrays: tuple[Points, ...], least: int) 
     return tuple(out)
 
 
-def _felt(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
+def _odd_relief(char: str, relief: NDArray[np.float32]) -> NDArray[np.float32]:
     array = np.array(relief, dtype=np.float32)
     if array.ndim != 2 or array.shape[0] % 2 == 0 or array.shape[1] % 2 == 0:
         raise FontError(
@@ -69,7 +69,7 @@ class Glyph:
             a stroke glyph. A space has neither.
         advance: distance to the next character's origin, cap heights.
         stroke: width of the stroke the centre lines were set in for, cap heights; 0 for contours.
-        felt: relief of a character learned by touch, (rows, cols) float32, both odd, FELT_PIXELS to the cap height,
+        relief: of a character learned by touch, (rows, cols) float32, both odd, RELIEF_PIXELS to the cap height,
             in cap heights, negative in the mark; its middle pixel is the middle of the ink across and half the cap
             height up, row 0 the top. Templates are made of it, where the contours only draw its outline. None of
             any other glyph.
@@ -84,7 +84,7 @@ class Glyph:
     contours: tuple[Points, ...] = ()
     advance: float = 0.0
     stroke: float = 0.0
-    felt: NDArray[np.float32] | None = None
+    relief: NDArray[np.float32] | None = None
     guessed: bool = False
 
     __repr__ = one_line
@@ -105,8 +105,8 @@ class Glyph:
                 f"stroke of {self.char!r} is {self.stroke}",
                 hint="it must be at least 0 and below 1 cap height",
             )
-        if self.felt is not None:
-            object.__setattr__(self, "felt", _felt(self.char, self.felt))
+        if self.relief is not None:
+            object.__setattr__(self, "relief", _odd_relief(self.char, self.relief))
 
     @property
     def inked(self) -> bool:
@@ -178,8 +178,8 @@ class Font:
 
     @cached_property
     def learned(self) -> bool:
-        """Whether its shapes were felt rather than drawn."""
-        return any(glyph.felt is not None for glyph in self.glyphs.values())
+        """Whether its shapes were learned by touch rather than drawn."""
+        return any(glyph.relief is not None for glyph in self.glyphs.values())
 
     def glyph(self, char: str) -> Glyph:
         """The glyph of a character.
@@ -238,7 +238,7 @@ def transformed(glyph: Glyph, *, x_scale: float = 1.0, shear: float = 0.0) -> Gl
         strokes=tuple(move(s) for s in glyph.strokes),
         contours=tuple(move(c) for c in glyph.contours),
         advance=glyph.advance * x_scale,
-        felt=None,
+        relief=None,
     )
 
 

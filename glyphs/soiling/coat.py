@@ -17,7 +17,7 @@ from glyphs.surface.noise import Field, smooth_noise
 
 STEEL_FRICTION = 0.2
 STEEL_HARDNESS_MPA = 2000.0
-"""What does not yield to a fingertip's load; told where nothing lies that does."""
+"""What does not yield to a fingertip's load; given where nothing lies that does."""
 _STEEL_ALBEDO = (0.20, 0.195, 0.185)
 _STEEL_REFLECTANCE = 0.55
 _STEEL_ROUGHNESS = 0.34

@@ -48,11 +48,11 @@ class Exemplar:
     Attributes:
         char: what it is, one character.
         font_name: the font it was stamped with, may be empty if unknown.
-        edge_map: what was felt.
+        edge_map: its edges as scanned.
         note: anything the enroller wants to say.
         enrolled_at: ISO 8601 time, given by the caller.
         relief: (rows, cols) float32 height over the land in character heights, negative in the mark, on the grid of
-            the edge map; NaN where not known. None where it was not felt: such an exemplar teaches nothing.
+            the edge map; NaN where not known. None where unknown: such an exemplar teaches nothing.
         height_mm: character height; 0 where unknown.
         rotation_deg: of its line in the plate frame; the edge map lies in the line's frame.
         raised: whether the mark stands out.
@@ -256,10 +256,10 @@ def _pack_font(group: Any, font: Font) -> None:
     group["line_glyph"] = np.array([k for k, _ in lines], dtype=np.uint32)
     group["line_points"] = np.array([len(line) for _, line in lines], dtype=np.uint32)
     group["points"] = np.concatenate([line for _, line in lines] or [np.empty((0, 2))])
-    felt = [(k, g.felt) for k, g in enumerate(glyphs) if g.felt is not None]
-    if felt:
+    learned = [(k, g.relief) for k, g in enumerate(glyphs) if g.relief is not None]
+    if learned:
         group["guessed"] = np.array([g.guessed for g in glyphs], dtype=np.uint8)
-        for k, relief in felt:
+        for k, relief in learned:
             _pack_layer(group, f"felt/{k}", relief)
 
 
@@ -270,7 +270,7 @@ def _unpack_font(group: Any) -> Font:
     owner = _numbers(group, "line_glyph")
     outlined, advance, stroke = (_numbers(group, key) for key in ("outlined", "advance", "stroke"))
     guessed = _numbers(group, "guessed") if "guessed" in group else np.zeros(outlined.size)
-    felt = group.get("felt", {})
+    learned = group.get("felt", {})
     glyphs = {}
     for k, code in enumerate(_numbers(group, "characters")):
         own = tuple(line for line, o in zip(lines, owner, strict=True) if o == k)
@@ -280,7 +280,7 @@ def _unpack_font(group: Any) -> Font:
             contours=own if outlined[k] else (),
             advance=float(advance[k]),
             stroke=float(stroke[k]),
-            felt=_numbers(felt, str(k)) if str(k) in felt else None,
+            relief=_numbers(learned, str(k)) if str(k) in learned else None,
             guessed=bool(guessed[k]),
         )
     return Font(

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from glyphs import stamp
 from glyphs.fonts.glyph import Font
-from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampingVariation, stamp_line
+from glyphs.stamping.stamp import StampingVariation
 from glyphs.surface.maps import EdgeMap
 from recognition.evidence import LineEvidence, PlaceEvidence
 from recognition.evidence_cache import OWN_QUANTILE, OWN_SHARE, EvidenceCache
@@ -118,17 +117,8 @@ def test_of_two_fits_the_one_with_more_evidence(search: LineSearch, fit: LineFit
 def test_another_font_is_not_of_its_own_shapes(
     name: str, touch: Touch, gothic: Font, reader: Callable[..., Reader]
 ) -> None:
-    font = load_font(name)
     text = "HS5W3M6G"
-    part = stamp_line(
-        text,
-        font,
-        default_die(5.0, font=font),
-        height_mm=5.0,
-        pitch_mm=5.0 / 60,
-        variation=StampingVariation.none(),
-        rng=np.random.default_rng(1),
-    )
+    part = stamp(text, font=name, pitch_mm=5.0 / 60, variation=StampingVariation.none(), seed=1)
     plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=5.0)
     edges = edge_map(trace_scan(part.height_map, touch=touch, plan=plan))
     search = LineSearch(edges, touch, reader().cache, chars=ALPHABET, places=None)

@@ -88,7 +88,7 @@ def test_characters_never_felt_come_from_the_nearest_font():
     assert made.trusted
     assert "Q" in made.never_felt
     assert "K" not in made.never_felt
-    assert likeness(made.font.glyphs["Q"].felt, drawn("Q")) > 0.9
+    assert likeness(made.font.glyphs["Q"].relief, drawn("Q")) > 0.9
     # blows of the font itself: its other characters are no guesses
     assert not any(g.guessed for g in made.font.glyphs.values())
 
@@ -109,20 +109,20 @@ def test_one_wrong_exemplar_among_siblings_is_set_aside(place):
     reliefs.insert(place, drawn("L", seed=77))
     slipped = learn_font("press", chars, reliefs, known=(GOTHIC,))
     assert slipped.set_aside == (place,)
-    assert likeness(slipped.font.glyphs["8"].felt, right.font.glyphs["8"].felt) > 0.999
+    assert likeness(slipped.font.glyphs["8"].relief, right.font.glyphs["8"].relief) > 0.999
 
 
 def test_of_two_that_disagree_the_nearest_font_tells_which():
     made = learned("888KK7722", more=[("B", drawn("K", seed=1)), ("B", drawn("B", seed=2))])
     assert made.set_aside == (9,)
-    assert likeness(made.font.glyphs["B"].felt, drawn("B")) > 0.85
+    assert likeness(made.font.glyphs["B"].relief, drawn("B")) > 0.85
 
 
 def test_a_single_exemplar_of_another_character_teaches_nothing():
     made = learned("888KK7722", more=[("B", drawn("7", seed=1))])
     assert made.set_aside == (9,)
     assert "B" in made.never_felt
-    assert likeness(made.font.glyphs["B"].felt, drawn("B")) > 0.9
+    assert likeness(made.font.glyphs["B"].relief, drawn("B")) > 0.9
 
 
 def test_what_cannot_be_learned_is_told():

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from glyphs import stamp
 from glyphs.fonts.glyph import Font
-from glyphs.fonts.outlines import load_font
 from glyphs.soiling.dirty import Dirt, soil_part
-from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, stamp_line
+from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import EdgeMap, HeightMap
 from recognition.acceptance import Decided, ScoredLine, decide
 from recognition.calibrate import Weights
@@ -351,15 +350,7 @@ FOREIGN = "plain letters of another font pass for the gothic's own where their s
     ],
 )
 def test_another_font_is_never_accepted_wrongly(name: str, text: str, seed: int, reader: Readers) -> None:
-    font = load_font(name)
-    part = stamp_line(
-        text,
-        font,
-        default_die(5.0, font=font),
-        height_mm=5.0,
-        pitch_mm=5.0 / 60,
-        rng=np.random.default_rng(seed),
-    )
+    part = stamp(text, font=name, pitch_mm=5.0 / 60, seed=seed)
     # far from the gothic every height is tried with every hand: there it is given, to save the time
     options = {"height_mm": 5.0} if name == "timesr" else {}
     found = reader(**options).read(part.height_map)

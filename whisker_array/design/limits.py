@@ -33,7 +33,7 @@ class DesignError(MarksError):
 
 
 class Bound(enum.Enum):
-    """The constraints: what is measured, and the mend where it cannot be kept."""
+    """The constraints: what is measured, and what to change where it cannot be kept."""
 
     JAMMING = (
         "lift on the steepest wall / on the land",

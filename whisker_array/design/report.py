@@ -16,7 +16,7 @@ from whisker_array.whisker.sections import Rectangle, Round
 from whisker_array.whisker.shapes import LShaped
 
 _SIZES = (Bound.LENGTH, Bound.K, Bound.BETA, Bound.THICKNESS, Bound.ASPECT)
-"""Ranges of what can be made: told where they bind."""
+"""Ranges of what can be made: named where they bind."""
 
 
 def report(design: Design, *, trades: Sequence[TradeOff] = (), tuned: Tuned | None = None) -> list[str]:

@@ -32,7 +32,7 @@ from whisker_array.design.search import Problem, SectionKind, best, starts
 from whisker_array.whisker.shapes import LShaped
 
 NEIGHBOUR_RAD = math.radians(10.0)
-"""An inclination that must be told from alpha0."""
+"""An inclination that must differ in the signal from alpha0."""
 AXIS_RAISE = 2.5
 """How far the sensor's axis of a null may stand above the clamp, in l1."""
 STEEPEST_RAD = math.radians(80.0)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
-from whisker_array.estimation.gridding import FeltLines, common_grid, on_grid
+from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
 from whisker_array.estimation.land import land_coefficients, over_land, whisker_gain, without_drift
 from whisker_array.estimation.registration import registration_mm
 from whisker_array.scan.scan import Scan, Sweep, only
@@ -57,7 +57,7 @@ def _median(values: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
     return np.where(np.isnan(ordered[..., -1]), np.nan, middle)
 
 
-def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> FeltLines:
+def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     """Enhancement m / m_land - 1 of the usable lines of a sweep, ascending, lead-in and lead-out left off.
 
     Args:
@@ -86,13 +86,13 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> FeltLines:
         lines, place, whisker = lines[keep], place[keep], whisker[keep]
     position = sweep.plan.position_mm()[lead : shape[2] - lead]
     if ideal:
-        return FeltLines(lines / scan.touch.land_moment_n_mm() - 1.0, place, position, sweep.plan.direction)
+        return SweptLines(lines / scan.touch.land_moment_n_mm() - 1.0, place, position, sweep.plan.direction)
     if scan.calibration is None:
         lines /= whisker_gain(lines, whisker)[:, None]
     land = land_coefficients(lines)
     if not np.isfinite(land).all() or not land.any():
         raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
-    return FeltLines(without_drift(over_land(lines, land)), place, position, sweep.plan.direction)
+    return SweptLines(without_drift(over_land(lines, land)), place, position, sweep.plan.direction)
 
 
 def in_order(
@@ -123,13 +123,13 @@ def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeM
         MapError: a sweep without usable samples or without land.
     """
     scan = only(scan)
-    felt = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]
-    grid = common_grid(felt, scan.line_pitch_mm)
-    layers, valid = on_grid(felt, grid)
-    if register and not ideal and len(felt) > 1:
+    swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]
+    grid = common_grid(swept, scan.line_pitch_mm)
+    layers, valid = on_grid(swept, grid)
+    if register and not ideal and len(swept) > 1:
         shift = registration_mm(layers, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm)
         if shift:
-            layers, valid = on_grid(felt, grid, shift=shift)
+            layers, valid = on_grid(swept, grid, shift=shift)
     stack = np.zeros((len(layers), *valid.shape), dtype=np.float32)
     for into, layer in zip(stack, layers, strict=True):
         np.copyto(into, layer, casting="same_kind", where=valid)
@@ -149,7 +149,7 @@ def play_between(scan: Scan) -> dict[TraceDirection, tuple[float, float]]:
         MapError: as edge_map.
     """
     scan = only(scan)
-    felt = [land_ratio(scan, sweep) for sweep in scan.sweeps]
-    grid = common_grid(felt, scan.line_pitch_mm)
-    layers, _ = on_grid(felt, grid)
+    swept = [land_ratio(scan, sweep) for sweep in scan.sweeps]
+    grid = common_grid(swept, scan.line_pitch_mm)
+    layers, _ = on_grid(swept, grid)
     return registration_mm(layers, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm)

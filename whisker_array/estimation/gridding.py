@@ -1,4 +1,4 @@
-"""From lines of samples to maps: what each sweep felt, averaged onto one grid of the plate frame."""
+"""From lines of samples to maps: the sweeps averaged onto one grid of the plate frame."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Lines = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class FeltLines:
+class SweptLines:
     """One value for every sample of the lines of a sweep.
 
     Attributes:
@@ -62,14 +62,14 @@ class PlateGrid:
         return float(self.x_mm[0]), float(self.y_mm[0])
 
 
-def common_grid(felt: Sequence[FeltLines], pitch_mm: float) -> PlateGrid:
-    """The grid over what all sweeps felt.
+def common_grid(swept: Sequence[SweptLines], pitch_mm: float) -> PlateGrid:
+    """The grid over all sweeps.
 
     Raises:
         MapError: they do not overlap.
     """
     spans_x, spans_y = [], []
-    for each in felt:
+    for each in swept:
         spans = (each.along_mm, each.place_mm) if each.direction.along_x else (each.place_mm, each.along_mm)
         spans_x.append((spans[0].min(), spans[0].max()))
         spans_y.append((spans[1].min(), spans[1].max()))
@@ -85,7 +85,7 @@ def common_grid(felt: Sequence[FeltLines], pitch_mm: float) -> PlateGrid:
 
 
 def on_grid(
-    felt: Sequence[FeltLines],
+    swept: Sequence[SweptLines],
     grid: PlateGrid,
     *,
     shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
@@ -93,12 +93,12 @@ def on_grid(
     """A (rows, cols) map of each sweep, and where all of them are valid.
 
     Args:
-        felt: the sweeps.
+        swept: the sweeps.
         grid: where to.
         shift: plate shift (dx, dy) of directions, mm, as registration finds it.
     """
     layers, valid = [], np.ones((grid.y_mm.size, grid.x_mm.size), dtype=np.bool_)
-    for each in felt:
+    for each in swept:
         dx, dy = (shift or {}).get(each.direction, (0.0, 0.0))
         along_x = each.direction.along_x
         pixel_along, pixel_across = (grid.x_mm, grid.y_mm) if along_x else (grid.y_mm, grid.x_mm)

@@ -23,7 +23,7 @@ from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.edges import edge_map, land_ratio, play_between
 from whisker_array.estimation.estimate import is_profiler, lean_from_moment, moment_per_lift, tip_shift_mm
 from whisker_array.estimation.friction import USABLE_SD, LandFriction, land_friction
-from whisker_array.estimation.gridding import FeltLines, PlateGrid, common_grid, on_grid
+from whisker_array.estimation.gridding import PlateGrid, SweptLines, common_grid, on_grid
 from whisker_array.estimation.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges, settled
 from whisker_array.scan.scan import Scan, Sweep, only
 from whisker_array.simulation.contact import land_lag_mm
@@ -68,8 +68,8 @@ def estimate_relief(scan: Scan, edges: EdgeMap | None = None) -> Relief:
 class _View:
     """One sweep by both shapes: lift and lean on the places of their tips."""
 
-    lift: FeltLines
-    lean: FeltLines
+    lift: SweptLines
+    lean: SweptLines
     base_ahead: float
     friction_sign: float
 
@@ -135,9 +135,9 @@ def _as_relief(
     )
 
 
-def _map(felt: FeltLines, grid: PlateGrid, shift: Mapping[TraceDirection, tuple[float, float]]) -> Lines:
+def _map(swept: SweptLines, grid: PlateGrid, shift: Mapping[TraceDirection, tuple[float, float]]) -> Lines:
     """One sweep's values on the grid, NaN where it has none."""
-    (layer,), good = on_grid([felt], grid, shift=shift)
+    (layer,), good = on_grid([swept], grid, shift=shift)
     return np.where(good, layer, np.nan)
 
 
@@ -165,9 +165,9 @@ def _solve(views: Sequence[_View], leans: Sequence[Lines], phi_land: float) -> t
 
 def _snagged(sweep: Sweep) -> bool:
     """Whether so much of a sweep jammed that its land is not to be trusted either."""
-    felt = (sweep.flags & np.uint8(SampleFlag.OUTSIDE)) == 0
+    on_plate = (sweep.flags & np.uint8(SampleFlag.OUTSIDE)) == 0
     jammed = (sweep.flags & np.uint8(SampleFlag.JAMMED | SampleFlag.CONTACT_LOST)) != 0
-    return bool((jammed & felt).sum() > MOST_JAMMED * felt.sum())
+    return bool((jammed & on_plate).sum() > MOST_JAMMED * on_plate.sum())
 
 
 def _without_snags(
@@ -216,8 +216,8 @@ def _view(slopes_of: Scan, profiles_of: Scan, number: int, *, mu: float, bent: b
     lifts, leans = np.where(np.isfinite(lift), lifts, np.nan), np.where(np.isfinite(moment), leans, np.nan)
     back = np.argsort(order)
     return _View(
-        lift=FeltLines(lifts[:, back], other.place_mm[rows_too], one.along_mm, one.direction),
-        lean=FeltLines(leans[:, back], one.place_mm[rows], one.along_mm, one.direction),
+        lift=SweptLines(lifts[:, back], other.place_mm[rows_too], one.along_mm, one.direction),
+        lean=SweptLines(leans[:, back], one.place_mm[rows], one.along_mm, one.direction),
         base_ahead=s,
         friction_sign=e,
     )

@@ -48,7 +48,7 @@ def registration_mm(
         pitch_mm: of the grid.
 
     Back-and-forth partners share their play equally; the crossed pair is laid on the first by its profile.
-    Directions without a partner are left where they are: their edges and their play cannot be told apart.
+    Directions without a partner are left where they are: their edges and their play cannot be separated.
     """
     felt = dict(zip(directions, layers, strict=True))
     shift: dict[TraceDirection, tuple[float, float]] = {}

@@ -37,7 +37,7 @@ _PAIRS = (
 
 
 class Route(StrEnum):
-    """How height and slope were told apart."""
+    """How height and slope were separated."""
 
     PROFILED = "profiled"
     TURNED = "turned"
@@ -67,7 +67,7 @@ class Relief:
         origin_mm: (x, y) of its first sample.
         friction: mu of the land used for walls.
         friction_sd: its standard error; None where mu was only assumed.
-        route: how height and slope were told apart.
+        route: how height and slope were separated.
         friction_map: (rows, cols) float32 mu at every place, or None: it needs a profiler and two ways.
     """
 

@@ -94,7 +94,7 @@ class TipModel:
         object.__setattr__(self, "moment_arm_mm", arm)
 
     def pushed(self) -> TipModel:
-        """The same whisker pushed back, told in the frame of that travel: x mirrored, the moment's sign kept.
+        """The same whisker pushed back, in the frame of that travel: x mirrored, the moment's sign kept.
 
         In the whisker's own frame friction pulls the other way, so mu changes sign.
         """

@@ -8,15 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from glyphs import stamp
 from glyphs.camera.appearance import Camera, Light, draw_camera, draw_light, photograph
 from glyphs.camera.pose import mapped
 from glyphs.camera.shading import lit_share, openness, radiance
-from glyphs.fonts.outlines import load_font
 from glyphs.soiling.coat import Look
 from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
 from glyphs.soiling.soil import Soil
-from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
+from glyphs.stamping.stamp import StampedPart, StampingVariation
 from glyphs.surface.maps import HeightMap, MapError
 
 LAMP = Light(azimuth_deg=0.0, elevation_deg=40.0, ambient=0.0, shadows=False)
@@ -42,11 +41,7 @@ def _scene(z: np.ndarray, look: Look, pitch_mm: float = 0.1) -> SoiledPart:
 
 @cache
 def _stamped() -> StampedPart:
-    font = load_font("gothic")
-    die = default_die(5.0, font=font)
-    return stamp_line(
-        "A7", font, die, height_mm=5.0, variation=StampingVariation.none(), rng=np.random.default_rng(0)
-    )
+    return stamp("A7", variation=StampingVariation.none()).stamped
 
 
 @pytest.mark.parametrize("slope_x", [-0.5, -0.1, 0.0, 0.3])

@@ -10,13 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from glyphs.fonts.outlines import load_font
+from glyphs import stamp
 from glyphs.soiling.debris import HIGHEST_MM
 from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
 from glyphs.soiling.films import OIL_FRICTION, PAINT_MPA
 from glyphs.soiling.grime import HARDEST_MPA, SOFTEST_MPA
-from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
+from glyphs.stamping.stamp import StampedPart
 from glyphs.stamping.variation import StampError
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import share, smooth_noise
@@ -33,17 +32,7 @@ def _part(raised: bool = False) -> StampedPart:
 
 @cache
 def _stamped(raised: bool) -> StampedPart:
-    font = load_font("gothic")
-    return stamp_line(
-        "B4",
-        font,
-        default_die(5.0, font=font),
-        height_mm=5.0,
-        pitch_mm=0.1,
-        variation=StampingVariation(),
-        raised=raised,
-        rng=np.random.default_rng(5),
-    )
+    return stamp("B4", pitch_mm=0.1, raised=raised, seed=5).stamped
 
 
 def _soiled(seed: int = 0, raised: bool = False, **amounts: float) -> SoiledPart:

@@ -193,8 +193,8 @@ def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
     relief = np.random.default_rng(1).normal(size=(53, 65)).astype(np.float32)
     square = np.array([[0.1, 0.0], [0.5, 0.0], [0.5, 1.0], [0.1, 1.0]])
     glyphs = {
-        "8": Glyph("8", contours=(square,), advance=0.6, felt=relief),
-        "B": Glyph("B", contours=(square,), advance=0.6, felt=-relief, guessed=True),
+        "8": Glyph("8", contours=(square,), advance=0.6, relief=relief),
+        "B": Glyph("B", contours=(square,), advance=0.6, relief=-relief, guessed=True),
         "-": Glyph("-", contours=(square,), advance=0.6),
     }
     edges = EdgeMap(relief[None], (0,), relief > 0, 0.125, (-4.0, -3.25))
@@ -206,8 +206,8 @@ def test_learned_glyphs_and_exemplars_with_reliefs_come_back(tmp_path):
     font = back.fonts["press"]
     assert font.learned
     assert [g.guessed for g in font.glyphs.values()] == [False, True, False]
-    assert np.array_equal(font.glyphs["B"].felt, -relief)
-    assert font.glyphs["-"].felt is None
+    assert np.array_equal(font.glyphs["B"].relief, -relief)
+    assert font.glyphs["-"].relief is None
     twin = back.exemplars[0]
     assert np.array_equal(twin.relief, felt, equal_nan=True)
     assert (twin.height_mm, twin.rotation_deg, twin.raised) == (5.0, -2.5, True)

@@ -5,12 +5,10 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampingVariation, stamp_line
+from glyphs import stamp
+from glyphs.stamping.stamp import StampingVariation
 from pipeline.cli.exit_status import USAGE, CommandError
 from pipeline.cli.inspect import inspect
 from pipeline.cli.read import read
@@ -19,10 +17,7 @@ from pipeline.files.npz import write_npz
 
 @pytest.fixture(scope="module")
 def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    font = load_font("gothic")
-    die = default_die(5.0, font=font, depth_mm=0.15)
-    how, rng = StampingVariation.none(), np.random.default_rng(1)
-    stamped = stamp_line("K7B1", font, die, height_mm=5.0, pitch_mm=0.08, variation=how, rng=rng)
+    stamped = stamp("K7B1", depth_mm=0.15, pitch_mm=0.08, variation=StampingVariation.none(), seed=1)
     path = tmp_path_factory.mktemp("parts") / "one.npz"
     write_npz(path, stamped.height_map)
     return path

@@ -129,7 +129,7 @@ def test_the_order_of_enrolment_does_not_matter(folder, tmp_path):
     assert felt == [c for c in "0123456789" if not second.glyphs[c].guessed]
     for char in felt:
         # the second part is found by the shapes of the first: places differ by less than a pixel
-        assert np.abs(first.glyphs[char].felt - second.glyphs[char].felt).mean() < 0.002
+        assert np.abs(first.glyphs[char].relief - second.glyphs[char].relief).mean() < 0.002
 
 
 def test_what_cannot_be_enrolled_is_refused_and_the_rest_is_taken(folder, tmp_path):

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from glyphs import stamp
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import StampingVariation, stamp_line
+from glyphs.stamping.stamp import StampingVariation
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
+from tests.factories import extruded
 from whisker_array.estimation.edges import calibrated_moments, edge_map
 from whisker_array.estimation.spreading import averaging
 from whisker_array.scan.scan import Scan, trace_scan
@@ -35,11 +36,7 @@ def plan_of(plate: HeightMap, directions: tuple[TraceDirection, ...] = ALL_DIREC
 @pytest.fixture(scope="module")
 def stamped() -> HeightMap:
     """A serial stamped without fault on a flat plate."""
-    die = default_die(5.0, font=FONT)
-    return stamp_line(
-        "K7R4", FONT, die, height_mm=5.0, pitch_mm=PITCH, rng=np.random.default_rng(1),
-        variation=StampingVariation.none(),
-    ).height_map  # fmt: skip
+    return stamp("K7R4", pitch_mm=PITCH, variation=StampingVariation.none(), seed=1).height_map
 
 
 @pytest.fixture(scope="module", params=list(Fidelity))
@@ -63,7 +60,7 @@ def test_floor_walls_and_land_of_a_groove_are_the_formula() -> None:
     """A wide groove across x: 0.3 mm deep, walls of 45 degrees, felt both ways by the pointwise whisker."""
     x = np.arange(241) * PITCH
     profile = -0.3 * np.clip((1.5 - np.abs(x - 6.0)) / 0.3, 0.0, 1.0)
-    plate = HeightMap(np.tile(profile, (121, 1)).astype(np.float32), PITCH)
+    plate = extruded(profile, rows=121, pitch_mm=PITCH)
     touch = replace(TOUCH, tip_radius_mm=0.0)
     felt = edge_map(
         trace_scan(plate, touch=touch, plan=plan_of(plate), fidelity=Fidelity.POINTWISE), ideal=True

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from tests.factories import extruded, scanned
 from whisker_array.estimation.friction import USABLE_SD, FrictionRoute, land_friction
-from whisker_array.scan.scan import Scan, only, trace_scan
+from whisker_array.scan.scan import Scan, only
 from whisker_array.scan.sensor import Calibration, SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
@@ -25,7 +26,7 @@ def piece() -> HeightMap:
     r"""Land with one groove 0.3 mm deep, 45 degrees, along y: ``___/-\___`` upside down."""
     x = np.arange(0.0, 10.0, PITCH)
     z = np.interp(x, [4.0, 4.3, 5.7, 6.0], [0.0, -0.3, -0.3, 0.0])
-    return HeightMap(np.tile(z, (round(4.2 / PITCH), 1)).astype(np.float32), PITCH)
+    return extruded(z, rows=round(4.2 / PITCH), pitch_mm=PITCH)
 
 
 def scan_of(
@@ -48,11 +49,15 @@ def scan_of(
         lead_mm=0.6,
         two_way=two_way,
     )
-    rng = np.random.default_rng(3)
-    if chain is None and gain_sd is not None:
-        chain = draw_sensor_chain(rows * N, rng=rng, gain_sd=gain_sd)
-    return trace_scan(
-        piece(), touch=touch, others=others, plan=plan, fidelity=fidelity, friction=mu, sensor=chain, rng=rng
+    return scanned(
+        piece(),
+        plan,
+        touch=touch,
+        others=others,
+        fidelity=fidelity,
+        friction=mu,
+        gain_sd=gain_sd,
+        chain=chain,
     )
 
 

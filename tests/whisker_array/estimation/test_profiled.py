@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from tests.factories import extruded, scanned
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.estimation.relief import Relief, Route, relief_from_edges
-from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.scan.sensor import draw_sensor_chain
+from whisker_array.scan.scan import Scan
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.sections import Rectangle
@@ -46,7 +46,7 @@ def profile(x_mm: np.ndarray, alpha_deg: float) -> np.ndarray:
 @cache
 def piece(alpha_deg: float) -> HeightMap:
     x = np.arange(0.0, 12.0, PITCH)
-    return HeightMap(np.tile(profile(x, alpha_deg), (80, 1)).astype(np.float32), PITCH)
+    return extruded(profile(x, alpha_deg), rows=80, pitch_mm=PITCH)
 
 
 def scan_of(
@@ -68,12 +68,7 @@ def scan_of(
         lead_mm=0.8,
         two_way=two_way,
     )
-    rng = np.random.default_rng(3)
-    chain = draw_sensor_chain(rows * N, rng=rng, gain_sd=0.03)
-    return trace_scan(
-        piece(alpha_deg), touch=TOUCH, others=others, plan=plan, fidelity=fidelity, friction=mu, sensor=chain,
-        rng=rng,
-    )  # fmt: skip
+    return scanned(piece(alpha_deg), plan, touch=TOUCH, others=others, fidelity=fidelity, friction=mu)
 
 
 def places(relief: Relief, alpha_deg: float) -> tuple[np.ndarray, Masks]:

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
-from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp_line
+from glyphs import stamp
+from glyphs.stamping.stamp import PlateVariation, StampingVariation
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges
@@ -141,10 +140,8 @@ def test_slopes_no_die_has_are_cut() -> None:
 @cache
 def part() -> HeightMap:
     """Three characters on a plate as milled, but mounted level: what the land's fit takes off is not asked here."""
-    font, rng = load_font("gothic"), np.random.default_rng(1)
     variation = StampingVariation(plate=PlateVariation(tilt_deg=0.0, waviness_um=0.0))
-    die = default_die(HEIGHT, font=font)
-    return stamp_line("KR8", font, die, height_mm=HEIGHT, variation=variation, rng=rng).height_map
+    return stamp("KR8", height_mm=HEIGHT, variation=variation, seed=1).height_map
 
 
 def stamped(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numba
 import numpy as np
@@ -13,10 +12,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize
 
-from glyphs.fonts.outlines import load_font
+from glyphs import stamp
 from glyphs.soiling.soil import Soil
-from glyphs.stamping.die import Face, default_die
-from glyphs.stamping.stamp import stamp_line
+from glyphs.stamping.die import Face
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.scan import trace_scan
 from whisker_array.simulation.contact import land_lag_mm, trace_contact
@@ -359,9 +357,7 @@ def test_leaving_the_surface_is_flagged() -> None:
 @pytest.mark.parametrize("mu", [0.1, 0.2, 0.4])
 @pytest.mark.parametrize("face", [Face.FLAT, Face.SHARP, Face.ROUND])
 def test_the_solver_settles_on_stamped_plates(face: Face, mu: float) -> None:
-    font = load_font("gothic")
-    die = replace(default_die(5.0, font=font, face=face), bevel_deg=60.0 if mu == 0.2 else 45.0)
-    part = stamp_line("A8", font, die, height_mm=5.0, rng=np.random.default_rng(4))
+    part = stamp("A8", face=face, bevel_deg=60.0 if mu == 0.2 else 45.0, seed=4)
     plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=5.0)
     scan = trace_scan(part.height_map, touch=default_touch(5.0), plan=plan, friction=mu)
     for sweep in scan.sweeps:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from glyphs.surface.maps import HeightMap
+from tests.factories import extruded
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import prepare_surface
@@ -102,7 +102,7 @@ def test_in_contact_as_well(mu: float) -> None:
     step = 0.01
     x = np.arange(600) * step
     h = 0.2 * np.sin(2.1 * x) + 0.1 * np.sin(7.3 * x + 1.0) - 0.1
-    surface = prepare_surface(HeightMap(np.tile(h, (3, 1)).astype(np.float32), step), friction=mu)
+    surface = prepare_surface(extruded(h, rows=3, pitch_mm=step), friction=mu)
     tip = Straight(L, 0.0, WIRE).tip_model()
     felt = trace_contact(
         surface, tip, lines_mm=np.array([step]), start_mm=0.0, step_mm=step, n_samples=x.size,
