@@ -6,13 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.stamping.die import Face
-from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.decision import Thresholds, decided
+from recognition.reading import Candidate, CharacterReading, Reading, ReadingFlag
 from recognition.refine import Cell
 from recognition.search import LineFit
 from recognition.template_variants import TemplateVariants
@@ -40,18 +41,6 @@ UNREAD_WIDTH_HEIGHTS, UNREAD_REACH_HEIGHTS, UNREAD_SHARE = 0.3, 2.0, 0.2
 """How wide a window is looked at beside the characters, how far, and the energy that counts as a mark."""
 WORD_GAP_HEIGHTS = 0.6
 WORD_STEP = 1.3
-
-
-class Thresholds(Protocol):
-    """What `decide` needs of the settings."""
-
-    @property
-    def accept_confidence(self) -> float:
-        """Least confidence for acceptance."""
-
-    @property
-    def accept_margin(self) -> float:
-        """Least margin for acceptance."""
 
 
 ScoredLine = tuple[LineFit, TemplateSet, tuple[Cell, ...]]
@@ -101,7 +90,7 @@ def decide(
     support = _support((line, templates, cells), places)
     copies = TemplateVariants(templates.chars)
     chars = copies.chars
-    results, confidence, margin = [], 1.0, 1.0
+    results, confidence = [], 1.0
     mean_score, worst = 0.0, 1.0
     for k, cell in enumerate(cells):
         allowed = (
@@ -121,26 +110,17 @@ def decide(
         character = CharacterReading(candidates=candidates, box=box)
         results.append(character)
         confidence *= character.confidence
-        margin = min(margin, character.margin)
         mean_score += best / len(cells)
         worst = min(worst, best)
     if mean_score < MIN_LINE_SCORE or not results:
-        none = flags | ReadingFlag.NO_CHARACTERS
-        return Decided(Reading((), decision=Decision.REJECT, confidence=0.0, flags=none), 0.0, None)
+        return Decided(decided((), 0.0, settings, flags=flags), 0.0, None)
     gaps_found = gaps if places is not None else word_gaps(cells, line.hypothesis.height_mm)
-    if places is None and _foreign(line):
-        results = swapped(results, gaps_found)
-    sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin
     if _foreign(line) or mean_score < ACCEPT_MEAN_SCORE or worst < ACCEPT_WORST_SCORE:
-        sure, flags = False, flags | ReadingFlag.FOREIGN_SHAPES
+        flags |= ReadingFlag.FOREIGN_SHAPES
     if crowded(cells, line.hypothesis.height_mm):
-        sure, flags = False, flags | ReadingFlag.AMBIGUOUS
-    if unread_marks(line, cells):
-        sure, flags = False, flags | ReadingFlag.UNREAD_MARKS
-    if confidence < settings.accept_confidence:
-        flags |= ReadingFlag.LOW_CONFIDENCE
-    if margin < settings.accept_margin:
         flags |= ReadingFlag.AMBIGUOUS
+    if unread_marks(line, cells):
+        flags |= ReadingFlag.UNREAD_MARKS
     tall = 0.5 * line.hypothesis.height_mm
     whole = line.image.plate_box(
         cells[0].u_mm - cells[0].half_width_mm,
@@ -148,10 +128,10 @@ def decide(
         cells[-1].u_mm + cells[-1].half_width_mm,
         max(c.v_mm for c in cells) + tall,
     )
-    reading = Reading(
-        characters=tuple(results),
-        decision=Decision.ACCEPT if sure else Decision.REVIEW,
-        confidence=confidence,
+    reading = decided(
+        results,
+        confidence,
+        settings,
         flags=flags,
         font=templates.font,
         height_mm=line.hypothesis.height_mm,
@@ -160,6 +140,8 @@ def decide(
         box=whole,
         spaces_after=gaps_found,
     )
+    if places is None and _foreign(line):
+        reading = replace(reading, characters=tuple(swapped(results, gaps_found)))
     return Decided(reading, support, (line, templates, cells))
 
 

@@ -15,7 +15,8 @@ from types import MappingProxyType
 
 from recognition.acceptance import CANDIDATES
 from recognition.confusions import state_of
-from recognition.constrained_decoding import Choice, blind_warnings, choose
+from recognition.constrained_decoding import Choice, choose
+from recognition.decision import CHOICE_FLAGS, check_doubted, decided
 from recognition.fuse_lattices import (
     VISION_ALONE,
     Reliability,
@@ -27,7 +28,6 @@ from recognition.lattice import Lattice
 from recognition.overlay import line_of, registered
 from recognition.reader_settings import ReaderSettings
 from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag, ReadingTrace
-from recognition.verdict import CHOICE_FLAGS, choice_flags, decision_of
 from recognition.vision_combine import as_reading
 
 ALONE_WRONG = 0.02
@@ -112,7 +112,6 @@ def _reading(
     vision: Reading,
 ) -> Reading:
     """Touch's reading with the beliefs of both."""
-    grammar = settings.grammar
     characters = []
     for k in range(lattice.n_places):
         # what was measured at the place stays with it
@@ -139,18 +138,24 @@ def _reading(
     ):
         # not for its margins but for ink that two characters claim
         flags |= ReadingFlag.AMBIGUOUS
-    flags |= choice_flags(choice, grammar, characters, settings)
-    blind = blind_warnings(choice, grammar) if grammar is not None else ()
     if contradicted:
         flags |= ReadingFlag.SENSES_DISAGREE
-    old_blind = tactile.notes if ReadingFlag.CHECK_BLIND not in tactile.flags else ()
+    made = decided(
+        characters,
+        choice.probability,
+        settings,
+        flags=flags,
+        choice=choice,
+        grammar=settings.grammar,
+        notes=tactile.notes if ReadingFlag.CHECK_BLIND not in tactile.flags else (),
+    )
     return replace(
         tactile,
-        characters=tuple(characters),
-        decision=decision_of(flags, characters),
-        confidence=choice.probability,
-        flags=flags,
-        notes=(*old_blind, *blind, *contradicted),
+        characters=made.characters,
+        decision=made.decision,
+        confidence=made.confidence,
+        flags=made.flags,
+        notes=(*made.notes, *contradicted),
         seconds=_seconds(tactile, vision),
     )
 
@@ -161,9 +166,10 @@ def _by_vision_alone(touch: Reading, vision: Reading, settings: ReaderSettings) 
     if seen is None or not vision.characters:
         return replace(touch, decision=Decision.REJECT, flags=touch.flags | ReadingFlag.NO_CHARACTERS)
     lattice = tempered(seen, Reliability(rates=(ALONE_WRONG,)))
-    doubts = vision.flags & ~CHOICE_FLAGS
-    made = as_reading(lattice, settings, flags=doubts or None)
+    made = as_reading(lattice, settings, flags=vision.flags & ~CHOICE_FLAGS)
     choice = choose(lattice, settings.grammar)
+    if settings.grammar is not None:
+        made = check_doubted(made, choice, settings.grammar)
     if choice.text and choice.text != "".join(c.char for c in made.characters):
         made = replace(made, decision=Decision.REVIEW, flags=made.flags | ReadingFlag.FORMAT_OVERRULED)
     note = "touch has found no characters; read by the camera alone"
@@ -173,7 +179,7 @@ def _by_vision_alone(touch: Reading, vision: Reading, settings: ReaderSettings) 
         height_mm=vision.height_mm,
         rotation_deg=vision.rotation_deg,
         unit=vision.unit,
-        notes=(*vision.notes, note),
+        notes=tuple(dict.fromkeys((*vision.notes, *made.notes, note))),
         seconds=_seconds(touch, vision),
     )
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from textwrap import shorten
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +92,8 @@ class Grammar:
         return replace(self, lexicon=frozenset(words))
 
     def __repr__(self) -> str:
-        return f"Grammar({shorten(str(self), 160)!r})"
+        text = str(self)
+        return f"Grammar({text[:157] + '...' * (len(text) > 157)!r})"
 
     def __str__(self) -> str:
         """The parts, about as `parse` reads them."""

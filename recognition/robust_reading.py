@@ -18,7 +18,6 @@ from recognition.acceptance import (
     CANDIDATES,
     Decided,
     ScoredLine,
-    Thresholds,
     beliefs,
     crowded,
     word_gaps,
@@ -26,7 +25,8 @@ from recognition.acceptance import (
 from recognition.box import Box
 from recognition.calibrate import DEFAULT_WEIGHTS, Scored, Weights, lattice_of, residual_of
 from recognition.confusions import state_of
-from recognition.constrained_decoding import Choice, blind_warnings, choose
+from recognition.constrained_decoding import Choice, choose
+from recognition.decision import Thresholds, decided
 from recognition.evidence import LineEvidence
 from recognition.frames import LineImage
 from recognition.grammar import Grammar
@@ -37,7 +37,6 @@ from recognition.refine import Cell
 from recognition.search import LineFit
 from recognition.template_variants import TemplateVariants
 from recognition.templates import TemplateSet
-from recognition.verdict import choice_flags, decision_of
 
 SAME_PLACE_HEIGHTS = 0.3
 """A correlation counts for a place if it was taken no further away."""
@@ -102,25 +101,25 @@ def read_robustly(
     if not choice.text:
         return None
     characters = tuple(_character(k, choice, lattice, evidence.places[k]) for k in range(len(found)))
-    flags |= choice_flags(choice, grammar, characters, settings)
     if _foreign_shapes(choice, templates, near, counted=gaps is None):
         flags |= ReadingFlag.FOREIGN_SHAPES
     if crowded(found, height):
         flags |= ReadingFlag.AMBIGUOUS
     if evidence.beside > BESIDE_SHARE:
         flags |= ReadingFlag.UNREAD_MARKS
-    reading = Reading(
-        characters=characters,
-        decision=decision_of(flags, characters),
-        confidence=choice.probability,
+    reading = decided(
+        characters,
+        choice.probability,
+        settings,
         flags=flags,
+        choice=choice,
+        grammar=grammar,
         font=templates.font,
         height_mm=height,
         rotation_deg=line.hypothesis.rotation_deg,
         raised=line.raised,
         box=_hull(boxes),
         spaces_after=spaces,
-        notes=blind_warnings(choice, grammar) if grammar is not None else (),
     )
     return RobustReading(reading, lattice, choice, (line, templates, found))
 

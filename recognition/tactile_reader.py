@@ -17,6 +17,8 @@ from glyphs.errors import MarksError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from recognition.acceptance import Decided, ScoredLine, decide
+from recognition.constrained_decoding import choose
+from recognition.decision import check_doubted
 from recognition.depth import mark_depths
 from recognition.depth_rules import judged_by
 from recognition.evidence_cache import EvidenceCache
@@ -151,6 +153,9 @@ class TactileReader:
             decided, again = _counted_alike(decided, again)
         reading, support, line_read = decided.reading, decided.support_mm, decided.judged
         lattice, choice = lattice_of_reading(decided), None
+        if again is None and lattice is not None and self.grammar is not None and self.grammar.checks:
+            # correlation asks no check digit; what it cannot tell apart is in doubt all the same
+            reading = check_doubted(reading, choose(lattice, self.grammar), self.grammar)
         if again is not None:
             reading, line_read, lattice, choice = again.reading, again.judged, again.lattice, again.choice
         with timer.step("depth"):

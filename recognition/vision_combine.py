@@ -7,13 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.acceptance import Thresholds
 from recognition.box import Box
-from recognition.constrained_decoding import ChoiceFlag, choose
+from recognition.constrained_decoding import choose
+from recognition.decision import Thresholds, decided
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
-from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
-from recognition.verdict import LEAST_VALID_MASS
+from recognition.reading import Candidate, CharacterReading, Reading, ReadingFlag
 
 FLOOR = 1e-4
 """Belief that one engine leaves to a character, as a share: none rules out what another sees clearly."""
@@ -71,7 +70,7 @@ def as_reading(
     settings: Thresholds,
     *,
     grammar: Grammar | None = None,
-    flags: ReadingFlag | None = None,
+    flags: ReadingFlag = ReadingFlag.NONE,
     source: str = "vision",
 ) -> Reading:
     """The best serial, accepted where all of its characters are sure enough.
@@ -80,33 +79,16 @@ def as_reading(
         lattice: beliefs.
         settings: thresholds of confidence and margin.
         grammar: that the serial obeys beyond the characters at each place; what it overrules is not accepted.
-        flags: doubts beside these; with any, the reading is not accepted.
+        flags: doubts beside these.
         source: of the reading.
     """
-    belief, text, mass = np.exp(lattice.log_belief), "", 1.0
+    belief, text = np.exp(lattice.log_belief), ""
     choice = choose(lattice, grammar) if grammar is not None and lattice.n_places else None
     if choice is not None and choice.text:
-        belief, text, mass = choice.places, choice.text, choice.valid_mass
+        belief, text = choice.places, choice.text
     box = lattice.boxes or (Box(0.0, 0.0, 0.0, 0.0),) * lattice.n_places
-    characters = tuple(
-        _character(lattice.chars, row, box[k], text[k : k + 1]) for k, row in enumerate(belief)
-    )
-    confidence = float(np.prod([c.confidence for c in characters])) if characters else 0.0
-    if choice is not None:
-        confidence = choice.probability
-    margin = min((c.margin for c in characters), default=0.0)
-    doubts = flags if flags is not None else ReadingFlag.NONE
-    if not characters:
-        return Reading((), Decision.REJECT, 0.0, doubts | ReadingFlag.NO_CHARACTERS, source=source)
-    if choice is not None and (mass < LEAST_VALID_MASS or not choice.text):
-        doubts |= ReadingFlag.FORMAT_OVERRULED
-    if choice is not None and ChoiceFlag.EXHAUSTED in choice.flags:
-        doubts |= ReadingFlag.SEARCH_EXHAUSTED
-    sure = confidence >= settings.accept_confidence and margin >= settings.accept_margin and not doubts
-    if confidence < settings.accept_confidence:
-        doubts |= ReadingFlag.LOW_CONFIDENCE
-    if margin < settings.accept_margin:
-        doubts |= ReadingFlag.AMBIGUOUS
+    characters = [_character(lattice.chars, row, box[k], text[k : k + 1]) for k, row in enumerate(belief)]
+    confidence = float(np.prod([c.confidence for c in characters])) if choice is None else choice.probability
     hull = None
     if lattice.boxes:
         hull = Box(
@@ -115,11 +97,13 @@ def as_reading(
             max(b.x1_mm for b in lattice.boxes),
             max(b.y1_mm for b in lattice.boxes),
         )
-    return Reading(
+    return decided(
         characters,
-        Decision.ACCEPT if sure else Decision.REVIEW,
         confidence,
-        doubts,
+        settings,
+        flags=flags,
+        choice=choice,
+        grammar=grammar,
         box=hull,
         source=source,
         spaces_after=lattice.spaces_after,

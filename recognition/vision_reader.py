@@ -167,7 +167,7 @@ class VisionReader:
             lattice,
             self.settings,
             grammar=self.grammar,
-            flags=ReadingFlag.FOREIGN_SHAPES if foreign else None,
+            flags=ReadingFlag.FOREIGN_SHAPES if foreign else ReadingFlag.NONE,
         )
         edges = None
         if place is not None:
@@ -175,7 +175,8 @@ class VisionReader:
             reading = replace(reading, height_mm=place.height_mm, rotation_deg=place.rotation_deg)
         engine = "+".join(sorted(lattices))
         trace = replace(trace, edge_map=edges, lattice=lattice, engine=engine, place=place)
-        return replace(reading, notes=self.notes, unit=unit, seconds=MappingProxyType(seconds), trace=trace)
+        notes = (*reading.notes, *self.notes)
+        return replace(reading, notes=notes, unit=unit, seconds=MappingProxyType(seconds), trace=trace)
 
     def _basis(self, font: Font, look: Look) -> VisionBasis:
         key = (font.name, look)

@@ -64,7 +64,7 @@ def of_text(text: str, sure: float | list[float], *, rival: str = "", where: tup
 def touch(beliefs: Lattice | None, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
     if beliefs is None:
         return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS)
-    return as_reading(beliefs, SETTINGS, flags=flags or None, source="tactile").traced(lattice=beliefs)
+    return as_reading(beliefs, SETTINGS, flags=flags, source="tactile").traced(lattice=beliefs)
 
 
 def vision(beliefs: Lattice | None) -> Reading:
@@ -236,3 +236,25 @@ def test_other_counts_without_places_leave_touch_alone() -> None:
     placed = touch(of_text("AB1234", 0.999, where=boxes(6)))
     read = fuse(placed, vision(of_text("B123", 0.999)), SETTINGS)
     assert (read.text, read.decision) == ("AB1234", Decision.ACCEPT)
+
+
+BLIND = ReaderSettings(format=Grammar.parse("vin"), accept_confidence=0.5, accept_margin=0.0)
+"""8 and H count alike in the check digit of a VIN."""
+VIN, RIVAL = "1M8GDM9AXKP042788", "1MHGDM9AXKP042788"
+
+
+@pytest.mark.parametrize("path", ["vision", "fused", "touch failed", "camera failed"])
+def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(path: str) -> None:
+    beliefs = of_text(VIN, [0.9999, 0.9999, 0.8, *[0.9999] * 14], rival=RIVAL)
+    by_vision = as_reading(beliefs, BLIND, grammar=BLIND.grammar).traced(lattice=beliefs)
+    by_touch = replace(by_vision, source="tactile")
+    read = {
+        "vision": by_vision,
+        "fused": fuse(by_touch, by_vision, BLIND),
+        "touch failed": fuse(touch(None), by_vision, BLIND),
+        "camera failed": fuse(by_touch, vision(None), BLIND),
+    }[path]
+    assert read.text == VIN
+    assert ReadingFlag.CHECK_BLIND in read.flags
+    assert read.decision is Decision.REVIEW
+    assert sum("8 may be H" in note for note in read.notes) == 1
