@@ -1,6 +1,6 @@
 """What the camera's reader believed, on disk: a scan that comes later is fused with it, not with the photograph anew.
 
-An `.npz` without pickles: `told` holds the reading and all else that is text or numbers as JSON, `edges` the camera's
+An `.npz` without pickles: `record` holds the reading and all else that is text or numbers as JSON, `edges` the camera's
 edge map in half precision, thinned to what touch can be compared with.
 """
 
@@ -119,10 +119,10 @@ def save_vision(path: Path, kept: KeptVision) -> None:
         "reading": _reading_members(reading),
         "engine": trace.engine,
         "place": None if trace.place is None else to_json(trace.place),
-        "lattice": _told(trace.lattice),
-        "by_engine": {name: _told(lattice) for name, lattice in trace.by_engine.items()},
+        "lattice": _lattice_members(trace.lattice),
+        "by_engine": {name: _lattice_members(lattice) for name, lattice in trace.by_engine.items()},
         "middle_mm": kept.middle_mm,
-        "open_lattice": _told(trace.open_lattice),
+        "open_lattice": _lattice_members(trace.open_lattice),
         "expected": kept.expected,
     }
     arrays: dict[str, NDArray[Any]] = {}
@@ -165,7 +165,7 @@ def _reading(members: Mapping[str, Any], trace: ReadingTrace) -> Reading:
     return Reading(**{**members, **made, "trace": trace})
 
 
-def _told(lattice: Lattice | None) -> dict[str, Any] | None:
+def _lattice_members(lattice: Lattice | None) -> dict[str, Any] | None:
     if lattice is None:
         return None
     return {
@@ -207,7 +207,7 @@ def load_vision(path: Path) -> KeptVision:
         # in memory: the file may be expired while it is read
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as held:
             arrays = {name: held[name] for name in held.files}
-        record: Mapping[str, Any] = json.loads(bytes(arrays["told"]).decode("utf-8"))
+        record: Mapping[str, Any] = json.loads(bytes(arrays["record"]).decode("utf-8"))
         if record["version"] != FORMAT_VERSION:
             raise FileError(path, f"is of version {record['version']}", "read the photograph again")
         return _kept(record, arrays)
