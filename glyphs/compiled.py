@@ -12,12 +12,16 @@ they are lean:
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import numpy as np
 from numba import njit
+from numba.core import event
 from numpy.typing import DTypeLike, NDArray
+
+from glyphs.compiling import compiling_begins, compiling_ends
 
 Function: TypeAlias = Callable[..., Any]
 
@@ -51,3 +55,23 @@ def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[An
     view = np.ascontiguousarray(array, dtype=dtype).view()
     view.flags.writeable = False
     return view
+
+
+class _Compiling(event.Listener):  # type: ignore[misc,unused-ignore]
+    """Tells when numba compiles, which it does under its lock, one kernel within another."""
+
+    def __init__(self) -> None:
+        self._began_s: list[float] = []
+
+    def on_start(self, event: Any) -> None:
+        self._began_s.append(time.monotonic())
+        if len(self._began_s) == 1:
+            compiling_begins()
+
+    def on_end(self, event: Any) -> None:
+        began_s = self._began_s.pop()
+        if not self._began_s:
+            compiling_ends(time.monotonic() - began_s)
+
+
+event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call,unused-ignore]

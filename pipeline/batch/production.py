@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+from glyphs.compiling import compiling_shown, part_done
 from pipeline.batch.options import RunOptions
 from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
@@ -66,7 +67,12 @@ def run_batch(
         _print_begun(run, options)
         with Progress() as progress:
             progress.start(len(parts), done)
-            run.on_row = lambda row: progress.advance(failed=bool(row.error))
+
+            def on_row(row: Row) -> None:
+                part_done()
+                progress.advance(failed=bool(row.error))
+
+            run.on_row = on_row
 
             def on_any_row(row: Row) -> None:
                 if shown is not None:
@@ -76,7 +82,11 @@ def run_batch(
 
             run.on_any_row = on_any_row
             began = time.monotonic()
-            with executors.opened(len(parts) - done) as executor, progress.steps():
+            with (
+                compiling_shown(progress.line),
+                progress.steps(),
+                executors.opened(len(parts) - done) as executor,
+            ):
                 run.work(parts, order, executor)
                 workers = executor.workers
         elapsed_s = time.monotonic() - began

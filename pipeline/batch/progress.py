@@ -61,6 +61,13 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, description=what or _READING)
 
+    def line(self, what: str) -> None:
+        """Show a line that stays."""
+        if self._bar is not None:
+            self._bar.console.print(what, markup=False, highlight=False)
+        else:
+            print(what, file=sys.stderr, flush=True)
+
     def steps(self) -> contextlib.AbstractContextManager[None]:
         """Show the steps of every part that this process reads within the block."""
         return contextlib.nullcontext() if self._bar is None else steps_shown(self.step)

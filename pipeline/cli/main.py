@@ -12,6 +12,7 @@ from typing import Literal
 from cyclopts import App, CycloptsError, Parameter, ValidationError
 from cyclopts.argument import ArgumentCollection
 
+from glyphs.compiling import compiling_shown
 from glyphs.errors import fault_of
 from pipeline.cli.exit_status import BROKEN_PIPE, FAULT, INTERRUPTED, USAGE, CommandError, failures_reported
 
@@ -140,12 +141,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if not {"--help", "-h"}.isdisjoint(given):
             whole_help(*given)
-        status = app(
-            given,
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
+        with compiling_shown(lambda line: print(line, file=sys.stderr, flush=True)):
+            status = app(
+                given,
+                exit_on_error=False,
+                print_error=False,
+                result_action="return_value",
+            )
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except CycloptsError as error:

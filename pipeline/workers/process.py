@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import multiprocessing
 import os
 import pickle
 import signal
@@ -12,6 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
+
+from glyphs.compiling import compiling_shown, part_done
 
 _THREADS = (
     *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"),
@@ -47,9 +51,20 @@ def serve_jobs(
     for name in _THREADS:
         os.environ[name] = "1"  # before the libraries are loaded
     _bound_memory(memory_mb)
-    if warm_up is not None:
-        warm_up()
-    pipe.send(Answer(None))
+    first = multiprocessing.current_process().name.endswith("-0")  # the others compile the same
+    with compiling_shown(_say) if first else contextlib.nullcontext():
+        if warm_up is not None:
+            warm_up()
+            part_done()
+        pipe.send(Answer(None))
+        _serve(pipe)
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def _serve(pipe: Connection) -> None:
     while True:
         try:
             function, args = pipe.recv()
@@ -60,6 +75,7 @@ def serve_jobs(
             continue
         try:
             pipe.send(_called(function, args))
+            part_done()
         except OSError:
             return
 

@@ -81,12 +81,12 @@ class Slot:
         """Prepare; `thread` is to be started.
 
         Args:
-            number: for the thread's name.
+            number: of the slot; the worker of the first shows what is compiled.
             order: how the worker is to be, and when to end.
             tasks: where jobs come from; one None for each slot at the end.
             settle: called with every job and what came of it: an `Answer` or an exception.
         """
-        self.order, self.tasks, self.settle = order, tasks, settle
+        self.number, self.order, self.tasks, self.settle = number, order, tasks, settle
         self.restarts, self.warm = 0, False
         self.process: SpawnProcess | None = None
         self.pipe: Connection | None = None
@@ -149,7 +149,7 @@ class Slot:
         process = context.Process(
             target=serve_jobs,
             args=(theirs, life_end, os.getpid(), self.order.memory_mb, self.order.warm_up),
-            name="tactile-marks-worker",
+            name=f"tactile-marks-worker-{self.number}",
             daemon=True,
         )
         self.pipe = ours
