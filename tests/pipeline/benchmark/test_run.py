@@ -145,7 +145,7 @@ def test_a_book_damaged_before_its_end_is_told_by_line(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="line 3 is damaged"):
         TrialJournal.open(tmp_path, {"a": 1})
     book.path.write_text("no book\n")
-    with pytest.raises(FileError, match="no book of trials"):
+    with pytest.raises(FileError, match="not a book of trials"):
         TrialJournal.open(tmp_path, {"a": 1})
 
 

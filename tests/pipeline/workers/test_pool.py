@@ -62,7 +62,7 @@ def test_function_is_called_in_another_process(pool: WorkPool) -> None:
 def test_exceptions_come_back_as_they_are(pool: WorkPool) -> None:
     with pytest.raises(FileError) as caught:
         pool.submit(calls.fail_with_problem).result(LONG_S)
-    assert (caught.value.problem, caught.value.hint) == ("is empty", "copy it again")
+    assert (caught.value.what, caught.value.hint) == ("is empty", "copy it again")
     with pytest.raises(RuntimeError, match="OddError: 1 and 2"):
         pool.submit(calls.fail_oddly).result(LONG_S)
 
