@@ -1,0 +1,80 @@
+"""What is shown when kernels are compiled, and that each of them is compiled for one kind of arguments."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from glyphs.compiled import kernel, read_only
+from glyphs.compiling import BEGINS, compiling_shown, part_done
+from glyphs.soiling.dirty import Dirt
+from pipeline.files.synth import SynthSpec, write_part
+
+KINDS = {"trace_abreast": 2}
+"""Kernels of more than one kind: where dirt yields there is more to compute, and elsewhere it is left out."""
+READ = """
+import sys
+from numba.core.registry import CPUDispatcher
+from pipeline.cli.main import main
+for name in sys.argv[1:]:
+    assert main(["read", name, "--font", "gothic", "--format", "AA99"]) == 0
+modules = [m for name, m in sys.modules.items() if name.split(".")[0] in ("glyphs", "whisker_array", "recognition")]
+kernels = {id(k): k for m in modules for k in vars(m).values() if isinstance(k, CPUDispatcher)}
+for one in kernels.values():
+    print("kernel", one.py_func.__name__, len(one.overloads))
+"""
+
+
+def test_a_first_call_is_shown_once_and_its_time_when_the_part_is_done() -> None:
+    @kernel()
+    def twice(values, out):  # type: ignore[no-untyped-def]
+        for i in range(values.size):
+            out[i] = 2.0 * values[i]
+
+    lines: list[str] = []
+    values, out = read_only([1.0, 2.5]), np.empty(2)
+    with compiling_shown(lines.append):
+        twice(values, out)
+        assert lines == [BEGINS]
+        part_done()
+        twice(values, out)
+    np.testing.assert_array_equal(out, [2.0, 5.0])
+    assert lines[0] == BEGINS
+    assert len(lines) == 2
+    assert lines[1].startswith("kernels compiled in ")
+
+
+def test_read_only_views_are_of_one_type_and_leave_the_array_alone() -> None:
+    array = np.arange(12.0).reshape(3, 4)
+    frozen = array.copy()
+    frozen.flags.writeable = False
+    for given in (array, array.T, array[:, ::2], frozen):
+        view = read_only(given, np.float32)
+        np.testing.assert_array_equal(view, given)
+        assert view.flags.c_contiguous
+        assert not view.flags.writeable
+    assert array.flags.writeable
+
+
+def test_every_kernel_is_compiled_for_one_kind_of_arguments(tmp_path: Path) -> None:
+    parts = []
+    for name, dirt in (("clean", 0.0), ("dirty", 0.4)):
+        spec = SynthSpec("AA99", seed=1, dirt=Dirt.of(dirt))
+        write_part(spec, tmp_path / name, 0, photos=False)
+        parts.append(str(tmp_path / f"{name}.npz"))
+    done = subprocess.run(
+        [sys.executable, "-c", READ, *parts], capture_output=True, text=True, timeout=600, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    counts = {
+        name: int(count)
+        for word, name, count in (
+            line.split() for line in done.stdout.splitlines() if line.startswith("kernel ")
+        )
+    }
+    used = {name for name, count in counts.items() if count}
+    assert {"trace_abreast", "_products", "_row_sums"} <= used
+    assert {name: count for name, count in counts.items() if count > KINDS.get(name, 1)} == {}
