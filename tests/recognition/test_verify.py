@@ -45,7 +45,7 @@ def test_the_same_is_confirmed_and_another_refuted() -> None:
     assert other.verdict is Verdict.REFUTED
     assert other.rival == "AB123456"
     assert other.log10_odds < -3.0
-    assert other.messages() == ("place 8: 6 stands where 7 is expected",)
+    assert other.messages() == ("place 8: 6 where 7 is expected",)
     assert [c.state.state for c in other.characters] == [CharacterState.READ] * 7 + [CharacterState.MISMATCH]
 
 
@@ -129,7 +129,7 @@ def test_a_place_too_many_is_found() -> None:
     assert result.verdict is Verdict.UNDECIDED
     extra = [c for c in result.characters if not c.expected]
     assert len(extra) == 1
-    assert extra[0].message == "1 stands where nothing is expected"
+    assert extra[0].message == "1 where nothing is expected"
     assert result.messages()[1].startswith("after place")
     # of another length and with another character: refuted
     assert verify(line("AB17345"), "AB123456").verdict is Verdict.REFUTED
