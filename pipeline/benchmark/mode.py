@@ -1,6 +1,6 @@
 """What a mode is, and the senses that all modes share.
 
-A part is read once by each sense, whatever the number of modes: `Senses` keeps the readings, and how long
+A part is read once by each sense, whatever the number of modes: `PartReadings` keeps the readings, and how long
 that took, so that every mode is charged for all it used.
 """
 
@@ -26,7 +26,7 @@ class ModeUnavailableError(MarksError):
     """A mode that cannot run here."""
 
 
-class Senses:
+class PartReadings:
     """One part, read by each sense when a mode first asks for it.
 
     Attributes:
@@ -103,10 +103,10 @@ class ModeReader(Protocol):
     """A mode.
 
     Attributes:
-        uses: the senses it needs: "touch", "sight"; the others' time is not charged to it.
+        uses: the senses it needs: "touch", "vision"; the others' time is not charged to it.
     """
 
     uses: tuple[str, ...]
 
-    def read(self, senses: Senses) -> Reading:
+    def read(self, senses: PartReadings) -> Reading:
         """Read the part."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from pipeline.benchmark.mode import ModeReader, Senses
+from pipeline.benchmark.mode import ModeReader, PartReadings
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ class TactileMode:
     def __init__(self, reader: Reader) -> None:
         _ = reader.touch
 
-    def read(self, senses: Senses) -> Reading:
+    def read(self, senses: PartReadings) -> Reading:
         """The reading of touch."""
         return senses.touch
 
@@ -34,7 +34,7 @@ class VisionMode:
     def __init__(self, reader: Reader) -> None:
         _ = reader.vision
 
-    def read(self, senses: Senses) -> Reading:
+    def read(self, senses: PartReadings) -> Reading:
         """The reading of vision."""
         return senses.vision
 
@@ -48,7 +48,7 @@ class FusedMode:
         _ = reader.touch, reader.vision
         self.reader = reader
 
-    def read(self, senses: Senses) -> Reading:
+    def read(self, senses: PartReadings) -> Reading:
         """Both readings fused."""
         return self.reader.fuse(senses.touch, senses.vision)
 

@@ -1,6 +1,6 @@
 """Programs of others on the same parts: RapidOCR and Tesseract, on photographs and on the edge maps of touch.
 
-Both read one line of text and are told which characters there may be, not which place takes which. They see the
+Both read one line of text and are given which characters there may be, not which place takes which. They see the
 photograph, or the edge map drawn in grey, cropped to the line: by the true place where it is known, else by the place
 that touch found, else not at all::
 
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.fonts.serials import allowed_characters
-from pipeline.benchmark.mode import ModeReader, ModeUnavailableError, Senses
+from pipeline.benchmark.mode import ModeReader, ModeUnavailableError, PartReadings
 from pipeline.benchmark.specimens import Box
 from pipeline.benchmark.trials import UNUSED
 
@@ -79,14 +79,14 @@ class _Peer:
         self.uses: tuple[str, ...] = ("touch",) if sense == "touch" else ()
         self._engine, self._sense, self._places = engine, sense, places
 
-    def read(self, senses: Senses) -> Reading:
+    def read(self, senses: PartReadings) -> Reading:
         picture = touch_picture(senses) if self._sense == "touch" else photo_picture(senses)
         line = self._engine.read_line(picture) if min(picture.shape[:2]) >= 8 else []
         reading = reading_of(line, places=self._places)
         return replace(reading, seconds=edge_map_seconds(senses)) if self._sense == "touch" else reading
 
 
-def edge_map_seconds(senses: Senses) -> dict[str, float]:
+def edge_map_seconds(senses: PartReadings) -> dict[str, float]:
     """Where the time of touch went for one who takes its edge map, and the place of the line if the truth lacks it."""
     spent = senses.touch.seconds
     steps = {step: spent.get(step, 0.0) for step in ("mount", "scan", "edge map")}
@@ -120,7 +120,7 @@ def reading_of(line: Line, *, places: tuple[str, ...] = ()) -> Reading:
     )
 
 
-def photo_picture(senses: Senses) -> NDArray[np.uint8]:
+def photo_picture(senses: PartReadings) -> NDArray[np.uint8]:
     """The photograph, cropped to the line, (rows, cols, 3)."""
     photo = senses.photo
     pixels = photo.pixels if photo.pixels.ndim == 3 else np.repeat(photo.pixels[..., None], 3, axis=2)
@@ -133,7 +133,7 @@ def photo_picture(senses: Senses) -> NDArray[np.uint8]:
     return _cropped(pixels, box, origin_mm=origin, pitch_mm=photo.pitch_mm)
 
 
-def touch_picture(senses: Senses) -> NDArray[np.uint8]:
+def touch_picture(senses: PartReadings) -> NDArray[np.uint8]:
     """The edge map of touch, drawn in grey and cropped to the line, (rows, cols, 3).
 
     Raises:
@@ -156,7 +156,7 @@ def draw_edges(edges: EdgeMap) -> NDArray[np.uint8]:
     return np.asarray(255.0 * (1.0 - np.clip(strength / most, 0.0, 1.0)), dtype=np.uint8)
 
 
-def _line(senses: Senses) -> Box | None:
+def _line(senses: PartReadings) -> Box | None:
     if senses.specimen.line_mm is not None:
         return senses.specimen.line_mm
     found = senses.touch.box

@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmark.mode import ModeReader, Senses
+from pipeline.benchmark.mode import ModeReader, PartReadings
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Condition, Item, Parts
 from pipeline.benchmark.trials import Trial, TrialJournal, answer_of
@@ -129,7 +129,7 @@ def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
         return _failed(benchmark, item, error)
     blanks = [replace(b, truth=specimen.truth) for b in _blanks(benchmark, item)]
     reader = reader_for(benchmark.settings_for(item.condition))
-    senses = Senses(specimen, reader)
+    senses = PartReadings(specimen, reader)
     return tuple(_read(blank, senses, reader) for blank in blanks)
 
 
@@ -146,7 +146,7 @@ def _failed(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, 
     return tuple(replace(b, error=f"the part: {_told(error)}") for b in _blanks(benchmark, item))
 
 
-def _read(blank: Trial, senses: Senses, reader: Reader) -> Trial:
+def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     start, before = time.perf_counter(), sum(senses.seconds.values())
     # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
     try:

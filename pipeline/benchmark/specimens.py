@@ -35,8 +35,8 @@ class Condition:
 
     Attributes:
         severity: of the dirt, 0 to 1; None where it is not known.
-        font: of the mark: built-in name or file; empty where none was told.
-        format: of the serial; empty where none was told.
+        font: of the mark: built-in name or file; empty where it is not known.
+        format: of the serial; empty where it is not known.
     """
 
     severity: float | None
@@ -70,7 +70,7 @@ class Item:
 
 @dataclass(frozen=True, eq=False)
 class Specimen:
-    """A part to be felt and looked at.
+    """A part to be scanned and photographed.
 
     Attributes:
         part: its name.

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from pipeline.benchmark.charts import inlined
 from pipeline.benchmark.confusion import characters_right
-from pipeline.benchmark.mode import Senses
+from pipeline.benchmark.mode import PartReadings
 from pipeline.benchmark.run import Benchmark, reader_for
 from pipeline.benchmark.specimens import Item
 from pipeline.benchmark.trials import Trial
@@ -90,7 +90,7 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
     worst, item = ranked
     try:
         specimen = benchmark.parts.make(item)
-        senses = Senses(specimen, reader_for(benchmark.settings_for(item.condition)))
+        senses = PartReadings(specimen, reader_for(benchmark.settings_for(item.condition)))
         picture = inlined(_figure(senses), kind="jpg")
     # The report of a night's run may not fail for a picture.
     except Exception as error:
@@ -98,7 +98,7 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
     return WorstPart(worst.trials, worst.why, picture)
 
 
-def _figure(senses: Senses) -> Figure:
+def _figure(senses: PartReadings) -> Figure:
     reading, photographed = senses.touch, senses.specimen.take_photo is not None
     figure = Figure(figsize=(10.5, 1.75) if photographed else (8.0, 2.0), layout="constrained")
     axes = list(figure.subplots(1, 3 if photographed else 2))
@@ -118,7 +118,7 @@ def _figure(senses: Senses) -> Figure:
     return figure
 
 
-def _photo_panel(axes: Axes, senses: Senses) -> None:
+def _photo_panel(axes: Axes, senses: PartReadings) -> None:
     pixels = senses.photo.pixels
     axes.imshow(pixels, cmap="gray" if pixels.ndim == 2 else None, vmin=0, vmax=255)
     axes.set_title("photograph", fontsize=9, loc="left")

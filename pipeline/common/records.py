@@ -81,7 +81,7 @@ class CharacterRecord:
         candidates: best first.
         box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known.
         state: read, confused, not read or mismatch; empty where nobody asked.
-        grade: of the mark, A to F, "?" where too little was felt; empty where it was not graded.
+        grade: of the mark, A to F, "?" where too little was scanned; empty where it was not graded.
         box_px: as box_mm, in the photograph's own pixels where that is None.
         state_chars: of "confused" the two characters; of "mismatch" the one that stands there and the one expected.
         action: what to do about the mark; empty where nothing is to be done, or it was not graded.

@@ -37,16 +37,16 @@ class Row:
         raised: raised marks.
         flags: what to know about the reading, and what the mark lacks for the rules asked for.
         alternatives: a place's other candidates with some belief, as "3:8B 5:S", places from 1.
-        depth_min_mm: depth of the mark where it is least (height of a raised one); None where it was not felt.
-        depth_mean_mm: mean depth of the characters; None where it was not felt.
-        depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where not felt.
+        depth_min_mm: depth of the mark where it is least (height of a raised one); None where it is not known.
+        depth_mean_mm: mean depth of the characters; None where it is not known.
+        depths: least and mean depth of every character, mm, as "K 0.212/0.231 7 0.198/0.220"; "?" where unknown.
         expected: the text that the part should read; empty where none is known.
         verdict: confirmed, refuted or undecided; empty where no text was expected.
         verify_probability: that the part bears the text expected; None where none was.
         states: places that are not plainly read, as "3:confused 8/B, 5:not read, 7:mismatch 1/7" (1 for 7).
         rivals: other serials with some belief, as "KB74 0.021"; a comma between.
         grade: mark quality, A to F, of the worst character; empty where none was graded.
-        grades: of every character, a letter each; "?" where too little was felt.
+        grades: of every character, a letter each; "?" where too little was scanned.
         action: what to do about the mark and where, as "clean 3 5, re-strike 7"; empty where nothing is.
         height_px: character height in pixels, of a photograph whose scale is not known; else None.
     """

@@ -79,7 +79,7 @@ def edges_picture(edges: EdgeMap | None, folder: Path) -> list[MadeFile]:
     """Touch's edge map in the plate frame: land white, falls blue, rises red; none where nothing was measured."""
     if edges is None:
         return []
-    # what stands up or lies deep is felt whichever way; what only one way feels is half as strong
+    # what stands up or lies deep shows in every direction; what shows in one alone is half as strong
     value = edges.enhancement.mean(axis=0)
     top = max(_strongest(np.abs(value), edges.valid), 1e-3)
     index = np.clip(127.5 + 127.5 * value / top, 0.0, 255.0).astype(np.uint8)
@@ -150,10 +150,10 @@ def _size(shape: tuple[int, int], most: int, least: int = 0) -> tuple[int, int]:
 
 
 def _strongest(size: NDArray[np.float32], valid: NDArray[np.bool_]) -> float:
-    felt = size[valid]
-    if not felt.size:
+    known = size[valid]
+    if not known.size:
         return 0.0
-    return float(np.percentile(felt[:: max(1, felt.size // _SAMPLED)], _STRONGEST_PERCENT))
+    return float(np.percentile(known[:: max(1, known.size // _SAMPLED)], _STRONGEST_PERCENT))
 
 
 def _diverging() -> NDArray[np.uint8]:

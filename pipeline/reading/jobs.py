@@ -3,7 +3,7 @@
 photo                    -> vision           and a plan for touch where the camera is unsure
 scan or height map       -> tactile
 photo + scan (map)       -> vision, fused
-sight + scan (map)       -> fused            sight: what the camera's reader believed, kept by an earlier job
+vision + scan (map)      -> fused            vision: the reading of a photograph, kept by an earlier job
 
 Whatever is wrong with a file is a `FileError` that calls the file as its sender did: paths of the server are
 nobody's business.
@@ -41,7 +41,7 @@ class Job:
         folder: for the files that are made; it is there, and the job's own.
         photo: photograph.
         scan: recording (HDF5).
-        height_map: surface; its format is told by the suffix of its name.
+        height_map: surface; the suffix of its name says its format.
         vision: what an earlier job kept of the camera's reading (`pipeline.reading.vision_file`).
         part_name: what the line calls the part.
         expected: text it should read; empty where none is.
@@ -120,7 +120,9 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
 
     tactile = job.scan is not None or job.height_map is not None
     if not tactile and (job.photo is None or job.vision is not None):
-        raise ValueError("a job has a photo, a scan or a height map; sight goes with one of the latter")
+        raise ValueError(
+            "a job has a photo, a scan or a height map; a kept reading of vision goes with one of the latter"
+        )
     if job.database is not None:
         settings = settings.model_copy(update={"database": job.database})
     with _sender_names(job, {settings.database: settings.database.stem} if settings.database else {}):

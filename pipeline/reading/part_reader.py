@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 class Mode(StrEnum):
-    """Senses that read."""
+    """PartReadings that read."""
 
     TACTILE = "tactile"
     VISION = "vision"

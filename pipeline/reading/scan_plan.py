@@ -8,7 +8,7 @@
     |   +------------------------+   |
     +--------------------------------+
 
-The region's frame is the photograph's own, whose middle is told with it (`ScanPlanRecord.middle_mm`): what lies under
+The region's frame is the photograph's own, whose middle comes with it (`ScanPlanRecord.middle_mm`): what lies under
 the camera's axis is what a stage knows. Without a scale nothing is known of where the line is, and the stage's whole
 field is asked for, in the stage's frame.
 """
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from whisker_array.whisker.array import RasterPlan
 
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
-"""Land felt around the line, character heights: dirt may have hidden a character at an end."""
+"""Land scanned around the line, character heights: dirt may have hidden a character at an end."""
 TRUSTED_SHARE = 0.8
 """Mean belief in the characters seen, from which the line is taken to lie where the camera says; below it the whole
-picture is felt: half a line, felt well, would be worse than a longer scan."""
+picture is scanned: half a line, scanned well, would be worse than a longer scan."""
 USUAL_HEIGHT_MM = 5.0
 """Of characters, where neither camera nor settings tell."""
 STAGE_FIELD_MM = (60.0, 25.0)

@@ -1,4 +1,4 @@
-"""How far a reading takes a part: done, to be felt, or to be looked at by a person.
+"""How far a reading takes a part: done, to be scanned, or to be looked at by a person.
 
 camera sure -----------------------------> accepted
 camera unsure --> touch needed --> sure --> accepted

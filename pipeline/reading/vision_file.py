@@ -203,7 +203,7 @@ def load_vision(path: Path) -> KeptVision:
         FileError: it is no such file, or damaged.
     """
     require_file(path, most_bytes=_MAX_BYTES)
-    with damage_reported(path, kind="sight"):
+    with damage_reported(path, kind="kept reading of a photograph"):
         # in memory: the file may be expired while it is read
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as held:
             arrays = {name: held[name] for name in held.files}

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def warm_up(settings: ReadSettings, limits: Limits) -> None:
-    """Load the libraries, make the readers of these settings and read a small clean part by sight and touch.
+    """Load the libraries, make the readers of these settings and read a small clean part by vision and touch.
 
     Settings or fonts that cannot be used do not matter here: every job tells.
     """

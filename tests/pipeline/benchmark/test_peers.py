@@ -7,7 +7,7 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.benchmark import peers
-from pipeline.benchmark.mode import ModeUnavailableError, Senses
+from pipeline.benchmark.mode import ModeUnavailableError, PartReadings
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Specimen
 from pipeline.benchmark.trials import UNUSED
@@ -27,10 +27,10 @@ def drawn(text: str) -> np.ndarray:
     return np.asarray(image)
 
 
-def senses(photo: Photo | None, line_mm: tuple[float, float, float, float] | None) -> Senses:
+def senses(photo: Photo | None, line_mm: tuple[float, float, float, float] | None) -> PartReadings:
     plate = HeightMap(np.zeros((41, 101), dtype=np.float32), 0.5)
     specimen = Specimen("p", "A", plate, None, None if photo is None else lambda: photo, line_mm)
-    return Senses(specimen, Reader(ReaderSettings()))
+    return PartReadings(specimen, Reader(ReaderSettings()))
 
 
 def test_repeats_and_blanks_are_struck_out_and_the_surest_of_a_run_counts() -> None:

@@ -12,7 +12,7 @@ from glyphs.errors import FileError
 from glyphs.fonts.serials import FormatError
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark import modes as benchmark_modes
-from pipeline.benchmark.mode import ModeUnavailableError, Senses, scan_seconds
+from pipeline.benchmark.mode import ModeUnavailableError, PartReadings, scan_seconds
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.run import Benchmark, run_benchmark
 from pipeline.benchmark.specimens import Condition, FolderParts, Item, Specimen, SynthParts
@@ -58,7 +58,7 @@ class Echo:
     uses: tuple[str, ...] = ()
     seen: list[str] = field(default_factory=list)
 
-    def read(self, senses: Senses) -> Reading:
+    def read(self, senses: PartReadings) -> Reading:
         self.seen.append(senses.specimen.part)
         if int(senses.specimen.truth) % 3 == 1:
             raise ZeroDivisionError("a fault\nof the program")

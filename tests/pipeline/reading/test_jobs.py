@@ -199,7 +199,7 @@ def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Pat
 def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="a job has"):
         read_job(Job(tmp_path), SETTINGS, LIMITS)
-    with pytest.raises(ValueError, match="sight goes with"):
+    with pytest.raises(ValueError, match="a kept reading of vision goes with"):
         read_job(Job(tmp_path, photo=tmp_path / "a", vision=tmp_path / "b"), SETTINGS, LIMITS)
 
 
