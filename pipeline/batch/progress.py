@@ -59,7 +59,7 @@ class Progress:
     def step(self, what: str) -> None:
         """Show, on a terminal, what is being done until the next part is done: "trying font 3 of 5"."""
         if self._bar is not None:
-            self._bar.update(self._task, description=what or _READING)
+            self._bar.update(self._task, description=what)
 
     def line(self, what: str) -> None:
         """Show a line that stays."""

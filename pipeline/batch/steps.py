@@ -9,35 +9,18 @@ from collections.abc import Callable, Iterator
 
 @contextlib.contextmanager
 def steps_shown(show: Callable[[str], None]) -> Iterator[None]:
-    """Call `show` with every step of this process: kernels that are compiled, and what recognition logs.
-
-    Args:
-        show: called with a few words; with none where a kernel is compiled and nothing was logged before.
-    """
-    from numba.core import event
-
-    logged = ""
-
-    class Compiling(event.Listener):
-        def on_start(self, _: object) -> None:
-            show("compiling, once per machine")
-
-        def on_end(self, _: object) -> None:
-            show(logged)
+    """Call `show` with every step that recognition logs in this process, such as "trying font 3 of 5"."""
 
     class Logged(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            nonlocal logged
-            logged = record.getMessage()
-            show(logged)
+            show(record.getMessage())
 
     logger, handler = logging.getLogger("recognition"), Logged(logging.DEBUG)
     level = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.DEBUG)
     try:
-        with event.install_listener("numba:compile", Compiling()):
-            yield
+        yield
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
