@@ -74,28 +74,6 @@ def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArr
     return np.ascontiguousarray(filled, dtype=np.float32), dropout
 
 
-@kernel(allow=FAST)
-def _dilate(first, last, z, drow, dcol, lift, out):  # type: ignore[no-untyped-def]
-    """Rows from first to last of the largest of lines that are moved and lifted, their ends repeated."""
-    rows, cols = z.shape
-    for r in range(first, last):
-        best, here = out[r], z[r]
-        for c in range(cols):
-            best[c] = here[c]
-        for k in range(drow.size):
-            line, shift, up = z[min(max(r + drow[k], 0), rows - 1)], dcol[k], lift[k]
-            start, stop = min(max(-shift, 0), cols), max(min(cols - shift, cols), 0)
-            for c in range(start, stop):
-                value = line[c + shift] + up
-                best[c] = value if value > best[c] else best[c]
-            for c in range(start):
-                value = line[0] + up
-                best[c] = value if value > best[c] else best[c]
-            for c in range(stop, cols):
-                value = line[cols - 1] + up
-                best[c] = value if value > best[c] else best[c]
-
-
 def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
     """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
 
@@ -115,15 +93,17 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
             f"a tip of {radius_mm} mm spans {reach} samples of {pitch_mm} mm",
             hint="thin the map or use a finer tip",
         )
+    from scipy import ndimage
+
     offsets = np.arange(-reach, reach + 1)
-    drow, dcol = (a.ravel() for a in np.meshgrid(offsets, offsets, indexing="ij"))
-    square = radius_mm**2 - (drow**2 + dcol**2) * pitch_mm**2
-    inside = (square >= 0.0) & ((drow != 0) | (dcol != 0))
-    lift = (np.sqrt(square[inside]) - radius_mm).astype(np.float32)
-    result = np.empty(z_mm.shape, dtype=np.float32)
-    given = read_only(z_mm), drow[inside], dcol[inside], lift, result
-    in_threads(lambda first, last: _dilate(first, last, *given), z_mm.shape[0])
-    return result
+    square = radius_mm**2 - (offsets[:, None] ** 2 + offsets**2) * pitch_mm**2
+    lift = np.sqrt(np.maximum(square, 0.0)) - radius_mm
+    return np.asarray(
+        ndimage.grey_dilation(
+            z_mm, footprint=square >= 0.0, structure=lift.astype(np.float32), mode="nearest"
+        ),
+        dtype=np.float32,
+    )
 
 
 @kernel(allow=FAST)
