@@ -87,6 +87,8 @@ def refine_line(
     Returns:
         The fit with its height settled, and a cell a character.
     """
+    if not fit.placed:
+        return fit, ()
     made = _inks(templates, directions)
     cells = _score_line(fit, image, templates, made)
     winners = [int(np.argmax(c.scores)) for c in cells]

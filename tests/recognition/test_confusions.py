@@ -54,11 +54,11 @@ def test_a_known_character_is_met_doubted_or_contradicted() -> None:
     assert state_of({"8": 0.97, "B": 0.02}, expected="8").state is CharacterState.READ
     contradicted = state_of({"8": 0.97, "B": 0.02}, expected="B")
     assert contradicted.state is CharacterState.MISMATCH
-    assert contradicted.message == "8 stands where B is expected"
+    assert contradicted.message == "8 where B is expected"
     doubted = state_of({"8": 0.6, "B": 0.3}, expected="B")
     assert (doubted.state, doubted.char, doubted.rival) == (CharacterState.CONFUSED, "8", "B")
     assert state_of({"8": 0.1}, expected="B").state is CharacterState.NOT_READ
-    assert state_of({"8": 0.9}, expected="").message == "8 stands where nothing is expected"
+    assert state_of({"8": 0.9}, expected="").message == "8 where nothing is expected"
 
 
 @given(st.dictionaries(st.sampled_from("08BDO"), st.floats(0.0, 1.0), max_size=5), st.sampled_from("08-"))

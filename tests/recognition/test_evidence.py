@@ -23,6 +23,7 @@ from recognition.evidence import (
 from recognition.frames import LineImage, is_edge_channel, padded
 from recognition.occlusion import covered, robust_spread
 from recognition.pixel_model import pixel_model
+from recognition.refine import refine_line
 from recognition.search import Hypothesis, LineFit, LineSearch
 from recognition.segmentation import MARGIN_PIXELS, STANDS_OUT, usual_spacing
 from recognition.sparse_templates import (
@@ -329,6 +330,9 @@ def test_a_line_without_characters_is_none(line: Line) -> None:
     _, image, fit, templates = line
     empty = replace(fit, placed=(), rows=(), scores=())
     assert line_evidence(empty, image, templates, ALL_DIRECTIONS, places=None) is None
+    settled, cells = refine_line(empty, image, templates, ALL_DIRECTIONS)
+    assert settled is empty, "a height was settled on no characters"
+    assert cells == ()
 
 
 # ------------------------------------------------------------------------------------------ place, depth, gaps

@@ -95,8 +95,8 @@ def test_a_name_cannot_steer_the_terminal() -> None:
 
 
 def test_verdicts_are_shown() -> None:
-    refuted = replace(VERIFIED, flags="place 2: 8 stands where B is expected", states="2:mismatch 8/B")
-    assert notes(refuted) == "place 2: 8 stands where B is expected; expected AB12"
+    refuted = replace(VERIFIED, flags="place 2: 8 where B is expected", states="2:mismatch 8/B")
+    assert notes(refuted) == "place 2: 8 where B is expected; expected AB12"
     undecided = replace(refuted, verdict="undecided", verify_probability=0.98, flags="")
     assert notes(undecided) == "AB12 with probability 0.980"
     lines = table_lines([refuted, BROKEN], width=80)
