@@ -16,7 +16,7 @@ from recognition.levelling_fit import (
     steepness_squared,
     tukey,
 )
-from recognition.localise import MIN_RELIEF_SHARE, bands, line_rotation_deg
+from recognition.localise import MIN_RELIEF_SHARE, bands, line_rotation_deg, runs_down
 
 MIN_HEIGHT_SHARE = 0.04
 """Of the map's smaller side: characters lower than this are not looked for unless their height is given."""
@@ -32,10 +32,12 @@ class FirstLook:
     Attributes:
         heights_mm: character heights worth trying, most promising first; empty when there is nothing to read.
         rotation_deg: of the line.
+        runs_down: the line runs up or down: the plate lies turned by a quarter.
     """
 
     heights_mm: tuple[float, ...]
     rotation_deg: float
+    runs_down: bool = False
 
 
 def level(height_map: HeightMap, *, degree: int = 2) -> HeightMap:
@@ -107,9 +109,10 @@ def first_look(levelled: HeightMap) -> FirstLook:
     pitch = levelled.pitch_mm * step
     smooth = cv2.GaussianBlur(z, (7, 7), _SMOOTHING_PIXELS, borderType=cv2.BORDER_REFLECT)
     activity = _activity(np.asarray(smooth, dtype=np.float32), pitch)
+    down = runs_down(activity)
     rotation = line_rotation_deg(activity)
     if rotation:
         activity = ndimage.rotate(activity, rotation, reshape=True, order=1)
     found = bands(activity, pitch_mm=pitch)
     heights = [b.height_mm for b in found if b.height_mm > MIN_HEIGHT_SHARE * smaller]
-    return FirstLook(tuple(h for h in heights if deepest > MIN_RELIEF_SHARE * h), rotation)
+    return FirstLook(tuple(h for h in heights if deepest > MIN_RELIEF_SHARE * h), rotation, down)

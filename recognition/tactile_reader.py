@@ -7,6 +7,7 @@ scan --edge_map--> EdgeMap --localise--> hypotheses --search--> line --refine-->
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -25,6 +26,7 @@ from recognition.evidence_cache import EvidenceCache
 from recognition.grading import graded
 from recognition.levelling import first_look, level
 from recognition.lines import find_lines, hypotheses
+from recognition.localise import activity_of, runs_down
 from recognition.reader_settings import ReaderSettings, Repertoire
 from recognition.reading import Decision, Reading, ReadingFlag, ReadingTrace
 from recognition.refine import refine_line
@@ -32,6 +34,7 @@ from recognition.robust_reading import RobustReading, is_crisp, lattice_of_readi
 from recognition.search import LineFit, LineSearch
 from recognition.step_timer import StepTimer
 from recognition.templates import TemplateCache
+from recognition.turning import is_better, turned_back, turned_edges, turned_heights, turned_map
 from recognition.unseen_glyphs import doubted_guesses
 from whisker_array.estimation.edges import edge_map
 from whisker_array.estimation.profiled import estimate_relief
@@ -65,7 +68,8 @@ class TactileReader:
     ) -> Reading:
         """Mount, scan with the virtual array at the scale of the characters, and read.
 
-        Of several plausible character heights each is scanned, until one reads well.
+        Of several plausible character heights each is scanned, until one reads well. A plate that is not accepted as
+        it lies is tried turned, see `recognition.turning`.
 
         Args:
             height_map: the part's surface, the top of what lies on it.
@@ -79,7 +83,28 @@ class TactileReader:
         with timer.step("mount"):
             levelled = level(height_map)
             look = first_look(levelled)
-        heights = (self.settings.height_mm,) if self.settings.height_mm else look.heights_mm
+
+        def read(quarters: int) -> Reading:
+            with timer.step("mount"):
+                heights = (
+                    first_look(turned_map(levelled, quarters)).heights_mm if quarters else look.heights_mm
+                )
+            return self._read_levelled(levelled, heights, quarters, timer, soil=soil, part_id=part_id)
+
+        return _best_turn(read, (1, 3, 0) if look.runs_down else (0, 2))
+
+    def _read_levelled(
+        self,
+        levelled: HeightMap,
+        heights_mm: tuple[float, ...],
+        quarters: int,
+        timer: StepTimer,
+        *,
+        soil: Soil | None,
+        part_id: str,
+    ) -> Reading:
+        """Scan for characters of these heights, and read as if the plate were turned so far."""
+        heights = (self.settings.height_mm,) if self.settings.height_mm else heights_mm
         if not heights:
             return _nothing(timer, height_map=levelled)
         best: Reading | None = None
@@ -95,7 +120,7 @@ class TactileReader:
                     part_id=part_id,
                     soil=soil,
                 )
-            tried = self._read(scan, timer, height_map=levelled)
+            tried = self._read(scan, quarters, timer, height_map=levelled)
             if best is None or _merit(tried) > _merit(best):
                 best = tried
             if best.decision is Decision.ACCEPT:
@@ -105,9 +130,16 @@ class TactileReader:
 
     def read_scan(self, scan: Scan) -> Reading:
         """Read a recorded or simulated scan."""
-        return self._read(scan, StepTimer(), height_map=None)
+        timer = StepTimer()
+        found = self._read(scan, 0, timer, height_map=None)
+        edges = found.trace.edge_map
+        if found.decision is Decision.ACCEPT or edges is None:
+            return found
+        turns = (1, 3) if runs_down(activity_of(edges.enhancement)) else (2,)
+        return _best_turn(lambda q: self._read(scan, q, timer, height_map=None) if q else found, (0, *turns))
 
-    def _read(self, scan: Scan, timer: StepTimer, *, height_map: HeightMap | None) -> Reading:
+    def _read(self, scan: Scan, quarters: int, timer: StepTimer, *, height_map: HeightMap | None) -> Reading:
+        """Read a scan as if its plate were turned so far; the reading is of the plate as it lies."""
         with timer.step("edge map"):
             try:
                 edges = edge_map(scan)
@@ -115,7 +147,11 @@ class TactileReader:
                 return _nothing(timer, _scan_flags(scan), scan=scan, height_map=height_map)
         with timer.step("depth"):
             relief = relief_of(scan, edges)
-        found = self.read_edge_map(edges, scan.touch, relief=relief, timer=timer, flags=_scan_flags(scan))
+        upright = turned_edges(edges, quarters) if quarters else edges
+        heights = turned_heights(relief, quarters, edges=edges) if quarters and relief is not None else relief
+        found = self.read_edge_map(upright, scan.touch, relief=heights, timer=timer, flags=_scan_flags(scan))
+        if quarters:
+            found = turned_back(found, quarters, edges=edges).traced(edge_map=edges, relief=relief)
         return found.traced(scan=scan, height_map=height_map)
 
     def read_edge_map(
@@ -263,6 +299,18 @@ def _nothing(timer: StepTimer, flags: ReadingFlag = ReadingFlag.NONE, **trace: A
         seconds=MappingProxyType(dict(timer.seconds)),
         trace=ReadingTrace(**trace),
     )
+
+
+def _best_turn(read: Callable[[int], Reading], turns: tuple[int, ...]) -> Reading:
+    """The reading of a plate turned by one of these quarters: the first that is accepted, or the best."""
+    best = read(turns[0])
+    for quarters in turns[1:]:
+        if best.decision is Decision.ACCEPT:
+            break
+        turned = read(quarters)
+        if is_better(turned, best):
+            best = turned
+    return best
 
 
 def _timed(reading: Reading, timer: StepTimer) -> Reading:
