@@ -81,20 +81,22 @@ def height_panel(axes: Axes, *, height_map: HeightMap, reading: Reading, colour_
 
 
 def _boxes(axes: Axes, reading: Reading, *, labelled: bool = True) -> None:
+    top = min(axes.get_ylim())
     for character in reading.characters:
         box = character.box
         width, height = box.x1_mm - box.x0_mm, box.y1_mm - box.y0_mm
+        above = box.y0_mm > top  # else there is no room over the box
         axes.add_patch(
             Rectangle((box.x0_mm, box.y0_mm), width, height, fill=False, edgecolor=BOX_COLOUR, linewidth=0.9)
         )
         if labelled:
             axes.annotate(
                 character.char,
-                (box.x0_mm + 0.5 * width, box.y0_mm),
-                xytext=(0, 1.5),
+                (box.x0_mm + 0.5 * width, max(box.y0_mm, top)),
+                xytext=(0, 1.5 if above else -3.0),
                 textcoords="offset points",
                 ha="center",
-                va="bottom",
+                va="bottom" if above else "top",
                 color=BOX_COLOUR,
                 fontsize=10,
                 fontweight="bold",

@@ -274,8 +274,9 @@ class Reading:
         facts = [f"“{self.text}”, {self.decision.value}, confidence {self.confidence:.3f}"]
         facts += [self.font] if self.font else []
         if self.height_mm:
-            height = f"{self.height_mm:.2f} mm" if self.scaled else f"{self.height_mm:.0f} pixels high"
-            facts.append(f"{height}, {'raised' if self.raised else 'sunk'}, {self.rotation_deg:+.1f}°")
+            facts.append(f"{self.height_mm:.2f} mm" if self.scaled else f"{self.height_mm:.0f} pixels high")
+            facts += [] if self.touch is None else ["raised" if self.raised else "sunk"]
+            facts.append(f"{self.rotation_deg:+.1f}°")
         if self.depth_min_mm is not None:
             facts.append(f"{'standing' if self.raised else 'deep'} {self.depth_min_mm:.3f} mm at least")
         return ", ".join(facts)
