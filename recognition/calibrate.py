@@ -11,7 +11,6 @@ and each rival (McFadden 1974). A share of belief is left for "nothing readable 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -97,27 +96,6 @@ def lattice_of(
     """The lattice of a line over the whole alphabet."""
     log = np.stack([log_beliefs(s, weights) for s in scored]) if scored else np.empty((0, len(chars)))
     return Lattice(tuple(chars), log, tuple(boxes), spaces_after)
-
-
-def narrowed(lattice: Lattice, places: Sequence[str] | None) -> Lattice:
-    """The lattice given that every place bears one of its allowed characters, or nothing readable.
-
-    What the whole alphabet believes of characters that are not allowed goes to those that are, in proportion;
-    the belief in "nothing readable" stays.
-    """
-    if places is None or len(places) != lattice.n_places:
-        return lattice
-    log = np.full(lattice.log_belief.shape, -np.inf)
-    for k, place in enumerate(places):
-        allowed = np.array([c in place for c in lattice.chars])
-        row = lattice.log_belief[k]
-        if not allowed.any() or not np.isfinite(row[allowed]).any():
-            continue
-        readable = float(np.exp(row).sum())
-        inside = row[allowed]
-        top = float(inside.max())
-        log[k, allowed] = inside - top - math.log(float(np.exp(inside - top).sum())) + math.log(readable)
-    return Lattice(lattice.chars, log, lattice.boxes, lattice.spaces_after)
 
 
 def fit_weights(places: Sequence[tuple[Scored, int]], *, start: Weights = DEFAULT_WEIGHTS) -> Weights:

@@ -53,12 +53,6 @@ SWAP_SETS = (
 """The declared sets."""
 
 
-def swap_partners(char: str) -> str:
-    """The characters it may be taken for, without itself; none for one that stands in no set."""
-    partners = dict.fromkeys(c for swap in SWAP_SETS if char in swap.chars for c in swap.chars if c != char)
-    return "".join(partners)
-
-
 def swap_reason(one: str, other: str) -> str:
     """Why the two are taken for each other; empty where no set holds both."""
     return next((s.reason for s in SWAP_SETS if one != other and one in s.chars and other in s.chars), "")

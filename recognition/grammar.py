@@ -83,14 +83,6 @@ class Grammar:
             exclude=parts.exclude,
         )
 
-    def with_lexicon(self, words: Iterable[str]) -> Grammar:
-        """The same format, and the serial is one of these.
-
-        Raises:
-            FormatError: no word, too many, or none that the rest allows.
-        """
-        return replace(self, lexicon=frozenset(words))
-
     def __repr__(self) -> str:
         text = str(self)
         return f"Grammar({text[:157] + '...' * (len(text) > 157)!r})"

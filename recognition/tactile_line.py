@@ -190,14 +190,6 @@ class DrawnLine:
         """(2, rows, cols) the line in one light."""
         return np.asarray(np.einsum("bdrc,b->drc", self.whole, light.astype(np.float32)))
 
-    def lit_place(self, light: Floats, k: int) -> NDArray[np.float32]:
-        """(2, rows, cols) one place of it."""
-        out = np.zeros((2, *self.shape), dtype=np.float32)
-        c, r = self.corner[k]
-        lit = np.einsum("bdrc,b->drc", self.places[k], light.astype(np.float32))
-        out[:, r : r + self.tall, c : c + self.wide] = lit
-        return out
-
     def quality(self, edges: NDArray[np.float32], weight: NDArray[np.float32]) -> float:
         """Correlation of edges with the best-lit line where it has ink."""
         lit = self.lit(self.light(np.einsum("bdrc,drc->b", self.whole, edges, dtype=np.float64)))

@@ -15,7 +15,6 @@ from recognition.calibrate import (
     fit_weights,
     lattice_of,
     log_beliefs,
-    narrowed,
     residual_of,
 )
 from recognition.lattice import Lattice
@@ -126,34 +125,6 @@ def test_a_lattice_holds_the_beliefs_of_its_places() -> None:
     assert lattice.chars == tuple(CHARS)
     assert lattice.n_places == 3
     assert lattice_of(CHARS, []).n_places == 0
-
-
-def test_narrowing_keeps_what_is_readable_and_strikes_the_rest() -> None:
-    lattice = made()
-    places = ["AB", "01", "A0"]
-    narrow = narrowed(lattice, places)
-    before, after = np.exp(lattice.log_belief), np.exp(narrow.log_belief)
-    np.testing.assert_allclose(after.sum(axis=1), before.sum(axis=1), rtol=1e-12)
-    for k, place in enumerate(places):
-        allowed = np.array([c in place for c in CHARS])
-        assert (after[k, ~allowed] == 0.0).all()
-        # in proportion
-        one, other = np.flatnonzero(allowed)
-        assert after[k, one] / after[k, other] == pytest.approx(before[k, one] / before[k, other])
-
-
-def test_narrowing_by_nothing_changes_nothing() -> None:
-    lattice = made()
-    assert narrowed(lattice, None) is lattice
-    # a format of another length says nothing of these places
-    assert narrowed(lattice, ["AB"]) is lattice
-    np.testing.assert_allclose(narrowed(lattice, [CHARS] * 3).log_belief, lattice.log_belief)
-
-
-def test_a_place_that_bears_nothing_of_the_lattice_is_left_empty() -> None:
-    narrow = narrowed(made(), ["AB", "XY", "01"])
-    assert (narrow.log_belief[1] == -np.inf).all()
-    assert np.isfinite(narrow.log_belief[0]).any()
 
 
 # ----------------------------------------------------------------------------------------------------- fitting

@@ -84,7 +84,7 @@ def test_lexicon() -> None:
     assert grammar.lengths() == {3, 4}
     assert grammar.places(4) == ("AC", "BD", "13", "24")
     assert Grammar.parse("AA99", lexicon=words).lengths() == {4}
-    assert Grammar.parse("sets:A,A-Z,0-9,0-9").with_lexicon(words).places(4) == tuple("AB12")
+    assert Grammar.parse("sets:A,A-Z,0-9,0-9", lexicon=words).places(4) == tuple("AB12")
     assert grammar.objections("AB13") == ("it is not in the lexicon",)
     assert grammar.allows("A B12")
     numbers = Grammar.parse("check:stdnum:luhn", lexicon=["18", "19", "26"])
@@ -116,7 +116,7 @@ def test_objections_name_each_part_that_is_broken() -> None:
         (("AA", r"re:\d\d"), "agree in length"),
         ((r"re:[A-Z]{2}\s\d",), "says nothing of blanks"),
         (("AA+check=luhn",), "no serial meets mask:AA + check=luhn"),
-        (("re:(A",), "no regular expression"),
+        (("re:(A",), "is not a regular expression"),
         (("re:.*A.{14}",), "too involved"),
         (("A" * 65,), "at most 64"),
     ],
