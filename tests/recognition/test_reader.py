@@ -398,7 +398,7 @@ def test_the_depth_of_raised_marks_is_their_height(make_part: Make, reader: Read
 def test_an_edge_map_alone_tells_no_depth(
     plain: tuple[StampedPart, Reading], reader: Readers, touch: Touch
 ) -> None:
-    edges = plain[1].edge_map
+    edges = plain[1].trace.edge_map
     assert edges is not None
     reading = reader().touch.read_edge_map(edges, touch)
     assert reading.text == plain[0].text
