@@ -173,7 +173,7 @@ def chromium() -> Iterator[Any]:
 
 
 @dataclass
-class PartService:
+class OperatorAtPage:
     """A page of the browser, and everything that went wrong on it."""
 
     page: Any
@@ -204,55 +204,55 @@ class PartService:
 
 
 @pytest.fixture
-def sit_down(chromium: Any, service: Service) -> Iterator[Callable[..., PartService]]:
+def sit_down(chromium: Any, service: Service) -> Iterator[Callable[..., OperatorAtPage]]:
     """Opens a page for a person; in the end nothing may have gone wrong, and no other host been asked."""
-    desks: list[PartService] = []
+    operators: list[OperatorAtPage] = []
     contexts = []
 
-    def open_desk(*, who: str = "Ada", **options: Any) -> PartService:
+    def open_page(*, who: str = "Ada", **options: Any) -> OperatorAtPage:
         context = chromium.new_context(**{"viewport": {"width": 1280, "height": 900}, **options})
         contexts.append(context)
         if who:
             context.add_cookies([{"name": "tactile_marks_who", "value": who, "url": service.url}])
-        desk = PartService(context.new_page())
-        desk.page.on("console", lambda m: desk.wrong.append(m.text))
-        desk.page.on("pageerror", lambda e: desk.wrong.append(str(e)))
-        desk.page.on("request", lambda r: desk.hosts.add(urlsplit(r.url).hostname))
-        desks.append(desk)
-        return desk
+        operator = OperatorAtPage(context.new_page())
+        operator.page.on("console", lambda m: operator.wrong.append(m.text))
+        operator.page.on("pageerror", lambda e: operator.wrong.append(str(e)))
+        operator.page.on("request", lambda r: operator.hosts.add(urlsplit(r.url).hostname))
+        operators.append(operator)
+        return operator
 
-    yield open_desk
+    yield open_page
     for context in contexts:
         context.close()
-    for desk in desks:
-        assert desk.wrong == []
-        assert desk.hosts <= {"127.0.0.1"}
+    for operator in operators:
+        assert operator.wrong == []
+        assert operator.hosts <= {"127.0.0.1"}
 
 
-def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[..., PartService]) -> None:
+def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
     ids = [service.add(text, name=f"P-{k}") for k, text in enumerate(("KX407251", "KX407252", "KX407253"))]
-    desk = sit_down()
-    page = desk.page
+    operator = sit_down()
+    page = operator.page
     page.goto(f"{service.url}/")
-    desk.settled()
-    desk.picture("queue")
+    operator.settled()
+    operator.picture("queue")
     page.keyboard.press("Enter")
     page.wait_for_url(f"**/review/{ids[0]}")
-    desk.settled()
-    assert desk.chosen() == (5, 6)  # the first place in doubt
-    desk.picture("review")
+    operator.settled()
+    assert operator.chosen() == (5, 6)  # the first place in doubt
+    operator.picture("review")
     page.keyboard.press("Enter")  # right as it is
     page.wait_for_url(f"**/review/{ids[1]}?done={ids[0]}")
     assert "confirmed for P-0" in page.inner_text(".flash")
-    desk.settled()
+    operator.settled()
     page.keyboard.press("8")  # typing replaces and goes on
-    assert desk.shown() == "KX407852"
-    assert desk.chosen() == (6, 7)
+    assert operator.shown() == "KX407852"
+    assert operator.chosen() == (6, 7)
     assert "Save correction" in page.inner_text(".button.main")
-    desk.picture("corrected")
+    operator.picture("corrected")
     page.keyboard.press("Enter")
     page.wait_for_url(f"**/review/{ids[2]}?done={ids[1]}")
-    desk.settled()
+    operator.settled()
     page.keyboard.press("Alt+u")
     page.wait_for_url(f"**/review?done={ids[2]}")
     assert "Nothing waits for you" in page.inner_text("main")
@@ -266,20 +266,20 @@ def test_a_queue_is_worked_off_by_keyboard(service: Service, sit_down: Callable[
 
 
 def test_places_are_chosen_and_candidates_taken_by_key(
-    service: Service, sit_down: Callable[..., PartService]
+    service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
     part_id = service.add("KX407251")
-    desk = sit_down()
-    page = desk.page
+    operator = sit_down()
+    page = operator.page
     page.goto(f"{service.url}/review/{part_id}")
-    desk.settled()
+    operator.settled()
     page.keyboard.press("Alt+3")  # 2, B, 3, 8, E
-    assert desk.shown() == "KX407351"
+    assert operator.shown() == "KX407351"
     page.keyboard.press("ArrowUp")
-    assert desk.shown() == "KX407B51"
+    assert operator.shown() == "KX407B51"
     page.keyboard.press("ArrowUp")
     page.keyboard.press("ArrowDown")
-    assert desk.shown() == "KX407B51"
+    assert operator.shown() == "KX407B51"
     for keys, chosen in (
         (("ArrowLeft",), (4, 5)),
         (("Home",), (0, 1)),
@@ -288,42 +288,42 @@ def test_places_are_chosen_and_candidates_taken_by_key(
     ):
         for key in keys:
             page.keyboard.press(key)
-        assert desk.chosen() == chosen
+        assert operator.chosen() == chosen
     page.keyboard.type("9a")  # beyond the end it grows; marks without small letters get none
-    assert desk.shown() == "KX407B519A"
+    assert operator.shown() == "KX407B519A"
     page.keyboard.press("Backspace")
     page.keyboard.press("Home")
     page.keyboard.press("Delete")
-    assert desk.shown() == "X407B519"
+    assert operator.shown() == "X407B519"
     page.keyboard.press("Insert")
     page.keyboard.type("K")
-    assert desk.shown() == "KX407B519"
+    assert operator.shown() == "KX407B519"
     # the places are still who they were: the chosen place's card goes with its character
     page.keyboard.press("Insert")
     for _ in range(4):
         page.keyboard.press("ArrowRight")
     assert page.get_attribute(".place.chosen", "data-place") == "5"
     page.keyboard.press("Escape")
-    assert desk.shown() == "KX407251"
+    assert operator.shown() == "KX407251"
     assert service.store.reviews(part_id) == ()
 
 
 def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
-    service: Service, sit_down: Callable[..., PartService]
+    service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
     part_id = service.add("KX407251")
-    desk = sit_down()
-    page = desk.page
+    operator = sit_down()
+    page = operator.page
     page.goto(f"{service.url}/review/{part_id}")
-    desk.settled()
+    operator.settled()
     assert page.locator(".box.chosen[data-place='5']").count() == 2
     page.locator("[data-which=edges] .box[data-place='2'] .edge").hover()
     assert page.locator(".box.hover[data-place='2']").count() == 2
     page.locator("[data-which=photo] .box[data-place='2'] .edge").click()
-    assert desk.chosen() == (2, 3)
+    assert operator.chosen() == (2, 3)
     page.locator(".place[data-place='5'] .candidate").nth(1).click()
-    assert desk.shown() == "KX407B51"
-    assert desk.chosen() == (5, 6)
+    assert operator.shown() == "KX407B51"
+    assert operator.chosen() == (5, 6)
     # the boxes lie on the ink: the middle of each is over its drawn character
     drawn = page.evaluate(
         "[...document.querySelectorAll('[data-which=edges] .edge')].map((r) => [r.getBBox().x, r.getBBox().y])"
@@ -334,49 +334,49 @@ def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
 
 
 def test_the_line_fills_the_picture_until_the_whole_is_asked_for(
-    service: Service, sit_down: Callable[..., PartService]
+    service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
     part_id = service.add("KX407251", around=300)
-    desk = sit_down()
-    page = desk.page
+    operator = sit_down()
+    page = operator.page
     page.goto(f"{service.url}/review/{part_id}")
-    desk.settled()
+    operator.settled()
     box = page.locator("[data-which=photo] .box[data-place='2'] .edge")
     near = box.bounding_box()["width"]
     assert near > 40  # of the 1280 of the window, for each of eight characters and both pictures
-    desk.picture("line")
+    operator.picture("line")
     page.keyboard.press("Alt+z")
     assert box.bounding_box()["width"] < 0.7 * near
-    desk.picture("whole")
+    operator.picture("whole")
     page.keyboard.press("Alt+z")
     assert box.bounding_box()["width"] == near
 
 
 def test_a_picture_that_does_not_come_is_told_in_words(
-    service: Service, sit_down: Callable[..., PartService]
+    service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
     part_id = service.add("KX407251")
-    desk = sit_down()
-    desk.page.route("**/pictures/photo*", lambda route: route.abort())
-    desk.page.goto(f"{service.url}/review/{part_id}")
-    desk.page.wait_for_selector("[data-which=photo] .failed")
-    assert "could not be loaded" in desk.page.inner_text("[data-which=photo]")
-    assert desk.page.locator("[data-which=edges] svg").count() == 1
-    assert all("Failed to load resource" in w for w in desk.wrong)
-    desk.wrong.clear()
+    operator = sit_down()
+    operator.page.route("**/pictures/photo*", lambda route: route.abort())
+    operator.page.goto(f"{service.url}/review/{part_id}")
+    operator.page.wait_for_selector("[data-which=photo] .failed")
+    assert "could not be loaded" in operator.page.inner_text("[data-which=photo]")
+    assert operator.page.locator("[data-which=edges] svg").count() == 1
+    assert all("Failed to load resource" in w for w in operator.wrong)
+    operator.wrong.clear()
 
 
 def test_an_enter_held_down_confirms_one_part_only(
-    service: Service, sit_down: Callable[..., PartService]
+    service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
     ids = [service.add("KX407251"), service.add("KX407252")]
-    desk = sit_down()
-    page = desk.page
+    operator = sit_down()
+    page = operator.page
     page.goto(f"{service.url}/review/{ids[0]}")
-    desk.settled()
+    operator.settled()
     page.keyboard.down("Enter")
     page.wait_for_url(f"**/review/{ids[1]}?*")
-    desk.settled()
+    operator.settled()
     for _ in range(5):
         page.keyboard.down("Enter")  # as a key held down repeats
     page.keyboard.up("Enter")
@@ -388,13 +388,13 @@ def test_an_enter_held_down_confirms_one_part_only(
 
 
 def test_a_name_is_asked_for_once_and_skipped_parts_stay(
-    service: Service, sit_down: Callable[..., PartService]
+    service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
     ids = [service.add("KX407251"), service.add("KX407252")]
-    desk = sit_down(who="")
-    page = desk.page
+    operator = sit_down(who="")
+    page = operator.page
     page.goto(f"{service.url}/review/{ids[0]}")
-    desk.settled()
+    operator.settled()
     assert page.evaluate("document.activeElement.id") == "who"
     page.keyboard.press("Enter")
     assert service.store.reviews(ids[0]) == ()
@@ -404,17 +404,17 @@ def test_a_name_is_asked_for_once_and_skipped_parts_stay(
     page.keyboard.press("Enter")
     page.wait_for_url(f"**/review/{ids[1]}?*")
     assert page.input_value("#who") == "Grace"
-    desk.settled()
+    operator.settled()
     service.add("KX407253")
     page.keyboard.press("Alt+n")
     page.wait_for_url(lambda url: ids[1] not in url)
     assert service.store.part(ids[1]).state is PartState.REVIEW
 
 
-def test_it_works_without_script(service: Service, sit_down: Callable[..., PartService]) -> None:
+def test_it_works_without_script(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
     ids = [service.add("KX407251"), service.add("KX407252")]
-    desk = sit_down(who="", java_script_enabled=False)
-    page = desk.page
+    operator = sit_down(who="", java_script_enabled=False)
+    page = operator.page
     page.goto(f"{service.url}/review")
     page.click("a.row >> nth=0")
     page.fill("#who", "Ada")
@@ -426,45 +426,45 @@ def test_it_works_without_script(service: Service, sit_down: Callable[..., PartS
     assert [service.store.reviews(i)[-1].after for i in ids] == ["KX407257", ""]
 
 
-def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Callable[..., PartService]) -> None:
-    desk = sit_down()
-    desk.page.goto(f"{service.url}/review")
-    assert "Nothing waits" in desk.page.inner_text("main")
+def test_the_queue_keeps_itself_fresh(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
+    operator = sit_down()
+    operator.page.goto(f"{service.url}/review")
+    assert "Nothing waits" in operator.page.inner_text("main")
     service.add("KX407251", name="late")
-    desk.page.wait_for_selector("text=late", timeout=15_000)
-    assert desk.page.inner_text("#waiting") == "1"
+    operator.page.wait_for_selector("text=late", timeout=15_000)
+    assert operator.page.inner_text("#waiting") == "1"
 
 
 def test_the_dashboard_tells_what_reviews_have_said(
-    service: Service, sit_down: Callable[..., PartService]
+    service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
     ids = [service.add("KX407251", pictures=False) for _ in range(4)]
     for part_id in ids[:2]:
         service.store.review(part_id, action=ReviewAction.CONFIRM, text="", who="Ada")
     service.store.review(ids[2], action=ReviewAction.CORRECT, text="KX407257", who="Ada")
-    desk = sit_down()
-    desk.page.goto(f"{service.url}/dashboard")
+    operator = sit_down()
+    operator.page.goto(f"{service.url}/dashboard")
     figures = {
         tile.get_attribute("data-figure"): tile.query_selector(".figure").inner_text()
-        for tile in desk.page.query_selector_all(".tile")
+        for tile in operator.page.query_selector_all(".tile")
     }
     assert figures["parts"] == "4"
     assert figures["right"].split() == ["66.7", "%"]
     assert figures["characters"].split() == ["95.8", "%"]  # 23 of 24
-    desk.picture("dashboard")
+    operator.picture("dashboard")
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 900), (800, 1100)])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_fit_their_window(
-    service: Service, sit_down: Callable[..., PartService], width: int, height: int, scheme: str
+    service: Service, sit_down: Callable[..., OperatorAtPage], width: int, height: int, scheme: str
 ) -> None:
     part_id = service.add("KX407251", name="a-rather-long-name-as-lines-send-them-0001")
     long_id = service.add("A1B2C3D4E5F6G7H8J9K0L1M2N3P4Q5R6S7T8U9V0", name="forty")
     odd_id = service.add("<b>\"x'&", name="<script>alert(1)</script>", unsure={2: "})|"})
     service.store.review(odd_id, action=ReviewAction.CORRECT, text="<i>\"x'&", who="<Ada>", note="'\"&")
-    desk = sit_down(viewport={"width": width, "height": height}, color_scheme=scheme)
-    page = desk.page
+    operator = sit_down(viewport={"width": width, "height": height}, color_scheme=scheme)
+    page = operator.page
     pages = {
         "queue": "/review", "part": f"/review/{part_id}", "long": f"/review/{long_id}",
         "odd": f"/review/{odd_id}", "parts": "/parts", "history": f"/parts/{odd_id}", "dashboard": "/dashboard",
@@ -472,7 +472,7 @@ def test_pages_fit_their_window(
     for name, address in pages.items():
         page.goto(service.url + address)
         page.wait_for_load_state("load")
-        desk.picture(f"{name}-{width}-{scheme}")
+        operator.picture(f"{name}-{width}-{scheme}")
         assert page.evaluate("document.documentElement.scrollWidth") <= width, name
         if name == "part":  # all that is needed to decide is in sight
             for what in ("#text", ".button.main", "[data-which=photo] svg", "[data-which=edges] svg"):
