@@ -187,7 +187,7 @@ from pipeline.benchmark import report
 from pipeline.benchmark.run import Benchmark
 from recognition.reader_settings import ReaderSettings
 from pipeline.benchmark.specimens import SynthParts
-from pipeline.service.pages.assets import StaticFiles
+from pipeline.service.pages.assets import Assets
 from pipeline.benchmark.trials import Trial
 
 report.rank_worst = lambda trials: []  # its pictures need touch, see above
@@ -196,7 +196,7 @@ benchmark = Benchmark(SynthParts((0.0,), ("gothic",), ("A9",), 1), ("vision",), 
 Path("bench").mkdir()
 print(report.write_report(benchmark, trials, Path("bench")).page.stat().st_size)
 for name in ("page.css", "page.js", "review.js", "page_icon.svg"):
-    print(StaticFiles().address(name))
+    print(Assets().address(name))
 loader = jinja2.PackageLoader("pipeline.service.pages", "templates")
 print(len(loader.list_templates()))
 """
