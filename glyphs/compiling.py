@@ -20,6 +20,7 @@ class _Watch:
 def compiling_shown(show: Callable[[str], None]) -> Iterator[None]:
     """Show a line before kernels are compiled within the block, and one when the part that needed them is done."""
     before, _Watch.show = _Watch.show, show
+    _Watch.at_it, _Watch.seconds = False, 0.0  # what was compiled unseen is no news
     try:
         yield
     finally:

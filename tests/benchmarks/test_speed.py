@@ -13,7 +13,6 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from one_core import TEXT
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from glyphs.fonts.outlines import load_font
@@ -24,6 +23,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
 from pipeline.files.synth import SynthSpec, write_part
 from pipeline.workers.executors import PoolExecutor
+from tests.benchmarks.one_core import TEXT
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import prepare_surface

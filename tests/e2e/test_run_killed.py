@@ -166,7 +166,7 @@ def test_a_second_run_on_the_same_table_is_refused(parts: Path, tmp_path: Path) 
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=WAIT_S)
     assert process.returncode == 130
-    assert "the same command goes on from there" in error
+    assert "run the same command again" in error
 
 
 def stored(path: Path) -> list[tuple[str, str]]:

@@ -21,7 +21,7 @@ def test_a_corpus_of_bad_files_does_no_harm(tmp_path: Path) -> None:
     options = (
         "--jobs",
         "1",
-        "--job-timeout-s",
+        "--part-timeout-s",
         str(JOB_TIMEOUT_S),
         "--font",
         "gothic",

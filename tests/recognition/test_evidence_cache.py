@@ -121,7 +121,7 @@ def test_another_font_is_not_of_its_own_shapes(
     part = stamp(text, font=name, pitch_mm=5.0 / 60, variation=StampingVariation.none(), seed=1)
     plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=5.0)
     edges = edge_map(trace_scan(part.height_map, touch=touch, plan=plan))
-    search = LineSearch(edges, touch, reader().cache, chars=ALPHABET, places=None)
+    search = LineSearch(edges, touch, reader().touch.cache, chars=ALPHABET, places=None)
     look = EvidenceCache(search, places=(ALPHABET,) * len(text))
     found = search.fit(Hypothesis(gothic, 5.0, 1.0, 0.0))
     assert found.placed

@@ -85,7 +85,7 @@ def test_anchors_at_the_ends_change_nothing() -> None:
 @pytest.mark.parametrize(
     ("pattern", "said"),
     [
-        ("A(", "no regular expression"),
+        ("A(", "is not a regular expression"),
         ("(?!A)B", "at character 1 than"),
         ("(?i)a", "option"),
         (r"(A)\1", "reference"),

@@ -133,7 +133,7 @@ def test_a_clean_line_is_accepted(line: Line) -> None:
 
 
 def test_what_is_known_of_the_scan_stays(line: Line) -> None:
-    found = seen(line, flags=ReadingFlag.DROPOUTS)
+    found = seen(line, flags=ReadingFlag.DROPOUTS).reading
     assert found.flags is ReadingFlag.DROPOUTS
     assert found.decision is Decision.ACCEPT
 
@@ -146,7 +146,7 @@ def test_what_is_known_of_the_scan_stays(line: Line) -> None:
     ],
 )
 def test_thresholds_are_kept(settings: ReaderSettings, flag: ReadingFlag, line: Line) -> None:
-    found = seen(line, settings=settings)
+    found = seen(line, settings=settings).reading
     assert found.text == "K71B"
     assert found.flags & flag
     assert found.decision is Decision.REVIEW
@@ -191,9 +191,9 @@ def test_the_format_has_its_say_and_tells(line: Line) -> None:
 
 def test_a_lexicon_narrows(line: Line) -> None:
     found = seen(line, grammar=Grammar(lexicon=frozenset({"K71B", "K77B", "17KB"})))
-    assert found.text == "K71B"
+    assert found.reading.text == "K71B"
     assert {r.text for r in found.choice.rivals} <= {"K77B", "17KB"}
-    assert found.decision is Decision.ACCEPT
+    assert found.reading.decision is Decision.ACCEPT
 
 
 @pytest.mark.parametrize("grammar", [Grammar(format="A99"), Grammar(sets=("XYZ",) * 4)])

@@ -72,7 +72,7 @@ TRIALS = [
 ]  # fmt: skip
 
 
-def not_drawn(worst: WorstPart, *_: object) -> WorstPart:
+def not_drawn(_: Benchmark, worst: WorstPart) -> WorstPart:
     return replace(worst, picture="data:image/jpeg;base64,AAAA")
 
 

@@ -234,7 +234,8 @@ def test_the_command_takes_reviewed_parts_of_the_store(folder, tmp_path, monkeyp
     config.write_text(f'font = ["gothic"]\nheight_mm = 5.0\n[service]\nfolder = "{service}"\n')
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "press.glyphs"
-    assert enroll(database=path, font="press-7", from_store=True, since=1.0, config=config) == 0
+    asked = ("--font", "press-7", "--from-store", "--since", "1", "--config", str(config))
+    assert main(["enroll", "--database", str(path), *asked]) == 0
     said = capsys.readouterr().out
     assert "4 characters of 1 parts enrolled" in said
     assert "1 reviewed parts left out" in said
