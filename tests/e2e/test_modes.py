@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,7 +28,7 @@ def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.chdir(tmp_path)
 
 
-def read(parts: Path, *more: str) -> tuple[int, dict[str, object]]:
+def read(parts: Path, *more: str) -> tuple[int, dict[str, Any]]:
     told = ["--font", "gothic", "--format", FORMAT, "--height-mm", "5", "--out", "t.jsonl"]
     status = main(["read", str(parts), *told, *more])
     (line,) = Path("t.jsonl").read_text(encoding="utf-8").splitlines()
@@ -45,9 +46,11 @@ def test_a_dirty_part_in_every_mode(parts: Path, capsys: pytest.CaptureFixture[s
     # without a mode touch reads; it grades the mark, a letter a character
     status, row = read(parts, "--verify", str(parts / "truth.csv"))
     assert (status, row["text"], row["source"], row["verdict"]) == (0, truth, "tactile", "confirmed")
-    assert len(str(row["grades"])) == len(truth)
+    assert [c["char"] for c in row["characters"]] == list(truth)
+    assert all(c["grade"] in "ABCDF" for c in row["characters"])
     wrong = ("B" if truth[0] != "B" else "K") + truth[1:]
     status, row = read(parts, "--mode", "tactile", "--verify", wrong)
     assert (status, row["verdict"], row["expected"]) == (1, "refuted", wrong)
-    assert str(row["states"]).startswith(f"1:mismatch {truth[0]}/{wrong[0]}")
-    assert "this is not the expected serial" in str(row["flags"])
+    first = row["characters"][0]
+    assert (first["state"], first["state_chars"]) == ("mismatch", [truth[0], wrong[0]])
+    assert any("this is not the expected serial" in said for said in row["messages"])

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.benchmark import report
 from pipeline.benchmark.run import Benchmark
-from pipeline.benchmark.specimens import SynthParts
+from pipeline.benchmark.specimens import Item, SynthParts
 from pipeline.benchmark.statistics import statistics_of
 from pipeline.benchmark.targets import TARGETS, verdicts
 from pipeline.benchmark.trials import ReadCharacter, Trial
@@ -72,8 +72,8 @@ TRIALS = [
 ]  # fmt: skip
 
 
-def not_drawn(_: Benchmark, worst: WorstPart) -> WorstPart:
-    return replace(worst, picture="data:image/jpeg;base64,AAAA")
+def not_drawn(_: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPart:
+    return replace(ranked[0], picture="data:image/jpeg;base64,AAAA")
 
 
 @pytest.fixture(scope="module")

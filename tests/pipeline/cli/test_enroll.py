@@ -8,6 +8,7 @@ from glyphs.stamping.database import DatabaseError, load_database
 from glyphs.surface.maps import HeightMap
 from pipeline.cli.enroll import enroll
 from pipeline.cli.exit_status import CommandError
+from pipeline.cli.main import main
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReadingRecord, ReviewAction
 from pipeline.common.settings import ReadSettings
