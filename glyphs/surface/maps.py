@@ -60,9 +60,13 @@ def _read_only(array: NDArray[np.generic], dtype: type) -> NDArray[np.generic]:
     return out
 
 
+LEAST_PITCH_MM = 1e-7
+"""A tenth of a nanometre: no instrument's samples lie closer."""
+
+
 def _check_pitch(pitch_mm: float) -> float:
     pitch = float(pitch_mm)
-    if not np.isfinite(pitch) or pitch <= 0.0:
+    if not np.isfinite(pitch) or pitch < LEAST_PITCH_MM:
         raise MapError(f"pitch_mm is {pitch_mm}", hint="it must be a positive number of millimetres")
     return pitch
 

@@ -159,7 +159,7 @@ def run(case: str, *, parts: int, steps: Sequence[int], formats: Sequence[str | 
                 database = taught(to_enrol, Path(folder), step=step, font="press-7")
                 fonts = tuple(load_database(database).fonts.values())
             for format in formats:
-                score = read_all(Reader(ReaderSettings(format=format), fonts=fonts), held_out)
+                score = read_all(Reader(ReaderSettings(format=format, fonts=fonts)), held_out)
                 print(f"{case:<11} enrolled {step:2d}  {format or 'no format':<9}  {score}", flush=True)
 
 

@@ -47,17 +47,17 @@ def task(name: str) -> Callable[[], str]:
     """What is to be done; everything before it is warm."""
     if name == "read_height_map":
         reader = Reader(ReaderSettings(fonts=("gothic",), format="AA999999", height_mm=HEIGHT_MM))
-        reader.read_height_map(a_part("BZ135690", np.random.default_rng(2)).height_map)
+        reader.read(a_part("BZ135690", np.random.default_rng(2)).height_map)
         surface = a_part(TEXT, np.random.default_rng(1)).height_map
-        return lambda: told(reader.read_height_map(surface).reading)
+        return lambda: told(reader.read(surface))
     scan = a_scan(TEXT, 1)
     if name == "edge_map":
         return lambda: "x".join(str(n) for n in edge_map(scan).shape)
     height = HEIGHT_MM if name == "read_known_height" else None
     reader = Reader(ReaderSettings(fonts=("gothic",), format="AA999999", height_mm=height))
-    reader.read_scan(a_scan("BZ135690", 2))  # another part, so that only the templates are kept
+    reader.read(a_scan("BZ135690", 2))  # another part, so that only the templates are kept
 
-    return lambda: told(reader.read_scan(scan).reading)
+    return lambda: told(reader.read(scan))
 
 
 def told(reading: Reading) -> str:

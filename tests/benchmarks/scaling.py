@@ -125,7 +125,7 @@ def over_fonts(counts: Sequence[int], *, parts: int, rounds: int) -> Axis:
     fonts, points = competing(max(counts)), []
     scans = [a_scan(format_of(8), number) for number in range(parts)]
     for count in counts:
-        reader = Reader(ReaderSettings(format=format_of(8), height_mm=HEIGHT_MM), fonts=fonts[:count])
+        reader = Reader(ReaderSettings(format=format_of(8), height_mm=HEIGHT_MM, fonts=fonts[:count]))
         start = time.perf_counter()
         reader.read(scans[0][1])
         first_s = time.perf_counter() - start
