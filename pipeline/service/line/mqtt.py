@@ -129,10 +129,14 @@ class MqttSender:
         async with self._connecting:
             connection, self._connection = self._connection, None
             if connection is not None:
-                with contextlib.suppress(DeliveryError, TimeoutError):
-                    async with asyncio.timeout(_LEAVE_S):
-                        await connection.publish(f"{self._prefix}/status", OFFLINE.encode(), retain=True)
-                await connection.end()
+                await self._say_goodbye(connection)
+
+    async def _say_goodbye(self, connection: _Connection) -> None:
+        # a connection that ends in order does not send its will
+        with contextlib.suppress(DeliveryError, TimeoutError):
+            async with asyncio.timeout(_LEAVE_S):
+                await connection.publish(f"{self._prefix}/status", OFFLINE.encode(), retain=True)
+        await connection.end()
 
     async def _connected(self) -> _Connection:
         async with self._connecting:
@@ -147,7 +151,7 @@ class MqttSender:
             try:
                 await connection.publish(f"{self._prefix}/status", ONLINE.encode(), retain=True)
             except BaseException:
-                await connection.end()
+                await self._say_goodbye(connection)  # others may have seen it online
                 raise
             self._connection = connection
             return connection
