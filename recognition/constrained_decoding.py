@@ -39,6 +39,8 @@ RESOLVED = 1e-4
 """Share of belief in strings not yet asked at which that search may end."""
 WORTH_WARNING = 0.01
 """Belief in a character that the check digit cannot tell from the one read, from which a person is warned."""
+ROUNDING = 1e-12
+"""A place's beliefs sum to 1 to within this."""
 
 
 class ChoiceFlag(Flag):
@@ -152,7 +154,7 @@ def choose(
         return Choice("", 0.0, (), chars, np.zeros(log.shape), 0.0, raw_text, raw_probability, flags)
     inside = np.array([[c in place for c in chars] for place in strings.places()])
     log_allowed = np.logaddexp.reduce(np.where(inside, log, -math.inf), axis=1)
-    nothing = np.maximum(0.0, 1.0 - np.exp(log).sum(axis=1))
+    nothing = _nothing(log)
     log_n = _log_with_holes(log_allowed, nothing)
     log_d = float(np.logaddexp(log_z, log_n))
     flags, asked, unresolved = ChoiceFlag.NONE, _Asked(), 0.0
@@ -233,6 +235,12 @@ def _ask(
             return asked
     asked.left = 0.0
     return asked
+
+
+def _nothing(log: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What each place's beliefs leave over. They sum to 1 to some 1e-16 only: so little is no belief in nothing."""
+    left = 1.0 - np.exp(log).sum(axis=1)
+    return np.where(left > ROUNDING, left, 0.0)
 
 
 def _log_added(log_allowed: NDArray[np.float64], nothing: NDArray[np.float64]) -> NDArray[np.float64]:

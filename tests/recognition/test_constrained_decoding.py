@@ -15,7 +15,7 @@ from stdnum import luhn
 from stdnum.iso7064 import mod_11_2, mod_37_36, mod_97_10
 
 from recognition.automaton import Strings
-from recognition.constrained_decoding import ChoiceFlag, blind_warnings, choose
+from recognition.constrained_decoding import ROUNDING, ChoiceFlag, blind_warnings, choose
 from recognition.grammar import Grammar
 from recognition.lattice import Lattice
 
@@ -95,9 +95,9 @@ def test_as_by_writing_every_string_out(name: str, data: st.DataObject, k: int) 
     places = [set(chars) if opaque else {s[i] for s in every} for i in range(lattice.n_places)]
     belief = np.exp(lattice.log_belief)
     some = [sum(belief[i, chars.index(c)] for c in places[i]) for i in range(lattice.n_places)]
-    nothing = np.maximum(0.0, 1.0 - belief.sum(axis=1))
+    left = 1.0 - belief.sum(axis=1)
+    nothing = np.where(left > ROUNDING, left, 0.0)  # beliefs that sum to 1 do so to rounding
     z = math.fsum(weights.values())
-    # beliefs that sum to 1 do so to rounding: what is left of it is no "nothing"
     n = max(0.0, math.prod(a + r for a, r in zip(some, nothing, strict=True)) - math.prod(some))
     named = [(choice.text, choice.probability), *((r.text, r.probability) for r in choice.rivals)]
     best = sorted(weights.values(), reverse=True)[:k]
