@@ -8,8 +8,10 @@ from .fonts.outlines import BUILTIN_FONTS, load_font
 from .fonts.serials import FormatError, allowed_characters, random_text
 from .part import Part, stamp
 from .soiling.coat import Look
-from .soiling.dirty import Dirt, SoiledPart, soil_part
 from .soiling.soil import Soil
+from .soiling.soiled import SoiledPart, Soiling, soil_part
+from .soiling.soils import SOILS, SoilModel
+from .soiling.workshop.mixture import Dirt
 from .stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
 from .stamping.die import IdealGlyph, ideal_relief
 from .stamping.faces import Die, Face, default_die
@@ -19,10 +21,50 @@ from .stamping.wedge import Wedge
 from .surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 
 __all__ = [
-    "BUILTIN_FONTS", "Camera", "DatabaseError", "Die", "Dirt", "EdgeMap", "Exemplar", "Face", "FileError",
-    "Font", "FontError", "FormatError", "Glyph", "GlyphDatabase", "HeightMap", "IdealGlyph", "Light", "Look",
-    "MapError", "MarksError", "Part", "Photo", "PlateVariation", "Soil", "SoiledPart", "StampError",
-    "StampedPart", "StampingVariation", "TraceDirection", "Wedge", "allowed_characters", "default_die",
-    "draw_camera", "draw_light", "ideal_relief", "load_database", "load_font", "photograph", "random_text",
-    "save_database", "soil_part", "stamp", "stamp_line",
+    "BUILTIN_FONTS",
+    "SOILS",
+    "Camera",
+    "DatabaseError",
+    "Die",
+    "Dirt",
+    "EdgeMap",
+    "Exemplar",
+    "Face",
+    "FileError",
+    "Font",
+    "FontError",
+    "FormatError",
+    "Glyph",
+    "GlyphDatabase",
+    "HeightMap",
+    "IdealGlyph",
+    "Light",
+    "Look",
+    "MapError",
+    "MarksError",
+    "Part",
+    "Photo",
+    "PlateVariation",
+    "Soil",
+    "SoilModel",
+    "SoiledPart",
+    "Soiling",
+    "StampError",
+    "StampedPart",
+    "StampingVariation",
+    "TraceDirection",
+    "Wedge",
+    "allowed_characters",
+    "default_die",
+    "draw_camera",
+    "draw_light",
+    "ideal_relief",
+    "load_database",
+    "load_font",
+    "photograph",
+    "random_text",
+    "save_database",
+    "soil_part",
+    "stamp",
+    "stamp_line",
 ]  # fmt: skip

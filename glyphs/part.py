@@ -22,8 +22,9 @@ from glyphs.camera.shading import Light
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import random_text
-from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
 from glyphs.soiling.soil import Soil
+from glyphs.soiling.soiled import WORKSHOP, SoiledPart, Soiling, soil_part
+from glyphs.soiling.workshop.mixture import Dirt
 from glyphs.stamping.die import Face, default_die
 from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.stamping.variation import StampError
@@ -39,16 +40,17 @@ class Part:
 
     Attributes:
         stamped: the part when it was clean.
-        dirt: how much of what lies on it.
+        soiling: what lies on it.
         seed: of everything random; dirt draws from (*seed, 1), the photograph from (*seed, 2).
     """
 
     stamped: StampedPart
-    dirt: Dirt
+    soiling: Soiling
     seed: tuple[int, ...]
 
     def __repr__(self) -> str:
-        return f"Part({self.text!r}, {self.stamped.font_name!r}, {self.height_mm:g} mm, {self.dirt}, seed={self.seed})"
+        made = f"{self.text!r}, {self.stamped.font_name!r}, {self.height_mm:g} mm"
+        return f"Part({made}, {self.soiling}, seed={self.seed})"
 
     def _repr_html_(self) -> str:
         return picture_html(self, self.height_map.z_mm)
@@ -66,17 +68,17 @@ class Part:
     @property
     def height_map(self) -> HeightMap:
         """The surface as an instrument or a camera finds it: the top of the dirt."""
-        return self.stamped.height_map if self.dirt.clean else self.soiled.height_map
+        return self.stamped.height_map if self.soiling.clean else self.soiled.height_map
 
     @property
     def soil(self) -> Soil | None:
         """What of the dirt yields, and its friction; None of a clean part."""
-        return None if self.dirt.clean else self.soiled.soil
+        return None if self.soiling.clean else self.soiled.soil
 
     @cached_property
     def soiled(self) -> SoiledPart:
         """The part with its dirt and its look, made when first asked for."""
-        return soil_part(self.stamped, self.dirt, rng=self._rng(_SOIL_STREAM))
+        return soil_part(self.stamped, self.soiling, rng=self._rng(_SOIL_STREAM))
 
     def photograph(
         self,
@@ -122,6 +124,7 @@ def stamp(
     pitch_mm: float | None = None,
     variation: StampingVariation | None = None,
     dirt: float | Dirt = 0.0,
+    soil: str | Sequence[str] = WORKSHOP,
     seed: int | Sequence[int] = 0,
 ) -> Part:
     """Stamp a serial on a plate.
@@ -138,14 +141,15 @@ def stamp(
         line_rotation_deg: of the line on the plate, clockwise as the picture shows it.
         pitch_mm: sample pitch, a hundredth of the height unless given.
         variation: how blows and plate differ; `StampingVariation.none()` for an ideal part.
-        dirt: severity 0 (clean) to 1, or how much of each kind.
+        dirt: severity 0 (clean) to 1, or how much of each of the workshop's kinds.
+        soil: a name of `glyphs.SOILS` or module:function, or several, the lowest first.
         seed: the same seed gives the same part; several numbers make one seed.
 
     Raises:
         StampError: neither text nor format, or both; a die that cannot be or cannot cut the glyphs.
         FontError: no such font, or a character that it lacks.
         FormatError: a format that no serial can obey.
-        StampError: a severity outside 0..1.
+        StampError: a severity outside 0..1, or no such soil.
         MapError: a pitch not positive or too fine for the size.
         StampError: a negative seed.
     """
@@ -167,4 +171,6 @@ def stamp(
         raised=raised,
         rng=rng,
     )
-    return Part(stamped, dirt if isinstance(dirt, Dirt) else Dirt.of(dirt), key)
+    soils = (soil,) if isinstance(soil, str) else tuple(soil)
+    soiling = Soiling(soils, mixture=dirt) if isinstance(dirt, Dirt) else Soiling(soils, dirt)
+    return Part(stamped, soiling, key)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import Camera, draw_camera, mapped
 from glyphs.camera.shading import Light, radiance
-from glyphs.soiling.dirty import SoiledPart
+from glyphs.soiling.soiled import SoiledPart
 
 __all__ = ["Camera", "Light", "draw_camera", "draw_light", "photograph"]
 

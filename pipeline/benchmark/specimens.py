@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from glyphs.errors import FileError
 from glyphs.fonts.serials import allowed_characters
-from glyphs.soiling.dirty import Dirt
+from glyphs.soiling.soiled import Soiling
 from glyphs.stamping.die import Face
 from pipeline.common.settings import SettingsError
 from pipeline.files.parts import Part, discover
@@ -205,7 +205,7 @@ class SynthParts:
             height_mm=self.height_mm,
             depth_mm=self.depth_mm,
             face=self.face,
-            dirt=Dirt.of(condition.severity or 0.0),
+            soiling=Soiling(severity=condition.severity or 0.0),
             light_azimuth_deg=self.light_azimuth_deg,
             light_elevation_deg=self.light_elevation_deg,
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.choices import FaceName, FidelityName
+from pipeline.cli.choices import FaceName, FidelityName, listed
 from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
 from pipeline.common.settings import SettingsError
 
@@ -108,17 +108,17 @@ def benchmark(
         if inputs is not None and truth is not None:
             from dataclasses import replace
 
-            formats, known = _listed(format or ""), _numbers(dirt or "")
+            formats, known = listed(format or ""), _numbers(dirt or "")
             if len(formats) > 1 or len(known) > 1:
                 raise CommandError("benchmark: a folder has one format and one dirt", status=USAGE)
-            reading = replace(reading, fonts=_listed(font or ""))
+            reading = replace(reading, fonts=listed(font or ""))
             condition = Condition(known[0] if known else None, "", formats[0] if formats else "")
             source = FolderParts.load(inputs, truth, condition)
         else:
             source = SynthParts(
                 severities=tuple(_numbers(dirt or "0,0.3,0.6,0.9")),
-                fonts=_listed(font or "gothic"),
-                formats=_listed(format or "AA999999"),
+                fonts=listed(font or "gothic"),
+                formats=listed(format or "AA999999"),
                 parts=200 if parts is None else parts,
                 seed=seed,
                 height_mm=height_mm,
@@ -127,19 +127,15 @@ def benchmark(
                 light_azimuth_deg=light_azimuth_deg,
                 light_elevation_deg=light_elevation_deg,
             )
-        chosen = _listed(mode) + (tuple(PEERS) if peers else ())
+        chosen = listed(mode) + (tuple(PEERS) if peers else ())
         written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
     _print_result(written)
     return 0
 
 
-def _listed(text: str) -> tuple[str, ...]:
-    return tuple(item.strip() for item in text.split(",") if item.strip())
-
-
 def _numbers(text: str) -> list[float]:
     try:
-        return [float(item) for item in _listed(text)]
+        return [float(item) for item in listed(text)]
     except ValueError as error:
         raise SettingsError(f"--dirt is {text!r}", hint="give numbers separated by commas") from error
 

@@ -6,3 +6,8 @@ from typing import Literal
 
 FaceName = Literal["sharp", "flat", "round", "dotted"]
 FidelityName = Literal["pointwise", "contact"]
+
+
+def listed(text: str) -> tuple[str, ...]:
+    """The items of a flag that takes several, separated by commas."""
+    return tuple(item.strip() for item in text.split(",") if item.strip())

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from glyphs.soiling.dirty import Dirt
+from glyphs.soiling.soiled import Soiling
 from pipeline.common.records import PartRecord, PartState
 from pipeline.files.synth import SynthSpec, write_part
 from pipeline.plots.pictures import same_text
@@ -73,7 +73,7 @@ def run_service_demo(
     say(f"making {len(SEVERITIES)} parts, from clean to filthy, and their photographs in {parts} ...")
     truths = {}
     for number, severity in enumerate(SEVERITIES):
-        spec = SynthSpec(format=FORMAT, seed=_SEED, dirt=Dirt.of(severity))
+        spec = SynthSpec(format=FORMAT, seed=_SEED, soiling=Soiling(severity=severity))
         truths[f"part-{number}"] = write_part(spec, parts / f"part-{number}", number, photos=True)
     say("starting the service (the first start on a machine takes longer: it compiles) ...")
     served = []

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.choices import FaceName
+from pipeline.cli.choices import FaceName, listed
 from pipeline.cli.exit_status import failures_reported
 
 
@@ -25,6 +25,7 @@ def synth(
     raised: Annotated[bool, Parameter(negative="")] = False,
     variation: bool = True,
     dirt: float = 0.0,
+    soil: str = "workshop",
     grime: float | None = None,
     oil: float | None = None,
     swarf: float | None = None,
@@ -66,7 +67,10 @@ def synth(
     variation
         Let blows and plates differ as in a shop.
     dirt
-        How dirty, 0 to 1: a mixture of the seven kinds that follow.
+        How dirty, 0 to 1.
+    soil
+        What the dirt is, several separated by commas: workshop, caked, rust, paint, weld, mud, wear, casting, or
+        module:function of your own. The workshop's is a mixture of the seven kinds that follow.
     grime
         Grime caked into the grooves, 0 to 1, in place of its share of the mixture; likewise the next six.
     oil
@@ -98,13 +102,14 @@ def synth(
         from dataclasses import replace
         from functools import partial
 
-        from glyphs.soiling.dirty import Dirt
+        from glyphs.soiling.soiled import Soiling
+        from glyphs.soiling.workshop.mixture import Dirt
         from glyphs.stamping.die import Face
         from pipeline.files.synth import SynthSpec, write_parts
         from pipeline.workers.executors import ordered_map
         from pipeline.workers.options import ExecutorOptions
 
-        own = {
+        kinds = {
             "grime": grime,
             "oil": oil,
             "swarf": swarf,
@@ -113,6 +118,8 @@ def synth(
             "paint": paint,
             "burr": burr,
         }
+        own = {kind: amount for kind, amount in kinds.items() if amount is not None}
+        soiling = Soiling(listed(soil), dirt, mixture=replace(Dirt.of(dirt), **own) if own else None)
         spec = SynthSpec(
             format=format,
             font=font,
@@ -123,7 +130,7 @@ def synth(
             bevel_deg=bevel_deg,
             raised=raised,
             variation=variation,
-            dirt=replace(Dirt.of(dirt), **{kind: v for kind, v in own.items() if v is not None}),
+            soiling=soiling,
             light_azimuth_deg=light_azimuth_deg,
             light_elevation_deg=light_elevation_deg,
             pixel_mm=pixel_mm,

@@ -21,7 +21,7 @@ from glyphs.errors import FileError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import allowed_characters
 from glyphs.part import Part, stamp
-from glyphs.soiling.dirty import Dirt
+from glyphs.soiling.soiled import Soiling
 from glyphs.stamping.die import Face, default_die
 from glyphs.stamping.stamp import StampingVariation
 from pipeline.common.atomic import replacing
@@ -47,7 +47,7 @@ class SynthSpec:
         bevel_deg: slope of its walls.
         raised: raised marks.
         variation: whether blows and plate differ as they do in a shop; without it all is ideal.
-        dirt: what lies on the parts; none unless given.
+        soiling: what lies on the parts; nothing unless given.
         light_azimuth_deg: where the lamp stands (`Light`); drawn for every part unless given.
         light_elevation_deg: how high it stands; likewise.
         pixel_mm: size of a pixel of the photographs on the part.
@@ -65,7 +65,7 @@ class SynthSpec:
     bevel_deg: float = 45.0
     raised: bool = False
     variation: bool = True
-    dirt: Dirt = field(default_factory=Dirt)
+    soiling: Soiling = field(default_factory=Soiling)
     light_azimuth_deg: float | None = None
     light_elevation_deg: float | None = None
     pixel_mm: float = DEFAULT_PIXEL_MM
@@ -108,7 +108,8 @@ def make_part(spec: SynthSpec, number: int) -> Part:
         bevel_deg=spec.bevel_deg,
         raised=spec.raised,
         variation=None if spec.variation else StampingVariation.none(),
-        dirt=spec.dirt,
+        dirt=spec.soiling.severity if spec.soiling.mixture is None else spec.soiling.mixture,
+        soil=spec.soiling.soils,
         seed=(spec.seed, number),
     )
 

@@ -17,8 +17,8 @@ import numpy as np
 from rapidfuzz.distance import Levenshtein
 
 from glyphs.fonts.outlines import load_font
-from glyphs.soiling.dirty import Dirt
 from glyphs.soiling.soil import Soil
+from glyphs.soiling.soiled import Soiling
 from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import PlateVariation, StampingVariation, stamp_line
 from glyphs.surface.maps import HeightMap
@@ -87,7 +87,7 @@ def harm(number: int) -> Made:
 
 def harm_dirty(number: int) -> Made:
     """A dirty part of the usual gothic."""
-    part = make_part(SynthSpec(format=FORMAT, seed=300, dirt=Dirt.of(0.6)), number)
+    part = make_part(SynthSpec(format=FORMAT, seed=300, soiling=Soiling(severity=0.6)), number)
     return part.text, part.height_map, part.soil
 
 

@@ -25,7 +25,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 
-from glyphs.soiling.dirty import Dirt
+from glyphs.soiling.soiled import Soiling
 from pipeline.files.synth import SynthSpec, make_part, write_part
 from pipeline.reading.simulated_scan import feel
 from pipeline.service.process import service_process
@@ -55,7 +55,7 @@ class Supplies:
 
 def make_supplies(folder: Path, *, parts: int, dirt: float, seed: int = 5) -> Supplies:
     """Photographs and recorded scans of as many synthetic parts."""
-    spec = SynthSpec(format=FORMAT, seed=seed, height_mm=HEIGHT_MM, dirt=Dirt.of(dirt))
+    spec = SynthSpec(format=FORMAT, seed=seed, height_mm=HEIGHT_MM, soiling=Soiling(severity=dirt))
     photos, scans = [], []
     for number in range(parts):
         stem = folder / f"part-{number}"

@@ -10,7 +10,7 @@ import numpy as np
 
 from glyphs.compiled import kernel, read_only
 from glyphs.compiling import BEGINS, compiling_shown, part_done
-from glyphs.soiling.dirty import Dirt
+from glyphs.soiling.soiled import Soiling
 from pipeline.files.synth import SynthSpec, write_part
 
 KINDS = {"trace_abreast": 2}
@@ -62,7 +62,7 @@ def test_read_only_views_are_of_one_type_and_leave_the_array_alone() -> None:
 def test_every_kernel_is_compiled_for_one_kind_of_arguments(tmp_path: Path) -> None:
     parts = []
     for name, dirt in (("clean", 0.0), ("dirty", 0.4)):
-        spec = SynthSpec("AA99", seed=1, dirt=Dirt.of(dirt))
+        spec = SynthSpec("AA99", seed=1, soiling=Soiling(severity=dirt))
         write_part(spec, tmp_path / name, 0, photos=False)
         parts.append(str(tmp_path / f"{name}.npz"))
     done = subprocess.run(

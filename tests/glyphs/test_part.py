@@ -12,7 +12,7 @@ import glyphs
 import pipeline
 import recognition
 import whisker_array
-from glyphs import Camera, Dirt, FontError, Light, StampingVariation, soil_part, stamp
+from glyphs import Camera, FontError, Light, Soiling, StampingVariation, soil_part, stamp
 from glyphs.fonts.serials import FormatError
 from glyphs.stamping.variation import StampError
 
@@ -23,7 +23,7 @@ def test_the_same_seed_gives_the_same_part_clean_and_dirty() -> None:
     np.testing.assert_array_equal(clean.height_map.z_mm, dirty.stamped.height_map.z_mm)
     assert dirty.soil is not None
     assert dirty.soil.shape == dirty.height_map.shape
-    expected = soil_part(clean.stamped, Dirt.of(0.7), rng=np.random.default_rng([4, 1]))
+    expected = soil_part(clean.stamped, Soiling(severity=0.7), rng=np.random.default_rng([4, 1]))
     np.testing.assert_array_equal(dirty.height_map.z_mm, expected.height_map.z_mm)
     np.testing.assert_array_equal(dirty.photograph().pixels, dirty.photograph().pixels)
     other = stamp("K7", height_mm=3.0, seed=5)

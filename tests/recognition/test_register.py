@@ -15,7 +15,7 @@ from glyphs.camera.appearance import draw_camera, draw_light, photograph
 from glyphs.camera.photo import Photo
 from glyphs.camera.pose import mapped
 from glyphs.fonts.outlines import load_font
-from glyphs.soiling.dirty import Dirt, SoiledPart
+from glyphs.soiling.soiled import SoiledPart, Soiling
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.files.synth import SynthSpec, make_part
 from recognition.box import Box
@@ -37,7 +37,7 @@ CHARS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
 
 @lru_cache(maxsize=8)
 def soiled(severity: float, number: int) -> SoiledPart:
-    return make_part(SynthSpec(format="AA9999", seed=4242, dirt=Dirt.of(severity)), number).soiled
+    return make_part(SynthSpec(format="AA9999", seed=4242, soiling=Soiling(severity=severity)), number).soiled
 
 
 @lru_cache(maxsize=8)

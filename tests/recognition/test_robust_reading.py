@@ -10,7 +10,7 @@ import pytest
 
 from glyphs import stamp
 from glyphs.fonts.glyph import Font
-from glyphs.soiling.dirty import Dirt, soil_part
+from glyphs.soiling.soiled import Soiling, soil_part
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.maps import EdgeMap, HeightMap
 from recognition.acceptance import Decided, ScoredLine, decide
@@ -275,7 +275,7 @@ def states(found: Reading) -> list[CharacterState | None]:
 @pytest.mark.parametrize("seed", [11, 14])
 def test_a_soiled_part_is_read(seed: int, make_part: Make, reader: Readers) -> None:
     part = make_part(SERIAL, seed=seed)
-    soiled = soil_part(part, Dirt.of(SOILED), rng=np.random.default_rng(seed))
+    soiled = soil_part(part, Soiling(severity=SOILED), rng=np.random.default_rng(seed))
     assert np.abs(soiled.height_map.z_mm - part.height_map.z_mm).max() > 0.05
     found = reader(format=FORMAT).read(soiled.height_map, soil=soiled.soil)
     assert found.text == SERIAL

@@ -13,8 +13,9 @@ from glyphs.camera.appearance import Camera, Light, draw_camera, draw_light, pho
 from glyphs.camera.pose import mapped
 from glyphs.camera.shading import lit_share, openness, radiance
 from glyphs.soiling.coat import Look
-from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
 from glyphs.soiling.soil import Soil
+from glyphs.soiling.soiled import SoiledPart, Soiling, soil_part
+from glyphs.soiling.workshop.mixture import Dirt
 from glyphs.stamping.stamp import StampedPart, StampingVariation
 from glyphs.surface.maps import HeightMap, MapError
 
@@ -168,12 +169,12 @@ def test_exposure_clips_and_corners_are_darker() -> None:
 
 def test_oil_is_darker_and_the_lamp_shows_the_marks() -> None:
     light, camera = Light(elevation_deg=40.0), Camera(noise=0.0)
-    clean = soil_part(_stamped(), Dirt(), rng=np.random.default_rng(1))
+    clean = soil_part(_stamped(), Soiling(), rng=np.random.default_rng(1))
     photo = photograph(clean, light, camera, rng=np.random.default_rng(0))
     shown = photo.grey()
     land = shown[:40]
     assert np.abs(shown - np.median(shown)).max() > 8.0 * land.std()
-    oily = soil_part(_stamped(), Dirt(oil=0.8), rng=np.random.default_rng(1))
+    oily = soil_part(_stamped(), Soiling(mixture=Dirt(oil=0.8)), rng=np.random.default_rng(1))
     wet = oily.soil.friction < 0.12
     assert wet.any()
     matt = Light(elevation_deg=40.0, ambient=0.5, size_deg=1.0)

@@ -11,7 +11,7 @@ import pytest
 
 from glyphs.camera.appearance import draw_light
 from glyphs.errors import FileError, MarksError
-from glyphs.soiling.dirty import Dirt
+from glyphs.soiling.soiled import Soiling
 from glyphs.stamping.die import Face
 from pipeline.cli.main import main
 from pipeline.common.settings import SettingsError
@@ -107,7 +107,7 @@ def test_a_number_of_parts_that_cannot_be_is_refused(parts: int, tmp_path: Path)
 
 
 def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
-    clean, dirty = (SynthSpec(format="A9", height_mm=3.0, dirt=Dirt.of(d)) for d in (0.0, 0.7))
+    clean, dirty = (SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=d)) for d in (0.0, 0.7))
     bare = make_part(clean, 1)
     assert bare.soil is None
     np.testing.assert_array_equal(bare.soiled.height_map.z_mm, bare.height_map.z_mm)
@@ -124,7 +124,7 @@ def test_dirt_and_photograph_leave_the_stamping_alone(tmp_path: Path) -> None:
 
 
 def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
-    spec = SynthSpec(format="A9", height_mm=3.0, dirt=Dirt.of(0.7))
+    spec = SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=0.7))
     write_parts(spec, tmp_path / "out", parts=2)
     soiled = make_part(spec, 1)
     assert soiled.soil is not None
@@ -151,7 +151,7 @@ def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
 
 
 def test_workers_write_the_same(tmp_path: Path) -> None:
-    spec = SynthSpec(format="A9", height_mm=3.0, dirt=Dirt.of(0.5))
+    spec = SynthSpec(format="A9", height_mm=3.0, soiling=Soiling(severity=0.5))
     named: list[str] = []
     one = write_parts(spec, tmp_path / "one", parts=2)
     with PoolExecutor(2) as executor:

@@ -10,7 +10,7 @@ import pytest
 import pipeline
 from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
-from glyphs.soiling.dirty import Dirt
+from glyphs.soiling.soiled import Soiling
 from pipeline.batch.task import RunOrder, read_listed
 from pipeline.benchmark.run import Benchmark, try_part
 from pipeline.benchmark.specimens import Condition, FolderParts
@@ -30,7 +30,9 @@ SETTINGS = ReadSettings(font=("gothic",), format=("AA99",))
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """A dirty part whose photograph has more pixels than its characters need."""
     stem = tmp_path_factory.mktemp("part") / "part"
-    text = write_part(SynthSpec("AA99", seed=1, dirt=Dirt.of(0.2), pixel_mm=0.015), stem, 0, photos=True)
+    text = write_part(
+        SynthSpec("AA99", seed=1, soiling=Soiling(severity=0.2), pixel_mm=0.015), stem, 0, photos=True
+    )
     (stem.parent / "truth.csv").write_text(f"part,text\npart,{text}\n", encoding="utf-8")
     photo = pipeline.read_photo(stem.with_suffix(".png"))
     assert photo.shape[0] * photo.shape[1] > 1.5 * SIZES[0], "or there is but one size to read it at"

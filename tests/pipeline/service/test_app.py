@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
-from glyphs.soiling.dirty import Dirt
+from glyphs.soiling.soiled import Soiling
 from pipeline.common.part_id import new_part_id
 from pipeline.common.record_json import from_json
 from pipeline.common.records import PartState, ReviewAction, ScanPlanRecord, Scope
@@ -29,7 +29,10 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("parts")
     for name, dirt, number in ((CLEAN, 0.0, 0), (FILTHY, 0.8, 3)):
         text = write_part(
-            SynthSpec(format=FORMAT, seed=21, dirt=Dirt.of(dirt)), folder / name, number, photos=True
+            SynthSpec(format=FORMAT, seed=21, soiling=Soiling(severity=dirt)),
+            folder / name,
+            number,
+            photos=True,
         )
         (folder / f"{name}.txt").write_text(text)
     return folder

@@ -1,8 +1,4 @@
-"""Dirty parts: one soiled surface that is both felt and photographed.
-
-    StampedPart --soil_part--> SoiledPart --photograph--> Photo     (glyphs.camera.appearance)
-                                   |
-                                   +---- height_map, soil --> touch
+"""The workshop's dirt, seven kinds of it.
 
 Order of what happens to a part: burr (when it is stamped), pits, scratches, paint, grime, oil, swarf.
 """
@@ -16,18 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from glyphs.soiling.coat import Coat, Look, bare_coat
-from glyphs.soiling.debris import add_swarf
-from glyphs.soiling.films import add_oil, add_paint
-from glyphs.soiling.grime import add_grime
-from glyphs.soiling.soil import Soil
-from glyphs.soiling.wear import add_burr, add_pits, add_scratches
-from glyphs.stamping.stamp import StampedPart
+from glyphs.soiling.coat import Coat
+from glyphs.soiling.workshop.damage import add_burr, add_pits, add_scratches
+from glyphs.soiling.workshop.debris import add_swarf
+from glyphs.soiling.workshop.films import add_oil, add_paint
+from glyphs.soiling.workshop.grime import add_grime
 from glyphs.stamping.variation import StampError
 from glyphs.surface.display import one_line
-from glyphs.surface.maps import HeightMap
-
-__all__ = ["Dirt", "Look", "SoiledPart", "StampError", "soil_part"]
 
 Layer = Callable[..., Coat]
 _LAYERS: Final[tuple[tuple[str, Layer], ...]] = (
@@ -101,56 +92,19 @@ class Dirt:
         return not any(getattr(self, item.name) for item in fields(self))
 
 
-@dataclass(frozen=True, eq=False)
-class SoiledPart:
-    """A part with what lies on it.
-
-    Attributes:
-        part: the part when it was clean.
-        height_map: the top of its surface now.
-        soil: what of it yields, and its friction.
-        look: how it throws light back.
-
-    Raises:
-        ValueError: grids that do not agree.
-    """
-
-    part: StampedPart
-    height_map: HeightMap
-    soil: Soil
-    look: Look
-
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        shapes = {self.part.height_map.shape, self.height_map.shape, self.soil.shape}
-        if len(shapes | {np.shape(self.look.roughness)}) != 1:
-            raise ValueError(f"the grids of a soiled part differ: {shapes}")
+def workshop(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+    """The usual mixture of a severity (`glyphs.soiling.soils.SoilModel`)."""
+    return mixed(coat, Dirt.of(amount), rng=rng)
 
 
-def soil_part(part: StampedPart, dirt: Dirt, *, rng: np.random.Generator) -> SoiledPart:
-    """Soil a part.
+def mixed(coat: Coat, dirt: Dirt, *, rng: np.random.Generator) -> Coat:
+    """Lay a mixture on a surface.
 
     Every kind draws from a stream of its own, and the same whatever its amount: so more grime leaves the
     scratches where they were, and patches of grime grow.
-
-    Args:
-        part: the stamped part.
-        dirt: how much of what.
-        rng: the only source of randomness; the same state gives the same dirt.
-
-    Raises:
-        MapError: dropouts in the part's height map.
     """
-    streams = rng.spawn(len(_LAYERS) + 1)
-    coat = bare_coat(part, rng=streams[-1])
-    for (name, layer), stream in zip(_LAYERS, streams, strict=False):
+    for (name, layer), stream in zip(_LAYERS, rng.spawn(len(_LAYERS)), strict=True):
         amount = min(1.0, getattr(dirt, name) * stream.uniform(_LEAST, _MOST))
         if amount > 0.0:
             coat = layer(coat, amount, rng=stream)
-    return SoiledPart(
-        part=part,
-        height_map=part.height_map if dirt.clean else HeightMap(coat.z_mm, coat.pitch_mm),
-        soil=Soil(coat.soft_mm, coat.hardness_mpa, coat.friction),
-        look=Look(coat.albedo, coat.roughness, coat.reflectance),
-    )
+    return coat

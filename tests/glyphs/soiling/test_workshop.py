@@ -11,10 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from glyphs import stamp
-from glyphs.soiling.debris import HIGHEST_MM
-from glyphs.soiling.dirty import Dirt, SoiledPart, soil_part
-from glyphs.soiling.films import OIL_FRICTION, PAINT_MPA
-from glyphs.soiling.grime import HARDEST_MPA, SOFTEST_MPA
+from glyphs.soiling.soiled import SoiledPart, Soiling, soil_part
+from glyphs.soiling.workshop.debris import HIGHEST_MM
+from glyphs.soiling.workshop.films import OIL_FRICTION, PAINT_MPA
+from glyphs.soiling.workshop.grime import HARDEST_MPA, SOFTEST_MPA
+from glyphs.soiling.workshop.mixture import Dirt
 from glyphs.stamping.stamp import StampedPart
 from glyphs.stamping.variation import StampError
 from glyphs.surface.maps import HeightMap, MapError
@@ -36,7 +37,7 @@ def _stamped(raised: bool) -> StampedPart:
 
 
 def _soiled(seed: int = 0, raised: bool = False, **amounts: float) -> SoiledPart:
-    return soil_part(_part(raised), Dirt(**amounts), rng=np.random.default_rng(seed))
+    return soil_part(_part(raised), Soiling(mixture=Dirt(**amounts)), rng=np.random.default_rng(seed))
 
 
 def _rise(soiled: SoiledPart) -> np.ndarray:
@@ -71,7 +72,7 @@ def test_every_kind_alone_only_adds_or_only_takes(kind: str, raised: bool) -> No
 @given(seed=st.integers(0, 2**32), severity=st.floats(0.0, 1.0))
 @settings(max_examples=12, deadline=None)
 def test_what_yields_lies_on_what_was_there(seed: int, severity: float) -> None:
-    soiled = soil_part(_part(), Dirt.of(severity), rng=np.random.default_rng(seed))
+    soiled = soil_part(_part(), Soiling(severity=severity), rng=np.random.default_rng(seed))
     bottom = soiled.height_map.z_mm - soiled.soil.thickness_mm
     deepest_cut = 0.12 + 0.04  # a pit and a scratch in it
     assert (bottom >= _part().height_map.z_mm - deepest_cut - 1e-6).all()
@@ -84,7 +85,7 @@ def test_what_yields_lies_on_what_was_there(seed: int, severity: float) -> None:
 
 def test_the_same_stream_gives_the_same_dirt() -> None:
     one, same, other = (
-        soil_part(_part(), Dirt.of(0.7), rng=np.random.default_rng(seed)) for seed in (3, 3, 4)
+        soil_part(_part(), Soiling(severity=0.7), rng=np.random.default_rng(seed)) for seed in (3, 3, 4)
     )
     np.testing.assert_array_equal(one.height_map.z_mm, same.height_map.z_mm)
     np.testing.assert_array_equal(one.soil.hardness_mpa, same.soil.hardness_mpa)
@@ -196,7 +197,7 @@ def test_a_surface_with_holes_is_refused() -> None:
     z[4, 4] = np.nan
     holed = StampedPart(HeightMap(z, 0.1), "B4", 5.0, _part().boxes_mm, "gothic")
     with pytest.raises(MapError, match="dropouts"):
-        soil_part(holed, Dirt.of(0.5), rng=np.random.default_rng(0))
+        soil_part(holed, Soiling(severity=0.5), rng=np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("length_mm", [0.3, 1.0])

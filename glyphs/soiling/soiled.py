@@ -1,0 +1,141 @@
+"""Dirty parts: one soiled surface that is both felt and photographed.
+
+StampedPart --soil_part--> SoiledPart --photograph--> Photo     (glyphs.camera.appearance)
+                               |
+                               +---- height_map, soil --> touch
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from zlib import crc32
+
+import numpy as np
+
+from glyphs.soiling.coat import Look, bare_coat
+from glyphs.soiling.severity import amount_of
+from glyphs.soiling.soil import Soil
+from glyphs.soiling.soils import soil_model
+from glyphs.soiling.workshop.mixture import Dirt, mixed
+from glyphs.stamping.stamp import StampedPart
+from glyphs.stamping.variation import StampError
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import HeightMap
+
+WORKSHOP = "workshop"
+_LOOK_STREAM = 7
+"""Of the bare metal; the workshop's seven kinds draw from the streams before it."""
+
+
+@dataclass(frozen=True)
+class Soiling:
+    """What lies on a part.
+
+    Attributes:
+        soils: names of soils, the first lies lowest; each is there as much as it would be alone.
+        severity: 0 (clean) to 1, the same loss for every soil (`glyphs.soiling.severity`).
+        mixture: of the workshop's seven kinds, in place of the usual one of a severity.
+
+    Raises:
+        StampError: a severity outside 0..1, a soil unknown or named twice, or a mixture of another soil.
+    """
+
+    soils: tuple[str, ...] = (WORKSHOP,)
+    severity: float = 0.0
+    mixture: Dirt | None = None
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.severity) and 0.0 <= self.severity <= 1.0):
+            raise StampError(f"the severity is {self.severity}", hint="it lies between 0 (clean) and 1")
+        if not self.soils or len(set(self.soils)) != len(self.soils):
+            raise StampError(f"the soils are {self.soils}", hint="name at least one, each once")
+        for name in self.soils:
+            soil_model(name)
+        if self.mixture is not None and self.soils != (WORKSHOP,):
+            raise StampError(
+                f"a mixture of the workshop's kinds does not go with {', '.join(self.soils)}",
+                hint="give either amounts of its kinds, or other soils",
+            )
+
+    @property
+    def clean(self) -> bool:
+        """Whether there is nothing at all."""
+        return self.severity == 0.0 if self.mixture is None else self.mixture.clean
+
+
+@dataclass(frozen=True, eq=False)
+class SoiledPart:
+    """A part with what lies on it.
+
+    Attributes:
+        part: the part when it was clean.
+        height_map: the top of its surface now.
+        soil: what of it yields, and its friction.
+        look: how it throws light back.
+
+    Raises:
+        ValueError: grids that do not agree.
+    """
+
+    part: StampedPart
+    height_map: HeightMap
+    soil: Soil
+    look: Look
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        shapes = {self.part.height_map.shape, self.height_map.shape, self.soil.shape}
+        if len(shapes | {np.shape(self.look.roughness)}) != 1:
+            raise ValueError(f"the grids of a soiled part differ: {shapes}")
+
+
+def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) -> SoiledPart:
+    """Soil a part.
+
+    Every soil draws from a stream of its own, named after it: rust lies where it lay when paint comes over it.
+
+    Args:
+        part: the stamped part.
+        soiling: how much of what.
+        rng: the only source of randomness; the same state gives the same dirt.
+
+    Raises:
+        MapError: dropouts in the part's height map.
+    """
+    streams = _Streams(rng)
+    coat = bare_coat(part, rng=streams.look)
+    if not soiling.clean:
+        for name in soiling.soils:
+            stream = streams.of(name)
+            if soiling.mixture is not None:
+                coat = mixed(coat, soiling.mixture, rng=stream)
+            else:
+                coat = soil_model(name)(coat, amount_of(name, soiling.severity), rng=stream)
+    return SoiledPart(
+        part=part,
+        height_map=part.height_map if soiling.clean else HeightMap(coat.z_mm, coat.pitch_mm),
+        soil=Soil(coat.soft_mm, coat.hardness_mpa, coat.friction),
+        look=Look(coat.albedo, coat.roughness, coat.reflectance),
+    )
+
+
+class _Streams:
+    """A generator for the look of the metal, and one for each soil, whichever others there are."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        seed = rng.bit_generator.seed_seq
+        assert isinstance(seed, np.random.SeedSequence)
+        self._seed, self._before = seed, seed.n_children_spawned
+        self.look = rng.spawn(_LOOK_STREAM + 1)[_LOOK_STREAM]
+
+    def of(self, soil: str) -> np.random.Generator:
+        key, before = self._seed.spawn_key, self._before
+        if soil != WORKSHOP:
+            key, before = (*key, before, crc32(soil.encode())), 0
+        return np.random.default_rng(
+            np.random.SeedSequence(self._seed.entropy, spawn_key=key, n_children_spawned=before)
+        )

@@ -1,0 +1,64 @@
+"""Soils by name: each a model of its own physics, behind one call.
+
+    coat, amount, rng --SoilModel--> coat      what is on top, what of it yields, how it throws light back
+
+A soil of one's own is any such function, named `module:function`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Final, Protocol, cast
+
+import numpy as np
+
+from glyphs.soiling.coat import Coat
+from glyphs.stamping.variation import StampError
+
+
+class SoilModel(Protocol):
+    """What one kind of soil does to a surface.
+
+    - Amount 0 changes nothing; at 1 hardly a character is left to read. More is never less: the same `rng` lays the
+      same patches, grown.
+    - `z_mm` is the new top. What yields under a tip has `soft_mm` and `hardness_mpa`; hard stuff has none of it.
+    - All arrays keep shape and dtype (float32) and stay finite.
+    - All chance comes from `rng`.
+    """
+
+    def __call__(self, coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+        """Soil a surface; `amount` is 0 to 1."""
+
+
+SOILS: Final[dict[str, str]] = {
+    "workshop": "glyphs.soiling.workshop.mixture:workshop",
+    "caked": "glyphs.soiling.caked:caked",
+    "rust": "glyphs.soiling.rust:rust",
+    "paint": "glyphs.soiling.paint:paint",
+    "weld": "glyphs.soiling.weld:weld",
+    "mud": "glyphs.soiling.mud:mud",
+    "wear": "glyphs.soiling.wear:wear",
+    "casting": "glyphs.soiling.casting:casting",
+}
+"""The built-in soils, and where they are made."""
+
+
+def soil_model(name: str) -> SoilModel:
+    """The soil of that name, or `module:function`.
+
+    Raises:
+        StampError: no such soil, module or function.
+    """
+    place = SOILS.get(name, name)
+    module, colon, function = place.partition(":")
+    if not colon:
+        raise StampError(
+            f"there is no soil {name!r}",
+            hint=f"use one of {', '.join(SOILS)}, or module:function of your own",
+        )
+    try:
+        return cast(SoilModel, getattr(import_module(module), function))
+    except (ImportError, AttributeError, ValueError) as error:
+        raise StampError(
+            f"the soil {name!r} cannot be loaded: {error}", hint="give module:function"
+        ) from error

@@ -1,0 +1,1 @@
+"""A metal workshop's dirt: grime, oil, swarf, scratches, pits, paint, burr."""
