@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glyphs.surface.maps import HeightMap
+from pipeline.benchmark.design import Design
+from pipeline.benchmark.designed_parts import DesignedParts
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
@@ -40,3 +42,25 @@ def scanned(
         surface, touch=touch, others=others, plan=plan, fidelity=fidelity, friction=friction, sensor=chain,
         rng=rng, **more,
     )  # fmt: skip
+
+
+def designed_parts(
+    *,
+    severities: tuple[float, ...] = (0.3,),
+    formats: tuple[str, ...] = ("A9",),
+    parts: int = 1,
+    seed: int = 1,
+    given: tuple[str, ...] = ("font,height,format",),
+    **more: Any,
+) -> DesignedParts:
+    """Parts of every format and severity, the same stamped parts in all of them."""
+    return DesignedParts(
+        Design.of(
+            seed=seed,
+            parts_a_cell=parts,
+            cross=("font", "format", "severity"),
+            alike=True,
+            part={"font": "gothic", "format": formats, "severity": severities, "height_mm": 5.0, **more},
+            given=given,
+        )
+    )

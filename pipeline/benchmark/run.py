@@ -15,9 +15,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from pipeline.benchmark.condition import Condition, Given
 from pipeline.benchmark.mode import ModeReader, PartReadings
 from pipeline.benchmark.modes import open_mode
-from pipeline.benchmark.specimens import Condition, Item, Parts
+from pipeline.benchmark.specimens import Item, Parts
 from pipeline.benchmark.trials import Trial, TrialJournal, answer_of
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
@@ -33,7 +34,7 @@ class Benchmark:
     Attributes:
         parts: where the parts come from.
         modes: names of the modes.
-        reading: how all parts are read; font and format come with the part where its kind names them.
+        reading: how all parts are read; font, height and format come with the part where the design gives them.
 
     Raises:
         SettingsError: no mode, or one twice.
@@ -56,18 +57,19 @@ class Benchmark:
             "reading": {
                 "fonts": [str(font) for font in reading.fonts],
                 "format": reading.format,
-                "height_mm": reading.height_mm,
                 "fidelity": reading.fidelity.value,
             },
             "program": program_mark(),
         }
 
-    def settings_for(self, condition: Condition) -> ReaderSettings:
-        """How a part of that kind is read."""
+    def settings_for(self, condition: Condition, given: Given) -> ReaderSettings:
+        """How a part of that kind is read by a reader that is given so much of it."""
+        font = self.parts.font_of(condition) if given.font else ""
         return replace(
             self.reading,
-            fonts=(condition.font,) if condition.font else self.reading.fonts,
-            format=condition.format or self.reading.format,
+            fonts=(font,) if font else self.reading.fonts,
+            format=(condition.format or self.reading.format) if given.format else None,
+            height_mm=condition.height_mm if given.height else self.reading.height_mm,
         )
 
 
@@ -97,7 +99,8 @@ def run_benchmark(
         SettingsError: a mode, font or format that cannot be used.
     """
     items = benchmark.parts.items()
-    for settings in dict.fromkeys(benchmark.settings_for(item.condition) for item in items):
+    ways = ((item.condition, given) for item in items for given in item.given)
+    for settings in dict.fromkeys(benchmark.settings_for(*way) for way in ways):
         for mode in benchmark.modes:
             open_mode(mode, Reader(settings))
     book = TrialJournal.open(folder, benchmark.description())
@@ -127,16 +130,19 @@ def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
         specimen = benchmark.parts.make(item)
     except Exception as error:
         return _failed(benchmark, item, error)
-    blanks = [replace(b, truth=specimen.truth) for b in _blanks(benchmark, item)]
-    reader = reader_for(benchmark.settings_for(item.condition))
-    senses = PartReadings(specimen, reader)
-    return tuple(_read(blank, senses, reader) for blank in blanks)
+    trials: list[Trial] = []
+    for given in item.given:
+        reader = reader_for(benchmark.settings_for(item.condition, given))
+        senses = PartReadings(specimen, reader)
+        blanks = _blanks(benchmark, replace(item, given=(given,), truth=specimen.truth))
+        trials += [_read(blank, senses, reader) for blank in blanks]
+    return tuple(trials)
 
 
 def _blanks(benchmark: Benchmark, item: Item) -> list[Trial]:
-    kind = item.condition
     return [
-        Trial(item.part, item.number, kind.severity, kind.font_name, kind.format, mode, item.truth)
+        Trial(item.part, item.number, {**item.condition.levels, **given.levels}, mode, item.truth)
+        for given in item.given
         for mode in benchmark.modes
     ]
 

@@ -224,8 +224,11 @@ def _spread(seconds: Sequence[float]) -> tuple[float, float]:
 
 def _comparisons(trials: Sequence[Trial]) -> Iterable[Comparison]:
     modes = list(dict.fromkeys(t.mode for t in trials))
-    for severity in dict.fromkeys(t.severity for t in trials):
-        here = {m: [t for t in trials if t.mode == m and t.severity == severity] for m in modes}
+    # a part that was read with more given of it is another pair
+    for severity, given in dict.fromkeys((t.severity, t.given) for t in trials):
+        here = {
+            m: [t for t in trials if (t.mode, t.severity, t.given) == (m, severity, given)] for m in modes
+        }
         singles = [m for m in SINGLE_MODES if here.get(m)]
         if here.get(FUSED) and singles:
             yield compare(severity, here[FUSED], here[max(singles, key=lambda m: _merit(here[m]))])

@@ -1,6 +1,6 @@
 """What a benchmark keeps: one trial a part and mode, one line of JSON a part, appended as soon as it is done.
 
-    trials.jsonl    {"format_version": 2, "benchmark": {...}, "key": "..."}    the first line: what is tried, its hash
+    trials.jsonl    {"format_version": 3, "benchmark": {...}, "key": "..."}    the first line: what is tried, its hash
                     {"part": "...", "trials": [{...}, {...}]}                  a part, read by every mode
                     {"part": "...", "tri                                       a torn last line is tried again
 
@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError, require_file
+from pipeline.benchmark.condition import GIVEN, Condition, Level
 from pipeline.common.atomic import replacing
 from pipeline.common.run_description import differences, in_short, key_of
 
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from recognition.reading import Reading
 
 TRIALS_FILE = "trials.jsonl"
-FORMAT_VERSION = 2
-"""The first told no version, nor simulated_s and unused_s."""
+FORMAT_VERSION = 3
+"""2 had severity, font and format in place of the levels; 1 no version, nor simulated_s and unused_s."""
 UNUSED = "unused"
 """Step of a reading's time for what ran on the way and does not belong to the mode."""
 _SIMULATION = ("mount", "scan")  # steps of a reading's time that a real array has not
@@ -52,10 +53,8 @@ class Trial:
 
     Attributes:
         part: name of the part, unique in the benchmark.
-        number: of the part among those of its severity, font and format.
-        severity: of the dirt, 0 to 1; None where it is not known.
-        font: of the mark.
-        format: of the serial; empty where none was told.
+        number: of the part among those of its kind.
+        levels: of all factors: of the part, and what the reader was given (`pipeline.benchmark.condition`).
         mode: what read it.
         truth: what was stamped, without spaces.
         text: what was read, without spaces; empty with an error.
@@ -73,9 +72,7 @@ class Trial:
 
     part: str
     number: int
-    severity: float | None
-    font: str
-    format: str
+    levels: dict[str, Level]
     mode: str
     truth: str
     text: str = ""
@@ -88,6 +85,27 @@ class Trial:
     scan_s: float = 0.0
     simulated_s: float = field(default=0.0, compare=False)
     unused_s: float = field(default=0.0, compare=False)
+
+    @property
+    def severity(self) -> float | None:
+        """Of the dirt, 0 to 1; None where it is not known."""
+        return Condition(**self.levels).severity
+
+    @property
+    def font(self) -> str:
+        """Of the mark; empty where it is not known."""
+        return Condition(**self.levels).font
+
+    @property
+    def format(self) -> str:
+        """Of the serial; empty where it is not known."""
+        return Condition(**self.levels).format
+
+    @property
+    def given(self) -> str:
+        """What the reader was given, in a few words."""
+        names = [name for name in GIVEN if self.levels.get(f"{name}_given")]
+        return ",".join(names) or "nothing"
 
     @property
     def used_s(self) -> float:

@@ -90,7 +90,7 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
     worst, item = ranked
     try:
         specimen = benchmark.parts.make(item)
-        senses = PartReadings(specimen, reader_for(benchmark.settings_for(item.condition)))
+        senses = PartReadings(specimen, reader_for(benchmark.settings_for(item.condition, item.given[0])))
         picture = inlined(_figure(senses), kind="jpg")
     # The report of a night's run may not fail for a picture.
     except Exception as error:

@@ -3,28 +3,37 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
+from cyclopts import App, Parameter
 
 from pipeline.cli.choices import FaceName, FidelityName, listed
 from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
+    from pipeline.benchmark.condition import Condition
     from pipeline.benchmark.report import Written
     from pipeline.benchmark.run import Benchmark
 
 
+app = App(name="benchmark", help="Measure how well dirty marks are read, by this reader and by others.")
+
+
+@app.default
 def benchmark(
     *,
     out: Path,
+    design: str | None = None,
+    soil: str | None = None,
     dirt: str | None = None,
     parts: int | None = None,
     mode: str = "tactile,vision,fused",
     font: str | None = None,
     format: str | None = None,
+    give: Annotated[list[str] | None, Parameter(negative="")] = None,
     seed: int = 1,
     jobs: int = 1,
     cluster: str | None = None,
@@ -33,13 +42,10 @@ def benchmark(
     depth_mm: float = 0.2,
     face: FaceName = "flat",
     fidelity: FidelityName = "contact",
-    light_azimuth_deg: float | None = None,
-    light_elevation_deg: float | None = None,
-    tell_height: bool = True,
     inputs: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
 ) -> int:
-    """Make dirtier and dirtier parts, read each in every mode, and write report.html, benchmark.csv and benchmark.json.
+    """Make dirty parts, read each in every mode, and write report.html, benchmark.csv and benchmark.json.
 
     Start an interrupted run again with the same command; with more --parts it goes on where it ended. With --inputs
     and --truth the parts of a folder are read instead.
@@ -48,18 +54,26 @@ def benchmark(
     ----------
     out
         Folder for the trials and the report; made if it is not there.
+    design
+        Which parts, and what readers are given of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48, or a TOML
+        file of your own. In place of the flags that say what parts are.
+    soil
+        What the dirt is, several separated by commas: workshop unless given, caked, rust, paint, weld, mud, wear,
+        casting, module:function of your own; rust+paint is one over the other.
     dirt
         How dirty, 0 to 1, separated by commas; 0,0.3,0.6,0.9 unless given. Of --inputs: theirs, if known.
     parts
-        Number of parts for every dirt, font and format; 200 unless given.
+        Number of parts for every soil, dirt, font and format; 200 unless given.
     mode
         What reads: tactile, vision, fused, separated by commas.
     font
-        Built-in names or TTF/OTF files, separated by commas; gothic unless given. The reader knows which. Of
-        --inputs: those that may be theirs, all built-in ones unless given.
+        Built-in names or TTF/OTF files, separated by commas; gothic unless given. Of --inputs: those that may be
+        theirs, all built-in ones unless given.
     format
-        Masks of the serials, separated by commas; AA999999 unless given. The reader knows which. Of --inputs:
-        theirs, if known.
+        Masks of the serials, separated by commas; AA999999 unless given. Of --inputs: theirs, if known.
+    give
+        What the reader is given beside the part: font, height, format, several separated by commas, or nothing; the
+        format alone unless given. Repeat it to read every part with each: --give format --give font,format.
     seed
         Of everything random: the same seed gives the same parts.
     jobs
@@ -76,12 +90,6 @@ def benchmark(
         Face of the die.
     fidelity
         How touch is simulated.
-    light_azimuth_deg
-        Where the photographs' light comes from.
-    light_elevation_deg
-        How high it stands.
-    tell_height
-        Tell the reader the character height.
     inputs
         Folders, files or globs of parts made elsewhere: NAME.npz, with NAME.png beside it for the camera.
     truth
@@ -92,45 +100,66 @@ def benchmark(
             raise CommandError("benchmark: --inputs and --truth go together", status=USAGE)
         if jobs < 1:
             raise CommandError(f"benchmark: jobs is {jobs}", hint="it must be at least 1", status=USAGE)
-        if inputs is not None and (dirt is not None or parts is not None):
-            raise CommandError("benchmark: --dirt and --parts are for parts that are made", status=USAGE)
-        from glyphs.stamping.die import Face
+        made = {"soil": soil, "dirt": dirt, "font": font, "format": format, "parts": parts, "give": give}
+        if inputs is not None and any(made[name] is not None for name in ("soil", "parts", "give")):
+            raise CommandError(
+                "benchmark: --soil, --parts and --give are for parts that are made", status=USAGE
+            )
+        if design is not None and (inputs is not None or any(value is not None for value in made.values())):
+            raise CommandError(
+                "benchmark: --design says what the parts are", hint="give it alone", status=USAGE
+            )
+        from pipeline.benchmark.design import Design
+        from pipeline.benchmark.designed_parts import DesignedParts
+        from pipeline.benchmark.editions import design_named
+        from pipeline.benchmark.folder_parts import FolderParts
         from pipeline.benchmark.modes import PEERS
         from pipeline.benchmark.report import check_report
         from pipeline.benchmark.run import Benchmark
-        from pipeline.benchmark.specimens import Condition, FolderParts, Parts, SynthParts
+        from pipeline.benchmark.specimens import Parts
         from recognition.reader_settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 
         check_report()
         source: Parts
-        reading = ReaderSettings(height_mm=height_mm if tell_height else None, fidelity=Fidelity(fidelity))
+        reading = ReaderSettings(fidelity=Fidelity(fidelity))
         if inputs is not None and truth is not None:
-            from dataclasses import replace
-
-            formats, known = listed(format or ""), _numbers(dirt or "")
-            if len(formats) > 1 or len(known) > 1:
-                raise CommandError("benchmark: a folder has one format and one dirt", status=USAGE)
             reading = replace(reading, fonts=listed(font or ""))
-            condition = Condition(known[0] if known else None, "", formats[0] if formats else "")
-            source = FolderParts.load(inputs, truth, condition)
+            source = FolderParts.load(inputs, truth, _condition(listed(format or ""), _numbers(dirt or "")))
+        elif design is not None:
+            source = DesignedParts(design_named(design))
         else:
-            source = SynthParts(
-                severities=tuple(_numbers(dirt or "0,0.3,0.6,0.9")),
-                fonts=listed(font or "gothic"),
-                formats=listed(format or "AA999999"),
-                parts=200 if parts is None else parts,
-                seed=seed,
-                height_mm=height_mm,
-                depth_mm=depth_mm,
-                face=Face(face),
-                light_azimuth_deg=light_azimuth_deg,
-                light_elevation_deg=light_elevation_deg,
+            source = DesignedParts(
+                Design.of(
+                    seed=seed,
+                    parts_a_cell=200 if parts is None else parts,
+                    cross=("font", "format", "soil", "severity"),
+                    alike=True,
+                    part={
+                        "font": listed(font or "gothic"),
+                        "format": listed(format or "AA999999"),
+                        "soil": listed(soil or "workshop"),
+                        "severity": tuple(_numbers(dirt or "0,0.3,0.6,0.9")),
+                        "height_mm": (height_mm,),
+                        "depth_mm": (depth_mm,),
+                        "face": (face,),
+                    },
+                    given=tuple(give or ("format",)),
+                )
             )
         chosen = listed(mode) + (tuple(PEERS) if peers else ())
         written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
     _print_result(written)
     return 0
+
+
+def _condition(formats: tuple[str, ...], severities: list[float]) -> Condition:
+    """Of the parts of a folder."""
+    if len(formats) > 1 or len(severities) > 1:
+        raise CommandError("benchmark: a folder has one format and one dirt", status=USAGE)
+    from pipeline.benchmark.condition import Condition
+
+    return Condition(severity=severities[0] if severities else None, format=formats[0] if formats else "")
 
 
 def _numbers(text: str) -> list[float]:

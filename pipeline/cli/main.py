@@ -67,7 +67,9 @@ app.command(
 app.command("pipeline.cli.demo:demo", name="demo", help="Make, scan and read a few parts; start here.")
 app.command("pipeline.cli.figures:figures", name="figures", help="Compute and draw the results of the paper.")
 app.command(
-    "pipeline.cli.benchmark:benchmark", name="benchmark", help="Measure how well dirty parts are read."
+    "pipeline.cli.benchmark:app",
+    name="benchmark",
+    help="Measure how well dirty marks are read, by this reader and by others.",
 )
 app.command("pipeline.cli.design:design", name="design", help="Find the whisker to build.")
 app.command(

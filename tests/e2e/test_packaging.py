@@ -186,13 +186,15 @@ from pathlib import Path
 from pipeline.benchmark import report
 from pipeline.benchmark.run import Benchmark
 from recognition.reader_settings import ReaderSettings
-from pipeline.benchmark.specimens import SynthParts
+from pipeline.benchmark.design import Design
+from pipeline.benchmark.designed_parts import DesignedParts
 from pipeline.service.pages.assets import Assets
 from pipeline.benchmark.trials import Trial
 
 report.rank_worst = lambda trials: []  # its pictures need touch, see above
-trials = [Trial("p", 0, 0.0, "gothic", "A9", "vision", "A1", "A1", "accept", 0.9)]
-benchmark = Benchmark(SynthParts((0.0,), ("gothic",), ("A9",), 1), ("vision",), ReaderSettings())
+trials = [Trial("p", 0, {"severity": 0.0, "font": "gothic", "format": "A9"}, "vision", "A1", "A1", "accept", 0.9)]
+design = Design(parts=1, part={"severity": 0, "font": "gothic", "format": "A9"})
+benchmark = Benchmark(DesignedParts(design), ("vision",), ReaderSettings())
 Path("bench").mkdir()
 print(report.write_report(benchmark, trials, Path("bench")).page.stat().st_size)
 for name in ("page.css", "page.js", "review.js", "page_icon.svg"):

@@ -11,13 +11,14 @@ import pytest
 
 from pipeline.benchmark import report
 from pipeline.benchmark.run import Benchmark
-from pipeline.benchmark.specimens import Item, SynthParts
+from pipeline.benchmark.specimens import Item
 from pipeline.benchmark.statistics import statistics_of
 from pipeline.benchmark.targets import TARGETS, verdicts
 from pipeline.benchmark.trials import ReadCharacter, Trial
 from pipeline.benchmark.worst_parts import WorstPart, marked, rank_worst
 from pipeline.cli.main import main
 from recognition.reader_settings import ReaderSettings
+from tests.factories import designed_parts
 
 SECTIONS = (
     "targets", "summary", "accuracy", "decisions", "risk", "confidence", "confusion", "worst", "time", "settings",
@@ -56,7 +57,8 @@ class Page(HTMLParser):
 
 def trial(part: int, text: str, **more: object) -> Trial:
     given: dict[str, object] = {
-        "part": f"gothic-A9-dirt0.3-{part:04d}", "number": part, "severity": 0.3, "font": "gothic", "format": "A9",
+        "part": f"gothic-A9-0.3-{part:04d}", "number": part,
+        "levels": {"severity": 0.3, "font": "gothic", "format": "A9"},
         "mode": "tactile", "truth": "A1", "decision": "accept", "confidence": 0.9,
         "characters": tuple(ReadCharacter(c, 0.95, 0.9) for c in text), "compute_s": 1.0, "scan_s": 60.0,
         "simulated_s": 0.75 if more.get("mode", "tactile") == "tactile" else 0.0,
@@ -67,8 +69,8 @@ def trial(part: int, text: str, **more: object) -> Trial:
 TRIALS = [
     trial(0, "A1"), trial(1, "A7"), trial(2, "A7", decision="review"), trial(3, "A", decision="reject"),
     trial(4, "", decision="", characters=(), error="<b>it & broke</b>"),
-    *(trial(k, "A1", mode="vision", severity=0.3) for k in range(5)),
-    *(trial(k, "A1", mode="fused", severity=0.3) for k in range(5)),
+    *(trial(k, "A1", mode="vision") for k in range(5)),
+    *(trial(k, "A1", mode="fused") for k in range(5)),
 ]  # fmt: skip
 
 
@@ -78,8 +80,8 @@ def not_drawn(_: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPart:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> report.Written:
-    parts = SynthParts((0.3,), ("gothic",), ("A9",), 5)
-    benchmark = Benchmark(parts, ("tactile", "vision", "fused"), ReaderSettings(height_mm=5.0))
+    parts = designed_parts(parts=5)
+    benchmark = Benchmark(parts, ("tactile", "vision", "fused"), ReaderSettings())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(report, "draw_worst", not_drawn)
         folder = tmp_path_factory.mktemp("report")

@@ -12,10 +12,12 @@ from glyphs.errors import FileError
 from glyphs.fonts.serials import FormatError
 from glyphs.surface.maps import HeightMap
 from pipeline.benchmark import modes as benchmark_modes
+from pipeline.benchmark.condition import Condition
+from pipeline.benchmark.folder_parts import FolderParts
 from pipeline.benchmark.mode import ModeUnavailableError, PartReadings, scan_seconds
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.run import Benchmark, run_benchmark
-from pipeline.benchmark.specimens import Condition, FolderParts, Item, Specimen, SynthParts
+from pipeline.benchmark.specimens import Item, Specimen
 from pipeline.benchmark.statistics import plain, statistics_of
 from pipeline.benchmark.trials import TRIALS_FILE, Trial, TrialJournal
 from pipeline.common.run_description import key_of
@@ -25,9 +27,10 @@ from recognition.box import Box
 from recognition.reader import Reader
 from recognition.reader_settings import ReaderSettings
 from recognition.reading import Candidate, CharacterReading, Decision, Reading
+from tests.factories import designed_parts
 from whisker_array.simulation.traces import Fidelity
 
-FAST = ReaderSettings(height_mm=5.0, fidelity=Fidelity.POINTWISE)
+FAST = ReaderSettings(fidelity=Fidelity.POINTWISE)
 
 
 @dataclass(frozen=True)
@@ -38,13 +41,16 @@ class Blanks:
     seed: int = 0
 
     def items(self) -> list[Item]:
-        return [Item(f"b{n}", n, Condition(0.5, "gothic", "99")) for n in range(self.count)]
+        return [Item(f"b{n}", n, Condition(severity=0.5, format="99")) for n in range(self.count)]
 
     def make(self, item: Item) -> Specimen:
         if item.number == 2:
             raise FileError("b2", "is broken", "correct it")
         plate = HeightMap(np.zeros((20, 20), dtype=np.float32), 0.1)
         return Specimen(item.part, f"{item.number:02d}", plate, None, None, None)
+
+    def font_of(self, condition: Condition) -> str:
+        return condition.font
 
     def description(self) -> dict[str, Any]:
         return {"seed": self.seed}
@@ -155,24 +161,22 @@ def test_the_key_is_the_same_in_any_order_and_another_for_another_value() -> Non
 
 
 def test_the_parts_of_a_seed_are_all_kinds_in_turn() -> None:
-    parts = SynthParts((0.0, 0.6), ("gothic",), ("A9", "99"), 2, seed=3)
+    parts = designed_parts(severities=(0.0, 0.6), formats=("A9", "99"), parts=2, seed=3)
     items = parts.items()
     assert [i.part for i in items[:4]] == [
-        "gothic-A9-dirt0-0000", "gothic-A9-dirt0.6-0000", "gothic-99-dirt0-0000", "gothic-99-dirt0.6-0000",
+        "gothic-A9-0-0000", "gothic-A9-0.6-0000", "gothic-99-0-0000", "gothic-99-0.6-0000",
     ]  # fmt: skip
     assert len({i.part for i in items}) == 8
     clean, dirty = parts.make(items[0]), parts.make(items[1])
     assert clean.truth == dirty.truth  # the same part, clean and dirty
     assert clean.line_mm == dirty.line_mm
     assert not np.array_equal(clean.height_map.z_mm, dirty.height_map.z_mm)
-    with pytest.raises(SettingsError, match=r"severity is 1\.5"):
-        replace(parts, severities=(1.5,))
     with pytest.raises(FormatError):
-        replace(parts, formats=("",))
+        designed_parts(formats=("",))
 
 
 def test_two_workers_say_what_one_says_and_the_scan_takes_its_time(tmp_path: Path) -> None:
-    benchmark = Benchmark(SynthParts((0.0, 0.3), ("gothic",), ("99",), 1, seed=2), ("tactile",), FAST)
+    benchmark = Benchmark(designed_parts(severities=(0.0, 0.3), formats=("99",), seed=2), ("tactile",), FAST)
     alone = run_benchmark(benchmark, tmp_path / "one")
     with PoolExecutor(2) as executor:
         shared = run_benchmark(benchmark, tmp_path / "two", executor=executor)
@@ -213,10 +217,10 @@ def test_parts_of_a_folder(tmp_path: Path) -> None:
         write_npz(tmp_path / f"{name}.npz", plate)
     table = tmp_path / "truth.csv"
     table.write_text("part,text\na,0 3\nb.npz,06\ngone,1\n")
-    parts = FolderParts.load([str(tmp_path)], table, Condition(None, "", "99"))
+    parts = FolderParts.load([str(tmp_path)], table, Condition(format="99"))
     assert [(i.part, i.truth) for i in parts.items()] == [("a", "03"), ("b", "06")]
     trials = run_benchmark(Benchmark(parts, ("echo",), FAST), tmp_path / "out")
     assert [(t.text, t.severity, t.format) for t in trials] == [("03", None, "99"), ("06", None, "99")]
     table.write_text("part,text\nother,1\n")
     with pytest.raises(FileError, match="truth of none"):
-        FolderParts.load([str(tmp_path)], table, Condition(0.3, "", ""))
+        FolderParts.load([str(tmp_path)], table, Condition(severity=0.3))

@@ -24,11 +24,13 @@ SERIAL = st.text(alphabet="AB1", max_size=7)
 
 def trial(truth: str, text: str, **more: object) -> Trial:
     given_: dict[str, object] = {
-        "part": "p", "number": 0, "severity": 0.3, "font": "gothic", "format": "", "mode": "tactile",
+        "part": "p", "number": 0, "mode": "tactile",
         "decision": "accept", "confidence": 0.9,
         "characters": tuple(ReadCharacter(c, 0.9, 0.8) for c in text),
     }  # fmt: skip
-    return Trial(truth=truth, text=text, **{**given_, **more})  # type: ignore[arg-type]
+    levels = {"severity": 0.3, "font": "gothic", "format": ""}
+    levels |= {name: more.pop(name) for name in tuple(more) if name in levels}
+    return Trial(truth=truth, text=text, levels=levels, **{**given_, **more})  # type: ignore[arg-type]
 
 
 @settings(deadline=None)

@@ -15,7 +15,15 @@ from recognition.reading import Decision, Reading, ReadingFlag
 
 DESCRIPTION = {"seed": 1}
 TRIAL = Trial(
-    "p", 0, 0.3, "gothic", "A9", "tactile", "A1", "A1", compute_s=1.0, simulated_s=0.25, unused_s=0.5
+    "p",
+    0,
+    {"severity": 0.3, "font": "gothic"},
+    "tactile",
+    "A1",
+    "A1",
+    compute_s=1.0,
+    simulated_s=0.25,
+    unused_s=0.5,
 )
 
 
@@ -39,9 +47,9 @@ def test_a_book_tells_its_format_and_comes_back_as_it_was(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("version", "told"),
     [
-        (FORMAT_VERSION + 1, "has format version 3; this program writes 2; update this program"),
-        (None, "has format version 1; this program writes 2; name another folder"),
-        ("new", 'has format version "new"; this program writes 2; name another folder'),
+        (FORMAT_VERSION + 1, "has format version 4; this program writes 3; update this program"),
+        (None, "has format version 1; this program writes 3; name another folder"),
+        ("new", 'has format version "new"; this program writes 3; name another folder'),
     ],
 )
 def test_a_book_of_another_format_is_refused_and_kept(tmp_path: Path, version: object, told: str) -> None:
@@ -56,7 +64,7 @@ def test_a_book_of_another_format_is_refused_and_kept(tmp_path: Path, version: o
 def test_a_mode_is_charged_for_what_it_needs_and_the_scan_is_told_apart() -> None:
     steps = {"mount": 0.125, "scan": 0.5, "edge map": 0.25, "search": 1.0, UNUSED: 2.0}
     reading = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=MappingProxyType(steps))
-    trial = replace(Trial("p", 0, 0.0, "gothic", "", "m", "A"), **answer_of(reading), compute_s=4.0)
+    trial = replace(Trial("p", 0, {}, "m", "A"), **answer_of(reading), compute_s=4.0)
     assert (trial.simulated_s, trial.unused_s) == (0.625, 2.0)
     assert (trial.used_s, trial.reading_s) == (2.0, 1.375)
 

@@ -12,8 +12,9 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
 from pipeline.batch.task import RunOrder, read_listed
+from pipeline.benchmark.condition import Condition
+from pipeline.benchmark.folder_parts import FolderParts
 from pipeline.benchmark.run import Benchmark, try_part
-from pipeline.benchmark.specimens import Condition, FolderParts
 from pipeline.common.records import ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
@@ -75,8 +76,8 @@ def test_whoever_reads_a_part_reads_the_same(
     assert by_library.confidence == pytest.approx(by_command.confidence, abs=1e-6)  # as the record rounds
 
     folder = files["photo"].parent
-    parts = FolderParts.load([str(folder)], folder / "truth.csv", Condition(None, "gothic", "AA99"))
-    (trial,) = try_part(Benchmark(parts, (mode,), ReaderSettings()), parts.items()[0])
+    parts = FolderParts.load([str(folder)], folder / "truth.csv", Condition(format="AA99"))
+    (trial,) = try_part(Benchmark(parts, (mode,), ReaderSettings(fonts=("gothic",))), parts.items()[0])
     assert (trial.error, trial.text, trial.decision) == ("", by_command.text, by_command.decision)
     assert trial.confidence == pytest.approx(by_command.confidence, abs=1e-6)
     assert [c.char for c in trial.characters] == [c.char for c in by_command.characters]
