@@ -25,9 +25,9 @@ parts = 12
 cross = ["soil", "severity"]
 given = ["format", "font,format"]
 [part]
-font = ["gothic", "block"]
+font = ["gothic", "futuram"]
 format = "A9"
-soil = ["workshop", "caked"]
+soil = ["workshop", "glyphs.soiling.workshop.mixture:workshop"]
 severity = [0, 0.5, 1]
 """
 
@@ -70,10 +70,10 @@ def test_a_file_gives_the_parts_it_declares(tmp_path: Path) -> None:
     made = Design.load(path)
     assert (made.name, made.n_parts, len(made.cells(made.all_sections()[0]))) == ("two-soils", 12, 6)
     items = DesignedParts(made).items()
-    assert items[4].part == "caked-0.5-0000"
+    assert items[4].part == "glyphs.soiling.workshop.mixture_workshop-0.5-0000"
     assert items[0].given == (Given(), Given(font=True))
     assert len({item.part for item in items}) == 12
-    assert Counter(item.condition["font"] for item in items) == {"gothic": 6, "block": 6}
+    assert Counter(item.condition["font"] for item in items) == {"gothic": 6, "futuram": 6}
     specimens = [DesignedParts(made).make(item).truth for item in items]
     assert len(set(specimens)) > 6  # serials of their own, where cells are not alike
 
@@ -83,11 +83,11 @@ def test_sections_have_levels_of_their_own() -> None:
         parts=0,
         section=[
             {"name": "a", "parts": 4},
-            {"name": "b", "parts": 6, "kept_out": True, "part": {"font": "block"}},
+            {"name": "b", "parts": 6, "kept_out": True, "part": {"font": "futuram"}},
         ],
     )
     fonts = [(section.name, condition.font) for section, _, _, condition in made.planned()]
-    assert fonts == [("a", "gothic")] * 4 + [("b", "block")] * 6
+    assert fonts == [("a", "gothic")] * 4 + [("b", "futuram")] * 6
     numbers = [item.number for item in DesignedParts(made).items()]
     assert len(set(numbers)) == 10
 
