@@ -1,0 +1,373 @@
+"""Paint: coats that level themselves, run downhill, dry, shrink and flake off.
+
+    gravity -->                           chip   run, bead at its end   dry over-spray
+              ____  wet, levelled ____    | |         ___                 . ..:.. .
+      dry ___/    \\__          _______\\___| |________/   \\____________.:_::::::::_
+      =====\\        \\________/  /==================\\______/=====================   steel
+            \\_groove_: pool ___/     edge: thin      pool under a run
+
+- A wet film levels by surface tension: a ripple of wave number k fades as exp(-t k^4 sigma h^3 / 3 eta), short ones
+  first (S. E. Orchard, "On surface levelling in viscous liquids and gels", Appl. Sci. Res. A 11, 1963; simulated over
+  real sheet by B. Figliuzzi et al., "Numerical simulation of thin paint film flow", J. Math. Industry 2:1, 2012).
+  The film cannot be thinner than nothing: it pulls back from edges and pools in grooves, and no paint is lost.
+- Drying leaves the solids: 0.42 to 0.48 of the volume of an alkyd enamel, 88 to 150 um wet to 38 to 63 um dry a coat
+  (Rust-Oleum 412402, data sheet), more of chassis paint. A filled groove sinks in again, less with every coat.
+- A film too thick sags: ridges and fingers about 14 h (rho g h^2 / sigma)^(-1/3) apart (H. E. Huppert, "Flow and
+  instability of a viscous current down a slope", Nature 300, 1982): 7 to 12 mm here. Sag is tested with notches of
+  50 to 1000 um (ASTM D4400). A run's section is a cap whose contact angle is 15 to 35 degrees.
+- Orange peel is waviness of 0.3 to 10 mm (bands Wb, Wc, Wd of BYK's wave-scan); over-spray is droplets of 20 to
+  100 um that dried in flight and stick in lumps.
+- Half of the parts wear enamel: hard, the tip does not mark it. The others run from that to rubbery chassis paint,
+  which yields a little (4 to 150 MPa, an estimate) and rubs more.
+
+Thickness goes with the depth of the marks: large marks are cut into heavy parts, which get heavy paint.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from glyphs.soiling.coat import Coat
+from glyphs.surface.noise import Field, ramp, smooth_noise
+
+_STARTS = (0.0, 0.2, 0.42)
+"""Amount at which each coat begins; it is whole 0.45 later."""
+WET_MM = (0.04, 0.5)
+"""Thinnest and thickest coat that a brush or gun leaves in one go."""
+_WET_OF_DEPTH = 0.85
+_TENSION_N_PER_M = 0.03
+_DENSITY_KG_PER_M3 = 1200.0
+_GRAVITY_M_PER_S2 = 9.81
+_PINNED = 0.3
+"""Least share of the paint laid on that stays on an edge."""
+_HIDING_MM = 0.012
+"""Dry film that hides all but 1/e of what is under it."""
+_ENAMEL_MPA, _RUBBER_MPA = 150.0, 4.0
+_COLOURS = (
+    (0.03, 0.03, 0.032),  # black
+    (0.22, 0.23, 0.23),  # machine grey
+    (0.60, 0.60, 0.57),  # white
+    (0.04, 0.13, 0.07),  # green
+    (0.03, 0.08, 0.25),  # blue
+    (0.45, 0.27, 0.03),  # yellow
+    (0.25, 0.07, 0.04),  # red oxide
+)
+
+
+@dataclass(frozen=True)
+class _Can:
+    """The paint of one part and how it was put on.
+
+    Attributes:
+        wet_mm: of one coat.
+        solids: what stays when it dries, 0 to 1.
+        rubber: 0 enamel, 1 chassis paint.
+        brushed: 0 sprayed, 1 brushed.
+        seconds_per_pa_s: how long it stays fluid over how viscous it is.
+        downhill: unit vector x, y.
+    """
+
+    wet_mm: float
+    solids: float
+    rubber: float
+    brushed: float
+    seconds_per_pa_s: float
+    downhill: tuple[float, float]
+
+    @property
+    def finger_mm(self) -> float:
+        """Distance of the fingers of a film that sags (Huppert)."""
+        h = 1e-3 * 1.5 * self.wet_mm
+        bond = _DENSITY_KG_PER_M3 * _GRAVITY_M_PER_S2 * h * h / _TENSION_N_PER_M
+        return float(1e3 * 14.0 * h * bond ** (-1 / 3))
+
+
+def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+    """Paint a surface over and over; see the module. `amount` goes with the number of coats."""
+    if amount <= 0.0:
+        return coat
+    much = min(1.0, amount * rng.triangular(0.5, 1.0, 1.5))
+    can, thin = _can(coat, rng), _thinned(coat)
+    top, dry = coat.z_mm, []
+    for start in _STARTS:
+        gain = float(np.clip((much - start) / 0.45, 0.0, 1.0))
+        wet = np.float32(gain * can.wet_mm) * _widened(_laid_on(thin, can, rng), coat)
+        film = levelled(top, wet, pitch_mm=coat.pitch_mm, seconds_per_pa_s=can.seconds_per_pa_s)
+        dry.append(np.float32(can.solids) * film)
+        top = top + dry[-1]
+    first, rest = dry[0], (dry[1] + dry[2]) * _widened(_peeled(thin, can, rng), coat)
+    caps = _widened(_runs(thin, can, (much - 0.12) / 0.65, rng), coat)
+    rest += np.float32(can.solids) * _flowed(top, caps, can, coat)
+    dusty = np.float32(min(1.0, 1.2 * much)) * _widened(_over_spray(thin, can, rng), coat)
+    rest += dusty
+    left_first, left_rest = _chips(coat, much, rng)
+    return _finished(coat, can, (first * left_first, rest * left_rest), dusty, rng)
+
+
+def _thinned(coat: Coat) -> Coat:
+    """The surface on a grid of about a sixtieth of a character: fine enough for all that is smooth of itself."""
+    step = max(1, round(coat.height_mm / (55.0 * coat.pitch_mm)))
+    return replace(coat, pitch_mm=step * coat.pitch_mm, z_mm=coat.z_mm[::step, ::step])
+
+
+def _widened(field: Field, coat: Coat) -> Field:
+    """A field of the thinned surface on the whole grid."""
+    from glyphs.opencv import cv2
+
+    return np.asarray(cv2.resize(field, coat.shape[::-1], interpolation=cv2.INTER_LINEAR))
+
+
+def _can(coat: Coat, rng: np.random.Generator) -> _Can:
+    low, high = np.percentile((coat.clean_mm - coat.brim_mm)[::3, ::3], [1.0, 99.0])
+    u = rng.uniform(size=6).tolist()
+    rubber = max(0.0, 2.0 * u[0] - 1.0)
+    angle = 2.0 * np.pi * u[5]
+    return _Can(
+        wet_mm=float(np.clip(_WET_OF_DEPTH * (high - low) * (0.7 + 0.5 * u[1]), *WET_MM)),
+        solids=0.42 + 0.10 * u[2] + 0.25 * rubber,
+        rubber=rubber,
+        brushed=float(np.clip(2.0 * u[3] - 0.5, 0.0, 1.0)),
+        seconds_per_pa_s=float(np.exp(np.log(6.0) + u[4] * np.log(10.0)) * (1 - 0.7 * rubber)),
+        downhill=(float(np.cos(angle)), float(np.sin(angle))),
+    )
+
+
+def levelled(top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: float) -> Field:
+    """The wet film after it has levelled: Orchard's law for its surface, no paint lost, none below the ground.
+
+    Args:
+        top: the ground, mm.
+        wet: what is laid on, mm; its mean sets how far it levels.
+        pitch_mm: of the grid.
+        seconds_per_pa_s: time that it is fluid over its viscosity.
+
+    Returns:
+        Film thickness, mm: at least `_PINNED` of what was laid on there, and of the same mean.
+    """
+    from scipy import fft
+
+    mean_mm = float(wet.mean())
+    if mean_mm <= 0.0:
+        return wet
+    # sigma h^3 t / 3 eta in m^4, then in mm^4
+    reach_mm4 = 1e12 * _TENSION_N_PER_M * (1e-3 * mean_mm) ** 3 * seconds_per_pa_s / 3.0
+    rows, cols = top.shape
+    scale = np.pi * reach_mm4**0.25 / pitch_mm
+    v, u = ((scale / n * np.arange(n, dtype=np.float32)) ** 2 for n in (rows, cols))
+    fade = np.exp(-np.minimum((v[:, None] + u[None, :]) ** 2, np.float32(60.0)))
+    film = fft.idctn(fft.dctn(top + wet) * fade) - top
+    # where it would be thinner than the ground lets it, it is pinned; the rest gives what that holds back
+    least = np.float32(_PINNED) * wet
+    over = np.maximum(film - least, 0.0)
+    spare = float(np.mean(wet - least, dtype=np.float64)) / max(float(np.mean(over, dtype=np.float64)), 1e-9)
+    return np.asarray(least + np.float32(spare) * over, dtype=np.float32)
+
+
+def _laid_on(coat: Coat, can: _Can, rng: np.random.Generator) -> Field:
+    """How unevenly brush or gun leave a coat: factor of mean about 1. Bristles leave streaks of 0.3 to 1.5 mm."""
+    bristle = rng.uniform(0.15, 0.4) * (coat.height_mm / 5.0) ** 0.5
+    streaks = _streaks(coat, bristle, 40 * bristle, rng.normal(0.0, 0.5), rng)
+    streaks *= np.float32(0.5 * can.brushed)
+    return np.asarray(np.exp(np.float32(0.3) * _slow(coat, 0.9 * coat.height_mm, rng) + streaks))
+
+
+def _streaks(coat: Coat, across_mm: float, along_mm: float, angle: float, rng: np.random.Generator) -> Field:
+    """Smooth noise drawn out along a direction."""
+    from glyphs.opencv import cv2
+
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    x, y = _grid(coat)
+    u, v = x * c + y * s, y * c - x * s
+    su, sv = 0.3 * along_mm, max(0.3 * across_mm, 0.5 * coat.pitch_mm)
+    u, v = (u - u.min()) / su, (v - v.min()) / sv
+    shape = (int(v.max()) + 3, int(u.max()) + 3)
+    table = smooth_noise(shape, pitch_mm=0.3, length_mm=1.0, rng=rng)
+    return np.asarray(cv2.remap(table, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR))
+
+
+def _slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
+    """Smooth noise of a long length, drawn on a grid that is no finer than it needs."""
+    from glyphs.opencv import cv2
+
+    step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
+    rows, cols = (int(np.ceil(n / step)) + 3 for n in coat.shape)
+    coarse = smooth_noise(
+        (rows, cols), pitch_mm=0.25, length_mm=min(1.0, 0.25 * length_mm / coat.pitch_mm), rng=rng
+    )
+    size = (max(coat.shape[1], int(cols * step)), max(coat.shape[0], int(rows * step)))
+    fine = cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC)
+    return np.asarray(fine[: coat.shape[0], : coat.shape[1]], dtype=np.float32)
+
+
+def _grid(coat: Coat) -> tuple[Field, Field]:
+    """x and y, mm, as (1, cols) and (rows, 1)."""
+    rows, cols = coat.shape
+    x, y = (np.float32(coat.pitch_mm) * np.arange(n, dtype=np.float32) for n in (cols, rows))
+    return x[None, :], y[:, None]
+
+
+def _edges_mm(coat: Coat) -> tuple[float, float]:
+    """Width and height of the plate."""
+    return coat.shape[1] * coat.pitch_mm, coat.shape[0] * coat.pitch_mm
+
+
+def _count(coat: Coat, per_character: float, most: int) -> int:
+    return int(np.clip(round(per_character * coat.area_mm2 / coat.height_mm**2), 2, most))
+
+
+def _box(
+    coat: Coat, x_mm: float, y_mm: float, across_mm: float, down_mm: float
+) -> tuple[tuple[slice, slice], Field, Field]:
+    """The part of the grid as near to a point as that, and x, y there from that point."""
+    x, y = _grid(coat)
+    (i0, i1), (j0, j1) = (
+        (max(0, int((at - reach) / coat.pitch_mm)), max(0, int((at + reach) / coat.pitch_mm) + 2))
+        for at, reach in ((y_mm, down_mm), (x_mm, across_mm))
+    )
+    return (slice(i0, i1), slice(j0, j1)), x[:, j0:j1] - x_mm, y[i0:i1] - y_mm
+
+
+def _runs(coat: Coat, can: _Can, excess: float, rng: np.random.Generator) -> Field:
+    """Height of runs and of one sagging curtain over a level film, mm, wet; none without `excess`, whole at 1."""
+    caps = _curtain(coat, can, excess, rng)
+    n, size, (dx, dy) = _count(coat, 0.8, 80), coat.height_mm, can.downhill
+    u, bend = rng.uniform(size=(n, 6)), rng.normal(size=(n, 2))
+    for (at_x, at_y, wide, far, angle, late), (sway, phase) in zip(u.tolist(), bend.tolist(), strict=True):
+        grown = min(max((excess - 0.7 * late) / 0.3, 0.0), 1.0)
+        if grown == 0.0:
+            continue
+        half = 0.5 * min(max((0.15 + 0.3 * wide) * can.finger_mm, 0.18 * size), 0.6 * size)
+        length = (0.6 + 2.4 * far) * size * grown
+        steep = float(np.tan(np.radians(7.5 + 10.0 * angle))) * grown
+        x0, y0 = (
+            (1.2 * at - 0.1) * e - 0.3 * size * d
+            for at, e, d in zip((at_x, at_y), _edges_mm(coat), can.downhill, strict=True)
+        )
+        reach = (0.5 * length * abs(dx) + 1.7 * half, 0.5 * length * abs(dy) + 1.7 * half)
+        box, x, y = _box(coat, x0 + 0.5 * length * dx, y0 + 0.5 * length * dy, *reach)
+        s = x * dx + y * dy + 0.5 * length
+        c = y * dx - x * dy + 0.15 * half * sway * np.sin(s / (2.0 * half) + phase)
+        wide_here = half * (0.6 + 0.4 * np.clip(s / max(length, half), 0.0, 1.0))
+        wide_here *= 1.0 + 0.45 * np.exp(-(((s - length) / (1.5 * half)) ** 2))
+        beyond = np.maximum(s - length, 0.0) - 0.5 * np.minimum(s, 0.0)
+        section = np.maximum(1.0 - (c * c + beyond * beyond) / wide_here**2, 0.0)
+        caps[box] = np.maximum(caps[box], steep * wide_here * section)
+    return caps
+
+
+def _curtain(coat: Coat, can: _Can, excess: float, rng: np.random.Generator) -> Field:
+    """A film that slid downhill in one piece: thick towards a scalloped front, which ends steeply."""
+    x, y = _grid(coat)
+    (dx, dy), size = can.downhill, coat.height_mm
+    (at, turn, thick), wave = rng.uniform(size=3).tolist(), rng.normal(size=(2, 3))
+    down, side = x * dx + y * dy, y * dx - x * dy
+    low, high = float(side.min()), float(side.max())
+    along = np.linspace(low, high, 500)
+    period = min(0.6 * can.finger_mm, 1.6 * size)
+    front = (
+        0.35 * size * np.abs(np.sin(np.pi * along / period + 6.3 * turn + wave[0, 0] * np.sin(along / size)))
+    )
+    for k in range(3):
+        front += 0.15 * size * wave[0, k] * np.sin(along / ((1.0 + k) * size) + 3.0 * wave[1, k])
+    front += down.min() + (0.1 + 0.8 * at) * (down.max() - down.min()) + 0.5 * size * min(excess, 1.0)
+    place = (side - low) * (498.0 / (high - low))
+    left = place.astype(np.int32)
+    table, rise = front.astype(np.float32), np.diff(front).astype(np.float32)
+    back = table[left] + rise[left] * (place - left.astype(np.float32)) - down
+    nose = can.finger_mm / 14.0
+    falls = np.where(back > 0.0, back * (-2.0 / size), -((back * (1.0 / nose)) ** 2))
+    height = can.wet_mm * (0.6 + thick) * min(max(excess, 0.0), 1.0)
+    return np.asarray(np.exp(np.maximum(falls, -40.0)) * np.float32(height), dtype=np.float32)
+
+
+def _flowed(top: Field, caps: Field, can: _Can, coat: Coat) -> Field:
+    """Film of runs: so thick that it levels all under it, so a groove below is full and the run's back smooth."""
+    from glyphs.opencv import cv2
+
+    if not caps.any():
+        return caps
+    thin = _thinned(replace(coat, z_mm=top))
+    sigma = 0.09 * thin.height_mm / thin.pitch_mm
+    level = cv2.GaussianBlur(thin.z_mm, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
+    level = _widened(np.asarray(level, dtype=np.float32), coat)
+    cover = caps / (caps + np.float32(0.4 * can.wet_mm))
+    return np.asarray(caps + cover * np.maximum(level - top, 0.0), dtype=np.float32)
+
+
+def _peeled(coat: Coat, can: _Can, rng: np.random.Generator) -> Field:
+    """Orange peel, a factor on the film: waves just too long to level, short ones and some as wide as strokes."""
+    short = _slow(coat, max(3.0 * can.wet_mm, 1.5 * coat.pitch_mm), rng)
+    waves = np.float32(0.6) * short + np.float32(0.7) * _slow(coat, 0.15 * coat.height_mm, rng)
+    return np.float32(1.0) + np.clip(waves, -2.5, 2.5) * np.float32(0.18 * (1.0 - 0.6 * can.brushed))
+
+
+def _over_spray(coat: Coat, can: _Can, rng: np.random.Generator) -> Field:
+    """Lumps of droplets that dried in flight, and a few spits of the gun, mm; least of it on brushed parts."""
+    where = np.clip(_slow(coat, 1.2 * coat.height_mm, rng) * np.float32(0.6) + np.float32(0.1), 0.0, 1.0)
+    lumps = np.maximum(_slow(coat, max(0.09, 0.018 * coat.height_mm, 1.2 * coat.pitch_mm), rng), 0.0)
+    dust = np.float32(min(0.045, 0.25 * can.wet_mm)) * where * lumps
+    (wide_mm, high_mm) = _edges_mm(coat)
+    for x, y, size, steep in rng.uniform(size=(_count(coat, 1.2, 100), 4)).tolist():
+        radius = (0.025 + 0.05 * size**3) * coat.height_mm
+        box, u, v = _box(coat, x * wide_mm, y * high_mm, radius, radius)
+        cap = np.maximum(1.0 - (u * u + v * v) / radius**2, 0.0) * (radius * (0.15 + 0.2 * steep))
+        dust[box] = np.maximum(dust[box], cap)
+    return np.asarray(dust * np.float32(1.0 - 0.7 * can.brushed), dtype=np.float32)
+
+
+def _chips(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, Field]:
+    """What is left, 0 to 1, of the first coat and of those over it. Sharp facets; paint in grooves holds."""
+    left = np.ones((2, *coat.shape), dtype=np.float32)
+    hollow = coat.hollow_mm()
+    depth = max(float(np.percentile(hollow[::3, ::3], 98.0)), 1e-3)
+    (wide_mm, high_mm) = _edges_mm(coat)
+    for x, y, size, late, deep, *corners in rng.uniform(size=(_count(coat, 0.6, 60), 12)).tolist():
+        radius = (0.08 + 0.4 * size**2) * coat.height_mm * min(max((much - 0.8 * late) / 0.6, 0.0), 1.0)
+        if radius < 0.5 * coat.pitch_mm:
+            continue
+        box, u, v = _box(coat, x * wide_mm, y * high_mm, 2.0 * radius, 2.0 * radius)
+        edge = np.full(hollow[box].shape, -radius, dtype=np.float32)
+        for k, corner in enumerate(corners):
+            turn = 2.0 * np.pi * (k + 0.7 * corners[-1 - k]) / len(corners)
+            edge = np.maximum(
+                edge, u * float(np.cos(turn)) + v * float(np.sin(turn)) - radius * (0.5 + corner)
+            )
+        off = np.clip(0.5 - edge / (1.2 * coat.pitch_mm), 0.0, 1.0)
+        off *= 1.0 - 0.85 * ramp(hollow[box] / np.float32(depth), 0.25, 0.6)
+        for layer in left if deep > 0.5 else left[1:]:
+            layer[box] = np.minimum(layer[box], 1.0 - off)
+    return left[0], left[1]
+
+
+def _finished(
+    coat: Coat, can: _Can, dry: tuple[Field, Field], dusty: Field, rng: np.random.Generator
+) -> Coat:
+    """The coat with its dry films: how it looks, how it rubs, what yields."""
+    picks = rng.integers(len(_COLOURS), size=2)
+    tints = (np.array(_COLOURS)[picks] * rng.uniform(0.75, 1.25, size=(2, 1))).astype(np.float32)
+    gloss = float(rng.uniform(0.08, 0.22)) + 0.4 * can.rubber
+    # what is left to see of the metal, and of the first coat under the rest
+    metal, under = (np.exp(film * np.float32(-1.0 / _HIDING_MM)) for film in dry)
+    albedo = np.empty_like(coat.albedo)
+    metal, under, over = metal * under, (1.0 - metal) * under, 1.0 - under
+    for c in range(3):
+        albedo[..., c] = coat.albedo[..., c] * metal + under * tints[0, c] + over * tints[1, c]
+    dull = np.minimum(dusty * np.float32(50.0), np.float32(1.0))
+    rough = coat.roughness * metal + 0.5 * under + (gloss + (0.75 - gloss) * dull) * over
+    film = dry[0] + dry[1]
+    there = film / (film + np.float32(0.02))
+    mpa = _ENAMEL_MPA * (_RUBBER_MPA / _ENAMEL_MPA) ** can.rubber
+    rub = 0.3 + 0.4 * can.rubber + 4.0 * np.minimum(dusty, 0.05)
+    soft = coat.soft_mm * (1.0 - there) + np.float32(can.rubber) * film
+    return replace(
+        coat,
+        z_mm=coat.z_mm + film,
+        albedo=albedo,
+        roughness=rough,
+        reflectance=0.04 + (coat.reflectance - 0.04) * metal,
+        soft_mm=soft,
+        hardness_mpa=1.0 / ((1.0 - there) / coat.hardness_mpa + there / mpa),
+        friction=np.asarray(coat.friction + there * (rub - coat.friction), dtype=np.float32),
+    )
