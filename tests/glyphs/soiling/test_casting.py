@@ -1,0 +1,117 @@
+"""Castings: what cold metal, sand and gas each do to a mark."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.ndimage import binary_dilation, gaussian_filter, label
+
+from glyphs import stamp
+from glyphs.soiling.casting import GRAIN_MM, SAND_HARDNESS_MPA, casting
+from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat, bare_coat
+from glyphs.surface.noise import Field
+
+
+@cache
+def _clean(height_mm: float = 5.0, raised: bool = False) -> Coat:
+    part = stamp("KX407251", height_mm=height_mm, pitch_mm=height_mm / 100, raised=raised, seed=2).stamped
+    return bare_coat(part, rng=np.random.default_rng(0))
+
+
+@cache
+def _cast(amount: float, seed: int = 0, height_mm: float = 5.0, raised: bool = False) -> Coat:
+    return casting(_clean(height_mm, raised), amount, rng=np.random.default_rng(seed))
+
+
+def _fine_mm(coat: Coat) -> Field:
+    """What is finer than two grains, away from the edges of the mark."""
+    rest = coat.z_mm - gaussian_filter(coat.z_mm, 0.1 * coat.height_mm / coat.pitch_mm)
+    land = np.abs(coat.clean_mm - coat.brim_mm) < 0.01 * coat.height_mm
+    return np.asarray(rest[land], dtype=np.float32)
+
+
+@pytest.mark.parametrize("height_mm", [2.0, 5.0, 12.0])
+def test_roughness_is_that_of_sand_castings(height_mm: float) -> None:
+    """Ra of the land between its defects (median over parts, defects clipped): 3 to 50 um, coarser for large ones."""
+    ra_um = []
+    for seed in range(5):
+        fine = _fine_mm(_cast(0.4, seed, height_mm))
+        low, high = np.percentile(fine, (2, 90))
+        kept = fine[(fine > low) & (fine < high)]
+        ra_um.append(1000.0 * np.abs(kept - kept.mean()).mean())
+    assert 3.0 <= np.median(ra_um) <= 50.0
+
+
+def test_crests_stand_higher_than_bowls_are_deep() -> None:
+    """The metal wets round grains from outside: heights are skewed upwards, unlike Gaussian noise."""
+    skews = []
+    for seed in range(5):
+        fine = _fine_mm(_cast(0.15, seed))
+        fine = fine[np.abs(fine - np.median(fine)) < 5.0 * fine.std()]
+        skews.append(float(np.mean(((fine - fine.mean()) / fine.std()) ** 3)))
+    assert np.median(skews) > 0.3
+
+
+def test_only_loose_sand_yields_and_it_lies_in_hollows() -> None:
+    clean = _clean()
+    soft = [_cast(0.8, seed).soft_mm for seed in range(6)]
+    hollow = clean.hollow_mm() > 0.1
+    inside, outside = (np.mean([s[where].mean() for s in soft]) for where in (hollow, ~hollow))
+    assert inside > 1.5 * outside
+    for seed in range(6):
+        coat = _cast(0.8, seed)
+        yields = coat.soft_mm > 0.0
+        np.testing.assert_allclose(coat.hardness_mpa[yields], SAND_HARDNESS_MPA)
+        np.testing.assert_allclose(coat.hardness_mpa[~yields], STEEL_HARDNESS_MPA)
+        # sand fills what is hollow and never heaps over the brim
+        assert (coat.z_mm <= coat.brim_mm + 1e-4)[yields].all()
+
+
+@pytest.mark.parametrize("raised", [False, True])
+def test_misrun_and_burn_on_take_the_relief(raised: bool) -> None:
+    """Strokes end up hardly lower, or higher, than what lies beside them."""
+    clean = _clean(raised=raised)
+    away = np.abs(clean.clean_mm - np.median(clean.clean_mm))
+    mark = away > 0.6 * away.max()
+    beside = binary_dilation(mark, iterations=25) & ~binary_dilation(mark, iterations=12)
+
+    def contrast_mm(coat: Coat) -> float:
+        return abs(float(np.median(coat.z_mm[mark]) - np.median(coat.z_mm[beside])))
+
+    whole = contrast_mm(clean)
+    shares = [
+        np.mean([contrast_mm(_cast(amount, seed, raised=raised)) for seed in range(6)]) / whole
+        for amount in (0.1, 0.5, 1.0)
+    ]
+    assert shares[0] > 0.85
+    assert shares[0] > shares[1] > shares[2]
+    assert shares[2] < 0.5
+
+
+def test_holes_are_round_and_grow_where_they_opened() -> None:
+    clean = _clean()
+    # more than a stroke's depth under the deepest of the mark: nothing but gas digs there
+    deep = clean.clean_mm.min() - 0.12
+    some, more = (_cast(amount, 1).z_mm < deep for amount in (0.75, 1.0))
+    spots, count = label(more)
+    assert count >= 2
+    assert more[some].mean() > 0.9
+    round_ones = 0
+    for k in range(1, count + 1):
+        rows, cols = np.nonzero(spots == k)
+        tall, wide = np.ptp(rows) + 1, np.ptp(cols) + 1
+        if min(tall, wide) >= 6 and rows.min() > 0 and rows.max() < clean.shape[0] - 1:
+            round_ones += int(0.7 < tall / wide < 1.4 and 0.6 < len(rows) / (tall * wide) < 0.95)
+    assert round_ones >= 1
+
+
+def test_burnt_on_grains_look_dull_and_stand_proud() -> None:
+    """Glassy sand throws little light straight back; what is burnt on is metal-hard and higher than the skin."""
+    coat = _cast(1.0, 3)
+    sand = (coat.reflectance < 0.1) & (coat.soft_mm == 0.0)
+    skin = coat.reflectance > 0.25
+    assert sand.mean() > 0.05
+    assert np.median(coat.z_mm[sand]) > np.median(coat.z_mm[skin]) + 0.5 * GRAIN_MM[0]
+    assert coat.roughness[sand].mean() > 0.45
