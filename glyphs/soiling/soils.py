@@ -7,11 +7,11 @@ A soil of one's own is any such function, named `module:function`.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Final, Protocol, cast
 
 import numpy as np
 
+from glyphs.named import load_named
 from glyphs.soiling.coat import Coat
 from glyphs.stamping.variation import StampError
 
@@ -50,15 +50,9 @@ def soil_model(name: str) -> SoilModel:
         StampError: no such soil, module or function.
     """
     place = SOILS.get(name, name)
-    module, colon, function = place.partition(":")
-    if not colon:
+    if ":" not in place:
         raise StampError(
             f"there is no soil {name!r}",
             hint=f"use one of {', '.join(SOILS)}, or module:function of your own",
         )
-    try:
-        return cast(SoilModel, getattr(import_module(module), function))
-    except (ImportError, AttributeError, ValueError) as error:
-        raise StampError(
-            f"the soil {name!r} cannot be loaded: {error}", hint="give module:function"
-        ) from error
+    return cast(SoilModel, load_named(place, what="soil", error=StampError))

@@ -25,9 +25,13 @@ _ORDER = (
     "vision",
     "fused",
     "rapidocr photo",
-    "rapidocr touch",
+    "rapidocr edges",
+    "rapidocr relief",
+    "rapidocr ideal",
     "tesseract photo",
-    "tesseract touch",
+    "tesseract edges",
+    "tesseract relief",
+    "tesseract ideal",
 )
 _SPLIT = (
     ("accepted_right", "accepted, right", "#009e73", ""),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pipeline.benchmark.mode import ModeReader, PartReadings
+from pipeline.benchmark.own_reader import OwnMode
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
@@ -53,12 +54,12 @@ class FusedMode:
         return self.reader.fuse(senses.touch, senses.vision)
 
 
-def _peer(engine: str, sense: str) -> Callable[[Reader], ModeReader]:
+def _peer(engine: str, picture: str) -> Callable[[Reader], ModeReader]:
     def make(reader: Reader) -> ModeReader:
         from pipeline.benchmark.peers import open_peer
 
         written = reader.settings.format
-        return open_peer(engine, sense, format=written if isinstance(written, str) else None)
+        return open_peer(engine, picture, format=written if isinstance(written, str) else None)
 
     return make
 
@@ -70,21 +71,23 @@ MODES: dict[str, Callable[[Reader], ModeReader]] = {
 }
 """The project's own modes by name."""
 PEERS: dict[str, Callable[[Reader], ModeReader]] = {
-    f"{engine} {sense}": _peer(engine, sense)
+    f"{engine} {picture}": _peer(engine, picture)
     for engine in ("rapidocr", "tesseract")
-    for sense in ("photo", "touch")
+    for picture in ("photo", "edges", "relief", "ideal")
 }
 """Programs of others on the same parts, by name."""
 
 
 def open_mode(name: str, reader: Reader) -> ModeReader:
-    """The mode of that name.
+    """The mode of that name, or the reader of one's own, `module:function`.
 
     Raises:
         ModeUnavailableError: it cannot run here.
         SettingsError: no such mode, or a font or format it cannot use.
     """
     makers = {**MODES, **PEERS}
+    if ":" in name:
+        return OwnMode(name, reader.settings)
     if name not in makers:
         raise SettingsError(f"there is no mode {name!r}", hint=f"the modes are {', '.join(MODES)}")
     return makers[name](reader)

@@ -38,6 +38,7 @@ def benchmark(
     jobs: int = 1,
     cluster: str | None = None,
     peers: Annotated[bool, Parameter(negative="")] = False,
+    reader: Annotated[list[str] | None, Parameter(negative="")] = None,
     height_mm: float = 5.0,
     depth_mm: float = 0.2,
     face: FaceName = "flat",
@@ -65,7 +66,7 @@ def benchmark(
     parts
         Number of parts for every soil, dirt, font and format; 200 unless given.
     mode
-        What reads: tactile, vision, fused, separated by commas.
+        What reads: tactile, vision, fused, "rapidocr relief" and its like, separated by commas.
     font
         Built-in names or TTF/OTF files, separated by commas; gothic unless given. Of --inputs: those that may be
         theirs, all built-in ones unless given.
@@ -81,7 +82,10 @@ def benchmark(
     cluster
         Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
     peers
-        Let RapidOCR and Tesseract read the same photographs and edge maps, for comparison (extra peers).
+        Let RapidOCR and Tesseract read the line as photographed, as felt (edges, relief) and as it is (ideal), for
+        comparison (extra peers).
+    reader
+        A reader of your own, module:function, that takes a pipeline.benchmark.own_reader.ExamPart and gives its text.
     height_mm
         Character height, mm.
     depth_mm
@@ -147,7 +151,7 @@ def benchmark(
                     given=tuple(give or ("format",)),
                 )
             )
-        chosen = listed(mode) + (tuple(PEERS) if peers else ())
+        chosen = listed(mode) + (tuple(PEERS) if peers else ()) + tuple(reader or ())
         written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
     _print_result(written)
     return 0

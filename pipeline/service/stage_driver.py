@@ -5,9 +5,9 @@ stage_driver = "press_hall.stage:open_stage"        open_stage() gives what has 
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
+from glyphs.named import load_named
 from pipeline.common.settings import SettingsError
 
 
@@ -21,16 +21,7 @@ def load_driver(named: str, *, verb: str) -> Any:
     Raises:
         SettingsError: no such module or callable, or what it gives has no such method.
     """
-    module, _, name = named.partition(":")
-    if not module or not name:
-        raise SettingsError(f"the driver {named!r} is not a module:callable", hint="write it so")
-    try:
-        make = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise SettingsError(
-            f"the driver {named!r} cannot be found ({error})", hint="install it, or correct the name"
-        ) from error
-    made = make()
+    made = load_named(named, what="driver", error=SettingsError)()
     if not callable(getattr(made, verb, None)):
         raise SettingsError(f"what {named!r} gives has no method {verb!r}", hint="see pipeline.service.stage")
     return made

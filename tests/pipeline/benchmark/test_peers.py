@@ -6,7 +6,7 @@ import pytest
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
-from pipeline.benchmark import peers
+from pipeline.benchmark import engines, peers, pictures
 from pipeline.benchmark.mode import ModeUnavailableError, PartReadings
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Specimen
@@ -37,8 +37,8 @@ def test_repeats_and_blanks_are_struck_out_and_the_surest_of_a_run_counts() -> N
     path = [0, 1, 1, 0, 1, 2, 2, 0]
     beliefs = np.full((len(path), 3), 0.1)
     beliefs[range(len(path)), path] = (0.9, 0.5, 0.7, 0.9, 0.6, 0.8, 0.4, 0.9)
-    assert peers.decode_ctc(beliefs, CLASSES) == [("A", 0.7), ("A", 0.6), ("B", 0.8)]
-    assert peers.decode_ctc(np.eye(3)[[0, 0]], CLASSES) == []
+    assert engines.decode_ctc(beliefs, CLASSES) == [("A", 0.7), ("A", 0.6), ("B", 0.8)]
+    assert engines.decode_ctc(np.eye(3)[[0, 0]], CLASSES) == []
 
 
 def test_a_peer_is_accepted_where_it_fits_the_format_and_is_sure() -> None:
@@ -57,20 +57,20 @@ def test_the_photograph_is_cropped_to_the_line_and_its_margin() -> None:
     pixels = np.zeros((81, 201), dtype=np.uint8)
     pixels[24:57, 40:121] = 200  # 10..30 mm by 6..14 mm
     at_centre = Photo(pixels, 0.25)
-    crop = peers.photo_picture(senses(at_centre, (10.0, 6.0, 30.0, 14.0)))
+    crop = pictures.photo_picture(senses(at_centre, (10.0, 6.0, 30.0, 14.0)))
     assert crop.shape == (49, 97, 3)
     assert (crop[8:-8, 8:-8] == 200).all()
     assert not crop[:8].any()
     shifted = Photo(pixels, 0.25, (26.0, 10.0))
-    moved = peers.photo_picture(senses(shifted, (11.0, 6.0, 31.0, 14.0)))
+    moved = pictures.photo_picture(senses(shifted, (11.0, 6.0, 31.0, 14.0)))
     np.testing.assert_array_equal(moved, crop)
 
 
 def test_without_a_place_or_a_scale_the_whole_photograph_is_read() -> None:
     pixels = np.zeros((81, 201, 3), dtype=np.uint8)
-    assert peers.photo_picture(senses(Photo(pixels), (10.0, 6.0, 30.0, 14.0))).shape == pixels.shape
+    assert pictures.photo_picture(senses(Photo(pixels), (10.0, 6.0, 30.0, 14.0))).shape == pixels.shape
     with pytest.raises(MarksError, match="p has no photograph"):
-        peers.photo_picture(senses(None, None))
+        pictures.photo_picture(senses(None, None))
 
 
 def test_edges_are_drawn_dark_whatever_their_sign_and_direction() -> None:
@@ -79,7 +79,7 @@ def test_edges_are_drawn_dark_whatever_their_sign_and_direction() -> None:
     edges = EdgeMap(
         layers, (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y), np.ones((10, 10), bool), 0.1
     )
-    picture = peers.draw_edges(edges)
+    picture = pictures.draw_edges(edges)
     assert (picture[[2, 6]] == 0).all()
     assert (picture[[0, 4, 9]] == 255).all()
 
@@ -91,7 +91,7 @@ def test_who_reads_an_edge_map_is_charged_for_it_and_not_for_touchs_own_reading(
     steps = {"mount": 0.1, "scan": 2.0, "edge map": 0.4, "search": 3.0, "match": 0.3}
     touch = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=steps)
     part.__dict__["touch"], part.seconds["touch"] = touch, 6.0
-    told = peers.edge_map_seconds(part)
+    told = peers.felt_seconds(part)
     assert (told["mount"], told["scan"], told["edge map"]) == (0.1, 2.0, 0.4)
     assert told.get(UNUSED, 0.0) == pytest.approx(3.5 if placed else 0.0)
 
@@ -101,9 +101,9 @@ def test_a_missing_engine_names_the_extra(engine: str, monkeypatch: pytest.Monke
     def gone(name: str) -> None:
         raise ImportError(name)
 
-    monkeypatch.setattr(peers.importlib, "import_module", gone)
-    peers._rapid_session.cache_clear()
-    peers._tesseract_api.cache_clear()
+    monkeypatch.setattr(engines.importlib, "import_module", gone)
+    engines._rapid_session.cache_clear()
+    engines._tesseract_api.cache_clear()
     with pytest.raises(ModeUnavailableError, match=r"not installed; .*tactile-marks\[peers\]"):
         open_mode(f"{engine} photo", Reader(ReaderSettings()))
 

@@ -1,0 +1,35 @@
+"""What a user wrote himself and names as `module:function`: a soil, a reader, the driver of a stage."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import MarksError
+
+
+def load_named(name: str, *, what: str, error: type[MarksError] = MarksError) -> Any:
+    """The object of that name; modules of the working folder are found, too.
+
+    Args:
+        name: module and object, `module:function`.
+        what: what it is, for the message: "soil".
+        error: what is raised.
+
+    Raises:
+        MarksError: (as `error`) not such a name, or no such module or object.
+    """
+    module, colon, attribute = name.partition(":")
+    if not colon or not module or not attribute:
+        raise error(f"the {what} {name!r} is not a module:function", hint="write it so")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        return getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as fault:
+        raise error(
+            f"the {what} {name!r} cannot be found ({fault})", hint="install it, or correct the name"
+        ) from fault
