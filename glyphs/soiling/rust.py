@@ -1,0 +1,292 @@
+"""Rust: steel turns into more than twice its own volume of oxide, which stands in the marks and flakes off the land.
+
+    blister, hard shell      loose flake, lifted edge     rust packed in the mark
+        __                      ____.                       stands proud
+     .-'  '-.  powder          ====='  .__ laminas gone    .--.
+    =========================  ====    |   .              /::::\\   ==========  scale in laminas
+    ------.   .-----------.            '---'-. ,---------.      .------------  steel, lower and rough
+           '-' pit          '---------.       V pits       \\____/
+                                        '----'  run together
+
+One account is kept: all rust there is was metal, `rust = RATIO * loss`, less what washes away or falls. The steel lost
+follows a fractal field over a local time that starts in nests; hollows lose less, since the rust that packs them
+keeps the air out. Larger characters are taken to have lain out for longer, so that lengths go with their height.
+
+Sources:
+    - Volume per iron atom, steel 1: magnetite 2.1, goethite 2.9, lepidocrocite 3.1, akaganeite 3.5, from molar masses
+      and the densities in Cornell and Schwertmann, "The Iron Oxides" (5.18, 4.26, 4.09, 3.56 g/cm3).
+    - Adherent rust is about a fifth (21 %) of the iron lost, magnetite; the rest is loose lepidocrocite, goethite and
+      akaganeite: Garcia, Morales, Barrero and Greneche, Corrosion Science 48 (2006).
+    - Thick marine rust comes off in compact laminas: Morcillo et al., "Rust exfoliation on carbon steels in
+      chloride-rich atmospheres", Corrosion Reviews 33 (2015).
+    - Loss of steel in the first year, 0.08 to 0.2 mm by a rough sea (C5), up to 0.7 mm at worst (CX): ISO 9223.
+    - 100 to 350 pits a cm2 on low carbon steel: Bhakta and Solomon, in Laycock, Cottis and Scarf,
+      J. Electrochem. Soc. 137 (1990); their shapes (dish, ellipse, undercut): ASTM G46.
+    - Corroded steel is fractal: Xu, Ren and Wang, PLOS ONE 10 (2015) e0131361.
+    - A tubercle is a hard shell of magnetite around a soft core, which goes down into the pit: Ray, Lee, Little and
+      Gerke, "The anatomy of tubercles", Materials and Corrosion 61 (2010).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.soiling.coat import Coat
+from glyphs.surface.noise import Field, share
+
+RATIO: Final = 3.0
+"""Volume of dry rust to that of its steel; most of it is goethite and lepidocrocite."""
+ADHERENT: Final = 0.21
+"""Share of the rust that no flake takes along."""
+_STAYS = 0.55
+"""Share of the rust that has neither washed nor fallen away where no flake is gone."""
+_LAMINA = 0.28
+"""Thickness of one, of the depth of the marks: 0.03 to 0.12 mm."""
+_HURST = 0.6
+_EARLY = 0.7
+"""How much sooner marks begin to rust, in deviations of chance: cold work and water that stands in them."""
+POWDER_MPA: Final = 8.0
+"""Of the powdery outer layer: crumbles under a fingernail. Crystals are hard (Mohs 5), their heap is not."""
+_FLAKE_MPA = 40.0
+_POWDER_FRICTION, _SCALE_FRICTION = 0.65, 0.45
+_ORANGE, _BROWN, _BLACK = (0.36, 0.125, 0.035), (0.150, 0.058, 0.024), (0.046, 0.033, 0.026)
+
+
+@dataclass(frozen=True, eq=False)
+class Bumps:
+    """Round things drawn over a plate, `born` when the amount passes that number; arrays (n,).
+
+    Attributes:
+        x_mm: of the centre.
+        y_mm: of the centre.
+        radius_mm: when grown.
+        height_mm: when grown; depth of a pit.
+        blunt: exponent of the profile (1 - r^2)^blunt: 0.25 flat with steep walls, 1 a dish.
+        stretch: long axis over the mean one.
+        turn_rad: of the long axis.
+        born: 0 to 1.
+    """
+
+    x_mm: NDArray[np.float64]
+    y_mm: NDArray[np.float64]
+    radius_mm: NDArray[np.float64]
+    height_mm: NDArray[np.float64]
+    blunt: NDArray[np.float64]
+    stretch: NDArray[np.float64]
+    turn_rad: NDArray[np.float64]
+    born: NDArray[np.float64]
+
+
+def rust(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+    """Let a part rust in the open, by the sea at worst; see `glyphs.soiling.soils.SoilModel`."""
+    from scipy.ndimage import gaussian_filter
+
+    if amount <= 0.0:
+        return coat
+    deep = mark_depth_mm(coat)
+    of_part = rng.uniform((0.75, 0.6, 0.5, 0.5, 0.5), (1.25, 1.4, 1.5, 1.5, 1.5))
+    age = float(min(amount * of_part[0], 1.0))
+    rough, mottle = _fractals(coat, 0.5, _HURST, rng)
+    flaky, packs = _fractals(coat, 0.9, 1.0, rng)
+    hollow = np.clip((coat.brim_mm - coat.clean_mm) / np.float32(deep), 0.0, 1.0)
+    late = np.float32(0.8) * packs[::-1, ::-1] + np.float32(0.6) * mottle - np.float32(_EARLY) * hollow
+    pits = draw_pits(coat, rng)
+    blisters = _draw_blisters(coat, rng)
+
+    # the steel: pits, and loss from all over in a local time that starts in nests and in pits
+    pit = _raised(coat, pits, age, rough) * np.float32(min(1.0, of_part[1]))
+    time = np.maximum(1.6 * age - 0.6 * share(late), 0.0) + np.minimum(pit / np.float32(2.0 * deep), 0.3)
+    loss = _general_loss(time, rough, hollow, deep)
+    width = 0.05 * coat.height_mm * age / coat.pitch_mm
+    blunted = gaussian_filter(coat.z_mm, width, mode="nearest", truncate=3.0)
+    steel = coat.z_mm + np.minimum(1.5 * time, 1.0) * (blunted - coat.z_mm) - loss - pit
+
+    # the rust: in laminas, packed in hollows, in blisters, the top of it powder
+    scale, fallen = _scale(RATIO * loss, flaky, age * float(of_part[2]), _LAMINA * deep)
+    packed = _packed(coat, steel + scale, time * np.float32(of_part[3]), packs)
+    dome = _raised(coat, blisters, age, flaky) * np.float32(min(1.0, of_part[4]))
+    dome, burst = _burst(dome, blisters, packs)
+    thick = scale + packed + dome
+    soft, hardness = _yielding(thick, time, rough, burst, fallen, deep)
+    rusty = np.minimum(thick / np.float32(0.1 * deep), 1.0)
+    done = replace(
+        coat,
+        z_mm=steel + thick,
+        soft_mm=coat.soft_mm + rusty * (soft - coat.soft_mm),
+        hardness_mpa=np.where(soft > 0.0, hardness, coat.hardness_mpa),
+        friction=coat.friction + rusty * (_friction(soft, deep) - coat.friction),
+    )
+    return _rusty_look(done, age, thick / np.float32(deep), time, fallen, packs, mottle)
+
+
+def mark_depth_mm(coat: Coat) -> float:
+    """Depth or height of the marks: all but the last 2 % of how far the clean surface is from its brim."""
+    off = np.abs(coat.clean_mm - coat.brim_mm)[::2, ::2]
+    return max(float(np.quantile(off, 0.98)), 0.02 * coat.height_mm)
+
+
+def draw_pits(coat: Coat, rng: np.random.Generator) -> Bumps:
+    """Pits: log-normal in depth and width, 45 on a square as high as a character (180 a cm2 at 5 mm)."""
+    n = int(rng.poisson(45.0 * coat.area_mm2 / coat.height_mm**2))
+    radius = 0.042 * coat.height_mm * np.exp(0.4 * np.clip(rng.standard_normal(n), -2.5, 2.5))
+    depth = 0.6 * radius * np.exp(0.4 * np.clip(rng.standard_normal(n), -2.5, 2.5))
+    return Bumps(
+        *_places(coat, n, rng),
+        radius_mm=radius,
+        height_mm=depth,
+        blunt=rng.uniform(0.25, 1.0, n),
+        stretch=np.exp(rng.uniform(0.0, 0.35, n)),
+        turn_rad=rng.uniform(0.0, np.pi, n),
+        born=0.8 * rng.random(n),
+    )
+
+
+def _draw_blisters(coat: Coat, rng: np.random.Generator) -> Bumps:
+    """Blisters and tubercles: low domes from a tenth to a third of a character's height across half of them."""
+    n = int(rng.poisson(2.5 * coat.area_mm2 / coat.height_mm**2))
+    radius = 0.11 * coat.height_mm * np.exp(0.45 * np.clip(rng.standard_normal(n), -2.0, 2.0))
+    return Bumps(
+        *_places(coat, n, rng),
+        radius_mm=radius,
+        height_mm=radius * rng.uniform(0.2, 0.45, n),
+        blunt=rng.uniform(0.6, 1.0, n),
+        stretch=np.exp(rng.uniform(0.0, 0.3, n)),
+        turn_rad=rng.uniform(0.0, np.pi, n),
+        born=0.1 + 0.8 * rng.random(n),
+    )
+
+
+def _places(coat: Coat, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    rows, cols = coat.shape
+    return rng.random(n) * cols * coat.pitch_mm, rng.random(n) * rows * coat.pitch_mm
+
+
+def _fractals(coat: Coat, outer: float, hurst: float, rng: np.random.Generator) -> tuple[Field, Field]:
+    """Two independent fields of variance 1, spectrum k^-(2 + 2 hurst) below `outer` character heights, flat above."""
+    from scipy import fft
+
+    length = outer * coat.height_mm / coat.pitch_mm
+    room = min(int(0.5 * length), 2 * max(coat.shape))
+    rows, cols = (int(fft.next_fast_len(n + room)) for n in coat.shape)
+    white = rng.standard_normal((rows, cols, 2), dtype=np.float32).view(np.complex64)[..., 0]
+    down, across = (((length * np.fft.fftfreq(n)) ** 2).astype(np.float32) for n in (rows, cols))
+    gain = (1.0 + down[:, None] + across[None, :]) ** np.float32(-0.5 * (1.0 + hurst))
+    field = fft.ifft2(gain * white, norm="ortho", overwrite_x=True)[: coat.shape[0], : coat.shape[1]]
+    field /= np.float32(np.sqrt(np.mean(gain * gain, dtype=np.float64)))
+    return np.ascontiguousarray(field.real), np.ascontiguousarray(field.imag)
+
+
+def _general_loss(time: Field, rough: Field, hollow: Field, deep: float) -> Field:
+    """Steel lost from all over, mm: log-normal over the plate; up to three quarters less in hollows."""
+    uneven = np.exp(0.5 * np.clip(rough, -2.5, 2.5))
+    return np.asarray(np.float32(0.5 * deep) * time * uneven * (1.0 - 0.75 * hollow), dtype=np.float32)
+
+
+def _raised(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
+    """Union of the bumps as far as they have grown, mm; `ragged` frays their outlines."""
+    rows, cols = coat.shape
+    grid = np.zeros(rows * cols, dtype=np.float32)
+    grown = np.clip((age - bumps.born) / (1.05 - bumps.born), 0.0, 1.0)
+    alive = np.flatnonzero(grown > 0.0)
+    radius = bumps.radius_mm * grown**0.5
+    # patches of like size together
+    for some in np.array_split(alive[np.argsort(radius[alive])], 4):
+        if not some.size:
+            continue
+        b = Bumps(**{name: values[some] for name, values in vars(bumps).items()})
+        half = int(np.ceil(1.3 * float((radius[some] * b.stretch).max()) / coat.pitch_mm))
+        step = np.arange(-half, half + 1)
+        col = np.rint(b.x_mm / coat.pitch_mm).astype(np.int64)[:, None, None] + step[None, None, :]
+        row = np.rint(b.y_mm / coat.pitch_mm).astype(np.int64)[:, None, None] + step[None, :, None]
+        dx = (col * coat.pitch_mm - b.x_mm[:, None, None]).astype(np.float32)
+        dy = (row * coat.pitch_mm - b.y_mm[:, None, None]).astype(np.float32)
+        c, s = (f(b.turn_rad).astype(np.float32)[:, None, None] for f in (np.cos, np.sin))
+        long, short = (
+            (radius[some] * e).astype(np.float32)[:, None, None] for e in (b.stretch, 1 / b.stretch)
+        )
+        r2 = ((c * dx + s * dy) / long) ** 2 + ((c * dy - s * dx) / short) ** 2
+        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols) & (r2 < 1.6)
+        at = (row * cols + col)[inside]
+        which = np.nonzero(inside)[0]
+        rest = np.clip(1.0 - r2[inside] - 0.25 * np.clip(ragged.reshape(-1)[at], -1.5, 1.5), 0.0, 1.0)
+        high = (b.height_mm * grown[some] ** 0.7).astype(np.float32)[which]
+        np.maximum.at(grid, at, high * rest ** b.blunt.astype(np.float32)[which])
+    return grid.reshape(rows, cols)
+
+
+def _scale(made: Field, flaky: Field, spall: float, lamina_mm: float) -> tuple[Field, Field]:
+    """Scale left on the steel, mm, and laminas fallen (-1 at the edge of a flake: loose, lifted and next to go).
+
+    The outer laminas go first and leave terraces; what adheres stays.
+    """
+    layers = made * np.float32(_STAYS / lamina_mm)
+    least = made * np.float32(ADHERENT / lamina_mm)
+    weak = np.float32(0.75 * spall) - share(flaky)
+    fallen = 12.0 * np.maximum(weak, 0.0)
+    left = np.maximum(layers - fallen, least)
+    floor = np.floor(left)
+    terrace = np.minimum(np.maximum(floor + np.clip(5.0 * (left - floor) - 4.0, 0.0, 1.0), least), layers)
+    edge = np.clip(1.0 + weak / 0.06, 0.0, 1.0) * np.minimum(layers, 1.0)
+    kept = np.where(weak > 0.0, terrace, layers + 0.5 * edge)
+    state = np.where(weak > 0.0, np.minimum(fallen, layers), np.where(edge > 0.5, np.float32(-1.0), 0.0))
+    return kept * np.float32(lamina_mm), np.asarray(state, dtype=np.float32)
+
+
+def _packed(coat: Coat, top: Field, time: Field, packs: Field) -> Field:
+    """Rust wedged in marks and pits, mm: run-off from the land settles and swells there, in places past the brim."""
+    hollow = np.maximum(coat.brim_mm - top, 0.0)
+    return np.asarray(hollow * np.minimum(0.8 * time * np.exp(0.5 * packs), 1.5), dtype=np.float32)
+
+
+def _burst(dome: Field, blisters: Bumps, packs: Field) -> tuple[Field, Field]:
+    """Blisters with the crowns of the highest fallen in, and where (0 to 1): where the rust is swollen most."""
+    if not blisters.height_mm.size:
+        return dome, np.zeros_like(dome)
+    high = np.float32(np.quantile(blisters.height_mm, 0.6))
+    broken = np.clip((dome / high - 1.0) / 0.15, 0.0, 1.0) * np.clip(2.5 * packs, 0.0, 1.0)
+    return dome - broken * 0.7 * np.maximum(dome - 0.5 * high, 0.0), broken
+
+
+def _yielding(
+    thick: Field, time: Field, rough: Field, burst: Field, fallen: Field, deep: float
+) -> tuple[Field, Field]:
+    """What yields, mm, and its hardness, MPa: powder on all rust, the soft core of a burst blister, a loose flake.
+
+    Powder is the top of the rust and at most a third of it; what lies under it is compact and hard.
+    """
+    most = np.float32(0.12 * deep) * np.minimum(time, 1.0) * np.clip(1.0 + 0.4 * rough, 0.3, 2.0)
+    powder = np.minimum(thick / 3.0, most * (1.0 + 3.0 * burst))
+    loose = np.minimum(thick, np.float32(_LAMINA * deep)) * (fallen < 0.0)
+    mpa = np.where(loose > powder, np.float32(_FLAKE_MPA), np.float32(POWDER_MPA))
+    return np.asarray(np.maximum(powder, loose), dtype=np.float32), mpa
+
+
+def _friction(soft: Field, deep: float) -> Field:
+    """Of rust: gritty powder drags more than bared scale."""
+    dusty = np.minimum(soft / np.float32(0.02 * deep), 1.0)
+    return np.asarray(_SCALE_FRICTION + (_POWDER_FRICTION - _SCALE_FRICTION) * dusty, dtype=np.float32)
+
+
+def _rusty_look(
+    coat: Coat, age: float, thick: Field, time: Field, fallen: Field, packs: Field, mottle: Field
+) -> Coat:
+    """A film of rust stains the steel, young rust is orange, old rust brown, bared magnetite nearly black.
+
+    `thick` in depths of the marks. Fresh orange bleeds over old rust where it is thickest.
+    """
+    film = np.float32(1.0 - 0.65 * min(1.0, 1.5 * age))
+    cover = 1.0 - film * (1.0 - np.clip(9.0 * thick, 0.0, 1.0))
+    old = np.clip((time + 0.25 * mottle - 0.1) / 1.2, 0.0, 1.0)
+    bared = 0.75 * np.clip((fallen + 0.5 * mottle) / 3.0, 0.0, 1.0)
+    fresh = 0.7 * np.clip((packs - 0.6 * mottle - 0.2) / 1.6, 0.0, 1.0) * (1.0 - bared)
+    orange = (1.0 - bared) * (1.0 - old) + fresh * old
+    brown = (1.0 - bared) * old - fresh * old
+    colours = (_ORANGE, _BROWN, _BLACK)
+    weights = (orange, brown, bared)
+    grain = np.clip(1.0 + 0.18 * mottle, 0.5, 1.5)
+    albedo = [grain * sum(c[i] * w for c, w in zip(colours, weights, strict=True)) for i in range(3)]
+    return coat.shaded(cover, albedo=np.stack(albedo, axis=-1), roughness=0.9 - 0.2 * bared, reflectance=0.04)
