@@ -99,9 +99,11 @@ def rust(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
 
     # the steel: pits, and loss from all over in a local time that starts in nests and in pits
     pit = _raised(coat, pits, age, rough) * np.float32(min(1.0, of_part[1]))
-    time = np.maximum(1.6 * age - 0.6 * share(late), 0.0) + np.minimum(pit / np.float32(2.0 * deep), 0.3)
+    time = np.maximum(1.2 * age + 0.6 * age**2 - 0.6 * share(late), 0.0) + np.minimum(
+        pit / np.float32(2.0 * deep), 0.3
+    )
     loss = _general_loss(time, rough, hollow, deep)
-    width = 0.05 * coat.height_mm * age / coat.pitch_mm
+    width = 0.06 * coat.height_mm * age / coat.pitch_mm
     blunted = gaussian_filter(coat.z_mm, width, mode="nearest", truncate=3.0)
     steel = coat.z_mm + np.minimum(1.5 * time, 1.0) * (blunted - coat.z_mm) - loss - pit
 
@@ -166,17 +168,23 @@ def _places(coat: Coat, n: int, rng: np.random.Generator) -> tuple[NDArray[np.fl
 
 
 def _fractals(coat: Coat, outer: float, hurst: float, rng: np.random.Generator) -> tuple[Field, Field]:
-    """Two independent fields of variance 1, spectrum k^-(2 + 2 hurst) below `outer` character heights, flat above."""
+    """Two independent fields of variance 1, spectrum k^-(2 + 2 hurst) below `outer` character heights, flat above.
+
+    Nothing is shorter than four samples; that half of all wave numbers a way is all that is drawn.
+    """
     from scipy import fft
 
     length = outer * coat.height_mm / coat.pitch_mm
     room = min(int(0.5 * length), 2 * max(coat.shape))
     rows, cols = (int(fft.next_fast_len(n + room)) for n in coat.shape)
-    white = rng.standard_normal((rows, cols, 2), dtype=np.float32).view(np.complex64)[..., 0]
-    down, across = (((length * np.fft.fftfreq(n)) ** 2).astype(np.float32) for n in (rows, cols))
+    row, col = (np.r_[0 : n // 4, -(n // 4) : 0] for n in (rows, cols))
+    down, across = ((length / n * k).astype(np.float32) ** 2 for n, k in ((rows, row), (cols, col)))
     gain = (1.0 + down[:, None] + across[None, :]) ** np.float32(-0.5 * (1.0 + hurst))
-    field = fft.ifft2(gain * white, norm="ortho", overwrite_x=True)[: coat.shape[0], : coat.shape[1]]
-    field /= np.float32(np.sqrt(np.mean(gain * gain, dtype=np.float64)))
+    gain /= np.float32(np.sqrt(np.sum(gain * gain, dtype=np.float64)))
+    white = rng.standard_normal((row.size, col.size, 2), dtype=np.float32).view(np.complex64)[..., 0]
+    spectrum = np.zeros((rows, cols), dtype=np.complex64)
+    spectrum[np.ix_(row, col)] = gain * white
+    field = fft.ifft2(spectrum, norm="forward", overwrite_x=True)[: coat.shape[0], : coat.shape[1]]
     return np.ascontiguousarray(field.real), np.ascontiguousarray(field.imag)
 
 
@@ -194,11 +202,11 @@ def _raised(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
     alive = np.flatnonzero(grown > 0.0)
     radius = bumps.radius_mm * grown**0.5
     # patches of like size together
-    for some in np.array_split(alive[np.argsort(radius[alive])], 4):
+    for some in np.array_split(alive[np.argsort(radius[alive])], 10):
         if not some.size:
             continue
         b = Bumps(**{name: values[some] for name, values in vars(bumps).items()})
-        half = int(np.ceil(1.3 * float((radius[some] * b.stretch).max()) / coat.pitch_mm))
+        half = int(np.ceil(1.18 * float((radius[some] * b.stretch).max()) / coat.pitch_mm))
         step = np.arange(-half, half + 1)
         col = np.rint(b.x_mm / coat.pitch_mm).astype(np.int64)[:, None, None] + step[None, None, :]
         row = np.rint(b.y_mm / coat.pitch_mm).astype(np.int64)[:, None, None] + step[None, :, None]
@@ -209,7 +217,7 @@ def _raised(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
             (radius[some] * e).astype(np.float32)[:, None, None] for e in (b.stretch, 1 / b.stretch)
         )
         r2 = ((c * dx + s * dy) / long) ** 2 + ((c * dy - s * dx) / short) ** 2
-        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols) & (r2 < 1.6)
+        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols) & (r2 < 1.38)
         at = (row * cols + col)[inside]
         which = np.nonzero(inside)[0]
         rest = np.clip(1.0 - r2[inside] - 0.25 * np.clip(ragged.reshape(-1)[at], -1.5, 1.5), 0.0, 1.0)
@@ -225,21 +233,26 @@ def _scale(made: Field, flaky: Field, spall: float, lamina_mm: float) -> tuple[F
     """
     layers = made * np.float32(_STAYS / lamina_mm)
     least = made * np.float32(ADHERENT / lamina_mm)
-    weak = np.float32(0.75 * spall) - share(flaky)
-    fallen = 12.0 * np.maximum(weak, 0.0)
+    weak = np.float32(3.6 * min(spall, 1.0) - 3.0) - flaky
+    fallen = np.maximum(weak, 0.0)
+    fallen *= 3.5
     left = np.maximum(layers - fallen, least)
-    floor = np.floor(left)
-    terrace = np.minimum(np.maximum(floor + np.clip(5.0 * (left - floor) - 4.0, 0.0, 1.0), least), layers)
-    edge = np.clip(1.0 + weak / 0.06, 0.0, 1.0) * np.minimum(layers, 1.0)
-    kept = np.where(weak > 0.0, terrace, layers + 0.5 * edge)
-    state = np.where(weak > 0.0, np.minimum(fallen, layers), np.where(edge > 0.5, np.float32(-1.0), 0.0))
-    return kept * np.float32(lamina_mm), np.asarray(state, dtype=np.float32)
+    whole = np.floor(left)
+    left -= whole
+    whole += np.clip(5.0 * left - 4.0, 0.0, 1.0)
+    terrace = np.minimum(np.maximum(whole, least), layers)
+    edge = np.clip(1.0 + 5.0 * weak, 0.0, 1.0)
+    edge *= np.minimum(layers, 1.0)
+    gone = weak > 0.0
+    kept = np.where(gone, terrace, layers + 0.5 * edge)
+    kept *= np.float32(lamina_mm)
+    return kept, np.where(gone, np.minimum(fallen, layers), -(edge > 0.5).astype(np.float32))
 
 
 def _packed(coat: Coat, top: Field, time: Field, packs: Field) -> Field:
     """Rust wedged in marks and pits, mm: run-off from the land settles and swells there, in places past the brim."""
     hollow = np.maximum(coat.brim_mm - top, 0.0)
-    return np.asarray(hollow * np.minimum(0.8 * time * np.exp(0.5 * packs), 1.5), dtype=np.float32)
+    return np.asarray(hollow * np.minimum(0.95 * time * np.exp(0.5 * packs), 1.5), dtype=np.float32)
 
 
 def _burst(dome: Field, blisters: Bumps, packs: Field) -> tuple[Field, Field]:
@@ -280,13 +293,12 @@ def _rusty_look(
     """
     film = np.float32(1.0 - 0.65 * min(1.0, 1.5 * age))
     cover = 1.0 - film * (1.0 - np.clip(9.0 * thick, 0.0, 1.0))
+    bared = np.clip(0.25 * fallen + 0.125 * mottle, 0.0, 0.75)
     old = np.clip((time + 0.25 * mottle - 0.1) / 1.2, 0.0, 1.0)
-    bared = 0.75 * np.clip((fallen + 0.5 * mottle) / 3.0, 0.0, 1.0)
-    fresh = 0.7 * np.clip((packs - 0.6 * mottle - 0.2) / 1.6, 0.0, 1.0) * (1.0 - bared)
-    orange = (1.0 - bared) * (1.0 - old) + fresh * old
-    brown = (1.0 - bared) * old - fresh * old
-    colours = (_ORANGE, _BROWN, _BLACK)
-    weights = (orange, brown, bared)
+    old *= 1.0 - np.clip((packs - 0.6 * mottle - 0.2) / 2.3, 0.0, 0.7)
+    old *= 1.0 - bared
     grain = np.clip(1.0 + 0.18 * mottle, 0.5, 1.5)
-    albedo = [grain * sum(c[i] * w for c, w in zip(colours, weights, strict=True)) for i in range(3)]
-    return coat.shaded(cover, albedo=np.stack(albedo, axis=-1), roughness=0.9 - 0.2 * bared, reflectance=0.04)
+    albedo = np.empty((*coat.shape, 3), dtype=np.float32)
+    for i, (orange, brown, black) in enumerate(zip(_ORANGE, _BROWN, _BLACK, strict=True)):
+        albedo[..., i] = grain * (orange + (brown - orange) * old + (black - orange) * bared)
+    return coat.shaded(cover, albedo=albedo, roughness=0.9 - 0.2 * bared, reflectance=0.04)
