@@ -17,7 +17,7 @@ Sources:
       and the densities in Cornell and Schwertmann, "The Iron Oxides" (5.18, 4.26, 4.09, 3.56 g/cm3).
     - Adherent rust is about a fifth (21 %) of the iron lost, magnetite; the rest is loose lepidocrocite, goethite and
       akaganeite: Garcia, Morales, Barrero and Greneche, Corrosion Science 48 (2006).
-    - Thick marine rust comes off in compact laminas: Morcillo et al., "Rust exfoliation on carbon steels in
+    - Thick marine rust comes off in compact laminas: "Rust exfoliation on carbon steels in
       chloride-rich atmospheres", Corrosion Reviews 33 (2015).
     - Loss of steel in the first year, 0.08 to 0.2 mm by a rough sea (C5), up to 0.7 mm at worst (CX): ISO 9223.
     - 100 to 350 pits a cm2 on low carbon steel: Bhakta and Solomon, in Laycock, Cottis and Scarf,
@@ -25,16 +25,17 @@ Sources:
     - Corroded steel is fractal: Xu, Ren and Wang, PLOS ONE 10 (2015) e0131361.
     - A tubercle is a hard shell of magnetite around a soft core, which goes down into the pit: Ray, Lee, Little and
       Gerke, "The anatomy of tubercles", Materials and Corrosion 61 (2010).
+    - Assumed, since nothing to cite was found: how hard powder and flakes are as a heap, their friction, their colours.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from glyphs.soiling.bumps import Bumps, scattered, union_mm
 from glyphs.soiling.coat import Coat
 from glyphs.surface.noise import Field, share
 
@@ -44,8 +45,8 @@ ADHERENT: Final = 0.21
 """Share of the rust that no flake takes along."""
 _STAYS = 0.55
 """Share of the rust that has neither washed nor fallen away where no flake is gone."""
-_LAMINA = 0.28
-"""Thickness of one, of the depth of the marks: 0.03 to 0.12 mm."""
+LAMINA: Final = 0.28
+"""Thickness of one, in depths of the marks: 0.02 to 0.12 mm."""
 _HURST = 0.6
 _EARLY = 0.7
 """How much sooner marks begin to rust, in deviations of chance: cold work and water that stands in them."""
@@ -54,31 +55,6 @@ POWDER_MPA: Final = 8.0
 _FLAKE_MPA = 40.0
 _POWDER_FRICTION, _SCALE_FRICTION = 0.65, 0.45
 _ORANGE, _BROWN, _BLACK = (0.36, 0.125, 0.035), (0.150, 0.058, 0.024), (0.046, 0.033, 0.026)
-
-
-@dataclass(frozen=True, eq=False)
-class Bumps:
-    """Round things drawn over a plate, `born` when the amount passes that number; arrays (n,).
-
-    Attributes:
-        x_mm: of the centre.
-        y_mm: of the centre.
-        radius_mm: when grown.
-        height_mm: when grown; depth of a pit.
-        blunt: exponent of the profile (1 - r^2)^blunt: 0.25 flat with steep walls, 1 a dish.
-        stretch: long axis over the mean one.
-        turn_rad: of the long axis.
-        born: 0 to 1.
-    """
-
-    x_mm: NDArray[np.float64]
-    y_mm: NDArray[np.float64]
-    radius_mm: NDArray[np.float64]
-    height_mm: NDArray[np.float64]
-    blunt: NDArray[np.float64]
-    stretch: NDArray[np.float64]
-    turn_rad: NDArray[np.float64]
-    born: NDArray[np.float64]
 
 
 def rust(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
@@ -98,19 +74,18 @@ def rust(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     blisters = _draw_blisters(coat, rng)
 
     # the steel: pits, and loss from all over in a local time that starts in nests and in pits
-    pit = _raised(coat, pits, age, rough) * np.float32(min(1.0, of_part[1]))
-    time = np.maximum(1.2 * age + 0.6 * age**2 - 0.6 * share(late), 0.0) + np.minimum(
-        pit / np.float32(2.0 * deep), 0.3
-    )
+    pit = union_mm(coat, pits, age, rough) * np.float32(min(1.0, of_part[1]))
+    time = np.maximum(1.2 * age + 0.6 * age**2 - 0.6 * share(late), 0.0)
+    time += np.minimum(pit / np.float32(2.0 * deep), 0.3)
     loss = _general_loss(time, rough, hollow, deep)
     width = 0.06 * coat.height_mm * age / coat.pitch_mm
     blunted = gaussian_filter(coat.z_mm, width, mode="nearest", truncate=3.0)
     steel = coat.z_mm + np.minimum(1.5 * time, 1.0) * (blunted - coat.z_mm) - loss - pit
 
     # the rust: in laminas, packed in hollows, in blisters, the top of it powder
-    scale, fallen = _scale(RATIO * loss, flaky, age * float(of_part[2]), _LAMINA * deep)
+    scale, fallen = _scale(RATIO * loss, flaky, age * float(of_part[2]), LAMINA * deep)
     packed = _packed(coat, steel + scale, time * np.float32(of_part[3]), packs)
-    dome = _raised(coat, blisters, age, flaky) * np.float32(min(1.0, of_part[4]))
+    dome = union_mm(coat, blisters, age, flaky) * np.float32(min(1.0, of_part[4]))
     dome, burst = _burst(dome, blisters, packs)
     thick = scale + packed + dome
     soft, hardness = _yielding(thick, time, rough, burst, fallen, deep)
@@ -133,38 +108,12 @@ def mark_depth_mm(coat: Coat) -> float:
 
 def draw_pits(coat: Coat, rng: np.random.Generator) -> Bumps:
     """Pits: log-normal in depth and width, 45 on a square as high as a character (180 a cm2 at 5 mm)."""
-    n = int(rng.poisson(45.0 * coat.area_mm2 / coat.height_mm**2))
-    radius = 0.042 * coat.height_mm * np.exp(0.4 * np.clip(rng.standard_normal(n), -2.5, 2.5))
-    depth = 0.6 * radius * np.exp(0.4 * np.clip(rng.standard_normal(n), -2.5, 2.5))
-    return Bumps(
-        *_places(coat, n, rng),
-        radius_mm=radius,
-        height_mm=depth,
-        blunt=rng.uniform(0.25, 1.0, n),
-        stretch=np.exp(rng.uniform(0.0, 0.35, n)),
-        turn_rad=rng.uniform(0.0, np.pi, n),
-        born=0.8 * rng.random(n),
-    )
+    return scattered(coat, 45.0, rng, width=0.084, spread=0.4, slope=0.6, blunt=0.25, born=0.0)
 
 
 def _draw_blisters(coat: Coat, rng: np.random.Generator) -> Bumps:
-    """Blisters and tubercles: low domes from a tenth to a third of a character's height across half of them."""
-    n = int(rng.poisson(2.5 * coat.area_mm2 / coat.height_mm**2))
-    radius = 0.11 * coat.height_mm * np.exp(0.45 * np.clip(rng.standard_normal(n), -2.0, 2.0))
-    return Bumps(
-        *_places(coat, n, rng),
-        radius_mm=radius,
-        height_mm=radius * rng.uniform(0.2, 0.45, n),
-        blunt=rng.uniform(0.6, 1.0, n),
-        stretch=np.exp(rng.uniform(0.0, 0.3, n)),
-        turn_rad=rng.uniform(0.0, np.pi, n),
-        born=0.1 + 0.8 * rng.random(n),
-    )
-
-
-def _places(coat: Coat, n: int, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    rows, cols = coat.shape
-    return rng.random(n) * cols * coat.pitch_mm, rng.random(n) * rows * coat.pitch_mm
+    """Blisters and tubercles: low domes, a fifth of a character's height across, half of them 0.15 to 0.3."""
+    return scattered(coat, 2.5, rng, width=0.22, spread=0.45, slope=0.3, blunt=0.6, born=0.1)
 
 
 def _fractals(coat: Coat, outer: float, hurst: float, rng: np.random.Generator) -> tuple[Field, Field]:
@@ -192,38 +141,6 @@ def _general_loss(time: Field, rough: Field, hollow: Field, deep: float) -> Fiel
     """Steel lost from all over, mm: log-normal over the plate; up to three quarters less in hollows."""
     uneven = np.exp(0.5 * np.clip(rough, -2.5, 2.5))
     return np.asarray(np.float32(0.5 * deep) * time * uneven * (1.0 - 0.75 * hollow), dtype=np.float32)
-
-
-def _raised(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
-    """Union of the bumps as far as they have grown, mm; `ragged` frays their outlines."""
-    rows, cols = coat.shape
-    grid = np.zeros(rows * cols, dtype=np.float32)
-    grown = np.clip((age - bumps.born) / (1.05 - bumps.born), 0.0, 1.0)
-    alive = np.flatnonzero(grown > 0.0)
-    radius = bumps.radius_mm * grown**0.5
-    # patches of like size together
-    for some in np.array_split(alive[np.argsort(radius[alive])], 10):
-        if not some.size:
-            continue
-        b = Bumps(**{name: values[some] for name, values in vars(bumps).items()})
-        half = int(np.ceil(1.18 * float((radius[some] * b.stretch).max()) / coat.pitch_mm))
-        step = np.arange(-half, half + 1)
-        col = np.rint(b.x_mm / coat.pitch_mm).astype(np.int64)[:, None, None] + step[None, None, :]
-        row = np.rint(b.y_mm / coat.pitch_mm).astype(np.int64)[:, None, None] + step[None, :, None]
-        dx = (col * coat.pitch_mm - b.x_mm[:, None, None]).astype(np.float32)
-        dy = (row * coat.pitch_mm - b.y_mm[:, None, None]).astype(np.float32)
-        c, s = (f(b.turn_rad).astype(np.float32)[:, None, None] for f in (np.cos, np.sin))
-        long, short = (
-            (radius[some] * e).astype(np.float32)[:, None, None] for e in (b.stretch, 1 / b.stretch)
-        )
-        r2 = ((c * dx + s * dy) / long) ** 2 + ((c * dy - s * dx) / short) ** 2
-        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols) & (r2 < 1.38)
-        at = (row * cols + col)[inside]
-        which = np.nonzero(inside)[0]
-        rest = np.clip(1.0 - r2[inside] - 0.25 * np.clip(ragged.reshape(-1)[at], -1.5, 1.5), 0.0, 1.0)
-        high = (b.height_mm * grown[some] ** 0.7).astype(np.float32)[which]
-        np.maximum.at(grid, at, high * rest ** b.blunt.astype(np.float32)[which])
-    return grid.reshape(rows, cols)
 
 
 def _scale(made: Field, flaky: Field, spall: float, lamina_mm: float) -> tuple[Field, Field]:
@@ -269,11 +186,12 @@ def _yielding(
 ) -> tuple[Field, Field]:
     """What yields, mm, and its hardness, MPa: powder on all rust, the soft core of a burst blister, a loose flake.
 
-    Powder is the top of the rust and at most a third of it; what lies under it is compact and hard.
+    Powder is the top of the rust and at most a third of it; what lies under it is compact and hard, and little powder
+    lies where flakes have gone.
     """
     most = np.float32(0.12 * deep) * np.minimum(time, 1.0) * np.clip(1.0 + 0.4 * rough, 0.3, 2.0)
-    powder = np.minimum(thick / 3.0, most * (1.0 + 3.0 * burst))
-    loose = np.minimum(thick, np.float32(_LAMINA * deep)) * (fallen < 0.0)
+    powder = np.minimum(thick / 3.0, most * (1.0 + 3.0 * burst) / (1.0 + np.maximum(fallen, 0.0)))
+    loose = np.minimum(thick, np.float32(LAMINA * deep)) * (fallen < 0.0)
     mpa = np.where(loose > powder, np.float32(_FLAKE_MPA), np.float32(POWDER_MPA))
     return np.asarray(np.maximum(powder, loose), dtype=np.float32), mpa
 

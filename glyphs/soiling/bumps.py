@@ -1,0 +1,110 @@
+"""Round things scattered over a plate that grow and run into each other: pits, blisters.
+
+      .-"-.      .-"-.-.        height h (1 - r^2)^blunt over an ellipse with a frayed outline;
+_____/     \\____/       \\____   where two meet, the higher counts
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.soiling.coat import Coat
+from glyphs.surface.noise import Field
+
+
+@dataclass(frozen=True, eq=False)
+class Bumps:
+    """Round things drawn over a plate, `born` when the amount passes that number; arrays (n,).
+
+    Attributes:
+        x_mm: of the centre.
+        y_mm: of the centre.
+        radius_mm: when grown.
+        height_mm: when grown; depth of a pit.
+        blunt: exponent of the profile (1 - r^2)^blunt: 0.25 flat with steep walls, 1 a dish.
+        stretch: long axis over the mean one.
+        turn_rad: of the long axis.
+        born: 0 to 1.
+    """
+
+    x_mm: NDArray[np.float64]
+    y_mm: NDArray[np.float64]
+    radius_mm: NDArray[np.float64]
+    height_mm: NDArray[np.float64]
+    blunt: NDArray[np.float64]
+    stretch: NDArray[np.float64]
+    turn_rad: NDArray[np.float64]
+    born: NDArray[np.float64]
+
+
+def scattered(
+    coat: Coat,
+    density: float,
+    rng: np.random.Generator,
+    *,
+    width: float,
+    spread: float,
+    slope: float,
+    blunt: float,
+    born: float,
+) -> Bumps:
+    """Draw bumps anywhere on the plate, log-normal in width and in height.
+
+    Args:
+        coat: the plate.
+        density: how many on a square as high as a character.
+        rng: draws the same whatever the amount.
+        width: median, in character heights.
+        spread: deviation of the width's logarithm.
+        slope: median of height over radius.
+        blunt: the least there is; up to 1.
+        born: the first of them; the last 0.8 later.
+    """
+    n = int(rng.poisson(density * coat.area_mm2 / coat.height_mm**2))
+    log = spread * np.clip(rng.standard_normal((2, n)), -2.5, 2.5)
+    radius = 0.5 * width * coat.height_mm * np.exp(log[0])
+    return Bumps(
+        x_mm=rng.random(n) * coat.shape[1] * coat.pitch_mm,
+        y_mm=rng.random(n) * coat.shape[0] * coat.pitch_mm,
+        radius_mm=radius,
+        height_mm=slope * radius * np.exp(0.8 * log[1]),
+        blunt=rng.uniform(blunt, 1.0, n),
+        stretch=np.exp(rng.uniform(0.0, 0.35, n)),
+        turn_rad=rng.uniform(0.0, np.pi, n),
+        born=born + 0.8 * rng.random(n),
+    )
+
+
+def union_mm(coat: Coat, bumps: Bumps, age: float, ragged: Field) -> Field:
+    """Union of the bumps as far as they have grown, mm; `ragged` frays their outlines."""
+    rows, cols = coat.shape
+    grid = np.zeros(rows * cols, dtype=np.float32)
+    grown = np.clip((age - bumps.born) / (1.05 - bumps.born), 0.0, 1.0)
+    alive = np.flatnonzero(grown > 0.0)
+    radius = bumps.radius_mm * grown**0.5
+    # patches of like size together
+    for some in np.array_split(alive[np.argsort(radius[alive])], 10):
+        if not some.size:
+            continue
+        b = Bumps(**{name: values[some] for name, values in vars(bumps).items()})
+        half = int(np.ceil(1.18 * float((radius[some] * b.stretch).max()) / coat.pitch_mm))
+        step = np.arange(-half, half + 1)
+        col = np.rint(b.x_mm / coat.pitch_mm).astype(np.int64)[:, None, None] + step[None, None, :]
+        row = np.rint(b.y_mm / coat.pitch_mm).astype(np.int64)[:, None, None] + step[None, :, None]
+        dx = (col * coat.pitch_mm - b.x_mm[:, None, None]).astype(np.float32)
+        dy = (row * coat.pitch_mm - b.y_mm[:, None, None]).astype(np.float32)
+        c, s = (f(b.turn_rad).astype(np.float32)[:, None, None] for f in (np.cos, np.sin))
+        long, short = (
+            (radius[some] * e).astype(np.float32)[:, None, None] for e in (b.stretch, 1 / b.stretch)
+        )
+        r2 = ((c * dx + s * dy) / long) ** 2 + ((c * dy - s * dx) / short) ** 2
+        inside = (row >= 0) & (row < rows) & (col >= 0) & (col < cols) & (r2 < 1.38)
+        at = (row * cols + col)[inside]
+        which = np.nonzero(inside)[0]
+        rest = np.clip(1.0 - r2[inside] - 0.25 * np.clip(ragged.reshape(-1)[at], -1.5, 1.5), 0.0, 1.0)
+        high = (b.height_mm * grown[some] ** 0.7).astype(np.float32)[which]
+        np.maximum.at(grid, at, high * rest ** b.blunt.astype(np.float32)[which])
+    return grid.reshape(rows, cols)
