@@ -95,9 +95,10 @@ class _Bench:
 def wear(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     """Wear a part: `amount` 0 leaves it, 1 takes most of its marks.
 
-    Parts differ: each has 0.5 to 1.5 of the amount, and one kind of damage that leads.
+    Parts differ: each has 0.5 to 1.5 of the amount, those with less catch up towards 1, and one kind of damage leads.
     """
-    amount = min(1.0, amount * float(rng.uniform(0.5, 1.5)))
+    own = float(rng.uniform(0.5, 1.5))
+    amount = min(1.0, amount * (own + max(1.0 - own, 0.0) * amount**2))
     if amount <= 0.0:
         return coat
     life, bench = _Life.drawn(rng), _bench(coat)
@@ -261,8 +262,8 @@ def _drawn_from(z: Field, gain: Field, width: float) -> Field:
     raised = z + gain
     proud = np.maximum(raised - whole(blurred(thinned(raised))), 0.0)
     there = blurred(thinned(proud))
-    left = blurred(thinned(gain)) / np.maximum(there, np.float32(0.02 * proud.max() + 1e-9))
-    left = np.asarray(left, dtype=np.float32)
+    least = 0.02 * float(proud.max()) + 1e-9
+    left = np.asarray(blurred(thinned(gain)) / np.maximum(there, np.float32(least)), dtype=np.float32)
     return np.asarray(raised - proud * whole(left))
 
 
