@@ -14,14 +14,23 @@ from .soiling.soils import SOILS, SoilModel
 from .soiling.workshop.mixture import Dirt
 from .stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
 from .stamping.die import IdealGlyph, ideal_relief
+from .stamping.dies import DIES
 from .stamping.faces import Die, Face, default_die
+from .stamping.forms import PlateForm
+from .stamping.layouts import LAYOUTS, Layout
+from .stamping.plates import PLATES
 from .stamping.stamp import StampedPart, stamp_line
-from .stamping.variation import PlateVariation, StampError, StampingVariation
+from .stamping.textures import Grinding, Milling, Sand, Turning
+from .stamping.variation import PRACTICES, PlateVariation, StampError, StampingVariation
 from .stamping.wedge import Wedge
 from .surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 
 __all__ = [
     "BUILTIN_FONTS",
+    "DIES",
+    "LAYOUTS",
+    "PLATES",
+    "PRACTICES",
     "SOILS",
     "Camera",
     "DatabaseError",
@@ -36,15 +45,20 @@ __all__ = [
     "FormatError",
     "Glyph",
     "GlyphDatabase",
+    "Grinding",
     "HeightMap",
     "IdealGlyph",
+    "Layout",
     "Light",
     "Look",
     "MapError",
     "MarksError",
+    "Milling",
     "Part",
     "Photo",
+    "PlateForm",
     "PlateVariation",
+    "Sand",
     "Soil",
     "SoilModel",
     "SoiledPart",
@@ -53,6 +67,7 @@ __all__ = [
     "StampedPart",
     "StampingVariation",
     "TraceDirection",
+    "Turning",
     "Wedge",
     "allowed_characters",
     "default_die",

@@ -9,7 +9,7 @@ in that.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -25,13 +25,17 @@ from glyphs.fonts.serials import random_text
 from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import WORKSHOP, SoiledPart, Soiling, soil_part
 from glyphs.soiling.workshop.mixture import Dirt
-from glyphs.stamping.die import Face, default_die
+from glyphs.stamping.amounts import StampError, chosen
+from glyphs.stamping.die import Die, Face, default_die
+from glyphs.stamping.dies import die_kind
+from glyphs.stamping.layouts import Layout, named_layout
+from glyphs.stamping.plates import named_plate
 from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
-from glyphs.stamping.variation import StampError
+from glyphs.stamping.variation import PRACTICES, PlateVariation
 from glyphs.surface.display import picture_html
 from glyphs.surface.maps import HeightMap
 
-_SOIL_STREAM, _PHOTO_STREAM = 1, 2
+_SOIL_STREAM, _PHOTO_STREAM, _LAYOUT_STREAM = 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +45,8 @@ class Part:
     Attributes:
         stamped: the part when it was clean.
         soiling: what lies on it.
-        seed: of everything random; dirt draws from (*seed, 1), the photograph from (*seed, 2).
+        seed: of everything random; dirt draws from (*seed, 1), the photograph from (*seed, 2), a named layout
+            from (*seed, 3).
     """
 
     stamped: StampedPart
@@ -123,6 +128,10 @@ def stamp(
     line_rotation_deg: float = 0.0,
     pitch_mm: float | None = None,
     variation: StampingVariation | None = None,
+    practice: str | None = None,
+    die: str | None = None,
+    plate: str | PlateVariation | None = None,
+    layout: str | Layout | None = None,
     dirt: float | Dirt = 0.0,
     soil: str | Sequence[str] = WORKSHOP,
     seed: int | Sequence[int] = 0,
@@ -140,13 +149,19 @@ def stamp(
         raised: raised marks.
         line_rotation_deg: of the line on the plate, clockwise as the picture shows it.
         pitch_mm: sample pitch, a hundredth of the height unless given.
-        variation: how blows and plate differ; `StampingVariation.none()` for an ideal part.
+        variation: how blows and plate differ; `StampingVariation.none()` for an ideal part; or
+        practice: who stamps, a name of `PRACTICES`.
+        die: a name of `DIES`, in place of a face.
+        plate: a name of `PLATES`, or a plate, in place of the variation's.
+        layout: a name of `LAYOUTS`, or a layout; of two lines the first is `text`.
         dirt: severity 0 (clean) to 1, or how much of each of the workshop's kinds.
         soil: a name of `glyphs.SOILS` or module:function, or several, the lowest first.
         seed: the same seed gives the same part; several numbers make one seed.
 
     Raises:
-        StampError: neither text nor format, or both; a die that cannot be or cannot cut the glyphs.
+        StampError: neither text nor format, or both; likewise variation and practice, die and face; a die that
+            cannot be or cannot cut the glyphs; no practice, die, plate or layout of that name, or none that the
+            text fits.
         FontError: no such font, or a character that it lacks.
         FormatError: a format that no serial can obey.
         StampError: a severity outside 0..1, or no such soil.
@@ -160,17 +175,61 @@ def stamp(
         raise StampError(f"seed is {seed}", hint="give a number that is not negative, or several")
     rng = np.random.default_rng(key)
     letters = font if isinstance(font, Font) else load_font(font)
-    stamped = stamp_line(
-        random_text(format, rng=rng) if format is not None else text or "",
+    line = random_text(format, rng=rng) if format is not None else text or ""
+    how, cutting = _struck(
         letters,
-        default_die(height_mm, font=letters, face=face, bevel_deg=bevel_deg, depth_mm=depth_mm),
+        variation,
+        practice,
+        die,
+        Face(face),
+        height_mm=height_mm,
+        bevel_deg=bevel_deg,
+        depth_mm=depth_mm,
+    )
+    # a character that the font lacks is refused by what stamps it
+    length_mm = height_mm * sum(letters.glyphs[char].advance for char in line if char in letters.glyphs)
+    if isinstance(plate, str):
+        plate = named_plate(plate, height_mm=height_mm, length_mm=length_mm)
+    if isinstance(layout, str):
+        own = np.random.default_rng([*key, _LAYOUT_STREAM])
+        layout = named_layout(
+            layout, height_mm=height_mm, length_mm=length_mm, font=letters, text=line, rng=own
+        )
+    stamped = stamp_line(
+        line,
+        letters,
+        cutting,
         height_mm=height_mm,
         pitch_mm=pitch_mm,
         line_rotation_deg=line_rotation_deg,
-        variation=variation,
+        layout=layout,
+        variation=how if plate is None else replace(how, plate=plate),
         raised=raised,
         rng=rng,
     )
     soils = (soil,) if isinstance(soil, str) else tuple(soil)
     soiling = Soiling(soils, mixture=dirt) if isinstance(dirt, Dirt) else Soiling(soils, dirt)
     return Part(stamped, soiling, key)
+
+
+def _struck(
+    font: Font,
+    variation: StampingVariation | None,
+    practice: str | None,
+    die: str | None,
+    face: Face,
+    *,
+    height_mm: float,
+    bevel_deg: float,
+    depth_mm: float | None,
+) -> tuple[StampingVariation, Die]:
+    """How blows differ, and the die."""
+    if variation is not None and practice is not None:
+        raise StampError("give how blows differ, or who stamps", hint="leave out variation or practice")
+    how = variation or chosen("practice", PRACTICES, practice or "press")()
+    if die is None:
+        return how, default_die(height_mm, font=font, face=face, bevel_deg=bevel_deg, depth_mm=depth_mm)
+    if face is not Face.FLAT:
+        raise StampError(f"a die {die!r} has a face of its own", hint="leave out the face")
+    kind = die_kind(die)
+    return kind.applied(how), kind.die(height_mm, font=font, bevel_deg=bevel_deg, depth_mm=depth_mm)

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from glyphs.stamping.forms import PlateForm
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.display import one_line
-from glyphs.surface.maps import MapError
+from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.noise import Field, smooth_noise
 
 STEEL_FRICTION = 0.2
@@ -177,9 +178,13 @@ def _brim_mm(part: StampedPart) -> Field:
 
     z, pitch, size = part.height_map.z_mm, part.height_map.pitch_mm, part.height_mm
     rows, cols = z.shape
+    if not part.form.flat:
+        bent = part.form.height_mm(*((np.arange(n) - (n - 1) / 2) * pitch for n in (cols, rows)))
+        flat = replace(part, height_map=HeightMap(z - bent, pitch), form=PlateForm())
+        return np.asarray(_brim_mm(flat) + bent, dtype=np.float32)
     land = np.ones(z.shape, dtype=bool)
     rim = 0.12 * size
-    for x0, y0, x1, y1 in part.boxes_mm:
+    for x0, y0, x1, y1 in part.inked_mm:
         columns = slice(max(0, int((x0 - rim) / pitch)), max(0, int((x1 + rim) / pitch) + 1))
         lines = slice(max(0, int((y0 - rim) / pitch)), max(0, int((y1 + rim) / pitch) + 1))
         land[lines, columns] = False

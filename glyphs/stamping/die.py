@@ -26,6 +26,7 @@ __all__ = [
     "ideal_relief",
     "ink_points_mm",
     "relief_mm",
+    "shape_distance_mm",
     "shape_relief_mm",
     "to_plate",
 ]
@@ -90,15 +91,21 @@ def shape_relief_mm(
     extra_depth_mm: ArrayLike | None = None,
 ) -> NDArray[np.float32]:
     """Relief of what `die_glyph` returned, for callers that cut the same shape more than once."""
-    x = np.asarray(x_mm, dtype=np.float64) / height_mm
-    y = np.asarray(y_mm, dtype=np.float64) / height_mm
-    distance = signed_distance(shape, x, y, stroke=die.stroke_mm / height_mm)
     return relief_mm(
-        distance * np.float32(height_mm),
+        shape_distance_mm(shape, die, x_mm, y_mm, height_mm=height_mm),
         die,
         half_width_mm=None if shape.contours else die.stroke_mm / 2,
         extra_depth_mm=extra_depth_mm,
     )
+
+
+def shape_distance_mm(
+    shape: Glyph, die: Die, x_mm: ArrayLike, y_mm: ArrayLike, *, height_mm: float
+) -> NDArray[np.float32]:
+    """Signed distance from the ink of what `die_glyph` returned, mm, negative inside it."""
+    x = np.asarray(x_mm, dtype=np.float64) / height_mm
+    y = np.asarray(y_mm, dtype=np.float64) / height_mm
+    return signed_distance(shape, x, y, stroke=die.stroke_mm / height_mm) * np.float32(height_mm)
 
 
 def ideal_relief(

@@ -1,4 +1,4 @@
-"""The blank plate before stamping: tilt, waviness, machining lay and roughness."""
+"""The blank plate before stamping: form, tilt, waviness, machining lay and roughness."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ def plate_form(
     *,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """Tilt and waviness (rows, cols), mm, over plate coordinates x (cols,) and y (rows,).
+    """Form, tilt and waviness (rows, cols), mm, over plate coordinates x (cols,) and y (rows,).
 
-    The tilt is zero in the middle.
+    Form and tilt are zero in the middle.
+
+    Raises:
+        StampError: a plate too large for its form.
     """
     slope_x, slope_y = np.tan(np.radians(variation.tilt_deg * rng.standard_normal(2)))
     z = slope_x * (x_mm - x_mm.mean())[None, :] + slope_y * (y_mm - y_mm.mean())[:, None]
@@ -29,9 +32,13 @@ def plate_form(
         k = 2 * math.pi / (variation.waviness_wavelength_mm * ratio)
         amplitude = weight * variation.waviness_um * 1e-3
         if amplitude > 0.0:
-            z = z + amplitude * np.sin(
-                k * (math.cos(heading) * x_mm[None, :] + math.sin(heading) * y_mm[:, None]) + phase
+            # sin(a + b) = sin a cos b + cos a sin b: a row and a column in place of a sine a sample
+            a, b = k * math.cos(heading) * x_mm, k * math.sin(heading) * y_mm + phase
+            z += amplitude * (
+                np.cos(b)[:, None] * np.sin(a)[None, :] + np.sin(b)[:, None] * np.cos(a)[None, :]
             )
+    if not variation.form.flat:
+        z += variation.form.height_mm(x_mm - x_mm.mean(), y_mm - y_mm.mean())
     return np.asarray(z, dtype=np.float32)
 
 

@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
 
-from glyphs.errors import MarksError
+from glyphs.stamping.amounts import StampError, check_amounts, check_shares
+from glyphs.stamping.forms import PlateForm
+from glyphs.stamping.textures import Texture
 from glyphs.surface.display import one_line
 
-
-class StampError(MarksError):
-    """A variation that cannot be: the message names the field and its range."""
-
-
-def check_amounts(values: object, *, positive: tuple[str, ...] = (), signed: tuple[str, ...] = ()) -> None:
-    """Check every float field of a dataclass: finite, at least zero unless `signed`, above it if `positive`.
-
-    Raises:
-        StampError: a field out of range.
-    """
-    for item in fields(values):  # type: ignore[arg-type]
-        value = getattr(values, item.name)
-        if not isinstance(value, (int, float)):
-            continue
-        if not math.isfinite(value):
-            raise StampError(f"{item.name} is {value}", hint="it must be finite")
-        if item.name in positive and value <= 0.0:
-            raise StampError(f"{item.name} is {value}", hint="it must be positive")
-        if item.name not in signed and value < 0.0:
-            raise StampError(f"{item.name} is {value}", hint="it must be zero or positive")
+__all__ = ["PRACTICES", "PlateVariation", "StampError", "StampingVariation"]
 
 
 @dataclass(frozen=True)
@@ -46,6 +29,8 @@ class PlateVariation:
         roughness_ra_um: arithmetic mean roughness Ra, micrometres.
         roughness_length_mm: distance at which its autocorrelation has fallen to 1/e, > 0.
         ironing: part of lay and roughness that the die presses flat on the floor of a mark, 0..1.
+        form: what the plate is bent to; flat unless given.
+        texture: in place of lay and roughness.
 
     Raises:
         StampError: a value out of range.
@@ -61,6 +46,8 @@ class PlateVariation:
     roughness_ra_um: float = 1.0
     roughness_length_mm: float = 0.06
     ironing: float = 0.7
+    form: PlateForm = field(default_factory=PlateForm)
+    texture: Texture | None = None
 
     __repr__ = one_line
 
@@ -70,8 +57,7 @@ class PlateVariation:
             positive=("waviness_wavelength_mm", "lay_wavelength_mm", "roughness_length_mm"),
             signed=("lay_direction_deg",),
         )
-        if self.ironing > 1.0:
-            raise StampError(f"ironing is {self.ironing}", hint="it is a fraction between 0 and 1")
+        check_shares(self, "ironing")
 
     @classmethod
     def none(cls) -> PlateVariation:
@@ -96,6 +82,11 @@ class StampingVariation:
         double_strike_fraction: distance of that blow, fraction of the height.
         burr_fraction: mean height of the burr raised beyond the die's own, fraction of the depth.
         plate: the plate.
+        pile_up_lean: how lopsided the burr is, 0..1: higher by that share on the side to which a blow leans, lower on
+            the other.
+        flank_loss: how much of the depth is missing at the wall to which a blow leans, 0..1; at 1 that wall is gone.
+        jump_probability: probability that the baseline jumps ahead of a character, and stays there.
+        jump_fraction: by how much, fraction of the height.
 
     Raises:
         StampError: a value out of range.
@@ -111,18 +102,50 @@ class StampingVariation:
     double_strike_fraction: float = 0.05
     burr_fraction: float = 0.08
     plate: PlateVariation = field(default_factory=PlateVariation)
+    pile_up_lean: float = 0.0
+    flank_loss: float = 0.0
+    jump_probability: float = 0.0
+    jump_fraction: float = 0.0
 
     __repr__ = one_line
 
     def __post_init__(self) -> None:
         check_amounts(self)
-        for name in ("worn_probability", "double_strike_probability"):
-            if getattr(self, name) > 1.0:
-                raise StampError(
-                    f"{name} is {getattr(self, name)}", hint="it is a probability between 0 and 1"
-                )
+        check_shares(self, "pile_up_lean", "flank_loss")
+        check_shares(
+            self, "worn_probability", "double_strike_probability", "jump_probability", what="a probability"
+        )
 
     @classmethod
     def none(cls) -> StampingVariation:
         """A faultless press on a perfect plate: the relief is the ideal one."""
         return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, PlateVariation.none())
+
+    @classmethod
+    def hand(cls) -> StampingVariation:
+        """Single stamps held by hand and struck with a hammer, one after the other, along a line drawn or guessed.
+
+        Gaps, tilts and turns of each are some two to three times those of a holder's, blows are of unlike force, and
+        where the hand is set down anew the baseline goes on elsewhere.
+        """
+        return cls(
+            depth_fraction=0.2,
+            tilt_fraction=0.25,
+            rotation_deg=2.5,
+            baseline_fraction=0.045,
+            spacing_fraction=0.06,
+            worn_probability=0.08,
+            double_strike_probability=0.06,
+            burr_fraction=0.12,
+            pile_up_lean=0.3,
+            jump_probability=0.25,
+            jump_fraction=0.08,
+        )
+
+
+PRACTICES: Final[dict[str, Callable[[], StampingVariation]]] = {
+    "press": StampingVariation,
+    "hand": StampingVariation.hand,
+    "ideal": StampingVariation.none,
+}
+"""Who stamps: a press or a holder (the defaults), a hand with single stamps, nobody (all ideal)."""

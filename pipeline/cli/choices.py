@@ -5,6 +5,12 @@ from __future__ import annotations
 from typing import Literal
 
 FaceName = Literal["sharp", "flat", "round", "dotted"]
+DieName = Literal["flat", "sharp", "blunt-v", "round", "dotted", "lopsided", "double", "one-flank"]
+PlateName = Literal[
+    "machined", "cylinder", "ring", "saddle", "bow", "milled", "turned", "faced", "ground", "sand"
+]
+PracticeName = Literal["press", "hand", "ideal"]
+LayoutName = Literal["straight", "turned", "arc", "two-lines"]
 FidelityName = Literal["pointwise", "contact"]
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from pipeline.cli.choices import FaceName, listed
+from pipeline.cli.choices import DieName, FaceName, LayoutName, PlateName, PracticeName, listed
 from pipeline.cli.exit_status import failures_reported
 
 
@@ -24,6 +24,10 @@ def synth(
     bevel_deg: float = 45.0,
     raised: Annotated[bool, Parameter(negative="")] = False,
     variation: bool = True,
+    practice: PracticeName | None = None,
+    die: DieName | None = None,
+    plate: PlateName | None = None,
+    layout: LayoutName | None = None,
     dirt: float = 0.0,
     soil: str = "workshop",
     grime: float | None = None,
@@ -66,6 +70,14 @@ def synth(
         Raised marks instead of sunk ones.
     variation
         Let blows and plates differ as in a shop.
+    practice
+        Who stamps: a press, a hand with single stamps, or nobody (all ideal); a press unless given.
+    die
+        In place of a face: also a V with a blunt edge, pile-up on one side, double strikes, one wall missing.
+    plate
+        What is stamped: bent (cylinder: line along its axis; ring: around it), or left rough by a tool.
+    layout
+        A straight line, one turned by up to 5 degrees, an arc, or another line above or below.
     dirt
         How dirty, 0 to 1.
     soil
@@ -130,6 +142,10 @@ def synth(
             bevel_deg=bevel_deg,
             raised=raised,
             variation=variation,
+            practice=practice,
+            die=die,
+            plate=plate,
+            layout=layout,
             soiling=soiling,
             light_azimuth_deg=light_azimuth_deg,
             light_elevation_deg=light_elevation_deg,

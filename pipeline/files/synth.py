@@ -22,8 +22,12 @@ from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import allowed_characters
 from glyphs.part import Part, stamp
 from glyphs.soiling.soiled import Soiling
+from glyphs.stamping.amounts import chosen
 from glyphs.stamping.die import Face, default_die
-from glyphs.stamping.stamp import StampingVariation
+from glyphs.stamping.dies import DIES
+from glyphs.stamping.layouts import LAYOUTS
+from glyphs.stamping.plates import PLATES
+from glyphs.stamping.variation import PRACTICES, StampingVariation
 from pipeline.common.atomic import replacing
 from pipeline.common.settings import SettingsError
 from pipeline.files.npz import write_npz
@@ -47,13 +51,19 @@ class SynthSpec:
         bevel_deg: slope of its walls.
         raised: raised marks.
         variation: whether blows and plate differ as they do in a shop; without it all is ideal.
+        practice: who stamps, a name of `glyphs.PRACTICES`; a press unless given.
+        die: a name of `glyphs.DIES`, in place of a face.
+        plate: a name of `glyphs.PLATES`; a machined one unless given.
+        layout: a name of `glyphs.LAYOUTS`; a straight line unless given. Of two lines the truth is the one of the
+            format.
         soiling: what lies on the parts; nothing unless given.
         light_azimuth_deg: where the lamp stands (`Light`); drawn for every part unless given.
         light_elevation_deg: how high it stands; likewise.
         pixel_mm: size of a pixel of the photographs on the part.
 
     Raises:
-        SettingsError: a format, font, die, light or pixel that cannot be.
+        SettingsError: a format, font, die, light or pixel that cannot be; a practice without variation.
+        StampError: no practice, die, plate or layout of that name.
     """
 
     format: str
@@ -65,6 +75,10 @@ class SynthSpec:
     bevel_deg: float = 45.0
     raised: bool = False
     variation: bool = True
+    practice: str | None = None
+    die: str | None = None
+    plate: str | None = None
+    layout: str | None = None
     soiling: Soiling = field(default_factory=Soiling)
     light_azimuth_deg: float | None = None
     light_elevation_deg: float | None = None
@@ -80,6 +94,20 @@ class SynthSpec:
             elevation_deg=self.light_elevation_deg,
         )
         Camera(pitch_mm=self.pixel_mm)
+        if self.practice is not None and not self.variation:
+            raise SettingsError(
+                "a practice is how blows differ", hint="leave out either it or 'no variation'"
+            )
+        for kind, choices, name in (
+            ("practice", PRACTICES, self.practice),
+            ("die", DIES, self.die),
+            ("plate", PLATES, self.plate),
+            ("layout", LAYOUTS, self.layout),
+        ):
+            if name is not None:
+                chosen(kind, choices, name)
+        if self.die is not None and self.face is not Face.FLAT:
+            raise SettingsError(f"a die {self.die!r} has a face of its own", hint="leave out the face")
         default_die(
             self.height_mm,
             font=load_font(self.font),
@@ -108,6 +136,10 @@ def make_part(spec: SynthSpec, number: int) -> Part:
         bevel_deg=spec.bevel_deg,
         raised=spec.raised,
         variation=None if spec.variation else StampingVariation.none(),
+        practice=spec.practice,
+        die=spec.die,
+        plate=spec.plate,
+        layout=spec.layout,
         dirt=spec.soiling.severity if spec.soiling.mixture is None else spec.soiling.mixture,
         soil=spec.soiling.soils,
         seed=(spec.seed, number),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from functools import partial
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,6 +14,11 @@ from glyphs.camera.appearance import draw_light
 from glyphs.errors import FileError, MarksError
 from glyphs.soiling.soiled import Soiling
 from glyphs.stamping.die import Face
+from glyphs.stamping.dies import DIES
+from glyphs.stamping.layouts import LAYOUTS
+from glyphs.stamping.plates import PLATES
+from glyphs.stamping.variation import PRACTICES
+from pipeline.cli.choices import DieName, LayoutName, PlateName, PracticeName
 from pipeline.cli.main import main
 from pipeline.common.settings import SettingsError
 from pipeline.files.photos import read_photo
@@ -92,6 +98,12 @@ def test_what_is_asked_for_is_stamped() -> None:
         {"format": "9", "light_elevation_deg": 0.0},
         {"format": "9", "light_azimuth_deg": float("nan")},
         {"format": "9", "pixel_mm": 0.0},
+        {"format": "9", "die": "oval"},
+        {"format": "9", "die": "sharp", "face": Face.ROUND},
+        {"format": "9", "plate": "moon"},
+        {"format": "9", "layout": "spiral"},
+        {"format": "9", "practice": "robot"},
+        {"format": "9", "practice": "hand", "variation": False},
     ],
 )
 def test_what_cannot_be_is_refused(wrong: dict[str, object]) -> None:
@@ -186,3 +198,25 @@ def test_dirt_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "severity is 1.5" in capsys.readouterr().err
     assert main(["synth", str(tmp_path / "c"), *common, "--grime", "-1"]) == 2
     assert "grime is -1" in capsys.readouterr().err
+
+
+def test_practices_from_the_command_line(tmp_path: Path) -> None:
+    common = ["--parts", "1", "--format", "A9999", "--height-mm", "3", "--no-photo"]
+    assert main(["synth", str(tmp_path / "usual"), *common]) == 0
+    own = ["--die", "blunt-v", "--plate", "cylinder", "--practice", "hand", "--layout", "two-lines"]
+    assert main(["synth", str(tmp_path / "own"), *common, *own]) == 0
+    usual, other = (read_height_map(tmp_path / name / "part-000.npz") for name in ("usual", "own"))
+    assert other.size_mm[1] > usual.size_mm[1] + 3.0
+    assert load_truth(tmp_path / "own" / "truth.csv") == load_truth(tmp_path / "usual" / "truth.csv")
+    spec = SynthSpec(
+        format="A9999", height_mm=3.0, die="blunt-v", plate="cylinder", practice="hand", layout="two-lines"
+    )
+    np.testing.assert_array_equal(make_part(spec, 0).height_map.z_mm, other.z_mm)
+
+
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [(DieName, DIES), (PlateName, PLATES), (PracticeName, PRACTICES), (LayoutName, LAYOUTS)],
+)
+def test_the_words_of_the_command_line_are_the_names_there_are(words: object, names: object) -> None:
+    assert list(get_args(words)) == list(names)  # type: ignore[call-overload]

@@ -1,0 +1,222 @@
+"""One blow: where it lands and how it cuts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.fonts.glyph import Glyph
+from glyphs.stamping.die import Die, ink_points_mm, relief_mm, shape_distance_mm, to_plate
+from glyphs.stamping.variation import StampingVariation
+
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Blow:
+    """One character's blow: where it lands (plate offset of the ink's centre, mm) and how.
+
+    `lean_deg` is the side to which it leans, in the plate frame: there the burr is the higher by `pile_up_lean`, and
+    `flank_loss` of the depth is missing at the wall.
+    """
+
+    x_mm: float
+    y_mm: float
+    rotation_deg: float
+    depth_factor: float
+    tilt_x: float
+    tilt_y: float
+    worn: bool
+    faint_deg: float
+    second_mm: tuple[float, float] | None
+    burr_fraction: float
+    lean_deg: float = 0.0
+    pile_up_lean: float = 0.0
+    flank_loss: float = 0.0
+
+
+def middle_mm(shape: Glyph, height_mm: float) -> tuple[float, float]:
+    """Reference point of a character in its own frame: middle of the ink's width at mid cap height, mm."""
+    x0, _, x1, _ = shape.ink_box
+    return ((x0 + x1) / 2 * height_mm, height_mm / 2)
+
+
+def plate_box(
+    shape: Glyph, centre: tuple[float, float], rotation_deg: float, *, height_mm: float, grow_mm: float
+) -> Box:
+    """Box around the ink of a rotated character in the plate frame, mm."""
+    points = ink_points_mm(shape, height_mm=height_mm) - middle_mm(shape, height_mm)
+    px, py = to_plate(points[:, 0], points[:, 1], rotation_deg=rotation_deg)
+    half = (shape.stroke / 2 * height_mm if shape.inked else 0.0) + grow_mm
+    return (
+        centre[0] + float(px.min()) - half,
+        centre[1] + float(py.min()) - half,
+        centre[0] + float(px.max()) + half,
+        centre[1] + float(py.max()) + half,
+    )
+
+
+@dataclass(frozen=True)
+class Stance:
+    """How a stamp is held for one blow: the side to which it leans, degrees of the plate frame, and how far the
+    baseline has wandered by then, fraction of the height."""
+
+    lean_deg: float = 0.0
+    rise: float = 0.0
+
+
+def draw_stances(how: StampingVariation, count: int, *, rng: np.random.Generator) -> list[Stance]:
+    """Draw the stances of a line, from a stream of their own: `rng` goes on as if there were none.
+
+    A hand leans to one side all along a part, give or take 25 degrees.
+    """
+    if how.pile_up_lean == how.flank_loss == how.jump_probability == 0.0:
+        return [Stance()] * count
+    own = rng.spawn(1)[0]
+    leans = np.degrees(own.uniform(0.0, 2 * math.pi)) + 25.0 * own.standard_normal(count)
+    jumps = own.uniform(size=count) < how.jump_probability
+    steps = jumps * how.jump_fraction * np.clip(own.standard_normal(count), -2.0, 2.0)
+    rises = np.zeros(count)
+    for k in range(count):
+        # a hand that strayed notices: half of what it rose is left after the next jump
+        before = rises[k - 1] if k else 0.0
+        rises[k] = before * (0.5 if jumps[k] else 1.0) + steps[k]
+    return [Stance(float(lean), float(rise)) for lean, rise in zip(leans, rises, strict=True)]
+
+
+def draw_blow(
+    how: StampingVariation,
+    stance: Stance,
+    rng: np.random.Generator,
+    *,
+    x_mm: float,
+    y_mm: float,
+    height_mm: float,
+    rotation_deg: float,
+) -> Blow:
+    """Draw one blow. The number of draws never depends on the values, so parts differ only where asked."""
+    normal = np.clip(rng.standard_normal(8), -2.5, 2.5)
+    chance = rng.uniform(size=4)
+    along = normal[0] * how.spacing_fraction * height_mm
+    rise = (normal[1] * how.baseline_fraction + stance.rise) * height_mm
+    dx, dy = to_plate(along, rise, rotation_deg=rotation_deg)
+    worn = bool(chance[0] < how.worn_probability)
+    heading = 2 * math.pi * float(chance[2])
+    step = how.double_strike_fraction * height_mm * (1.0 + 0.3 * float(normal[6]))
+    double = bool(chance[1] < how.double_strike_probability)
+    return Blow(
+        x_mm=x_mm + float(dx),
+        y_mm=y_mm + float(dy),
+        rotation_deg=rotation_deg + how.rotation_deg * float(normal[2]),
+        depth_factor=max(0.2, 1.0 + how.depth_fraction * float(normal[3])) * (0.75 if worn else 1.0),
+        tilt_x=how.tilt_fraction * float(normal[4]),
+        tilt_y=how.tilt_fraction * float(normal[5]),
+        worn=worn,
+        faint_deg=360.0 * float(chance[3]),
+        second_mm=(step * math.cos(heading), step * math.sin(heading)) if double else None,
+        burr_fraction=how.burr_fraction * max(0.0, 1.0 + 0.4 * float(normal[7])),
+        lean_deg=stance.lean_deg,
+        pile_up_lean=how.pile_up_lean,
+        flank_loss=how.flank_loss,
+    )
+
+
+def strike(
+    relief: NDArray[np.float32],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    shape: Glyph,
+    die: Die,
+    blow: Blow,
+    *,
+    height_mm: float,
+) -> Box:
+    """Add one character to the relief, in place, and return the box of its ink, clipped to the plate."""
+    if blow.worn:
+        die = replace(
+            die,
+            edge_radius_mm=die.edge_radius_mm + die.depth_mm,
+            root_radius_mm=die.root_radius_mm + 0.5 * die.depth_mm,
+        )
+    burr = die.burr_height_mm + blow.burr_fraction * die.depth_mm
+    die = replace(die, burr_height_mm=burr)
+    blows = [((blow.x_mm, blow.y_mm), blow.depth_factor)]
+    if blow.second_mm is not None:
+        blows.append(
+            ((blow.x_mm + blow.second_mm[0], blow.y_mm + blow.second_mm[1]), 0.7 * blow.depth_factor)
+        )
+    boxes = []
+    for centre, factor in blows:
+        deepest = max(0.0, factor * (1.0 + abs(blow.tilt_x) + abs(blow.tilt_y)) - 1.0) * die.depth_mm
+        widening = deepest / math.tan(math.radians(die.bevel_deg))
+        box = plate_box(shape, centre, blow.rotation_deg, height_mm=height_mm, grow_mm=widening)
+        boxes.append(box)
+        if not shape.inked:
+            continue
+        reach = die.edge_radius_mm + (die.burr_width_mm if burr > 0.0 else 0.0) + (x[1] - x[0])
+        columns = slice(*np.searchsorted(x, (box[0] - reach, box[2] + reach)))
+        lines = slice(*np.searchsorted(y, (box[1] - reach, box[3] + reach)))
+        if columns.start == columns.stop or lines.start == lines.stop:
+            continue
+        u, v = to_plate(
+            x[None, columns] - centre[0], y[lines, None] - centre[1], rotation_deg=blow.rotation_deg
+        )
+        new = _blow_relief(shape, die, blow, factor, u, v, height_mm=height_mm)
+        old = relief[lines, columns]
+        # Where either blow cut, the deeper one shows; where both only raised a rim, the higher.
+        relief[lines, columns] = np.where(
+            (new < 0.0) | (old < 0.0), np.minimum(new, old), np.maximum(new, old)
+        )
+    low, high = np.min(boxes, axis=0), np.max(boxes, axis=0)
+    return (
+        float(np.clip(low[0], 0.0, x[-1])),
+        float(np.clip(low[1], 0.0, y[-1])),
+        float(np.clip(high[2], 0.0, x[-1])),
+        float(np.clip(high[3], 0.0, y[-1])),
+    )
+
+
+def _blow_relief(
+    shape: Glyph,
+    die: Die,
+    blow: Blow,
+    factor: float,
+    u: NDArray[np.float64],
+    v: NDArray[np.float64],
+    *,
+    height_mm: float,
+) -> NDArray[np.float32]:
+    """Relief of one blow at offsets (u right, v up) from the character's reference point, mm."""
+    middle = middle_mm(shape, height_mm)
+    distance = shape_distance_mm(shape, die, u + middle[0], v + middle[1], height_mm=height_mm)
+    leans = blow.pile_up_lean > 0.0 or blow.flank_loss > 0.0
+    side = _towards(distance, blow.lean_deg) if leans else None
+    extra = None
+    if factor != 1.0 or blow.tilt_x != 0.0 or blow.tilt_y != 0.0:
+        tilt = 1.0 + blow.tilt_x * (u / height_mm) + blow.tilt_y * (v / height_mm)
+        extra = die.depth_mm * (factor * np.maximum(tilt, 0.0) - 1.0)
+    half_width = None if shape.contours else die.stroke_mm / 2
+    z = relief_mm(distance, die, half_width_mm=half_width, extra_depth_mm=extra)
+    if side is not None and blow.flank_loss > 0.0:
+        # place across the groove: 0 in the middle and beyond it, 1 at the wall that the edge lacks
+        across = side * np.clip(distance / np.float32(die.stroke_mm / 2) + 1.0, 0.0, 1.0)
+        z = np.where(z < 0.0, z * (1.0 - np.float32(blow.flank_loss) * np.clip(across, 0.0, 1.0)), z)
+    if side is not None and blow.pile_up_lean > 0.0:
+        z = np.where(z > 0.0, z * (1.0 + np.float32(blow.pile_up_lean) * side), z)
+    if blow.worn:
+        # A chipped or rounded die prints faintly towards one side.
+        heading = math.radians(blow.faint_deg)
+        across = (u * math.cos(heading) + v * math.sin(heading)) / height_mm
+        z = z * (1.0 - 0.6 / (1.0 + np.exp(-(across - 0.25) / 0.08))).astype(np.float32)
+    return z
+
+
+def _towards(distance_mm: NDArray[np.float32], lean_deg: float) -> NDArray[np.float32]:
+    """Cosine between the way out of the groove and a direction of the plate, -1..1, sample by sample."""
+    down, right = np.gradient(distance_mm)
+    length = np.maximum(np.hypot(down, right), np.float32(1e-9))
+    lean = math.radians(lean_deg)
+    return np.asarray((right * math.cos(lean) + down * math.sin(lean)) / length, dtype=np.float32)

@@ -1,0 +1,90 @@
+"""Dies by name: the edge that cuts, and what it does to the metal beside the groove."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.amounts import StampError, check_amounts, chosen
+from glyphs.stamping.faces import DEFAULT_STROKE_RATIO, Die, Face, default_die
+from glyphs.stamping.variation import StampingVariation
+from glyphs.surface.display import one_line
+
+_WIDEST = 1.25  # of the font's stroke, as `default_die` has it
+
+
+@dataclass(frozen=True)
+class DieKind:
+    """One kind of die.
+
+    Attributes:
+        face: shape of its edge.
+        tip: width of the flat on the edge of a blunt V, share of the usual stroke; 0 leaves the face as it is. In
+            outlined fonts the widths are the outlines' own and the flat shows where they are wide enough.
+        changes: what of `StampingVariation` is its own, by field name.
+
+    Raises:
+        StampError: a tip negative or as wide as the stroke, or on another face than FLAT.
+    """
+
+    face: Face
+    tip: float = 0.0
+    changes: tuple[tuple[str, float], ...] = ()
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        check_amounts(self)
+        if self.tip >= 1.0 or (self.tip > 0.0 and self.face is not Face.FLAT):
+            raise StampError(
+                f"tip is {self.tip} of a {self.face} die", hint="it is a share below 1 of a flat one"
+            )
+
+    def die(
+        self,
+        height_mm: float,
+        *,
+        font: Font | None = None,
+        bevel_deg: float = 45.0,
+        depth_mm: float | None = None,
+    ) -> Die:
+        """The die for characters of that height; arguments and errors as `default_die`."""
+        usual = default_die(height_mm, font=font, face=self.face, bevel_deg=bevel_deg, depth_mm=depth_mm)
+        if self.tip == 0.0:
+            return usual
+        ratio = font.stroke_ratio if font is not None and font.stroke_ratio > 0.0 else DEFAULT_STROKE_RATIO
+        nominal = ratio * height_mm
+        walls = 2 * usual.depth_mm / math.tan(math.radians(bevel_deg))
+        stroke = min(self.tip * nominal + walls, _WIDEST * nominal)
+        return replace(usual, stroke_mm=stroke, root_radius_mm=0.05 * usual.depth_mm)
+
+    def applied(self, how: StampingVariation) -> StampingVariation:
+        """How blows differ with this die."""
+        return replace(how, **dict(self.changes))  # type: ignore[arg-type]
+
+
+DIES: Final[dict[str, DieKind]] = {
+    "flat": DieKind(Face.FLAT),
+    "sharp": DieKind(Face.SHARP),
+    "blunt-v": DieKind(Face.FLAT, tip=0.2),
+    "round": DieKind(Face.ROUND),
+    "dotted": DieKind(Face.DOTTED),
+    "lopsided": DieKind(Face.FLAT, changes=(("burr_fraction", 0.25), ("pile_up_lean", 0.9))),
+    "double": DieKind(
+        Face.FLAT, changes=(("double_strike_probability", 0.5), ("double_strike_fraction", 0.07))
+    ),
+    "one-flank": DieKind(Face.FLAT, changes=(("flank_loss", 1.0),)),
+}
+"""The die's face alone (the first is the usual one), a V blunted to a flat of a fifth of the stroke, pile-up on one
+side, every second blow struck twice, and grooves that lack the wall on one side."""
+
+
+def die_kind(name: str) -> DieKind:
+    """The kind of die of that name.
+
+    Raises:
+        StampError: no such die.
+    """
+    return chosen("die", DIES, name)

@@ -1,0 +1,105 @@
+"""What a plate is bent to: cylinders, saddles and bows, each axis of the plate an arc of a circle.
+
+    radius > 0: the plate falls off to both its edges        x_mm, y_mm: as seen from above (the plate frame)
+    radius < 0: it rises to them                             skin: along the surface, as a tape measures it
+        ___-----___
+      /      |      \\     s = R asin(x / R)        z = sqrt(R^2 - x^2) - R
+             R
+
+Marks keep their measures along the skin, so that seen from above those near the edges are narrower: what is stamped
+around a shaft was rolled on. The die follows the surface; depth is straight down.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.stamping.amounts import StampError
+from glyphs.surface.display import one_line
+
+MAX_SAG_MM = 3.0
+"""What a form may rise or fall from the middle to an edge: beyond it neither an array of whiskers on a straight rail
+nor a camera's depth of field reaches."""
+_STEEPEST = 0.9
+"""Of the half width over the radius: slopes of up to 64 degrees at the edge."""
+
+
+@dataclass(frozen=True)
+class PlateForm:
+    """The radii of a plate about its two axes; flat unless given.
+
+    Attributes:
+        radius_x_mm: of the arc that the plate follows along x (a line around a shaft), mm, not zero; infinite: none.
+        radius_y_mm: of the arc along y (a line along a shaft), likewise. Both with one sign make a bow or a dish, with
+            two signs a saddle.
+
+    Raises:
+        StampError: a radius of zero or not a number.
+    """
+
+    radius_x_mm: float = math.inf
+    radius_y_mm: float = math.inf
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        for name in ("radius_x_mm", "radius_y_mm"):
+            if math.isnan(getattr(self, name)) or getattr(self, name) == 0.0:
+                raise StampError(
+                    f"{name} is {getattr(self, name)}", hint="give a radius, negative if the plate is hollow"
+                )
+
+    @property
+    def flat(self) -> bool:
+        """Whether it is none at all."""
+        return math.isinf(self.radius_x_mm) and math.isinf(self.radius_y_mm)
+
+    def height_mm(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Height (rows, cols) over the middle, mm, at plate coordinates x (cols,) and y (rows,) from the middle.
+
+        Raises:
+            StampError: a plate too large for the radius: more than MAX_SAG_MM from the middle to an edge.
+        """
+        across, down = _arc(x_mm, self.radius_x_mm), _arc(y_mm, self.radius_y_mm)
+        return np.asarray(across[None, :] + down[:, None], dtype=np.float32)
+
+
+def seen_mm(skin_mm: float, radius_mm: float) -> float:
+    """How wide half a plate is as seen from above that measures `skin_mm` along its skin.
+
+    Raises:
+        StampError: a plate that would reach too far around.
+    """
+    if math.isinf(radius_mm):
+        return skin_mm
+    if skin_mm / abs(radius_mm) > math.asin(_STEEPEST):
+        raise _too_far(skin_mm, radius_mm)
+    return abs(radius_mm) * math.sin(skin_mm / abs(radius_mm))
+
+
+def along_skin_mm(seen: NDArray[np.float64], radius_mm: float) -> NDArray[np.float64]:
+    """Places along the skin of places as seen from above, both mm from the middle."""
+    return seen if math.isinf(radius_mm) else abs(radius_mm) * np.arcsin(seen / abs(radius_mm))
+
+
+def _arc(at_mm: NDArray[np.float64], radius_mm: float) -> NDArray[np.float64]:
+    if math.isinf(radius_mm):
+        return np.zeros_like(at_mm)
+    half = float(np.abs(at_mm).max())
+    if half > _STEEPEST * abs(radius_mm):
+        raise _too_far(half, radius_mm)
+    z = math.copysign(1.0, radius_mm) * (np.sqrt(radius_mm**2 - at_mm**2) - abs(radius_mm))
+    if np.abs(z).max() > MAX_SAG_MM:
+        raise _too_far(half, radius_mm)
+    return np.asarray(z)
+
+
+def _too_far(half_mm: float, radius_mm: float) -> StampError:
+    return StampError(
+        f"a plate of {2 * half_mm:.3g} mm bent to a radius of {radius_mm:.3g} mm goes further than {MAX_SAG_MM:g} mm",
+        hint="use a larger radius or stamp less on it",
+    )

@@ -1,0 +1,116 @@
+"""Where characters stand: on a straight line or an arc, and what else is stamped above or below."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.amounts import StampError, chosen
+from glyphs.surface.display import one_line
+
+MOST_TURNED_DEG = 5.0
+_TIGHTEST = 0.9  # of half a line's length over the radius of its arc
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a line lies on the plate; straight and alone unless given.
+
+    Attributes:
+        turned_deg: of the whole line, clockwise as seen, added to what the caller turns it by.
+        radius_mm: of the arc that the baseline follows, not zero; positive: its middle lies below the text, as on the
+            upper half of a round badge; negative: above it. Infinite: a straight line.
+        other_text: another line beside the one that is asked for; none if empty.
+        other_above: whether that line stands above, or else below.
+        gap: land between the two lines, cap heights, >= 0.
+
+    Raises:
+        StampError: a value out of range.
+    """
+
+    turned_deg: float = 0.0
+    radius_mm: float = math.inf
+    other_text: str = ""
+    other_above: bool = False
+    gap: float = 0.5
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.turned_deg):
+            raise StampError(f"turned_deg is {self.turned_deg}", hint="it must be finite")
+        if math.isnan(self.radius_mm) or self.radius_mm == 0.0:
+            raise StampError(
+                f"radius_mm is {self.radius_mm}", hint="give the radius of an arc, infinite for none"
+            )
+        if not math.isfinite(self.gap) or self.gap < 0.0:
+            raise StampError(f"gap is {self.gap}", hint="it must be zero or positive")
+
+    def place(self, along_mm: float, up_mm: float, *, length_mm: float) -> tuple[float, float, float]:
+        """(x, y, turn) of a point of a line `length_mm` long: x right and y up, mm, turn clockwise, degrees.
+
+        Raises:
+            StampError: a line too long for the arc.
+        """
+        if math.isinf(self.radius_mm):
+            return along_mm, up_mm, 0.0
+        half = length_mm / 2
+        if half > _TIGHTEST * math.pi / 2 * abs(self.radius_mm):
+            raise StampError(
+                f"a line of {length_mm:.3g} mm does not fit an arc of radius {abs(self.radius_mm):.3g} mm",
+                hint="use a larger radius",
+            )
+        angle = (along_mm - half) / self.radius_mm
+        reach = self.radius_mm + up_mm
+        return (
+            half + reach * math.sin(angle),
+            reach * math.cos(angle) - self.radius_mm,
+            math.degrees(angle),
+        )
+
+
+def _turned(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
+    return Layout(turned_deg=float(rng.uniform(-MOST_TURNED_DEG, MOST_TURNED_DEG)))
+
+
+def _arc(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
+    side = 1.0 if rng.uniform() < 0.5 else -1.0
+    return Layout(radius_mm=side * max(6.0 * height_mm, float(rng.uniform(0.8, 1.4)) * length_mm))
+
+
+def _two_lines(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
+    serial = [c for c in sorted(font.glyphs) if c.isascii() and (c.isdigit() or c.isupper())]
+    # never as long as the line that is asked for, so that no reader of its format can take one for the other
+    count = len(text) - 2 if len(text) > 4 else len(text) + 2
+    other = "".join(serial[int(k)] for k in rng.integers(len(serial), size=count))
+    return Layout(other_text=other, other_above=bool(rng.uniform() < 0.5))
+
+
+def _straight(rng: np.random.Generator, height_mm: float, length_mm: float, font: Font, text: str) -> Layout:
+    return Layout()
+
+
+LAYOUTS: Final[dict[str, Callable[[np.random.Generator, float, float, Font, str], Layout]]] = {
+    "straight": _straight,
+    "turned": _turned,
+    "arc": _arc,
+    "two-lines": _two_lines,
+}
+"""A straight line (the usual one), one turned by up to 5 degrees either way, one on an arc that bends up or down, and
+one with another line of another length above or below it."""
+
+
+def named_layout(
+    name: str, *, height_mm: float, length_mm: float, font: Font, text: str, rng: np.random.Generator
+) -> Layout:
+    """The layout of that name for a text that is `length_mm` long.
+
+    Raises:
+        StampError: no such layout.
+    """
+    return chosen("layout", LAYOUTS, name)(rng, height_mm, length_mm, font, text)

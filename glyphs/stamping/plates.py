@@ -1,0 +1,62 @@
+"""Plates by name: what a plate is bent to and what its tools left on it, in measures of what is stamped on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from glyphs.stamping.amounts import chosen
+from glyphs.stamping.forms import MAX_SAG_MM, PlateForm
+from glyphs.stamping.textures import Grinding, Milling, Sand, Texture, Turning
+from glyphs.stamping.variation import PlateVariation
+
+_FALL, _MOST_FALL_MM = 0.2, 1.5
+"""What a form falls from the middle to the ends of a line: of the height, 1 mm at 5 mm, and at most."""
+
+PLATES: Final[dict[str, Callable[[float, float], PlateVariation]]] = {
+    "machined": lambda height_mm, length_mm: PlateVariation(),
+    "cylinder": lambda height_mm, length_mm: _bent(PlateForm(radius_y_mm=_shaft(height_mm, length_mm))),
+    "ring": lambda height_mm, length_mm: _bent(PlateForm(radius_x_mm=_radius(height_mm, length_mm))),
+    "saddle": lambda height_mm, length_mm: _bent(
+        PlateForm(radius_x_mm=-_radius(height_mm, length_mm), radius_y_mm=12 * height_mm)
+    ),
+    "bow": lambda height_mm, length_mm: _bent(
+        PlateForm(radius_x_mm=1.5 * _radius(height_mm, length_mm), radius_y_mm=60 * height_mm)
+    ),
+    "milled": lambda height_mm, length_mm: _finished(Milling()),
+    "turned": lambda height_mm, length_mm: _finished(Turning()),
+    "faced": lambda height_mm, length_mm: _finished(Turning(ring_radius_mm=max(20.0, 0.6 * length_mm))),
+    "ground": lambda height_mm, length_mm: _finished(Grinding()),
+    "sand": lambda height_mm, length_mm: _finished(Sand()),
+}
+"""From character height and length of the line, mm, to a plate. `machined` is the usual one."""
+
+
+def named_plate(name: str, *, height_mm: float, length_mm: float) -> PlateVariation:
+    """The plate of that name for characters of that height in a line of that length.
+
+    Raises:
+        StampError: no such plate.
+    """
+    return chosen("plate", PLATES, name)(height_mm, length_mm)
+
+
+def _radius(height_mm: float, length_mm: float) -> float:
+    """The radius about which a line falls by `_FALL` heights to either end, but a shaft's at least."""
+    fall = min(_FALL * height_mm, _MOST_FALL_MM)
+    return max(15 * height_mm, ((length_mm / 2) ** 2 + fall**2) / (2 * fall))
+
+
+def _shaft(height_mm: float, length_mm: float) -> float:
+    """The radius of a shaft that a line runs along: 8 heights, or what room for another line or an arc asks for."""
+    half = 1.3 * height_mm + max(0.08 * length_mm, 0.75 * height_mm)
+    return max(8 * height_mm, half**2 / (1.9 * MAX_SAG_MM))
+
+
+def _bent(form: PlateForm) -> PlateVariation:
+    return PlateVariation(form=form)
+
+
+def _finished(texture: Texture) -> PlateVariation:
+    # the tool's marks are pressed flat less than a fine lay is: they are as deep as some marks' corners
+    return PlateVariation(texture=texture, ironing=0.5)

@@ -1,0 +1,174 @@
+"""What tools leave on a plate, beyond the fine lay of `PlateVariation`: heights (rows, cols) over x and y.
+
+Depths and feeds are those of workshop tables of surface finish (Ra of rough milling 3 to 6 um, rough turning 3 to 6,
+grinding with a coarse belt 1 to 3, blasted or sand-cast skins 6 to 25), as in ISO 1302 and the comparators made to it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.stamping.amounts import check_amounts, check_shares
+from glyphs.surface.noise import Field, smooth_noise
+
+Axis = NDArray[np.float64]
+
+
+class Texture(Protocol):
+    """The marks of one way of finishing a surface, with a mean of about zero."""
+
+    def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
+        """Heights (rows, cols) float32, mm, at x (cols,) and y (rows,), evenly spaced; all chance is `rng`'s."""
+
+
+@dataclass(frozen=True)
+class Milling:
+    """Arcs that the teeth of a face mill leave, deeper and shallower where the tool chatters.
+
+    Attributes:
+        depth_um: from crest to bottom of a feed mark.
+        feed_mm: from one arc to the next, > 0.
+        radius_mm: of the mill, > 0.
+        chatter: share by which the depth swings, 0..1.
+        chatter_mm: wavelength of the swing along the arcs, > 0.
+
+    Raises:
+        StampError: a value out of range.
+    """
+
+    depth_um: float = 16.0
+    feed_mm: float = 0.35
+    radius_mm: float = 25.0
+    chatter: float = 0.6
+    chatter_mm: float = 1.6
+
+    def __post_init__(self) -> None:
+        check_amounts(self, positive=("feed_mm", "radius_mm", "chatter_mm"))
+        check_shares(self, "chatter")
+
+    def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
+        """See `Texture`."""
+        phase = rng.uniform(0.0, 2 * math.pi, 2)
+        middle = float(y_mm.mean()) + rng.uniform(-0.3, 0.3) * self.radius_mm
+        dy = (y_mm - middle)[:, None]
+        # the mill moves along x: an arc is where a tooth stood at one instant
+        bend = np.sqrt(np.maximum(self.radius_mm**2 - dy**2, 0.01 * self.radius_mm**2))
+        turn = (x_mm[None, :] - bend) / self.feed_mm
+        swing = np.sin(2 * math.pi * dy / self.chatter_mm + phase[0] + 0.7 * turn + phase[1])
+        return _cusps(turn, 1.0 + self.chatter * swing, self.depth_um)
+
+
+@dataclass(frozen=True)
+class Turning:
+    """Grooves of a lathe's tool: parallel on a turned shaft, parts of rings on a faced end.
+
+    Attributes:
+        depth_um: from crest to bottom.
+        feed_mm: from one groove to the next, > 0.
+        ring_radius_mm: distance of the axis below the plate's middle; 0 gives parallel grooves, along y.
+        unevenness: by how much depths differ from groove to groove, share, 0..1.
+
+    Raises:
+        StampError: a value out of range.
+    """
+
+    depth_um: float = 14.0
+    feed_mm: float = 0.25
+    ring_radius_mm: float = 0.0
+    unevenness: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_amounts(self, positive=("feed_mm",))
+        check_shares(self, "unevenness")
+
+    def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
+        """See `Texture`."""
+        across = x_mm[None, :] + 0.0 * y_mm[:, None]
+        if self.ring_radius_mm > 0.0:
+            dy = y_mm - y_mm.mean() - self.ring_radius_mm
+            across = np.hypot((x_mm - x_mm.mean())[None, :], dy[:, None])
+        turn = (across - across.min()) / self.feed_mm + rng.uniform()
+        each = 1.0 + self.unevenness * rng.uniform(-1.0, 1.0, int(turn.max()) + 2)
+        return _cusps(turn, each[turn.astype(int)], self.depth_um)
+
+
+@dataclass(frozen=True)
+class Grinding:
+    """Countless fine lines of unlike depth, as a belt or a wheel leaves them, each of its own length.
+
+    Attributes:
+        ra_um: arithmetic mean roughness.
+        line_mm: width of a line, > 0.
+        length_mm: length of a line, > 0.
+        along_x: whether they run along the line, or else across it.
+
+    Raises:
+        StampError: a value out of range.
+    """
+
+    ra_um: float = 3.0
+    line_mm: float = 0.06
+    length_mm: float = 6.0
+    along_x: bool = True
+
+    def __post_init__(self) -> None:
+        check_amounts(self, positive=("line_mm", "length_mm"))
+
+    def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
+        """See `Texture`."""
+        from scipy.ndimage import gaussian_filter
+
+        pitch = float(x_mm[1] - x_mm[0])
+        white = rng.standard_normal((y_mm.size, x_mm.size), dtype=np.float32)
+        widths = (self.line_mm / 2 / pitch, self.length_mm / 2 / pitch)
+        lines = gaussian_filter(white, widths if self.along_x else widths[::-1], mode="wrap", truncate=3.0)
+        # grains cut scratches rather than raise ridges: the deep side of the distribution is the longer
+        lines = lines / np.float32(max(float(lines.std()), 1e-12))
+        return _of_ra(
+            np.minimum(lines, np.float32(0.8)) + np.float32(0.4) * np.minimum(lines, 0.0), self.ra_um
+        )
+
+
+@dataclass(frozen=True)
+class Sand:
+    """A blasted or sand-cast skin: craters and grains of two sizes, alike in all directions.
+
+    Attributes:
+        ra_um: arithmetic mean roughness.
+        grain_mm: size of the coarse grain, > 0; the fine one is a third of it.
+
+    Raises:
+        StampError: a value out of range.
+    """
+
+    ra_um: float = 9.0
+    grain_mm: float = 0.25
+
+    def __post_init__(self) -> None:
+        check_amounts(self, positive=("grain_mm",))
+
+    def __call__(self, x_mm: Axis, y_mm: Axis, *, rng: np.random.Generator) -> Field:
+        """See `Texture`."""
+        shape, pitch = (y_mm.size, x_mm.size), float(x_mm[1] - x_mm[0])
+        coarse = smooth_noise(shape, pitch_mm=pitch, length_mm=self.grain_mm, rng=rng)
+        fine = smooth_noise(shape, pitch_mm=pitch, length_mm=self.grain_mm / 3, rng=rng)
+        # grains press round hollows and leave sharp crests between them
+        return _of_ra(np.abs(coarse) ** np.float32(1.3) + np.float32(0.35) * fine, self.ra_um)
+
+
+def _cusps(turn: NDArray[np.float64], share: NDArray[np.float64], depth_um: float) -> Field:
+    """Round grooves side by side, one a turn, with sharp crests between; mean about zero."""
+    t = 2.0 * (turn - np.floor(turn)) - 1.0
+    return np.asarray(depth_um * 1e-3 * share * (t * t - 1.0 / 3.0), dtype=np.float32)
+
+
+def _of_ra(z: Field, ra_um: float) -> Field:
+    """The field about its mean, scaled to an arithmetic mean roughness."""
+    level = z - np.float32(z.mean(dtype=np.float64))
+    ra = float(np.abs(level).mean(dtype=np.float64))
+    return np.asarray(level * np.float32(ra_um * 1e-3 / max(ra, 1e-12)), dtype=np.float32)
