@@ -1,0 +1,315 @@
+"""Splashed and dried mud, as on vehicles and field machines.
+
+    wet       ~~~~~~~~~~~~~~~~~~~~~~~~~   slurry levels over land and grooves,
+             ____      ____      ____     thicker down the plate and at its front
+                 \\____/    \\____/
+
+    dry        ,_____,   ,_____,   o      every column shrinks alike, so a groove shows through as a dip;
+              (_______) (____o__) (_)     plates between cracks curl up at their edges; sand o stays hard
+             ____      ____      ____
+                 \\__o_/    \\_o__/         rain takes the land's mud first, the groove keeps its own
+
+How much there is of everything, from the literature:
+
+- Slurry of yield stress 2 to 20 Pa stays on an upright plate 0.1 to 1 mm thick (tau / rho g); a draining film
+  thickens as the square root of the way down (H. Jeffreys, "The draining of a vertical plate", 1930). It dries to
+  half to two thirds of its wet thickness, column by column.
+- A drop dries with its edge pinned, and the flow to it builds a ring (R. Deegan et al., Nature 389, 1997).
+- Below some tens of micrometres a film does not crack; above, distance between cracks grows with thickness, some 3
+  to 10 times it, and a late crack meets an earlier one at a right angle (A. Groisman and E. Kaplan, Europhys. Lett.
+  25, 1994; T. Khatun et al., arXiv 1412.2842; P. Nandakishore and L. Goehring, Soft Matter 12, 2016). Plates
+  shrink some 5 to 10 % sideways, and curl because they dry from the top (R. Style et al., J. Geophys. Res. 116, 2011).
+- Dried silt and clay carry 1 MPa (moist) to 20 MPa (bone dry) under a tip; quartz does not yield. Soil slides on
+  steel with angles of 22 to 35 degrees. Dry soil throws back some 0.3 of light, moist soil half of that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.opencv import cv2
+from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat
+from glyphs.soiling.cracks import nearest_crack
+from glyphs.soiling.strokes import drop
+from glyphs.surface.noise import Field, ramp, share, smooth_noise
+
+SAND_MM = (0.05, 0.5)
+HARDNESS_MPA = (1.0, 20.0)
+CRACKING_MM = (0.015, 0.05)
+"""Thickness at which a film begins to crack, and at which it does everywhere."""
+SPACING = 7.0
+"""A plate wider than this many thicknesses cracks in two."""
+SHRINKAGE = 0.08
+"""Of a plate's width: what the cracks around it gape."""
+CURLED = 0.25
+"""Share of a plate's width, from its edge, that curls up."""
+OPAQUE_MM = 0.025
+"""Thickness at which a film of mud hides two thirds of what it lies on."""
+_DRY_ALBEDO = np.array([0.40, 0.325, 0.235], dtype=np.float32)
+_SAND_ALBEDO = np.array([0.52, 0.47, 0.38], dtype=np.float32)
+
+
+class Batch(NamedTuple):
+    """The mud of one part."""
+
+    share: float  # of the usual amount
+    moisture: float  # 0 bone dry to 1 moist
+    solid: float  # dry over wet thickness
+    flight_rad: float  # where splashes flew
+    rain: float  # 0 to 1: how much of the land's mud it took
+
+
+class Grid(NamedTuple):
+    """Every `step`-th sample of a coat, and what mud needs to know of it."""
+
+    step: int
+    shape: tuple[int, int]
+    pitch_mm: float
+    height_mm: float
+    depth_mm: float
+
+    @property
+    def size_mm(self) -> NDArray[np.float64]:
+        """Width and height of the plate."""
+        return np.array(self.shape)[::-1] * self.pitch_mm
+
+    def noise(self, x_mm: float, y_mm: float, rng: np.random.Generator) -> Field:
+        """Smooth noise with a length in x and one in y, drawn on a grid thinned further."""
+        rows, cols = self.shape
+        thin = [max(1.0, length / (2.5 * self.pitch_mm)) for length in (y_mm, x_mm)]
+        small = (int(np.ceil(rows / thin[0])) + 2, int(np.ceil(cols / thin[1])) + 2)
+        noise = smooth_noise(small, pitch_mm=1.0, length_mm=2.5, rng=rng)
+        return np.asarray(cv2.resize(noise, (cols, rows), interpolation=cv2.INTER_CUBIC), dtype=np.float32)
+
+    def whole(self, field: Field, shape: tuple[int, int]) -> Field:
+        """A field of this grid on all samples of the coat, linearly between."""
+        if self.step == 1:
+            return field
+        scale = np.array([[1.0 / self.step, 0.0, 0.0], [0.0, 1.0 / self.step, 0.0]])
+        return np.asarray(
+            cv2.warpAffine(
+                np.ascontiguousarray(field, dtype=np.float32),
+                scale,
+                shape[::-1],
+                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_REPLICATE,
+            )
+        )
+
+
+def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+    """A surface that mud was splashed on, ran down, dried and cracked.
+
+    Args:
+        coat: the surface before.
+        amount: 0 to 1.
+        rng: the only source of randomness.
+    """
+    batch = Batch(
+        share=rng.uniform(0.65, 1.4),
+        moisture=rng.beta(1.2, 2.5),
+        solid=rng.uniform(0.55, 0.68),
+        flight_rad=rng.uniform(0.0, 2.0 * np.pi),
+        rain=rng.uniform(0.0, 0.8),
+    )
+    a = min(1.0, amount * batch.share) ** 1.3
+    if a <= 0.0:
+        return coat
+    grid = _thinned(coat)
+    level = _levelled(coat, grid)
+    first = _dried(level, grid.whole(_sheet(grid, a, rng), coat.shape), batch.solid)
+    splashed = _splashes(grid, a, batch, rng) + _sheet(grid, max(a - 0.3, 0.0) / 0.85, rng)
+    thick = first + _dried(level - first, grid.whole(splashed, coat.shape), batch.solid)
+    thick *= _left_by_rain(coat, grid, a, batch, rng)
+    crust = _crust(coat, grid, thick)
+    gap, lift = _cracks(coat, grid, crust, rng)
+    thick *= _crumbs(coat, rng)
+    thick += np.minimum(thick, crust) * (0.35 * lift * (1.0 - gap) - 0.85 * gap)
+    return _finished(coat, thick, _sand(coat, thick, rng), gap, lift, batch)
+
+
+def _thinned(coat: Coat) -> Grid:
+    """A grid fine enough for films and drops; marks' depth is taken as 0.04 of their height where little shows."""
+    step = max(1, int(coat.height_mm / (45.0 * coat.pitch_mm)))
+    rows, cols = ((n + step - 1) // step for n in coat.shape)
+    relief = float(np.percentile(np.abs(coat.clean_mm - coat.brim_mm)[::2, ::2], 97.0))
+    depth = float(np.clip(relief, 0.03 * coat.height_mm, 0.08 * coat.height_mm))
+    return Grid(step, (rows, cols), step * coat.pitch_mm, coat.height_mm, depth)
+
+
+def _blurred(grid: Grid, field: Field, width_mm: float) -> Field:
+    """A field of the coat as a Gaussian of that width leaves it."""
+    thin = np.ascontiguousarray(field[:: grid.step, :: grid.step])
+    sigma = max(width_mm / grid.pitch_mm, 0.5)
+    smooth = cv2.GaussianBlur(thin, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+    return grid.whole(np.asarray(smooth, dtype=np.float32), (field.shape[0], field.shape[1]))
+
+
+def _levelled(coat: Coat, grid: Grid) -> Field:
+    """How far a thick wet film's level lies above the surface, mm: grooves fill, edges of raised marks run thin."""
+    level = _blurred(grid, np.maximum(coat.z_mm, coat.brim_mm), 0.14 * coat.height_mm)
+    return np.asarray(level - coat.z_mm, dtype=np.float32)
+
+
+def _crust(coat: Coat, grid: Grid, thick_mm: Field) -> Field:
+    """Thickness that dries and cracks as one; what lies below it in a groove is held by the walls."""
+    near = _blurred(grid, thick_mm, 0.07 * coat.height_mm)
+    return np.asarray(np.minimum(near, 1.5 * thick_mm), dtype=np.float32)
+
+
+def _sheet(grid: Grid, a: float, rng: np.random.Generator) -> Field:
+    """Wet thickness of mud that ran down the plate: the further down the thicker, with a bead at its front."""
+    h = grid.height_mm
+    rank = share(0.9 * grid.noise(1.1 * h, 2.2 * h, rng) + 0.3 * grid.noise(0.3 * h, 0.5 * h, rng))
+    uneven = grid.noise(0.45 * h, 0.8 * h, rng)
+    above_mm = rng.uniform(0.0, 3.0) * h
+    way = np.sqrt(above_mm + grid.pitch_mm * np.arange(grid.shape[0], dtype=np.float32))[:, None]
+    inside = rank - np.float32(1.0 - 1.15 * a)  # the front lies where it is 0
+    bead = 1.0 + 0.5 * np.exp(-(((inside - 0.05) / 0.035) ** 2))
+    film = ramp(inside, 0.0, 0.05) * bead * (way / way.mean()) * np.exp(0.35 * uneven)
+    return np.asarray(1.9 * grid.depth_mm * a * film, dtype=np.float32)
+
+
+def _splashes(grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
+    """Wet thickness of splashed drops: an ellipse by the angle of impact, a tail, and a ring at the pinned edge."""
+    h, pitch = grid.height_mm, grid.pitch_mm
+    count = int(np.clip(6.0 * np.prod(grid.size_mm) / h**2, 4, 250))
+    centre = rng.uniform(-0.03, 1.03, (count, 2)) * grid.size_mm
+    radius = np.clip(0.09 * h * np.exp(0.65 * rng.standard_normal(count)), 0.03 * h, 0.5 * h)
+    late, oblique, long, thick = rng.random((4, count))
+    heading = batch.flight_rad + 0.35 * rng.standard_normal(count)
+    grown = np.clip((a - 0.9 * late**2) / 0.25, 0.0, 1.0)
+    r, oblong = radius * grown, 1.0 + 1.2 * oblique
+    tail = r * (1.5 + 3.5 * long * oblique)
+    mm = np.minimum(0.22 * radius, 2.2 * grid.depth_mm) * (0.6 + 0.8 * thick) * grown
+    reach = np.maximum(1.25 * oblong * r, tail)[:, None]
+    low = np.maximum(np.floor((centre - reach) / pitch).astype(int), 0)
+    high = np.minimum(np.ceil((centre + reach) / pitch).astype(int) + 1, grid.shape[::-1])
+    ragged = 0.09 * grid.noise(0.09 * h, 0.09 * h, rng)
+    wet = np.zeros(grid.shape, dtype=np.float32)
+    for k in np.flatnonzero((r > 0.4 * pitch) & (high > low).all(axis=1)):
+        here = np.s_[low[k, 1] : high[k, 1], low[k, 0] : high[k, 0]]
+        x = ((np.arange(low[k, 0], high[k, 0]) * pitch - centre[k, 0]) / r[k]).astype(np.float32)[None, :]
+        y = ((np.arange(low[k, 1], high[k, 1]) * pitch - centre[k, 1]) / r[k]).astype(np.float32)[:, None]
+        c, s = float(np.cos(heading[k])), float(np.sin(heading[k]))
+        p, q = c * x + s * y, c * y - s * x
+        body = 1.0 - np.sqrt((p / float(oblong[k])) ** 2 + q * q)
+        flying = 0.45 - p * float(0.45 * r[k] / tail[k]) - np.abs(q) - 9.0 * (p < 0.0)
+        edge = np.maximum(body, flying) + ragged[here]
+        ring = 1.0 / (1.0 + ((edge - 0.16) / 0.09) ** 2)
+        np.maximum(wet[here], float(mm[k]) * np.clip(edge / 0.16, 0.0, 1.0) * (0.6 + ring), out=wet[here])
+    return wet
+
+
+def _dried(level_mm: Field, wet_mm: Field, solid: float) -> Field:
+    """Dry thickness: the wet film takes its level as far as there is mud for it, then all columns shrink alike."""
+    hollow = np.maximum(level_mm, 0.0) + np.float32(1e-6)
+    fills = 2.0 * wet_mm * hollow / np.sqrt(hollow**2 + 4.0 * wet_mm**2)
+    thinner = np.minimum(np.maximum(-level_mm, 0.0), 0.6 * wet_mm)
+    return np.asarray(np.float32(solid) * (wet_mm + fills - thinner), dtype=np.float32)
+
+
+def _left_by_rain(coat: Coat, grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
+    """Share that rain leaves, in streaks down the plate: it takes from the land first, little from a groove."""
+    streak = ramp(grid.noise(0.25 * grid.height_mm, 1.5 * grid.height_mm, rng), -0.6, 1.0)
+    takes = grid.whole(np.float32(batch.rain * (1.0 - 0.7 * a)) * streak, coat.shape)
+    sheltered = np.clip((coat.brim_mm - coat.z_mm) / np.float32(grid.depth_mm), 0.0, 1.0)
+    return np.asarray(1.0 - takes * (1.0 - 0.9 * sheltered), dtype=np.float32)
+
+
+def _crumbs(coat: Coat, rng: np.random.Generator) -> Field:
+    """Factor on the thickness by crumbs of soil: some 0.15 mm wide."""
+    fine = Grid(1, coat.shape, coat.pitch_mm, coat.height_mm, 0.0)
+    length = max(0.15, 1.2 * coat.pitch_mm)
+    return np.asarray(np.clip(1.0 + 0.08 * fine.noise(length, length, rng), 0.6, 1.4), dtype=np.float32)
+
+
+def _cracks(coat: Coat, grid: Grid, crust_mm: Field, rng: np.random.Generator) -> tuple[Field, Field]:
+    """Desiccation cracks: how open a sample lies (0 to 1), and how far up a plate's edge curls there (0 to 1)."""
+    h = grid.height_mm
+    at = np.meshgrid(*(grid.pitch_mm * np.arange(n, dtype=np.float32) for n in grid.shape[::-1]))
+    x, y = (  # bent, so that cracks are not straight
+        line + 0.06 * h * grid.noise(0.4 * h, 0.4 * h, rng) + 0.012 * h * grid.noise(0.09 * h, 0.09 * h, rng)
+        for line in at
+    )
+    plate = np.float32(SPACING) * np.maximum(crust_mm, np.float32(CRACKING_MM[0]))
+    away, side = nearest_crack(
+        x,
+        y,
+        np.ascontiguousarray(plate[:: grid.step, :: grid.step]),
+        size_mm=grid.size_mm,
+        finest_mm=0.15 * h,
+        rng=rng,
+    )
+    # signed distances cross a crack straight; where they change from one crack to another they cross nothing
+    guard = grid.whole(away, coat.shape) - np.float32(0.75 * grid.pitch_mm)
+    off = np.maximum(np.abs(grid.whole(np.copysign(away, side), coat.shape)), guard)
+    gap = np.clip((np.float32(0.5 * SHRINKAGE) * plate - off) / coat.pitch_mm + 0.5, 0.0, 1.0)
+    gap *= ramp(crust_mm, *CRACKING_MM)
+    lift = np.clip(1.0 - off / (CURLED * plate), 0.0, 1.0)
+    return np.asarray(gap, dtype=np.float32), np.asarray(lift * lift, dtype=np.float32)
+
+
+def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
+    """Height of the sand grains' tops over what they lie on, mm; 0 where there is none.
+
+    Few are coarse. A grain more than three times as thick as the mud about it does not stay.
+    """
+    pitch = coat.pitch_mm
+    count = int(np.clip(3.0 * coat.area_mm2, 30, 2500))
+    low, high = SAND_MM
+    d = low * (high / low) ** (rng.random(count) ** 1.8)
+    at = rng.random((count, 2)) * np.array(coat.shape)[::-1] * pitch
+    lies = rng.random(count)
+    i, j = (np.minimum((at[:, k] / pitch).astype(int), coat.shape[1 - k] - 1) for k in (0, 1))
+    mud_mm = thick_mm[j, i]
+    stays = np.clip(3.0 * mud_mm / d - 1.0, 0.0, 1.0)
+    top = stays * (d + lies * np.maximum(mud_mm - d, 0.0))
+    grains = np.zeros(coat.shape, dtype=np.float32)
+    reach = np.ceil(0.5 * d / pitch).astype(int)  # samples; the many small ones need few
+    for width in range(1, int(reach.max()) + 1):
+        some = (reach == width) & (stays > 0.0)
+        step = np.arange(-width, width + 1) * pitch
+        around = np.stack(np.meshgrid(step, step), axis=-1).reshape(-1, 2)
+        away = np.hypot(*around.T)[None, :] / (0.5 * d[some, None])
+        below = 0.5 * (stays * d)[some, None] * (1.0 - np.sqrt(np.maximum(1.0 - away**2, 0.0)))
+        height = np.where(away <= 1.0, np.maximum(top[some, None] - below, 0.0), 0.0)
+        drop(grains, at[some, None, :] + around[None], height, pitch_mm=pitch)
+    return grains
+
+
+def _finished(coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, batch: Batch) -> Coat:
+    """The coat under mud and sand: what yields is the mud down to the sand in it, moist mud and curled rims first."""
+    top = np.maximum(thick, sand)
+    soft = top - sand
+    cover = np.asarray(1.0 - np.exp(top * np.float32(-1.0 / OPAQUE_MM)), dtype=np.float32)
+    bare = (sand > 0.0) * np.clip((sand - thick) / 0.02, 0.0, 1.0)
+    soft_mpa, hard_mpa = HARDNESS_MPA
+    mpa = hard_mpa * (soft_mpa / hard_mpa) ** batch.moisture
+    mud_mpa = np.maximum(np.float32(mpa) * (1.0 - 0.5 * lift), np.float32(soft_mpa))
+    # a film thinner than the dirt under it yields with that; a grain lets nothing yield
+    lies, stone = soft > coat.soft_mm, (sand > 0.0) & (soft <= 0.0)
+    below = np.where(lies, mud_mpa, coat.hardness_mpa)
+    laid = replace(
+        coat,
+        z_mm=(coat.z_mm + top).astype(np.float32),
+        soft_mm=np.where(sand > 0.0, soft, soft + coat.soft_mm).astype(np.float32),
+        hardness_mpa=np.where(stone, STEEL_HARDNESS_MPA, below).astype(np.float32),
+        friction=(coat.friction + cover * (np.float32(_friction(batch)) - coat.friction)).astype(np.float32),
+    )
+    earth = _DRY_ALBEDO * np.float32(1.0 - 0.5 * batch.moisture)
+    tone = np.clip(0.92 + 0.12 * lift - 0.45 * gap, 0.3, 1.1)[..., None] * earth
+    return laid.shaded(
+        cover,
+        albedo=tone + bare[..., None] * (_SAND_ALBEDO - tone),
+        roughness=0.95 - 0.25 * batch.moisture - 0.35 * bare,
+        reflectance=0.04,
+    )
+
+
+def _friction(batch: Batch) -> float:
+    return float(np.tan(np.radians(25.0 + 8.0 * batch.moisture)))
