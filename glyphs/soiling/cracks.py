@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from glyphs.surface.noise import Field
 
+_GAPES = 1.7
+"""How much wider the oldest cracks are than the youngest."""
 _DOTS = 5
 """A plate of the last generation, by which plates are measured."""
 
@@ -26,8 +28,8 @@ def nearest_crack(
     size_mm: NDArray[np.float64],
     finest_mm: float,
     rng: np.random.Generator,
-) -> tuple[Field, Field]:
-    """Distance to the nearest crack, and on which side of it a sample lies.
+) -> Field:
+    """Distance to the nearest crack.
 
     A crack opens where the plate that it halves is wider than `plate_mm`: the net is drawn once, and thicker layers
     leave its younger cracks closed. Older cracks gape wider, as if they were nearer.
@@ -41,25 +43,29 @@ def nearest_crack(
         rng: the only source of randomness; what is drawn does not depend on `plate_mm`.
 
     Returns:
-        (rows, cols) mm, at most 0.3 `plate_mm`; and (rows, cols) of either sign.
+        (rows, cols) mm, at most 0.3 `plate_mm`.
     """
     generations = int(np.clip(np.ceil(np.log2(np.prod(size_mm) / finest_mm**2)), 4, 12))
     dots = rng.random((_DOTS << generations, 2)) * size_mm
     turns = rng.normal(0.0, 0.28, (generations, 1 << generations))
     places = rng.uniform(-0.35, 0.35, (generations, 1 << generations))
-    away, side = 0.3 * plate_mm, np.ones_like(plate_mm)
+    away, widest = np.float32(0.3) * plate_mm, float(plate_mm.max())
     cell, of = np.zeros(x_mm.shape, dtype=np.int64), np.zeros(len(dots), dtype=np.int64)
     for generation in range(generations):
         cells = 1 << generation
         nx, ny, at, width = _halved(dots, of, turns[generation, :cells], places[generation, :cells])
         s = nx[cell] * x_mm + ny[cell] * y_mm - at[cell]
-        relative = width[cell] / plate_mm
-        off = np.abs(s) / np.clip(relative, 1.0, 1.7) + plate_mm * np.clip(0.85 - relative, 0.0, 0.35)
-        nearer = off < away
-        away, side = np.where(nearer, off, away), np.where(nearer, s, side)
+        off = np.abs(s)
+        if width.min() > _GAPES * widest:
+            off /= np.float32(_GAPES)
+        else:
+            relative = width[cell] / plate_mm
+            off /= np.clip(relative, 1.0, _GAPES)
+            off += plate_mm * np.clip(0.85 - relative, 0.0, 0.35)
+        np.minimum(away, off, out=away)
         cell = 2 * cell + (s > 0.0)
         of = 2 * of + (nx[of] * dots[:, 0] + ny[of] * dots[:, 1] > at[of])
-    return np.asarray(away, dtype=np.float32), np.asarray(side, dtype=np.float32)
+    return away
 
 
 def _halved(

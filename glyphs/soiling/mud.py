@@ -110,13 +110,13 @@ def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
         rng: the only source of randomness.
     """
     batch = Batch(
-        share=rng.uniform(0.65, 1.4),
+        share=rng.uniform(0.6, 1.3),
         moisture=rng.beta(1.2, 2.5),
         solid=rng.uniform(0.55, 0.68),
         flight_rad=rng.uniform(0.0, 2.0 * np.pi),
         rain=rng.uniform(0.0, 0.8),
     )
-    a = min(1.0, amount * batch.share) ** 1.3
+    a = min(1.0, amount * batch.share) ** 1.5
     if a <= 0.0:
         return coat
     grid = _thinned(coat)
@@ -237,18 +237,14 @@ def _cracks(coat: Coat, grid: Grid, crust_mm: Field, rng: np.random.Generator) -
         for line in at
     )
     plate = np.float32(SPACING) * np.maximum(crust_mm, np.float32(CRACKING_MM[0]))
-    away, side = nearest_crack(
-        x,
-        y,
-        np.ascontiguousarray(plate[:: grid.step, :: grid.step]),
-        size_mm=grid.size_mm,
-        finest_mm=0.15 * h,
-        rng=rng,
+    thin = np.ascontiguousarray(plate[:: grid.step, :: grid.step])
+    near = nearest_crack(x, y, thin, size_mm=grid.size_mm, finest_mm=0.15 * h, rng=rng)
+    off = grid.whole(near, coat.shape)
+    # cracks finer than the grid are as wide as it, and less deep
+    half, least = np.float32(0.5 * SHRINKAGE) * plate, np.float32(0.6 * grid.pitch_mm)
+    gap = np.clip((np.maximum(half, least) - off) / coat.pitch_mm + 0.5, 0.0, 1.0) * np.minimum(
+        half / least, 1.0
     )
-    # signed distances cross a crack straight; where they change from one crack to another they cross nothing
-    guard = grid.whole(away, coat.shape) - np.float32(0.75 * grid.pitch_mm)
-    off = np.maximum(np.abs(grid.whole(np.copysign(away, side), coat.shape)), guard)
-    gap = np.clip((np.float32(0.5 * SHRINKAGE) * plate - off) / coat.pitch_mm + 0.5, 0.0, 1.0)
     gap *= ramp(crust_mm, *CRACKING_MM)
     lift = np.clip(1.0 - off / (CURLED * plate), 0.0, 1.0)
     return np.asarray(gap, dtype=np.float32), np.asarray(lift * lift, dtype=np.float32)
@@ -286,30 +282,26 @@ def _finished(coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, ba
     """The coat under mud and sand: what yields is the mud down to the sand in it, moist mud and curled rims first."""
     top = np.maximum(thick, sand)
     soft = top - sand
-    cover = np.asarray(1.0 - np.exp(top * np.float32(-1.0 / OPAQUE_MM)), dtype=np.float32)
-    bare = (sand > 0.0) * np.clip((sand - thick) / 0.02, 0.0, 1.0)
+    grains = np.nonzero(sand)
+    stones = tuple(axis[soft[grains] <= 0.0] for axis in grains)
     soft_mpa, hard_mpa = HARDNESS_MPA
-    mpa = hard_mpa * (soft_mpa / hard_mpa) ** batch.moisture
-    mud_mpa = np.maximum(np.float32(mpa) * (1.0 - 0.5 * lift), np.float32(soft_mpa))
-    # a film thinner than the dirt under it yields with that; a grain lets nothing yield
-    lies, stone = soft > coat.soft_mm, (sand > 0.0) & (soft <= 0.0)
-    below = np.where(lies, mud_mpa, coat.hardness_mpa)
-    laid = replace(
-        coat,
-        z_mm=(coat.z_mm + top).astype(np.float32),
-        soft_mm=np.where(sand > 0.0, soft, soft + coat.soft_mm).astype(np.float32),
-        hardness_mpa=np.where(stone, STEEL_HARDNESS_MPA, below).astype(np.float32),
-        friction=(coat.friction + cover * (np.float32(_friction(batch)) - coat.friction)).astype(np.float32),
+    mpa = np.float32(hard_mpa * (soft_mpa / hard_mpa) ** batch.moisture)
+    # a film thinner than the dirt under it yields with that; over a grain only what lies on it yields
+    hardness = np.where(
+        soft > coat.soft_mm, np.maximum(mpa * (1.0 - 0.5 * lift), soft_mpa), coat.hardness_mpa
     )
+    hardness[stones] = STEEL_HARDNESS_MPA
+    yields = soft + coat.soft_mm
+    yields[grains] = soft[grains]
+    cover = np.asarray(1.0 - np.exp(top * np.float32(-1.0 / OPAQUE_MM)), dtype=np.float32)
+    mu = np.float32(np.tan(np.radians(25.0 + 8.0 * batch.moisture)))
     earth = _DRY_ALBEDO * np.float32(1.0 - 0.5 * batch.moisture)
-    tone = np.clip(0.92 + 0.12 * lift - 0.45 * gap, 0.3, 1.1)[..., None] * earth
-    return laid.shaded(
-        cover,
-        albedo=tone + bare[..., None] * (_SAND_ALBEDO - tone),
-        roughness=0.95 - 0.25 * batch.moisture - 0.35 * bare,
-        reflectance=0.04,
-    )
-
-
-def _friction(batch: Batch) -> float:
-    return float(np.tan(np.radians(25.0 + 8.0 * batch.moisture)))
+    albedo = (0.92 + 0.12 * lift - 0.45 * gap)[..., None] * earth
+    albedo[stones] = _SAND_ALBEDO
+    return replace(
+        coat,
+        z_mm=coat.z_mm + top,
+        soft_mm=yields,
+        hardness_mpa=hardness,
+        friction=coat.friction + cover * (mu - coat.friction),
+    ).shaded(cover, albedo=albedo, roughness=0.95 - 0.25 * batch.moisture, reflectance=0.04)

@@ -113,7 +113,7 @@ def test_plates_curl_up_at_their_edges() -> None:
 
     away_mm = distance_transform_edt(gap == 0.0) * coat.pitch_mm
     assert lift[(gap == 0.0) & (away_mm < 0.1)].mean() > 0.4
-    assert lift[away_mm > 0.8].mean() < 0.05
+    assert lift[away_mm > 0.8].mean() < 0.1
 
 
 def test_sand_does_not_yield_and_mud_does() -> None:
