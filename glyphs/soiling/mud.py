@@ -177,7 +177,7 @@ def _sheet(grid: Grid, a: float, rng: np.random.Generator) -> Field:
 def _splashes(grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> Field:
     """Wet thickness of splashed drops: an ellipse by the angle of impact, a tail, and a ring at the pinned edge."""
     h, pitch = grid.height_mm, grid.pitch_mm
-    count = int(np.clip(6.0 * np.prod(grid.size_mm) / h**2, 4, 250))
+    count = int(np.clip(4.5 * np.prod(grid.size_mm) / h**2, 4, 250))
     centre = rng.uniform(-0.03, 1.03, (count, 2)) * grid.size_mm
     radius = np.clip(0.09 * h * np.exp(0.65 * rng.standard_normal(count)), 0.03 * h, 0.5 * h)
     late, oblique, long, thick = rng.random((4, count))
@@ -197,9 +197,11 @@ def _splashes(grid: Grid, a: float, batch: Batch, rng: np.random.Generator) -> F
         y = ((np.arange(low[k, 1], high[k, 1]) * pitch - centre[k, 1]) / r[k]).astype(np.float32)[:, None]
         c, s = float(np.cos(heading[k])), float(np.sin(heading[k]))
         p, q = c * x + s * y, c * y - s * x
-        body = 1.0 - np.sqrt((p / float(oblong[k])) ** 2 + q * q)
-        flying = 0.45 - p * float(0.45 * r[k] / tail[k]) - np.abs(q) - 9.0 * (p < 0.0)
-        edge = np.maximum(body, flying) + ragged[here]
+        edge = 1.0 - np.sqrt((p * float(1.0 / oblong[k])) ** 2 + q * q)
+        if tail[k] > 1.2 * oblong[k] * r[k]:
+            flying = np.float32(0.45) - p * float(0.45 * r[k] / tail[k]) - np.abs(q)
+            edge = np.where(p > 0.0, np.maximum(edge, flying), edge)
+        edge += ragged[here]
         ring = 1.0 / (1.0 + ((edge - 0.16) / 0.09) ** 2)
         np.maximum(wet[here], float(mm[k]) * np.clip(edge / 0.16, 0.0, 1.0) * (0.6 + ring), out=wet[here])
     return wet
@@ -222,32 +224,31 @@ def _left_by_rain(coat: Coat, grid: Grid, a: float, batch: Batch, rng: np.random
 
 
 def _crumbs(coat: Coat, rng: np.random.Generator) -> Field:
-    """Factor on the thickness by crumbs of soil: some 0.15 mm wide."""
+    """Factor on the thickness by crumbs of soil: some 0.2 mm wide."""
     fine = Grid(1, coat.shape, coat.pitch_mm, coat.height_mm, 0.0)
-    length = max(0.15, 1.2 * coat.pitch_mm)
+    length = max(0.2, 1.2 * coat.pitch_mm)
     return np.asarray(np.clip(1.0 + 0.08 * fine.noise(length, length, rng), 0.6, 1.4), dtype=np.float32)
 
 
 def _cracks(coat: Coat, grid: Grid, crust_mm: Field, rng: np.random.Generator) -> tuple[Field, Field]:
     """Desiccation cracks: how open a sample lies (0 to 1), and how far up a plate's edge curls there (0 to 1)."""
     h = grid.height_mm
-    at = np.meshgrid(*(grid.pitch_mm * np.arange(n, dtype=np.float32) for n in grid.shape[::-1]))
-    x, y = (  # bent, so that cracks are not straight
-        line + 0.06 * h * grid.noise(0.4 * h, 0.4 * h, rng) + 0.012 * h * grid.noise(0.09 * h, 0.09 * h, rng)
-        for line in at
-    )
-    plate = np.float32(SPACING) * np.maximum(crust_mm, np.float32(CRACKING_MM[0]))
-    thin = np.ascontiguousarray(plate[:: grid.step, :: grid.step])
-    near = nearest_crack(x, y, thin, size_mm=grid.size_mm, finest_mm=0.15 * h, rng=rng)
-    off = grid.whole(near, coat.shape)
+    rows, cols = grid.shape
+    # bent, so that cracks are not straight
+    bent_x, bent_y = (0.06 * h * grid.noise(0.4 * h, 0.4 * h, rng) for _ in range(2))
+    ragged = 0.012 * h * grid.noise(0.09 * h, 0.09 * h, rng)
+    x = np.float32(grid.pitch_mm) * np.arange(cols, dtype=np.float32)[None, :] + bent_x + ragged
+    y = np.float32(grid.pitch_mm) * np.arange(rows, dtype=np.float32)[:, None] + bent_y + ragged[::-1, ::-1]
+    crust = np.ascontiguousarray(crust_mm[:: grid.step, :: grid.step])
+    plate = np.float32(SPACING) * np.maximum(crust, np.float32(CRACKING_MM[0]))
+    off = nearest_crack(x, y, plate, size_mm=grid.size_mm, finest_mm=0.15 * h, rng=rng)
     # cracks finer than the grid are as wide as it, and less deep
     half, least = np.float32(0.5 * SHRINKAGE) * plate, np.float32(0.6 * grid.pitch_mm)
-    gap = np.clip((np.maximum(half, least) - off) / coat.pitch_mm + 0.5, 0.0, 1.0) * np.minimum(
-        half / least, 1.0
-    )
-    gap *= ramp(crust_mm, *CRACKING_MM)
-    lift = np.clip(1.0 - off / (CURLED * plate), 0.0, 1.0)
-    return np.asarray(gap, dtype=np.float32), np.asarray(lift * lift, dtype=np.float32)
+    inside = grid.whole(np.maximum(half, least) - off, coat.shape)
+    deep = grid.whole(ramp(crust, *CRACKING_MM) * np.minimum(half / least, 1.0), coat.shape)
+    gap = np.clip(inside * np.float32(1.0 / coat.pitch_mm) + 0.5, 0.0, 1.0) * deep
+    lift = np.maximum(1.0 - off / (CURLED * plate), 0.0)
+    return np.asarray(gap, dtype=np.float32), grid.whole(lift * lift, coat.shape)
 
 
 def _sand(coat: Coat, thick_mm: Field, rng: np.random.Generator) -> Field:
