@@ -34,7 +34,7 @@ SOILS: Final[dict[str, str]] = {
     "workshop": "glyphs.soiling.workshop.mixture:workshop",
     "caked": "glyphs.soiling.caked:caked",
     "rust": "glyphs.soiling.rust:rust",
-    "paint": "glyphs.soiling.paint:paint",
+    "paint": "glyphs.soiling.paint.coats:paint",
     "weld": "glyphs.soiling.weld:weld",
     "mud": "glyphs.soiling.mud:mud",
     "wear": "glyphs.soiling.wear:wear",

@@ -9,7 +9,7 @@ import pytest
 
 from glyphs import stamp
 from glyphs.soiling.coat import Coat, bare_coat
-from glyphs.soiling.paint import WET_MM, levelled, paint
+from glyphs.soiling.paint.coats import WET_MM, levelled, paint
 from glyphs.surface.noise import Field
 
 PITCH_MM = 0.05

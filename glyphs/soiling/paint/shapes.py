@@ -1,26 +1,6 @@
-"""Paint: coats that level themselves, run downhill, dry, shrink and flake off.
+"""The shapes that paint takes on a part: streaks, runs and curtains, orange peel, over-spray, flakes.
 
-    gravity -->                           chip   run, bead at its end   dry over-spray
-              ____  wet, levelled ____    | |         ___                 . ..:.. .
-      dry ___/    \\__          _______\\___| |________/   \\____________.:_::::::::_
-      =====\\        \\________/  /==================\\______/=====================   steel
-            \\_groove_: pool ___/     edge: thin      pool under a run
-
-- A wet film levels by surface tension: a ripple of wave number k fades as exp(-t k^4 sigma h^3 / 3 eta), short ones
-  first (S. E. Orchard, "On surface levelling in viscous liquids and gels", Appl. Sci. Res. A 11, 1963; simulated over
-  real sheet by B. Figliuzzi et al., "Numerical simulation of thin paint film flow", J. Math. Industry 2:1, 2012).
-  The film cannot be thinner than nothing: it pulls back from edges and pools in grooves, and no paint is lost.
-- Drying leaves the solids: 0.42 to 0.48 of the volume of an alkyd enamel, 88 to 150 um wet to 38 to 63 um dry a coat
-  (Rust-Oleum 412402, data sheet), more of chassis paint. A filled groove sinks in again, less with every coat.
-- A film too thick sags: ridges and fingers about 14 h (rho g h^2 / sigma)^(-1/3) apart (H. E. Huppert, "Flow and
-  instability of a viscous current down a slope", Nature 300, 1982): 7 to 12 mm here. Sag is tested with notches of
-  50 to 1000 um (ASTM D4400). A run's section is a cap whose contact angle is 15 to 35 degrees.
-- Orange peel is waviness of 0.3 to 10 mm (bands Wb, Wc, Wd of BYK's wave-scan); over-spray is droplets of 20 to
-  100 um that dried in flight and stick in lumps.
-- Half of the parts wear enamel: hard, the tip does not mark it. The others run from that to rubbery chassis paint,
-  which yields a little (4 to 150 MPa, an estimate) and rubs more.
-
-Thickness goes with the depth of the marks: large marks are cut into heavy parts, which get heavy paint.
+Sizes and their sources: `glyphs.soiling.paint.coats`.
 """
 
 from __future__ import annotations
@@ -32,32 +12,13 @@ import numpy as np
 from glyphs.soiling.coat import Coat
 from glyphs.surface.noise import Field, ramp, smooth_noise
 
-_STARTS = (0.0, 0.2, 0.42)
-"""Amount at which each coat begins; it is whole 0.45 later."""
-WET_MM = (0.04, 0.5)
-"""Thinnest and thickest coat that a brush or gun leaves in one go."""
-_WET_OF_DEPTH = 0.85
-_TENSION_N_PER_M = 0.03
+TENSION_N_PER_M = 0.03
 _DENSITY_KG_PER_M3 = 1200.0
 _GRAVITY_M_PER_S2 = 9.81
-_PINNED = 0.3
-"""Least share of the paint laid on that stays on an edge."""
-_HIDING_MM = 0.012
-"""Dry film that hides all but 1/e of what is under it."""
-_ENAMEL_MPA, _RUBBER_MPA = 150.0, 4.0
-_COLOURS = (
-    (0.03, 0.03, 0.032),  # black
-    (0.22, 0.23, 0.23),  # machine grey
-    (0.60, 0.60, 0.57),  # white
-    (0.04, 0.13, 0.07),  # green
-    (0.03, 0.08, 0.25),  # blue
-    (0.45, 0.27, 0.03),  # yellow
-    (0.25, 0.07, 0.04),  # red oxide
-)
 
 
 @dataclass(frozen=True)
-class _Can:
+class Can:
     """The paint of one part and how it was put on.
 
     Attributes:
@@ -80,92 +41,24 @@ class _Can:
     def finger_mm(self) -> float:
         """Distance of the fingers of a film that sags (Huppert)."""
         h = 1e-3 * 1.5 * self.wet_mm
-        bond = _DENSITY_KG_PER_M3 * _GRAVITY_M_PER_S2 * h * h / _TENSION_N_PER_M
+        bond = _DENSITY_KG_PER_M3 * _GRAVITY_M_PER_S2 * h * h / TENSION_N_PER_M
         return float(1e3 * 14.0 * h * bond ** (-1 / 3))
 
 
-def paint(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    """Paint a surface over and over; see the module. `amount` goes with the number of coats."""
-    if amount <= 0.0:
-        return coat
-    much = min(1.0, amount * rng.triangular(0.5, 1.0, 1.5))
-    can, thin = _can(coat, rng), _thinned(coat)
-    top, dry = coat.z_mm, []
-    for start in _STARTS:
-        gain = float(np.clip((much - start) / 0.45, 0.0, 1.0))
-        wet = np.float32(gain * can.wet_mm) * _widened(_laid_on(thin, can, rng), coat)
-        film = levelled(top, wet, pitch_mm=coat.pitch_mm, seconds_per_pa_s=can.seconds_per_pa_s)
-        dry.append(np.float32(can.solids) * film)
-        top = top + dry[-1]
-    first, rest = dry[0], (dry[1] + dry[2]) * _widened(_peeled(thin, can, rng), coat)
-    caps = _widened(_runs(thin, can, (much - 0.12) / 0.65, rng), coat)
-    rest += np.float32(can.solids) * _flowed(top, caps, can, coat)
-    dusty = np.float32(min(1.0, 1.2 * much)) * _widened(_over_spray(thin, can, rng), coat)
-    rest += dusty
-    left_first, left_rest = _chips(coat, much, rng)
-    return _finished(coat, can, (first * left_first, rest * left_rest), dusty, rng)
-
-
-def _thinned(coat: Coat) -> Coat:
+def thinned(coat: Coat) -> Coat:
     """The surface on a grid of about a sixtieth of a character: fine enough for all that is smooth of itself."""
     step = max(1, round(coat.height_mm / (55.0 * coat.pitch_mm)))
     return replace(coat, pitch_mm=step * coat.pitch_mm, z_mm=coat.z_mm[::step, ::step])
 
 
-def _widened(field: Field, coat: Coat) -> Field:
+def widened(field: Field, coat: Coat) -> Field:
     """A field of the thinned surface on the whole grid."""
     from glyphs.opencv import cv2
 
     return np.asarray(cv2.resize(field, coat.shape[::-1], interpolation=cv2.INTER_LINEAR))
 
 
-def _can(coat: Coat, rng: np.random.Generator) -> _Can:
-    low, high = np.percentile((coat.clean_mm - coat.brim_mm)[::3, ::3], [1.0, 99.0])
-    u = rng.uniform(size=6).tolist()
-    rubber = max(0.0, 2.0 * u[0] - 1.0)
-    angle = 2.0 * np.pi * u[5]
-    return _Can(
-        wet_mm=float(np.clip(_WET_OF_DEPTH * (high - low) * (0.7 + 0.5 * u[1]), *WET_MM)),
-        solids=0.42 + 0.10 * u[2] + 0.25 * rubber,
-        rubber=rubber,
-        brushed=float(np.clip(2.0 * u[3] - 0.5, 0.0, 1.0)),
-        seconds_per_pa_s=float(np.exp(np.log(6.0) + u[4] * np.log(10.0)) * (1 - 0.7 * rubber)),
-        downhill=(float(np.cos(angle)), float(np.sin(angle))),
-    )
-
-
-def levelled(top: Field, wet: Field, *, pitch_mm: float, seconds_per_pa_s: float) -> Field:
-    """The wet film after it has levelled: Orchard's law for its surface, no paint lost, none below the ground.
-
-    Args:
-        top: the ground, mm.
-        wet: what is laid on, mm; its mean sets how far it levels.
-        pitch_mm: of the grid.
-        seconds_per_pa_s: time that it is fluid over its viscosity.
-
-    Returns:
-        Film thickness, mm: at least `_PINNED` of what was laid on there, and of the same mean.
-    """
-    from scipy import fft
-
-    mean_mm = float(wet.mean())
-    if mean_mm <= 0.0:
-        return wet
-    # sigma h^3 t / 3 eta in m^4, then in mm^4
-    reach_mm4 = 1e12 * _TENSION_N_PER_M * (1e-3 * mean_mm) ** 3 * seconds_per_pa_s / 3.0
-    rows, cols = top.shape
-    scale = np.pi * reach_mm4**0.25 / pitch_mm
-    v, u = ((scale / n * np.arange(n, dtype=np.float32)) ** 2 for n in (rows, cols))
-    fade = np.exp(-np.minimum((v[:, None] + u[None, :]) ** 2, np.float32(60.0)))
-    film = fft.idctn(fft.dctn(top + wet) * fade) - top
-    # where it would be thinner than the ground lets it, it is pinned; the rest gives what that holds back
-    least = np.float32(_PINNED) * wet
-    over = np.maximum(film - least, 0.0)
-    spare = float(np.mean(wet - least, dtype=np.float64)) / max(float(np.mean(over, dtype=np.float64)), 1e-9)
-    return np.asarray(least + np.float32(spare) * over, dtype=np.float32)
-
-
-def _laid_on(coat: Coat, can: _Can, rng: np.random.Generator) -> Field:
+def laid_on(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     """How unevenly brush or gun leave a coat: factor of mean about 1. Bristles leave streaks of 0.3 to 1.5 mm."""
     bristle = rng.uniform(0.15, 0.4) * (coat.height_mm / 5.0) ** 0.5
     streaks = _streaks(coat, bristle, 40 * bristle, rng.normal(0.0, 0.5), rng)
@@ -229,7 +122,7 @@ def _box(
     return (slice(i0, i1), slice(j0, j1)), x[:, j0:j1] - x_mm, y[i0:i1] - y_mm
 
 
-def _runs(coat: Coat, can: _Can, excess: float, rng: np.random.Generator) -> Field:
+def runs(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field:
     """Height of runs and of one sagging curtain over a level film, mm, wet; none without `excess`, whole at 1."""
     caps = _curtain(coat, can, excess, rng)
     n, size, (dx, dy) = _count(coat, 0.8, 80), coat.height_mm, can.downhill
@@ -257,7 +150,7 @@ def _runs(coat: Coat, can: _Can, excess: float, rng: np.random.Generator) -> Fie
     return caps
 
 
-def _curtain(coat: Coat, can: _Can, excess: float, rng: np.random.Generator) -> Field:
+def _curtain(coat: Coat, can: Can, excess: float, rng: np.random.Generator) -> Field:
     """A film that slid downhill in one piece: thick towards a scalloped front, which ends steeply."""
     x, y = _grid(coat)
     (dx, dy), size = can.downhill, coat.height_mm
@@ -282,28 +175,14 @@ def _curtain(coat: Coat, can: _Can, excess: float, rng: np.random.Generator) -> 
     return np.asarray(np.exp(np.maximum(falls, -40.0)) * np.float32(height), dtype=np.float32)
 
 
-def _flowed(top: Field, caps: Field, can: _Can, coat: Coat) -> Field:
-    """Film of runs: so thick that it levels all under it, so a groove below is full and the run's back smooth."""
-    from glyphs.opencv import cv2
-
-    if not caps.any():
-        return caps
-    thin = _thinned(replace(coat, z_mm=top))
-    sigma = 0.09 * thin.height_mm / thin.pitch_mm
-    level = cv2.GaussianBlur(thin.z_mm, (0, 0), sigma, borderType=cv2.BORDER_REFLECT)
-    level = _widened(np.asarray(level, dtype=np.float32), coat)
-    cover = caps / (caps + np.float32(0.4 * can.wet_mm))
-    return np.asarray(caps + cover * np.maximum(level - top, 0.0), dtype=np.float32)
-
-
-def _peeled(coat: Coat, can: _Can, rng: np.random.Generator) -> Field:
+def peeled(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     """Orange peel, a factor on the film: waves just too long to level, short ones and some as wide as strokes."""
     short = _slow(coat, max(3.0 * can.wet_mm, 1.5 * coat.pitch_mm), rng)
     waves = np.float32(0.6) * short + np.float32(0.7) * _slow(coat, 0.15 * coat.height_mm, rng)
     return np.float32(1.0) + np.clip(waves, -2.5, 2.5) * np.float32(0.18 * (1.0 - 0.6 * can.brushed))
 
 
-def _over_spray(coat: Coat, can: _Can, rng: np.random.Generator) -> Field:
+def over_spray(coat: Coat, can: Can, rng: np.random.Generator) -> Field:
     """Lumps of droplets that dried in flight, and a few spits of the gun, mm; least of it on brushed parts."""
     where = np.clip(_slow(coat, 1.2 * coat.height_mm, rng) * np.float32(0.6) + np.float32(0.1), 0.0, 1.0)
     lumps = np.maximum(_slow(coat, max(0.09, 0.018 * coat.height_mm, 1.2 * coat.pitch_mm), rng), 0.0)
@@ -317,7 +196,7 @@ def _over_spray(coat: Coat, can: _Can, rng: np.random.Generator) -> Field:
     return np.asarray(dust * np.float32(1.0 - 0.7 * can.brushed), dtype=np.float32)
 
 
-def _chips(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, Field]:
+def left_by_chips(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, Field]:
     """What is left, 0 to 1, of the first coat and of those over it. Sharp facets; paint in grooves holds."""
     left = np.ones((2, *coat.shape), dtype=np.float32)
     hollow = coat.hollow_mm()
@@ -339,35 +218,3 @@ def _chips(coat: Coat, much: float, rng: np.random.Generator) -> tuple[Field, Fi
         for layer in left if deep > 0.5 else left[1:]:
             layer[box] = np.minimum(layer[box], 1.0 - off)
     return left[0], left[1]
-
-
-def _finished(
-    coat: Coat, can: _Can, dry: tuple[Field, Field], dusty: Field, rng: np.random.Generator
-) -> Coat:
-    """The coat with its dry films: how it looks, how it rubs, what yields."""
-    picks = rng.integers(len(_COLOURS), size=2)
-    tints = (np.array(_COLOURS)[picks] * rng.uniform(0.75, 1.25, size=(2, 1))).astype(np.float32)
-    gloss = float(rng.uniform(0.08, 0.22)) + 0.4 * can.rubber
-    # what is left to see of the metal, and of the first coat under the rest
-    metal, under = (np.exp(film * np.float32(-1.0 / _HIDING_MM)) for film in dry)
-    albedo = np.empty_like(coat.albedo)
-    metal, under, over = metal * under, (1.0 - metal) * under, 1.0 - under
-    for c in range(3):
-        albedo[..., c] = coat.albedo[..., c] * metal + under * tints[0, c] + over * tints[1, c]
-    dull = np.minimum(dusty * np.float32(50.0), np.float32(1.0))
-    rough = coat.roughness * metal + 0.5 * under + (gloss + (0.75 - gloss) * dull) * over
-    film = dry[0] + dry[1]
-    there = film / (film + np.float32(0.02))
-    mpa = _ENAMEL_MPA * (_RUBBER_MPA / _ENAMEL_MPA) ** can.rubber
-    rub = 0.3 + 0.4 * can.rubber + 4.0 * np.minimum(dusty, 0.05)
-    soft = coat.soft_mm * (1.0 - there) + np.float32(can.rubber) * film
-    return replace(
-        coat,
-        z_mm=coat.z_mm + film,
-        albedo=albedo,
-        roughness=rough,
-        reflectance=0.04 + (coat.reflectance - 0.04) * metal,
-        soft_mm=soft,
-        hardness_mpa=1.0 / ((1.0 - there) / coat.hardness_mpa + there / mpa),
-        friction=np.asarray(coat.friction + there * (rub - coat.friction), dtype=np.float32),
-    )

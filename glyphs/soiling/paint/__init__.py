@@ -1,0 +1,1 @@
+"""Paint, coat over coat."""
