@@ -110,7 +110,7 @@ def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
         rng: the only source of randomness.
     """
     batch = Batch(
-        share=rng.uniform(0.6, 1.3),
+        share=rng.uniform(0.7, 1.3),
         moisture=rng.beta(1.2, 2.5),
         solid=rng.uniform(0.55, 0.68),
         flight_rad=rng.uniform(0.0, 2.0 * np.pi),
@@ -297,7 +297,8 @@ def _finished(coat: Coat, thick: Field, sand: Field, gap: Field, lift: Field, ba
     cover = np.asarray(1.0 - np.exp(top * np.float32(-1.0 / OPAQUE_MM)), dtype=np.float32)
     mu = np.float32(np.tan(np.radians(25.0 + 8.0 * batch.moisture)))
     earth = _DRY_ALBEDO * np.float32(1.0 - 0.5 * batch.moisture)
-    albedo = (0.92 + 0.12 * lift - 0.45 * gap)[..., None] * earth
+    tone = 0.92 + 0.12 * lift - 0.45 * gap
+    albedo = np.stack([tone * colour for colour in earth], axis=-1)
     albedo[stones] = _SAND_ALBEDO
     return replace(
         coat,
