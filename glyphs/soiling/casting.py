@@ -15,11 +15,11 @@ One melt, hot here and cold there, makes all of it. Cold metal bridges and laps;
 - Sand: the metal wets the wall of the mould no deeper than half its first grains ("rough surface" in the ladder rough
   surface, burn-on, burn-in, penetration: "Avoiding Penetration Defects"): sharp crests round shallow bowls, and a
   knob where a grain was missing. Grains 0.1 to 0.6 mm; Ra 12 to 28 um of green sand (YB Metal Solution, "Surface
-  Roughness on Iron Castings"), 3 to 50 um of all sand casting.
+  Roughness on Iron Castings"), 3 to 50 um of all sand castings (ZHY Casting, "Non-contact roughness assessment").
 - Burn-on: grains held in metal and fayalite, one layer or more, as hard as the rest. Sand in a narrow recess has metal
   on three sides and the hottest corners, so it begins in the mark.
-- Veins: metal in cracks of sand that expands at 573 C (Foseco, glossary, "Veining"), 0.1 to 1 mm wide; what fettling
-  leaves is a stump.
+- Veins: metal in cracks of sand that expands at 573 C (Foseco, glossary, "Veining"), 0.1 to 1 mm wide ("Veining
+  (metallurgy)"); what fettling leaves is a stump.
 - Gas: smooth round holes in clusters, opened by the skin; pinholes up to 2 mm (Matson, "Pinholes and blow holes").
 - Shrinkage: shallow dishes over what froze last.
 - Loose sand: what blasting left in grooves; it crumbles at the compressive strength of moulding sand, 0.1 to 0.3 MPa.
@@ -72,10 +72,10 @@ def casting(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     """A worse and worse sand casting."""
     if amount <= 0.0:
         return coat
-    poured = min(1.0, amount * rng.uniform(0.7, 1.35))
+    poured = min(1.0, amount * rng.uniform(0.85, 1.3))
     # one part is cold, another gassy; misrun and burn-on take whole characters, so they come late
-    gassy, cracked, cold, burnt, dirty = np.minimum(poured * rng.uniform(0.7, 1.35, 5), 1.0).tolist()
-    cold, burnt = cold**1.35, burnt**1.35
+    slowness = rng.uniform([0.7, 0.7, 0.7, 1.0, 1.0], [1.6, 1.6, 1.6, 2.2, 2.2])
+    gassy, cracked, dirty, cold, burnt = (poured**slowness).tolist()
     streams = rng.spawn(7)
     mould = _mould(coat, streams[0])
     z = _bridged(coat, mould, cold) + _laps(coat, mould, cold, streams[1])
@@ -88,7 +88,7 @@ def casting(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     sand = _sand(coat, z, mould, dirty, streams[4])
     z, hole = _blown(coat, z, sand, gassy, streams[5])
     sand *= 1.0 - hole
-    there = ramp(sand, 0.0, 0.3 * mould.grain_mm)
+    there = np.minimum(sand / np.float32(0.3 * mould.grain_mm), 1.0)
     skin = np.float32(1.0 - np.exp(-4.0 * poured))
     friction = coat.friction + skin * np.maximum(_SKIN_FRICTION - coat.friction, 0.0)
     cast = replace(
@@ -204,7 +204,7 @@ def _prints(mould: _Mould, amount: float) -> Field:
     """Prints of the grains: crests between bowls, deeper where it was hot; knobs for missing grains. Added, mm."""
     wet = np.clip(1.0 + np.float32(0.45) * mould.warmth, 0.25, 1.8)
     bowls = mould.around * (np.float32(0.4) + mould.rank)
-    knobs = np.maximum(1.0 - mould.around, 0.0) * ramp(mould.rank, 0.90, 0.97)
+    knobs = np.maximum(1.0 - mould.around, 0.0) * (mould.rank > 0.93)
     deep = np.float32(0.3 * mould.grain_mm * min(1.0, 1.6 * amount))
     return np.asarray(deep * wet * (bowls + 2.2 * knobs - np.float32(0.45)), dtype=np.float32)
 
@@ -244,7 +244,7 @@ def _burnt(coat: Coat, z: Field, mould: _Mould, amount: float) -> tuple[Field, F
     hot = mould.warmth + np.float32(0.6) * mould.ragged + np.float32(0.8) * recess
     onset = 2.7 - 3.4 * amount
     cover = ramp(hot, onset - 0.5, onset + 1.5)
-    held = ramp(cover - mould.rank, 0.0, 0.15)
+    held = np.clip((cover - mould.rank) / np.float32(0.15), 0.0, 1.0)
     thick = np.float32((0.015 + 0.075 * amount) * coat.height_mm)
     layers = thick * cover * (0.5 + np.float32(0.9) * mould.rank)
     dome = np.float32(0.4 * mould.grain_mm) * np.sqrt(np.maximum(1.0 - mould.around, 0.0))
