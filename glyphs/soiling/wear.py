@@ -256,15 +256,12 @@ def _drawn_from(z: Field, gain: Field, width: float) -> Field:
     def blurred(values: Field) -> Field:
         return np.asarray(cv2.GaussianBlur(values, (0, 0), width / step, borderType=cv2.BORDER_REFLECT))
 
-    def whole(values: Field) -> Field:
-        return np.asarray(cv2.resize(values, (cols, rows), interpolation=cv2.INTER_LINEAR))
-
-    raised = z + gain
-    proud = np.maximum(raised - whole(blurred(thinned(raised))), 0.0)
-    there = blurred(thinned(proud))
-    least = 0.02 * float(proud.max()) + 1e-9
-    left = np.asarray(blurred(thinned(gain)) / np.maximum(there, np.float32(least)), dtype=np.float32)
-    return np.asarray(raised - proud * whole(left))
+    stands = thinned(z + gain)
+    # on the thinned grid, so that the land's edge and the lip on it go down together
+    proud = np.maximum(stands - blurred(stands), 0.0)
+    least = np.float32(0.02 * float(proud.max()) + 1e-9)
+    sunk = np.asarray(proud * blurred(thinned(gain)) / np.maximum(blurred(proud), least), dtype=np.float32)
+    return np.asarray(z + gain - cv2.resize(sunk, (cols, rows), interpolation=cv2.INTER_LINEAR))
 
 
 def _dimples(coat: Coat, amount: float, rng: np.random.Generator) -> Field:
