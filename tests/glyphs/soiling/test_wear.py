@@ -9,6 +9,8 @@ import pytest
 
 from glyphs import StampingVariation, stamp
 from glyphs.soiling import wear
+from glyphs.soiling.bench import on_bench
+from glyphs.soiling.blows import DENT_ASPECT, MOST_HITS, dimples, knocked, peened
 from glyphs.soiling.coat import Coat, bare_coat
 from glyphs.soiling.wear import wear as worn
 from glyphs.surface.noise import Field
@@ -29,7 +31,7 @@ def _coat(raised: bool = False, height_mm: float = 5.0) -> Coat:
 
 def _rubbed(coat: Coat, amount: float, *, soft: float, seed: int = 0) -> Field:
     life = wear._Life(rubbed=1.0, peened=0.0, knocked=0.0, soft=soft, crossed=0.0)
-    z, _ = wear._rubbed(wear._bench(coat), coat.z_mm, amount, life, rng=np.random.default_rng(seed))
+    z, _ = wear._rubbed(on_bench(coat), coat.z_mm, amount, life, rng=np.random.default_rng(seed))
     return z
 
 
@@ -37,7 +39,7 @@ def _rubbed(coat: Coat, amount: float, *, soft: float, seed: int = 0) -> Field:
 def test_rubbing_lowers_the_land_and_leaves_the_floor(soft: float) -> None:
     coat = _coat()
     taken = coat.z_mm - _rubbed(coat, 0.4, soft=soft)
-    deep = wear._bench(coat).deep_mm
+    deep = on_bench(coat).deep_mm
     floor = coat.z_mm < -0.95 * deep
     land = coat.z_mm > -0.05 * deep
     assert taken[floor].max() < 0.02 * deep
@@ -49,14 +51,14 @@ def test_rubbing_lowers_the_land_and_leaves_the_floor(soft: float) -> None:
 def test_raised_marks_go_before_their_land() -> None:
     coat = _coat(raised=True)
     taken = coat.z_mm - _rubbed(coat, 0.4, soft=0.0)
-    deep = wear._bench(coat).deep_mm
+    deep = on_bench(coat).deep_mm
     assert np.median(taken[coat.z_mm > 0.9 * deep]) > 0.2 * deep
     assert np.median(taken[coat.z_mm < 0.1 * deep]) < 0.02 * deep
 
 
 def test_a_file_scores_and_a_buff_does_not() -> None:
     coat = _coat()
-    deep = wear._bench(coat).deep_mm
+    deep = on_bench(coat).deep_mm
     rows = slice(0, coat.shape[0] // 8)  # land over the characters
     file, buff = (np.diff(_rubbed(coat, 0.5, soft=soft)[rows], axis=0).std() for soft in (0.0, 1.0))
     assert file > 3.0 * buff
@@ -67,11 +69,11 @@ def test_a_file_scores_and_a_buff_does_not() -> None:
 
 def test_peening_moves_metal_and_takes_none() -> None:
     coat = _coat()
-    z, hit = wear._peened(wear._bench(coat), coat.z_mm, 0.8, rng=np.random.default_rng(2))
+    z, hit = peened(on_bench(coat), coat.z_mm, 0.8, rng=np.random.default_rng(2))
     moved = z - coat.z_mm
     # what crosses the border of the plate is lost to the sum: a tenth of what moved is room for it
     assert abs(moved.sum()) < 0.1 * np.abs(moved).sum()
-    deep = wear._bench(coat).deep_mm
+    deep = on_bench(coat).deep_mm
     groove = coat.z_mm < -0.5 * deep
     assert moved[groove].mean() > 0.1 * deep
     assert moved[~groove].mean() < 0.0
@@ -82,20 +84,20 @@ def test_peening_moves_metal_and_takes_none() -> None:
 def test_dents_cover_as_random_hits_do(amount: float) -> None:
     """1 - exp(-k), with k growing as the time of blasting until 0.9."""
     coat = _coat()
-    cover = np.mean([(wear._dimples(coat, amount, np.random.default_rng(s)) > 0.0).mean() for s in range(12)])
-    assert cover == pytest.approx(1.0 - np.exp(-wear._MOST_HITS * min(amount / 0.9, 1.0)), abs=0.08)
+    cover = np.mean([(dimples(coat, amount, np.random.default_rng(s)) > 0.0).mean() for s in range(12)])
+    assert cover == pytest.approx(1.0 - np.exp(-MOST_HITS * min(amount / 0.9, 1.0)), abs=0.08)
 
 
 @pytest.mark.parametrize("height_mm", [2.0, 5.0, 12.0])
 def test_dents_are_no_deeper_than_shot_makes_them(height_mm: float) -> None:
-    dents = wear._dimples(_coat(height_mm=height_mm), 1.0, np.random.default_rng(3))
+    dents = dimples(_coat(height_mm=height_mm), 1.0, np.random.default_rng(3))
     # the widest: 0.14 of the height, e^(3 * 0.28) times that
-    assert 0.0 < dents.max() < wear._DENT_ASPECT * 0.14 * 2.4 * height_mm
+    assert 0.0 < dents.max() < DENT_ASPECT * 0.14 * 2.4 * height_mm
 
 
 def test_knocks_pile_metal_up_beside_them() -> None:
     coat = _coat()
-    z, _ = wear._knocked(wear._bench(coat), coat.z_mm, 0.7, rng=np.random.default_rng(4))
+    z, _ = knocked(on_bench(coat), coat.z_mm, 0.7, rng=np.random.default_rng(4))
     up, down = np.maximum(z - coat.z_mm, 0.0).sum(), np.maximum(coat.z_mm - z, 0.0).sum()
     assert 0.15 * down < up < down
 
@@ -104,7 +106,7 @@ def test_worn_metal_is_as_hard_as_the_part_and_bright() -> None:
     clean, used = _coat(), worn(_coat(), 0.8, rng=np.random.default_rng(5))
     assert not used.soft_mm.any()
     np.testing.assert_array_equal(used.hardness_mpa, clean.hardness_mpa)
-    fresh = clean.z_mm - used.z_mm > 0.3 * wear._bench(clean).deep_mm
+    fresh = clean.z_mm - used.z_mm > 0.3 * on_bench(clean).deep_mm
     assert fresh.mean() > 0.1
     assert used.albedo[fresh].mean() > clean.albedo[fresh].mean()
     assert used.reflectance[fresh].mean() > clean.reflectance[fresh].mean()

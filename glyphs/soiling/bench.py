@@ -1,0 +1,69 @@
+"""A surface under stiff tools: where they lie on it, and how deep its marks go below."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from glyphs.soiling.coat import Coat
+from glyphs.surface.noise import Field, ramp, share, smooth_noise
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """A surface under the tools.
+
+    Attributes:
+        coat: as it came.
+        level_mm: (rows, cols) where a stiff tool that spans the strokes lies on the surface.
+        deep_mm: how deep the marks lie below it (raised ones: how high they stand).
+    """
+
+    coat: Coat
+    level_mm: Field
+    deep_mm: float
+
+    def low(self, z_mm: Field) -> Field:
+        """0 on what a tool touches, 1 in the hollows."""
+        return rise(self.level_mm - z_mm - np.float32(0.25 * self.deep_mm), 0.5 * self.deep_mm)
+
+
+def on_bench(coat: Coat) -> Bench:
+    """Lay a stiff tool on the surface: on the land where the marks are sunk, on the marks where they are raised."""
+    from glyphs.opencv import cv2
+
+    rows, cols = coat.shape
+    step = max(1, int(0.03 * coat.height_mm / coat.pitch_mm))
+    cell = coat.height_mm / (coat.pitch_mm * step)
+    thin = cv2.resize(coat.z_mm, (-(-cols // step), -(-rows // step)), interpolation=cv2.INTER_AREA)
+    stroke, line, held = (np.ones((2 * round(r * cell) + 1,) * 2, dtype=np.uint8) for r in (0.25, 0.7, 1.0))
+    # closing spans sunk strokes, opening then takes raised lines away; both leave tilt and bow of the plate alone
+    top = cv2.morphologyEx(thin, cv2.MORPH_CLOSE, stroke)
+    land = cv2.morphologyEx(top, cv2.MORPH_OPEN, line)
+    stands = cv2.GaussianBlur(
+        cv2.dilate(top - land, held), (0, 0), 0.2 * cell, borderType=cv2.BORDER_REPLICATE
+    )
+    smooth = cv2.GaussianBlur(land, (0, 0), 0.08 * cell, borderType=cv2.BORDER_REPLICATE) + stands
+    level = cv2.resize(smooth, (cols, rows), interpolation=cv2.INTER_LINEAR)
+    deep = float(np.percentile((level - coat.z_mm)[::3, ::3], 98.0))
+    return Bench(coat, np.asarray(level, dtype=np.float32), max(deep, 0.01 * coat.height_mm))
+
+
+def rise(values_mm: Field, full_mm: float) -> Field:
+    """0 up to 0, 1 from `full_mm` on; the numbers stay single."""
+    return ramp(values_mm, np.zeros((), np.float32), np.asarray(full_mm, np.float32))
+
+
+def patches(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
+    """Broad patches, 0 to 1 evenly, drawn on a thinned grid."""
+    from glyphs.opencv import cv2
+
+    rows, cols = coat.shape
+    step = max(1, int(length_mm / (8.0 * coat.pitch_mm)))
+    thin = share(
+        smooth_noise(
+            (-(-rows // step), -(-cols // step)), pitch_mm=step * coat.pitch_mm, length_mm=length_mm, rng=rng
+        )
+    )
+    return np.asarray(cv2.resize(thin, (cols, rows), interpolation=cv2.INTER_LINEAR), dtype=np.float32)
