@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 
 
 app = App(name="benchmark", help="Measure how well dirty marks are read, by this reader and by others.")
+app.command(
+    "pipeline.cli.benchmark_gate:gate",
+    name="gate",
+    help="Fail if the smallest edition is read worse than before.",
+)
 
 
 @app.default
