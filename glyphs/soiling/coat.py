@@ -14,7 +14,7 @@ from glyphs.stamping.forms import PlateForm
 from glyphs.stamping.stamp import StampedPart
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError
-from glyphs.surface.noise import Field, smooth_noise
+from glyphs.surface.noise import Field, bilinear, smooth_noise
 
 STEEL_FRICTION = 0.2
 STEEL_HARDNESS_MPA = 2000.0
@@ -201,19 +201,9 @@ def _brim_mm(part: StampedPart) -> Field:
     near = gaussian_filter(weight.astype(np.float64), sigma, mode="nearest")
     wave = gaussian_filter(rest, sigma, mode="nearest") / np.maximum(near, 1e-3)
     where = (np.linspace(0, (rows - 1) / step, rows), np.linspace(0, (cols - 1) / step, cols))
-    brim = plane[0] + plane[1] * u + plane[2] * v + _bilinear(wave, *where)
+    brim = plane[0] + plane[1] * u + plane[2] * v + bilinear(wave, *where)
     inked = ~land
     if inked.any() and float((z - brim)[inked].mean()) > 0.0:
         mean = gaussian_filter(z, 0.15 * size / pitch, mode="nearest")
         return np.asarray(mean, dtype=np.float32)
     return np.asarray(brim, dtype=np.float32)
-
-
-def _bilinear(values: NDArray[np.float64], row: NDArray[np.float64], col: NDArray[np.float64]) -> Field:
-    """Values of a thinned grid at fractional rows and columns; constant beyond its last sample."""
-    r = np.clip(row, 0, values.shape[0] - 1)
-    c = np.clip(col, 0, values.shape[1] - 1)
-    r0, c0 = np.minimum(r.astype(int), values.shape[0] - 2), np.minimum(c.astype(int), values.shape[1] - 2)
-    fr, fc = (r - r0)[:, None], (c - c0)[None, :]
-    down = values[r0] * (1 - fr) + values[r0 + 1] * fr
-    return np.asarray(down[:, c0] * (1 - fc) + down[:, c0 + 1] * fc, dtype=np.float32)

@@ -50,7 +50,28 @@ def share(noise: Field) -> Field:
     return np.asarray(ndtr(noise), dtype=np.float32)
 
 
-def ramp(values: Field, low: float | Field, high: float | Field) -> Field:
+def ramp(values: Field, low: float | np.float32 | Field, high: float | np.float32 | Field) -> Field:
     """0 below `low`, 1 above `high`, smooth between (the cubic 3 t^2 - 2 t^3)."""
-    t = np.clip((values - low) / np.maximum(np.subtract(high, low), 1e-9), 0.0, 1.0)
-    return np.asarray(t * t * (3.0 - 2.0 * t), dtype=np.float32)
+    t = np.asarray((values - low) / np.maximum(np.subtract(high, low), 1e-9))
+    np.clip(t, 0.0, 1.0, out=t)
+    smooth = np.asarray(t * t)
+    t *= -2.0
+    t += 3.0
+    smooth *= t
+    return np.asarray(smooth, dtype=np.float32)
+
+
+def bilinear(values: NDArray[np.floating], row: NDArray[np.floating], col: NDArray[np.floating]) -> Field:
+    """Values of a thinned grid at fractional rows and columns; constant beyond its last sample."""
+    r, c = np.clip(row, 0, values.shape[0] - 1), np.clip(col, 0, values.shape[1] - 1)
+    r0, c0 = np.minimum(r.astype(int), values.shape[0] - 2), np.minimum(c.astype(int), values.shape[1] - 2)
+    down, right = (r - r0.astype(r.dtype))[:, None], (c - c0.astype(c.dtype))[None, :]
+    # the few rows first: whole rows are then copied, and columns looked up in few of them
+    left = np.take(values, c0, axis=1)
+    along = left + right * (np.take(values, c0 + 1, axis=1) - left)
+    out = np.take(along, r0, axis=0)
+    step = np.take(along, r0 + 1, axis=0)
+    step -= out
+    step *= down
+    out += step
+    return np.asarray(out, dtype=np.float32)
