@@ -9,7 +9,7 @@
              ____      ____      ____
                  \\__o_/    \\_o__/         rain takes the land's mud first, the groove keeps its own
 
-How much there is of everything, from the literature:
+The mechanisms are from the literature named here; numbers without a name beside them are estimates:
 
 - Slurry of yield stress 2 to 20 Pa stays on an upright plate 0.1 to 1 mm thick (tau / rho g); a draining film
   thickens as the square root of the way down (H. Jeffreys, "The draining of a vertical plate", 1930). It dries to
