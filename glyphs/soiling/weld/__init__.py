@@ -1,0 +1,5 @@
+"""Beside a weld: heat scale in plates, spatter welded on, grinder swathes across the mark, arc strikes, heat tint."""
+
+from glyphs.soiling.weld.plate import weld
+
+__all__ = ["weld"]

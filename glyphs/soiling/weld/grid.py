@@ -1,0 +1,42 @@
+"""What the layers beside a weld share: axes, slow noise, irregular cracks."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.soiling.coat import Coat
+from glyphs.surface.noise import Field, bilinear, smooth_noise
+
+
+def axes(coat: Coat) -> tuple[Field, Field]:
+    """x (1, cols) and y (rows, 1), mm."""
+    rows, cols = coat.shape
+    x, y = (np.arange(n, dtype=np.float32) * np.float32(coat.pitch_mm) for n in (cols, rows))
+    return x[None, :], y[:, None]
+
+
+def finer(values: Field, shape: tuple[int, int], step: float) -> Field:
+    """Values between samples that lie `step` apart."""
+    return bilinear(values, np.arange(shape[0]) / step, np.arange(shape[1]) / step)
+
+
+def slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
+    """`Coat.noise` of a long length, drawn on a thinned grid."""
+    step = max(1.0, length_mm / (4.0 * coat.pitch_mm))
+    coarse = (int(coat.shape[0] / step) + 2, int(coat.shape[1] / step) + 2)
+    noise = smooth_noise(coarse, pitch_mm=coat.pitch_mm * step, length_mm=length_mm, rng=rng)
+    return finer(noise, coat.shape, step)
+
+
+def cells(along_mm: Field, spacing_mm: float, rng: np.random.Generator) -> tuple[NDArray[np.intp], Field]:
+    """Number of the interval, between irregular cracks, that each sample lies in, and how far in it, 0 to 1."""
+    low, high = float(along_mm.min()), float(along_mm.max())
+    width = spacing_mm * rng.uniform(0.45, 1.55, int((high - low) / (0.45 * spacing_mm)) + 3)
+    ends = np.cumsum(width)
+    step = spacing_mm / 40.0
+    table = np.searchsorted(ends, np.arange(0.0, high - low + 2 * step, step))
+    offset = along_mm - np.float32(low)
+    cell = table[(offset * np.float32(1 / step)).astype(np.intp)]
+    start, slope = (ends - width).astype(np.float32), (1 / width).astype(np.float32)
+    return cell, np.clip((offset - start[cell]) * slope[cell], 0.0, 1.0)

@@ -1,0 +1,127 @@
+"""A hand-held grinder: arcs of furrows, burrs, and swathes in which the mark loses its depth::
+
+            burr  burr      lip smeared over an edge
+    ____     ^  ^^  ^   __==          land
+        \\_/\\/\\_/  \\/\\_/    \\        /  disc: what stands above it goes,
+                            \\______/   what lies below it stays
+
+Sources: see `glyphs.soiling.weld.plate`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from glyphs.soiling.coat import Coat
+from glyphs.soiling.weld.grid import axes, cells, finer
+from glyphs.surface.noise import Field, ramp
+
+FURROW_MM = (0.005, 0.08)
+"""Depth of a grain's furrow."""
+_DISC_RADIUS_MM = (57.5, 62.5)
+_GRIP = 0.04
+"""Share of the greatest depth by which the disc hangs over a plate that nobody grinds."""
+
+
+def crown(coat: Coat) -> Field:
+    """The surface that a disc rides on: the highest within half a character, smoothed; sunk marks stay below it."""
+    from scipy.ndimage import gaussian_filter, maximum_filter
+
+    step = max(1, int(0.03 * coat.height_mm / coat.pitch_mm))
+    near = 0.5 * coat.height_mm / (coat.pitch_mm * step)
+    top = maximum_filter(coat.z_mm[::step, ::step], size=2 * int(0.5 * near) + 1, mode="nearest")
+    return finer(gaussian_filter(top, 0.4 * near, mode="nearest"), coat.shape, step)
+
+
+def ground(
+    coat: Coat, z: Field, level: Field, amount: float, rng: np.random.Generator
+) -> tuple[Field, Field]:
+    """Two goes over the plate, the second lighter and askew: top, and cover of bright metal.
+
+    Args:
+        coat: the plate before.
+        z: its top by now.
+        level: what a disc rides on.
+        amount: 0 to 1.
+        rng: of the hand.
+    """
+    depth_mm = float(np.quantile((level - coat.clean_mm)[::3, ::3], 0.97))
+    turn = rng.choice([-1.0, 1.0]) * rng.uniform(50.0, 120.0)
+    z, bright = _gone_over(coat, z, level, amount, depth_mm * rng.uniform(0.9, 1.2), np.deg2rad(turn), rng)
+    turn += rng.choice([-1.0, 1.0]) * rng.uniform(25.0, 60.0)
+    z, more = _gone_over(coat, z, level, amount, depth_mm * rng.uniform(0.4, 0.8), np.deg2rad(turn), rng)
+    return z, np.maximum(bright, more)
+
+
+def _gone_over(
+    coat: Coat, z: Field, level: Field, amount: float, press_mm: float, turn: float, rng: np.random.Generator
+) -> tuple[Field, Field]:
+    """One go: arcs of the disc's radius, side by side; it takes what stands above it and smears it over edges."""
+    pitch = coat.pitch_mm
+    size = np.array(coat.shape[::-1]) * pitch
+    radius = rng.choice(_DISC_RADIUS_MM) * rng.uniform(0.8, 1.0)
+    middle = size * rng.uniform(0.3, 0.7, 2)
+    x, y = (axis - np.float32(at) for axis, at in zip(axes(coat), middle, strict=True))
+    c, s = np.float32(np.cos(turn)), np.float32(np.sin(turn))
+    arc = x * c + y * s
+    side = y * c - x * s
+    side += np.sqrt(np.float32(radius**2) - np.minimum(arc * arc, np.float32((0.95 * radius) ** 2)))
+    side -= side.min()
+    step = 0.5 * pitch
+    line = (side * np.float32(1 / step)).astype(np.intp)
+    lines = step * np.arange(int(line.max()) + 1, dtype=np.float32)
+    first, length = float(arc.min()), float(np.ptp(arc))
+    depth, notch, ridge = _furrows(coat, lines, length, rng)
+    cell = (arc - np.float32(first)) * np.float32((depth.shape[1] - 1.001) / length)
+    left = cell.astype(np.intp)
+    near = line * depth.shape[1] + left
+    cut = depth.ravel()[near]
+    cut += (cell - left) * (depth.ravel()[near + 1] - cut)
+    # pressed hardest, it bites from the start; elsewhere the more, the wider the swathes grow
+    bite = amount - 0.6 * (1 - _swathes(lines, coat.height_mm, rng)) - _GRIP
+    sunk = np.float32(press_mm) * bite.astype(np.float32)[line]
+    grip = ramp(sunk, -_GRIP * press_mm, 0.2 * press_mm)
+    cut *= grip
+    disc = level - sunk - cut * notch[line]
+    took = np.clip((z - disc) * np.float32(1 / 0.003), 0.0, 1.0)
+    new = np.minimum(z, disc) + took * cut * ridge[line]
+    lip = _behind(took, c, s, max(1, round(0.02 * coat.height_mm / pitch))) * (1 - took) * grip
+    return new + 0.7 * lip * np.maximum(disc - new, 0.0), np.maximum(took * grip, lip)
+
+
+def _swathes(lines_mm: Field, height_mm: float, rng: np.random.Generator) -> Field:
+    """How hard the disc is pressed, 0 to 1, across the arcs: passes one to two characters wide, uneven, with gaps."""
+    pressed = np.zeros_like(lines_mm)
+    at = -rng.uniform(0.0, 2.0) * height_mm
+    while at < lines_mm[-1]:
+        width, force = height_mm * rng.uniform(0.8, 2.2), rng.uniform(0.6, 1.0)
+        edge = np.clip((0.5 * width - np.abs(lines_mm - at - 0.5 * width)) / (0.4 * width), 0.0, 1.0)
+        pressed = np.maximum(pressed, force * np.sqrt(edge))
+        at += width * rng.uniform(0.8, 1.5)
+    return pressed.astype(np.float32)
+
+
+def _furrows(
+    coat: Coat, lines_mm: Field, length_mm: float, rng: np.random.Generator
+) -> tuple[Field, Field, Field]:
+    """Furrows side by side: depth (lines, along) mm, and the shares of it cut and heaped up on each line (lines,)."""
+    coarse = np.sqrt(coat.height_mm / 5.0)
+    width = max(rng.uniform(0.1, 0.18) * coarse, 1.6 * coat.pitch_mm)
+    grain, within = cells(lines_mm, width, rng)
+    n = (int(grain.max()) + 1, int(length_mm / (0.9 * coat.height_mm)) + 3)
+    deep = np.clip(rng.uniform(0.012, 0.022) * coarse * np.exp(0.6 * rng.standard_normal(n)), *FURROW_MM)
+    deep *= rng.random(n) < 0.75
+    edge = np.abs(2 * within - 1)
+    return deep.astype(np.float32)[grain], 1 - edge, 0.35 * ramp(edge, 0.5, 1.0)
+
+
+def _behind(took: Field, c: float, s: float, steps: int) -> Field:
+    """Where a lip of metal is smeared over what lies just behind, along the arcs: the share of it, 0 to 1."""
+    lip = np.zeros_like(took)
+    rows, cols = took.shape
+    for k in range(1, steps + 1):
+        dx, dy = round(float(c) * k), round(float(s) * k)
+        to = (slice(max(dy, 0), rows + min(dy, 0)), slice(max(dx, 0), cols + min(dx, 0)))
+        of = (slice(max(-dy, 0), rows + min(-dy, 0)), slice(max(-dx, 0), cols + min(-dx, 0)))
+        lip[to] += took[of]
+    return lip / np.float32(steps)

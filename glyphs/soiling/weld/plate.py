@@ -1,0 +1,142 @@
+"""A plate beside a weld, layer by layer, each in its turn::
+
+    seam                                                                      far from it
+     |     bead    splat       lifted plate     ground swathe          arc strike
+     |     .--.   _.--._           _.'         (burr)  (burr)         rim       rim
+     |____/    \\_/      \\___===__=='_==__     ^        ^     _______/\\_       _/\\____ land
+     |  <----- falling density ------>   \\_/\\_/\\/\\_/\\__/\\_/         \\_____/
+     |                                    what is left of the mark: floors stay, the land goes down
+
+The hot plate takes on temper colours and scales, drops fly and freeze on it, somebody grinds (and takes tops of
+drops, scale and land along, never a floor that lies below the disc), drops of the next bead follow, an electrode
+slips. All of it is metal or oxide and hard: nothing yields under a tip, and what had been soft below is burnt.
+
+Sources:
+    - Drops: 0.1 to 3 mm, most of them small (log-normal, as of liquid that bursts: A. H. Lefebvre, Atomization and
+      Sprays). Large ones arrive fast and spread, small ones freeze as beads at an arrested contact angle of 40 to
+      90 degrees (S. Schiaffino, A. A. Sonin, Phys. Fluids 9, 1997; J. Chapuis et al., Exp. Therm. Fluid Sci. 48, 2013).
+    - Scale: bluish-black FeO and Fe3O4, here 5 to 50 um (R. Y. Chen, W. Y. D. Yuen, Oxid. Met. 56, 2001), brittle:
+      cracks across the strain, shorter ones between, plates that lift and spall (M. Schuetze, Protective Oxide
+      Scales and Their Breakdown).
+    - Grinding: discs of 115 and 125 mm; grains of 0.2 to 0.7 mm (FEPA P80 to P24) cut furrows of 5 to 80 um and pile
+      up about a third of what they displace beside them (K.-H. Zum Gahr, Microstructure and Wear of Materials).
+    - Arc strikes: a few mm wide, remelted, 350 HV in steel of 150 HV (learnweldingsymbols.com, What is arc strike);
+      ISO 6520-1, imperfection 601.
+    - Tint: straw 205, brown 260, purple 282, blue 310, grey above 371 degrees C (ASM Handbook 4D, Temper Colors).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.soiling.coat import Coat
+from glyphs.soiling.weld.grid import axes, cells, slow
+from glyphs.soiling.weld.grinder import crown, ground
+from glyphs.soiling.weld.molten import Seam, seam_of, spattered, struck
+from glyphs.surface.noise import Field, ramp
+
+SCALE_MM = (0.005, 0.05)
+"""Thickness of scale, before it lifts."""
+_TINT_C = (20.0, 176.0, 205.0, 260.0, 282.0, 310.0, 337.0, 371.0, 500.0)
+_TINT = (
+    *((1.0, 1.0, 1.0), (1.05, 1.0, 0.88), (1.3, 1.02, 0.45), (1.0, 0.56, 0.26), (0.68, 0.34, 0.6)),
+    *((0.22, 0.36, 0.95), (0.5, 0.7, 1.05), (0.5, 0.52, 0.56), (0.35, 0.35, 0.37)),
+)
+
+
+class _Finish(NamedTuple):
+    """What a layer is like where it lies."""
+
+    red: float
+    green: float
+    blue: float
+    roughness: float
+    reflectance: float
+    friction: float
+    hardness_mpa: float
+
+
+_SCALE = _Finish(0.075, 0.08, 0.095, 0.42, 0.16, 0.4, 5000.0)
+_SPATTER = _Finish(0.11, 0.115, 0.13, 0.30, 0.32, 0.3, 3500.0)
+_GROUND = _Finish(0.36, 0.355, 0.34, 0.24, 0.6, 0.25, 2500.0)
+_STRIKE = _Finish(0.14, 0.13, 0.13, 0.30, 0.40, 0.3, 3500.0)
+
+
+def weld(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+    """Soil a plate as welding beside it does (a `SoilModel`)."""
+    if amount <= 0.0:
+        return coat
+    parts = np.clip(amount * rng.uniform(0.5, 1.5, 5), 0.0, 1.0)
+    tint, scale, spatter, disc, arc = (float(part) for part in parts)
+    streams = rng.spawn(6)
+    seam = seam_of(coat, rng)
+    z, scaled = _scaled(coat, scale, streams[1])
+    z, first = spattered(coat, z, seam, spatter, 0.4, streams[2])
+    high = z
+    z, bright = ground(coat, z, crown(coat), disc, streams[3])
+    cut = high - np.minimum(z, high)
+    z, second = spattered(coat, z, seam, spatter, 0.25, streams[4])
+    z, remelted = struck(coat, z, arc, streams[5])
+    burnt = (1 - scaled) * (1 - first) * (1 - second) * (1 - remelted)
+    coat = replace(coat, z_mm=z, soft_mm=burnt * np.maximum(coat.soft_mm - cut, 0))
+    layers = ((scaled, _SCALE), (first, _SPATTER), (bright, _GROUND), (second, _SPATTER), (remelted, _STRIKE))
+    return _finished(_tinted(coat, seam, tint, streams[0]), layers)
+
+
+def _finished(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
+    """The coat with the finish of every layer, the first lowest, where its cover (0 to 1) says so."""
+    names = ("roughness", "reflectance", "friction", "hardness_mpa")
+    planes = [*np.moveaxis(coat.albedo, -1, 0), *(getattr(coat, name) for name in names)]
+    for k, start in enumerate(planes):
+        plane = np.array(start)
+        for cover, finish in layers:
+            plane += cover * (np.float32(finish[k]) - plane)
+        planes[k] = plane
+    changes: dict[str, Field] = dict(zip(names, planes[3:], strict=True))
+    return replace(coat, albedo=np.stack(planes[:3], axis=-1), **changes)  # type: ignore[arg-type]
+
+
+def _tinted(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -> Coat:
+    """Bands of temper colours: a film of some 50 nm, too thin to be touched."""
+    wave = 1.0 + 0.06 * slow(coat, 1.5 * coat.height_mm, rng)
+    peak_c = rng.uniform(400.0, 600.0)
+    hot_c = 20.0 + np.float32(amount * peak_c) * wave * seam.nearness(*axes(coat))
+    at_c = np.arange(0.0, 720.0, 2.0)
+    table = np.stack([np.interp(at_c, _TINT_C, [c[k] for c in _TINT]) for k in range(3)], axis=1)
+    table = table.astype(np.float32)[np.clip(0.5 * hot_c, 0, len(at_c) - 1).astype(np.intp)]
+    film = ramp(hot_c, 100.0, 300.0)
+    return replace(
+        coat,
+        albedo=np.clip(coat.albedo * table, 0.01, 1.0),
+        reflectance=coat.reflectance * (1 - 0.5 * film),
+    )
+
+
+def _scaled(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:
+    """Plates between long cracks and the shorter ones across; some spalled, some lifted at one end: top and cover."""
+    size = np.sqrt(coat.height_mm / 5.0)
+    thick_mm = float(np.clip(size * rng.uniform(0.012, 0.04), *SCALE_MM))
+    spacing = max(rng.uniform(25.0, 45.0) * thick_mm, 6.0 * coat.pitch_mm)
+    turn = rng.uniform(0.0, np.pi)
+    c, s = np.float32(np.cos(turn)), np.float32(np.sin(turn))
+    x, y = axes(coat)
+    u, v = (np.float32(0.6 * spacing) * slow(coat, 2.5 * spacing, rng) for _ in range(2))
+    u += y * c - x * s
+    v += x * c + y * s
+    row, across = cells(v, spacing, rng)
+    shift = (spacing * rng.uniform(0, 9, int(row.max()) + 1)).astype(np.float32)
+    col, along = cells(u + shift[row], 1.7 * spacing, rng)
+    plate = (row * 131 + col) % 4099
+    # a plate comes when its turn comes; three in ten never held, as many come off at one end
+    onset, lost, end = (rng.random(4099, dtype=np.float32) for _ in range(3))
+    patch = 1 + 0.25 * slow(coat, 0.8 * coat.height_mm, rng)
+    turn_came = np.float32(amount) - (0.7 * onset + 2.0 * (lost < 0.3))[plate] * patch
+    gap = 0.6 * coat.pitch_mm / spacing
+    edge = np.minimum(1.7 * (0.5 - np.abs(along - 0.5)), 0.5 - np.abs(across - 0.5))
+    cover = ramp(turn_came, 0.0, 0.45) * ramp(edge, 0.3 * gap, 1.5 * gap)
+    lift = (np.maximum(end - 0.7, 0.0) * np.float32(8.0 * thick_mm))[plate] * along * along
+    return coat.z_mm + cover * (np.float32(thick_mm) + lift), cover
