@@ -27,7 +27,7 @@ def crown(coat: Coat) -> Field:
     """The surface that a disc rides on: the highest within half a character, smoothed; sunk marks stay below it."""
     from scipy.ndimage import gaussian_filter, maximum_filter
 
-    step = max(1, int(0.03 * coat.height_mm / coat.pitch_mm))
+    step = max(1, int(0.06 * coat.height_mm / coat.pitch_mm))
     near = 0.5 * coat.height_mm / (coat.pitch_mm * step)
     top = maximum_filter(coat.z_mm[::step, ::step], size=2 * int(0.5 * near) + 1, mode="nearest")
     return finer(gaussian_filter(top, 0.4 * near, mode="nearest"), coat.shape, step)
@@ -78,7 +78,7 @@ def _gone_over(
     cut = depth.ravel()[near]
     cut += (cell - left) * (depth.ravel()[near + 1] - cut)
     # pressed hardest, it bites from the start; elsewhere the more, the wider the swathes grow
-    bite = amount - 0.6 * (1 - _swathes(lines, coat.height_mm, rng)) - _GRIP
+    bite = 1.25 * amount - 0.6 * (1 - _swathes(lines, coat.height_mm, rng)) - _GRIP
     sunk = np.float32(press_mm) * bite.astype(np.float32)[line]
     grip = ramp(sunk, -_GRIP * press_mm, 0.2 * press_mm)
     cut *= grip
@@ -109,13 +109,13 @@ def _furrows(
     width = max(rng.uniform(0.1, 0.18) * coarse, 1.6 * coat.pitch_mm)
     grain, within = cells(lines_mm, width, rng)
     n = (int(grain.max()) + 1, int(length_mm / (0.9 * coat.height_mm)) + 3)
-    deep = np.clip(rng.uniform(0.012, 0.022) * coarse * np.exp(0.6 * rng.standard_normal(n)), *FURROW_MM)
+    deep = np.clip(rng.uniform(0.014, 0.028) * coarse * np.exp(0.6 * rng.standard_normal(n)), *FURROW_MM)
     deep *= rng.random(n) < 0.75
     edge = np.abs(2 * within - 1)
     return deep.astype(np.float32)[grain], 1 - edge, 0.35 * ramp(edge, 0.5, 1.0)
 
 
-def _behind(took: Field, c: float, s: float, steps: int) -> Field:
+def _behind(took: Field, c: np.float32, s: np.float32, steps: int) -> Field:
     """Where a lip of metal is smeared over what lies just behind, along the arcs: the share of it, 0 to 1."""
     lip = np.zeros_like(took)
     rows, cols = took.shape

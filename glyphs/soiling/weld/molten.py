@@ -18,6 +18,8 @@ DROP_MM = (0.1, 3.0)
 """Diameters of spatter."""
 _DROP_SPREAD = 0.55
 """Standard deviation of the logarithm of a diameter."""
+_EDGE_MM = 0.02
+"""What a drop must add to hide what it lies on."""
 Numbers = NDArray[np.float64]
 
 
@@ -35,11 +37,10 @@ class Seam:
     start_mm: float
     reach_mm: float
 
-    def nearness(self, x_mm: Numbers | Field, y_mm: Numbers | Field) -> Field:
+    def nearness(self, x_mm: Numbers, y_mm: Numbers) -> Numbers:
         """1 at the seam, falling by e every `reach_mm`."""
-        a, b, start, reach = np.float32([*self.away, self.start_mm, self.reach_mm])
-        x, y = np.asarray(x_mm, np.float32), np.asarray(y_mm, np.float32)
-        return np.asarray(np.exp((start - a * x - b * y) / reach), dtype=np.float32)
+        a, b = self.away / self.reach_mm
+        return np.asarray(np.exp(self.start_mm / self.reach_mm - a * x_mm) * np.exp(-b * y_mm))
 
 
 def seam_of(coat: Coat, rng: np.random.Generator) -> Seam:
@@ -125,7 +126,9 @@ def _laid(z: Field, drops: _Drops, pitch_mm: float) -> tuple[Field, Field]:
     def of(values: Numbers) -> Field:
         return np.asarray(values.astype(np.float32)[owner])
 
-    dx, dy = (k * np.float32(pitch_mm) - of(drops.at_mm[:, i]) for i, k in enumerate((col, row)))
+    dx, dy = (
+        k.astype(np.float32) * np.float32(pitch_mm) - of(drops.at_mm[:, i]) for i, k in enumerate((col, row))
+    )
     r, c, s = of(drops.radius_mm), of(np.cos(drops.heading)), of(np.sin(drops.heading))
     u, w = (dx * c + dy * s) / (r * of(drops.stretch)), (dy * c - dx * s) / r
     q = u * u + w * w
@@ -141,11 +144,13 @@ def _laid(z: Field, drops: _Drops, pitch_mm: float) -> tuple[Field, Field]:
     base = np.bincount(owner, weights=flat[at], minlength=len(count)) / np.maximum(
         np.bincount(owner, minlength=len(count)), 1
     )
-    top, cover = flat.copy(), np.zeros_like(flat)
-    level = of(base) + of(drops.radius_mm) * cap
-    np.maximum.at(top, at, level)
-    np.maximum.at(cover, at, np.minimum(4 * (1 - q), 1) * (level > flat[at]))
-    return top.reshape(z.shape), cover.reshape(z.shape)
+    level = np.maximum(of(base) + of(drops.radius_mm) * cap, flat[at]).astype(np.float32)
+    top = flat.copy()
+    top[at] = level
+    while (under := top[at] < level).any():  # another drop came last on this sample; the higher one shows
+        at, level = at[under], level[under]
+        top[at] = level
+    return top.reshape(z.shape), np.minimum((top - flat) * np.float32(1 / _EDGE_MM), 1.0).reshape(z.shape)
 
 
 def struck(coat: Coat, z: Field, amount: float, rng: np.random.Generator) -> tuple[Field, Field]:

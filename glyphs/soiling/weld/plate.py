@@ -31,7 +31,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.weld.grid import axes, cells, slow
@@ -61,9 +60,8 @@ class _Finish(NamedTuple):
 
 
 _SCALE = _Finish(0.075, 0.08, 0.095, 0.42, 0.16, 0.4, 5000.0)
-_SPATTER = _Finish(0.11, 0.115, 0.13, 0.30, 0.32, 0.3, 3500.0)
+_MOLTEN = _Finish(0.11, 0.115, 0.13, 0.30, 0.32, 0.3, 3500.0)
 _GROUND = _Finish(0.36, 0.355, 0.34, 0.24, 0.6, 0.25, 2500.0)
-_STRIKE = _Finish(0.14, 0.13, 0.13, 0.30, 0.40, 0.3, 3500.0)
 
 
 def weld(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
@@ -79,11 +77,11 @@ def weld(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     high = z
     z, bright = ground(coat, z, crown(coat), disc, streams[3])
     cut = high - np.minimum(z, high)
-    z, second = spattered(coat, z, seam, spatter, 0.25, streams[4])
+    z, second = spattered(coat, z, seam, spatter, 0.4, streams[4])
     z, remelted = struck(coat, z, arc, streams[5])
     burnt = (1 - scaled) * (1 - first) * (1 - second) * (1 - remelted)
     coat = replace(coat, z_mm=z, soft_mm=burnt * np.maximum(coat.soft_mm - cut, 0))
-    layers = ((scaled, _SCALE), (first, _SPATTER), (bright, _GROUND), (second, _SPATTER), (remelted, _STRIKE))
+    layers = ((scaled, _SCALE), (first, _MOLTEN), (bright, _GROUND), (np.maximum(second, remelted), _MOLTEN))
     return _finished(_tinted(coat, seam, tint, streams[0]), layers)
 
 
@@ -91,11 +89,13 @@ def _finished(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
     """The coat with the finish of every layer, the first lowest, where its cover (0 to 1) says so."""
     names = ("roughness", "reflectance", "friction", "hardness_mpa")
     planes = [*np.moveaxis(coat.albedo, -1, 0), *(getattr(coat, name) for name in names)]
+    rest = np.empty_like(coat.z_mm)
     for k, start in enumerate(planes):
-        plane = np.array(start)
+        planes[k] = plane = np.array(start, order="C")
         for cover, finish in layers:
-            plane += cover * (np.float32(finish[k]) - plane)
-        planes[k] = plane
+            np.subtract(np.float32(finish[k]), plane, out=rest)
+            np.multiply(rest, cover, out=rest)
+            plane += rest
     changes: dict[str, Field] = dict(zip(names, planes[3:], strict=True))
     return replace(coat, albedo=np.stack(planes[:3], axis=-1), **changes)  # type: ignore[arg-type]
 
@@ -103,16 +103,16 @@ def _finished(coat: Coat, layers: tuple[tuple[Field, _Finish], ...]) -> Coat:
 def _tinted(coat: Coat, seam: Seam, amount: float, rng: np.random.Generator) -> Coat:
     """Bands of temper colours: a film of some 50 nm, too thin to be touched."""
     wave = 1.0 + 0.06 * slow(coat, 1.5 * coat.height_mm, rng)
-    peak_c = rng.uniform(400.0, 600.0)
-    hot_c = 20.0 + np.float32(amount * peak_c) * wave * seam.nearness(*axes(coat))
+    x, y = (axis.astype(np.float64) for axis in axes(coat))
+    hot_c = (amount * rng.uniform(400.0, 600.0) * seam.nearness(x, y)).astype(np.float32) * wave + 20
     at_c = np.arange(0.0, 720.0, 2.0)
-    table = np.stack([np.interp(at_c, _TINT_C, [c[k] for c in _TINT]) for k in range(3)], axis=1)
-    table = table.astype(np.float32)[np.clip(0.5 * hot_c, 0, len(at_c) - 1).astype(np.intp)]
-    film = ramp(hot_c, 100.0, 300.0)
+    factor = np.stack([np.interp(at_c, _TINT_C, [c[k] for c in _TINT]) for k in range(3)], axis=1)
+    mirrored = 1 - 0.5 * ramp(at_c.astype(np.float32), 100.0, 300.0)
+    index = np.clip(0.5 * hot_c, 0, len(at_c) - 1).astype(np.intp)
     return replace(
         coat,
-        albedo=np.clip(coat.albedo * table, 0.01, 1.0),
-        reflectance=coat.reflectance * (1 - 0.5 * film),
+        albedo=np.minimum(coat.albedo * factor.astype(np.float32)[index], 1.0),
+        reflectance=coat.reflectance * mirrored[index],
     )
 
 
@@ -130,11 +130,11 @@ def _scaled(coat: Coat, amount: float, rng: np.random.Generator) -> tuple[Field,
     row, across = cells(v, spacing, rng)
     shift = (spacing * rng.uniform(0, 9, int(row.max()) + 1)).astype(np.float32)
     col, along = cells(u + shift[row], 1.7 * spacing, rng)
-    plate = (row * 131 + col) % 4099
+    plate = row * (int(col.max()) + 1) + col
     # a plate comes when its turn comes; three in ten never held, as many come off at one end
-    onset, lost, end = (rng.random(4099, dtype=np.float32) for _ in range(3))
-    patch = 1 + 0.25 * slow(coat, 0.8 * coat.height_mm, rng)
-    turn_came = np.float32(amount) - (0.7 * onset + 2.0 * (lost < 0.3))[plate] * patch
+    onset, lost, end = rng.random((3, int(plate.max()) + 1), dtype=np.float32)
+    turn_came = np.float32(amount) - (0.7 * onset + 2.0 * (lost < 0.3))[plate]
+    turn_came += 0.1 * slow(coat, 0.8 * coat.height_mm, rng) * np.float32(amount)
     gap = 0.6 * coat.pitch_mm / spacing
     edge = np.minimum(1.7 * (0.5 - np.abs(along - 0.5)), 0.5 - np.abs(across - 0.5))
     cover = ramp(turn_came, 0.0, 0.45) * ramp(edge, 0.3 * gap, 1.5 * gap)
