@@ -18,7 +18,8 @@ def axes(coat: Coat) -> tuple[Field, Field]:
 
 def finer(values: Field, shape: tuple[int, int], step: float) -> Field:
     """Values between samples that lie `step` apart."""
-    return bilinear(values, np.arange(shape[0]) / step, np.arange(shape[1]) / step)
+    row, col = (np.arange(n, dtype=np.float32) / np.float32(step) for n in shape)
+    return bilinear(values, row, col)
 
 
 def slow(coat: Coat, length_mm: float, rng: np.random.Generator) -> Field:
