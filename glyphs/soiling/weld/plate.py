@@ -23,6 +23,9 @@ Sources:
     - Arc strikes: a few mm wide, remelted, 350 HV in steel of 150 HV (learnweldingsymbols.com, What is arc strike);
       ISO 6520-1, imperfection 601.
     - Tint: straw 205, brown 260, purple 282, blue 310, grey above 371 degrees C (ASM Handbook 4D, Temper Colors).
+
+Estimates, from no source: the spread of drop sizes (0.55 in the logarithm), how many stick, the share of plates that
+spall (0.3) or lift, crack spacing, the depth and rim of strikes, and how sizes grow with the characters.
 """
 
 from __future__ import annotations
