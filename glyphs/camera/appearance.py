@@ -47,7 +47,7 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
     Returns:
         Colours; `pitch_mm` and `centre_mm` are the nominal ones, as a stage knows them.
     """
-    from scipy.ndimage import gaussian_filter, map_coordinates
+    from glyphs.surface.blur import blurred, sampled
 
     part = soiled.height_map
     shape, centre = camera.frame(part)
@@ -56,17 +56,17 @@ def photograph(soiled: SoiledPart, light: Light, camera: Camera, *, rng: np.rand
     blur = np.hypot(camera.defocus_mm, 0.35 * camera.pitch_mm) / part.pitch_mm
     col, row = np.meshgrid(np.arange(shape[1]), np.arange(shape[0]))
     x, y = mapped(camera.to_plate(part), col, row)
-    at = np.stack([y, x]) / part.pitch_mm
+    row_of, col_of = y / part.pitch_mm, x / part.pitch_mm
     image = np.empty((*shape, 3), dtype=np.float32)
     for channel in range(3):
-        seen = gaussian_filter(scene[..., channel], blur, mode="nearest", truncate=3.0)
-        map_coordinates(seen, at, output=image[..., channel], order=1, mode="mirror", prefilter=False)
+        image[..., channel] = sampled(blurred(scene[..., channel], blur, truncate=3.0), row_of, col_of)
     image *= _exposure(image, camera)
     if camera.bloom > 0.0:
         glare = np.maximum(image - 1.0, 0.0).clip(max=20.0)
         wide = 0.35 / camera.pitch_mm
         for channel in range(3):
-            image[..., channel] += camera.bloom * gaussian_filter(glare[..., channel], wide, mode="nearest")
+            if glare[..., channel].any():
+                image[..., channel] += camera.bloom * blurred(glare[..., channel], wide)
     image *= _falloff(shape, camera.vignetting)[..., None]
     spread = np.sqrt(camera.noise**2 * np.clip(image, 0.0, 1.0) + camera.dark_noise**2)
     image += spread * rng.standard_normal(image.shape, dtype=np.float32)

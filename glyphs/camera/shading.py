@@ -93,7 +93,7 @@ def radiance(height_map: HeightMap, look: Look, light: Light) -> NDArray[np.floa
     # a flat plate gets (1 - ambient) from the lamp and ambient from the dome
     lamp = np.float32((1.0 - light.ambient) / lz)
     direct, around = lamp * facing * seen, np.float32(light.ambient) * sky
-    matt = look.albedo * (direct + around)[..., None]
+    fallen = direct + around
 
     hx, hy, hz = lx, ly, lz + 1.0
     length = math.sqrt(hx * hx + hy * hy + hz * hz)
@@ -110,8 +110,11 @@ def radiance(height_map: HeightMap, look: Look, light: Light) -> NDArray[np.floa
         light.ambient * (1.0 + light.gradient * lateral) * (0.55 + 0.45 * np.clip(1.6 * (1.0 - rz), 0.0, 1.0))
     )
     mirror = look.reflectance * dome * sky
-    colour = np.asarray(light.colour, dtype=np.float32)
-    return np.asarray((matt + (glint + mirror)[..., None]) * colour, dtype=np.float32)
+    # colour by colour: numpy is slow along an axis of three
+    shine, scene = glint + mirror, np.empty((3, *z.shape), dtype=np.float32)
+    for channel, colour in enumerate(np.asarray(light.colour, dtype=np.float32)):
+        scene[channel] = (look.albedo[..., channel] * fallen + shine) * colour
+    return np.moveaxis(scene, 0, -1)
 
 
 def _normals(z: Field, pitch_mm: float) -> tuple[Field, Field, Field]:
@@ -157,10 +160,10 @@ def lit_share(z: Field, light: Light, *, pitch_mm: float) -> Field:
 
 def openness(z: Field, *, pitch_mm: float) -> Field:
     """Share of the dome seen from every sample, 0..1, from how far it lies below its surroundings."""
-    from scipy.ndimage import gaussian_filter
+    from glyphs.surface.blur import blurred
 
     share = np.ones_like(z)
     for reach_mm in (0.15, 0.45):
-        below = gaussian_filter(z, reach_mm / pitch_mm, mode="nearest", truncate=3.0) - z
+        below = blurred(z, reach_mm / pitch_mm, truncate=3.0) - z
         share /= 1.0 + (np.maximum(below, 0.0) * np.float32(1.4 / reach_mm)) ** 2
     return np.asarray(share, dtype=np.float32)

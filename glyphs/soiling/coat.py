@@ -52,7 +52,7 @@ class Look:
             )
         for name, least in (("albedo", 0.0), ("roughness", 1e-3), ("reflectance", 0.0)):
             values = np.array(getattr(self, name), dtype=np.float32)
-            if not (np.isfinite(values).all() and values.min() >= least and values.max() <= 1.0):
+            if not (values.min() >= least and values.max() <= 1.0):  # nor does NaN lie there
                 raise MapError(f"{name} must lie between {least:g} and 1 everywhere")
             values.flags.writeable = False
             object.__setattr__(self, name, values)
@@ -153,19 +153,19 @@ def bare_coat(part: StampedPart, *, rng: np.random.Generator) -> Coat:
     tint = np.array(_STEEL_ALBEDO) * rng.uniform(0.8, 1.25) * (1.0 + 0.03 * rng.standard_normal(3))
     mottle = smooth_noise(shape, pitch_mm=pitch, length_mm=0.6 * part.height_mm, rng=rng)
     shine = rng.uniform(0.8, 1.3)
-    full = np.ones(shape, dtype=np.float32)
+    bright = np.float32(1.0) + 0.04 * mottle
     return Coat(
         pitch_mm=pitch,
         height_mm=part.height_mm,
         clean_mm=z,
         brim_mm=_brim_mm(part),
         z_mm=z,
-        soft_mm=0.0 * full,
-        hardness_mpa=np.float32(STEEL_HARDNESS_MPA) * full,
-        friction=np.float32(STEEL_FRICTION) * full,
-        albedo=np.clip((full + 0.04 * mottle)[..., None] * tint.astype(np.float32), 0.02, 0.9),
-        roughness=np.clip(np.float32(_STEEL_ROUGHNESS * shine) * (full + 0.05 * mottle), 0.1, 0.8),
-        reflectance=np.float32(_STEEL_REFLECTANCE) * full,
+        soft_mm=np.zeros(shape, np.float32),
+        hardness_mpa=np.full(shape, STEEL_HARDNESS_MPA, np.float32),
+        friction=np.full(shape, STEEL_FRICTION, np.float32),
+        albedo=np.stack([np.clip(bright * t, 0.02, 0.9) for t in tint.astype(np.float32)], axis=-1),
+        roughness=np.clip(np.float32(_STEEL_ROUGHNESS * shine) * (np.float32(1.0) + 0.05 * mottle), 0.1, 0.8),
+        reflectance=np.full(shape, _STEEL_REFLECTANCE, np.float32),
     )
 
 
@@ -175,6 +175,8 @@ def _brim_mm(part: StampedPart) -> Field:
     Around raised marks there is no groove; dirt collects at their feet, up to a local mean of the surface.
     """
     from scipy.ndimage import gaussian_filter
+
+    from glyphs.surface.blur import blurred
 
     z, pitch, size = part.height_map.z_mm, part.height_map.pitch_mm, part.height_mm
     rows, cols = z.shape
@@ -189,11 +191,11 @@ def _brim_mm(part: StampedPart) -> Field:
         lines = slice(max(0, int((y0 - rim) / pitch)), max(0, int((y1 + rim) / pitch) + 1))
         land[lines, columns] = False
     if land.mean() < 0.05:
-        return np.asarray(gaussian_filter(z, 0.5 * size / pitch, mode="nearest"), dtype=np.float32)
+        return blurred(z, 0.5 * size / pitch)
     # a plane through the land, then what is left of it averaged over about a character, on a thinned grid
     step = max(1, int(0.04 * size / pitch))
-    v, u = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, cols), indexing="ij")
-    terms = np.stack([np.ones_like(u), u, v], axis=-1)[::step, ::step]
+    v, u = np.linspace(-1, 1, rows)[:, None], np.linspace(-1, 1, cols)[None, :]
+    terms = np.stack(np.broadcast_arrays(1.0, u[:, ::step], v[::step]), axis=-1)
     seen, weight = z[::step, ::step], land[::step, ::step]
     plane, *_ = np.linalg.lstsq(terms[weight], seen[weight], rcond=None)
     rest = np.where(weight, seen - terms @ plane, 0.0)
@@ -204,6 +206,5 @@ def _brim_mm(part: StampedPart) -> Field:
     brim = plane[0] + plane[1] * u + plane[2] * v + bilinear(wave, *where)
     inked = ~land
     if inked.any() and float((z - brim)[inked].mean()) > 0.0:
-        mean = gaussian_filter(z, 0.15 * size / pitch, mode="nearest")
-        return np.asarray(mean, dtype=np.float32)
+        return blurred(z, 0.15 * size / pitch)
     return np.asarray(brim, dtype=np.float32)
