@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from glyphs.fonts.glyph import Glyph
 from glyphs.stamping.die import Die, ink_points_mm, relief_mm, shape_distance_mm, to_plate
 from glyphs.stamping.variation import StampingVariation
+from glyphs.surface.display import one_line
 
 Box = tuple[float, float, float, float]
 
@@ -36,6 +37,8 @@ class Blow:
     lean_deg: float = 0.0
     pile_up_lean: float = 0.0
     flank_loss: float = 0.0
+
+    __repr__ = one_line
 
 
 def middle_mm(shape: Glyph, height_mm: float) -> tuple[float, float]:
