@@ -14,7 +14,7 @@ from pipeline.benchmark.design import Design
 from pipeline.benchmark.font_packages import font_file, font_mark
 from pipeline.benchmark.specimens import Box, Item, Specimen
 from pipeline.common.settings import SettingsError
-from pipeline.files.synth import MAX_PARTS, SynthSpec, make_part
+from pipeline.files.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
 LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
 """How high the lamp stands, degrees; its direction is drawn for every part."""
@@ -73,7 +73,7 @@ class DesignedParts:
         spec = self.spec(item.condition)
         part = make_part(spec, item.number)
         stamped = part.stamped
-        boxes = [b for b, char in zip(stamped.boxes_mm, stamped.text, strict=True) if char != " "]
+        boxes = tuple(b for b, char in zip(stamped.boxes_mm, stamped.text, strict=True) if char != " ")
         return Specimen(
             part=item.part,
             truth="".join(stamped.text.split()),
@@ -81,7 +81,13 @@ class DesignedParts:
             soil=part.soil,
             take_photo=lambda: spec.photograph(part),
             line_mm=_hull(boxes),
+            boxes_mm=boxes,
+            beside_mm=_hull(stamped.other_boxes_mm),
         )
+
+    def truth_of(self, item: Item) -> str:
+        """What is stamped on it; nothing is made for it."""
+        return "".join(text_of(self.spec(item.condition), item.number).split())
 
     def font_of(self, condition: Condition) -> str:
         """See `Parts`."""

@@ -119,12 +119,15 @@ PICTURES: dict[str, Callable[[PartReadings], NDArray[np.uint8]]] = {
 
 
 def _grey(heights_mm: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Heights from black to white, their plane taken out; what is not known is the middle."""
+    return np.repeat(draw_heights(heights_mm)[..., None], 3, axis=2)
+
+
+def draw_heights(heights_mm: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Heights from black to white, (rows, cols), their plane taken out; what is not known is the middle."""
     flat = levelled_mm(heights_mm)
     low, high = np.nanpercentile(flat, _LEVELS) if np.isfinite(flat).any() else (0.0, 1.0)
     scaled = np.clip((flat - low) / max(float(high - low), 1e-6), 0.0, 1.0)
-    grey = (255.0 * np.where(np.isfinite(scaled), scaled, 0.5)).astype(np.uint8)
-    return np.repeat(grey[..., None], 3, axis=2)
+    return np.asarray(255.0 * np.where(np.isfinite(scaled), scaled, 0.5), dtype=np.uint8)
 
 
 def levelled_mm(heights_mm: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -25,6 +25,11 @@ app.command(
     name="gate",
     help="Fail if the smallest edition is read worse than before.",
 )
+app.command(
+    "pipeline.cli.benchmark_export:export",
+    name="export",
+    help="Write an exam as files, for readers that are no part of this program.",
+)
 
 
 @app.default

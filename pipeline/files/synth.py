@@ -19,8 +19,9 @@ from glyphs.camera.photo import Photo
 from glyphs.camera.pose import DEFAULT_PIXEL_MM, Camera
 from glyphs.errors import FileError
 from glyphs.fonts.outlines import load_font
-from glyphs.fonts.serials import allowed_characters
+from glyphs.fonts.serials import allowed_characters, random_text
 from glyphs.part import Part, stamp
+from glyphs.soiling.soil import Soil
 from glyphs.soiling.soiled import Soiling
 from glyphs.stamping.amounts import chosen
 from glyphs.stamping.die import Face, default_die
@@ -28,9 +29,10 @@ from glyphs.stamping.dies import DIES
 from glyphs.stamping.layouts import LAYOUTS
 from glyphs.stamping.plates import PLATES
 from glyphs.stamping.variation import PRACTICES, StampingVariation
+from glyphs.surface.maps import HeightMap
 from pipeline.common.atomic import replacing
 from pipeline.common.settings import SettingsError
-from pipeline.files.npz import write_npz
+from pipeline.files.npz import soil_members, write_npz
 from pipeline.files.photos import write_photo
 
 TRUTH_FILE = "truth.csv"
@@ -146,6 +148,11 @@ def make_part(spec: SynthSpec, number: int) -> Part:
     )
 
 
+def text_of(spec: SynthSpec, number: int) -> str:
+    """The text of the part of that number, which is drawn before anything else of it, without making the part."""
+    return random_text(spec.format, rng=np.random.default_rng((spec.seed, number)))
+
+
 def write_parts(
     spec: SynthSpec,
     folder: Path,
@@ -208,18 +215,22 @@ def _write_numbered(spec: SynthSpec, folder: Path, digits: int, photos: bool, nu
 def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str:
     """Write one part as `stem`.npz and .png; a clean one as its surface alone. Returns its text."""
     part = make_part(spec, number)
-    more = None
-    if part.soil is not None:
-        # half precision holds micrometres of a tenth of a millimetre, at half the size
-        more = {
-            "friction": part.soil.friction.astype(np.float16),
-            "soft_mm": part.soil.thickness_mm.astype(np.float16),
-            "hardness_mpa": part.soil.hardness_mpa.astype(np.float16),
-        }
-    write_npz(stem.with_suffix(".npz"), part.height_map, more=more)
+    write_surface(stem.with_suffix(".npz"), part.height_map, part.soil)
     if photos:
         write_photo(stem.with_suffix(".png"), spec.photograph(part))
     return part.text
+
+
+def write_surface(path: Path, height_map: HeightMap, soil: Soil | None) -> None:
+    """Write the top of a part and what lies on it; a clean part is its surface alone.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    members = {} if soil is None else soil_members(soil)
+    # half precision holds micrometres of a tenth of a millimetre, at half the size
+    more = {name: np.asarray(values).astype(np.float16) for name, values in members.items()}
+    write_npz(path, height_map, more=more)
 
 
 def _prepare(folder: Path, *, overwrite: bool) -> None:
