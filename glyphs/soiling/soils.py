@@ -33,11 +33,11 @@ class SoilModel(Protocol):
 SOILS: Final[dict[str, str]] = {
     "workshop": "glyphs.soiling.workshop.mixture:workshop",
     "caked": "glyphs.soiling.caked:caked",
-    "rust": "glyphs.soiling.rust:rust",
+    "rust": "glyphs.soiling.rust.corrosion:rust",
     "paint": "glyphs.soiling.paint.coats:paint",
     "weld": "glyphs.soiling.weld:weld",
-    "mud": "glyphs.soiling.mud:mud",
-    "wear": "glyphs.soiling.wear:wear",
+    "mud": "glyphs.soiling.mud.sheets:mud",
+    "wear": "glyphs.soiling.wear.rubbing:wear",
     "casting": "glyphs.soiling.casting:casting",
 }
 """The built-in soils, and where they are made."""

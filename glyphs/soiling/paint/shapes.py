@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from glyphs.soiling.coat import Coat
+from glyphs.surface.display import one_line
 from glyphs.surface.noise import Field, ramp, smooth_noise
 
 TENSION_N_PER_M = 0.03
@@ -36,6 +37,8 @@ class Can:
     brushed: float
     seconds_per_pa_s: float
     downhill: tuple[float, float]
+
+    __repr__ = one_line
 
     @property
     def finger_mm(self) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
 from glyphs.soiling.weld.grid import axes
+from glyphs.surface.display import one_line
 from glyphs.surface.noise import Field, ramp
 
 DROP_MM = (0.1, 3.0)
@@ -36,6 +37,8 @@ class Seam:
     away: Numbers
     start_mm: float
     reach_mm: float
+
+    __repr__ = one_line
 
     def nearness(self, x_mm: Numbers, y_mm: Numbers) -> Numbers:
         """1 at the seam, falling by e every `reach_mm`."""

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from glyphs import stamp
-from glyphs.soiling import mud as model
 from glyphs.soiling.coat import Coat, bare_coat
-from glyphs.soiling.mud import HARDNESS_MPA, mud
+from glyphs.soiling.mud import sheets as model
+from glyphs.soiling.mud.sheets import HARDNESS_MPA, mud
 
 BATCH = model.Batch(share=1.0, moisture=0.2, solid=0.6, flight_rad=0.0, rain=0.8)
 

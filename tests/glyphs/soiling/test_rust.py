@@ -9,7 +9,7 @@ import pytest
 
 from glyphs import stamp
 from glyphs.soiling.coat import Coat, bare_coat
-from glyphs.soiling.rust import LAMINA, draw_pits, mark_depth_mm, rust
+from glyphs.soiling.rust.corrosion import LAMINA, draw_pits, mark_depth_mm, rust
 from glyphs.stamping.stamp import StampedPart
 
 SEEDS = range(5)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from glyphs import StampingVariation, stamp
-from glyphs.soiling import wear
-from glyphs.soiling.bench import on_bench
-from glyphs.soiling.blows import DENT_ASPECT, MOST_HITS, dimples, knocked, peened
 from glyphs.soiling.coat import Coat, bare_coat
-from glyphs.soiling.wear import wear as worn
+from glyphs.soiling.wear import rubbing as wear
+from glyphs.soiling.wear.bench import on_bench
+from glyphs.soiling.wear.blows import DENT_ASPECT, MOST_HITS, dimples, knocked, peened
+from glyphs.soiling.wear.rubbing import wear as worn
 from glyphs.surface.noise import Field
 
 

@@ -35,8 +35,8 @@ from typing import Final
 
 import numpy as np
 
-from glyphs.soiling.bumps import Bumps, scattered, union_mm
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.rust.bumps import Bumps, scattered, union_mm
 from glyphs.surface.noise import Field, share
 
 RATIO: Final = 3.0

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from glyphs.soiling.coat import Coat
+from glyphs.surface.display import one_line
 from glyphs.surface.noise import Field, ramp, share, smooth_noise
 
 
@@ -23,6 +24,8 @@ class Bench:
     coat: Coat
     level_mm: Field
     deep_mm: float
+
+    __repr__ = one_line
 
     def low(self, z_mm: Field) -> Field:
         """0 on what a tool touches, 1 in the hollows."""

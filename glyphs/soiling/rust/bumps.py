@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.soiling.coat import Coat
+from glyphs.surface.display import one_line
 from glyphs.surface.noise import Field
 
 
@@ -38,6 +39,8 @@ class Bumps:
     stretch: NDArray[np.float64]
     turn_rad: NDArray[np.float64]
     born: NDArray[np.float64]
+
+    __repr__ = one_line
 
 
 def scattered(

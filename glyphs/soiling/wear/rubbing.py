@@ -30,9 +30,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from glyphs.soiling.bench import Bench, on_bench, patches, rise
-from glyphs.soiling.blows import knocked, peened
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.wear.bench import Bench, on_bench, patches, rise
+from glyphs.soiling.wear.blows import knocked, peened
 from glyphs.surface.noise import Field
 
 _FRESH_ALBEDO = (0.27, 0.268, 0.262)

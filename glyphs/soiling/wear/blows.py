@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from glyphs.soiling.bench import Bench, patches, rise
 from glyphs.soiling.coat import Coat
+from glyphs.soiling.wear.bench import Bench, patches, rise
 from glyphs.surface.noise import Field
 
 DENT_ASPECT = 0.16

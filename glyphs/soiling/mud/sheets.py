@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from glyphs.opencv import cv2
 from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat
-from glyphs.soiling.cracks import nearest_crack
+from glyphs.soiling.mud.cracks import nearest_crack
 from glyphs.soiling.strokes import drop
 from glyphs.surface.noise import Field, ramp, share, smooth_noise
 

@@ -1,0 +1,1 @@
+"""Mud that splashed, ran, dried and cracked."""

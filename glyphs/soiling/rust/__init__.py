@@ -1,0 +1,1 @@
+"""Rust: steel lost, and oxide standing in its place."""

@@ -1,0 +1,1 @@
+"""Wear and knocks of the metal itself: rubbed, peened, dented."""
