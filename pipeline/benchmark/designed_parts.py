@@ -82,6 +82,7 @@ class DesignedParts:
             take_photo=lambda: spec.photograph(part),
             line_mm=_hull(boxes),
             boxes_mm=boxes,
+            height_mm=stamped.height_mm,
             beside_mm=_hull(stamped.other_boxes_mm),
         )
 

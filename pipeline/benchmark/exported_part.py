@@ -14,7 +14,6 @@ import json
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from glyphs.surface.maps import EdgeMap, MapError
+from glyphs.surface.maps import EdgeMap
 from pipeline.benchmark.designed_parts import DesignedParts
 from pipeline.benchmark.mode import PartReadings
 from pipeline.benchmark.pictures import PICTURES, draw_edges, draw_heights
@@ -31,9 +30,9 @@ from pipeline.benchmark.specimens import Box, Item, Specimen
 from pipeline.files.layers import write_layer
 from pipeline.files.photos import write_photo
 from pipeline.files.synth import write_surface
+from recognition.reader import Reader
 
 if TYPE_CHECKING:
-    from recognition.reading import Reading
     from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Scan
 
@@ -68,32 +67,6 @@ class ExportedPart:
     files: dict[str, bytes]
 
 
-class ScannedPart(PartReadings):
-    """A part that is photographed and felt by the default plan at its true height, and not read."""
-
-    def __init__(self, specimen: Specimen, height_mm: float) -> None:
-        self.specimen, self.seconds, self._height_mm = specimen, {}, height_mm
-
-    @cached_property
-    def touch(self) -> Reading:
-        """No reading, but the maps that one is made from; without what cannot be felt."""
-        from pipeline.reading.simulated_scan import feel
-        from recognition.reading import Decision, Reading
-        from recognition.tactile_reader import relief_of
-        from whisker_array.estimation.edges import edge_map
-        from whisker_array.whisker.array import default_plan
-
-        surface = self.specimen.height_map
-        plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=self._height_mm)
-        scan = feel(surface, plan=plan, height_mm=self._height_mm, noise=False, soil=self.specimen.soil)
-        unread = Reading(characters=(), decision=Decision.REJECT, confidence=0.0)
-        try:
-            edges = edge_map(scan)
-        except MapError:
-            return unread.traced(scan=scan)
-        return unread.traced(scan=scan, edge_map=edges, relief=relief_of(scan, edges))
-
-
 def export_part(order: ExportOrder, item: Item) -> ExportedPart:
     """Make a part and all its files.
 
@@ -103,7 +76,7 @@ def export_part(order: ExportOrder, item: Item) -> ExportedPart:
     specimen = order.parts.make(item)
     height_mm = order.parts.spec(item.condition).height_mm
     with tempfile.TemporaryDirectory() as scratch:
-        writer = _Writer(Path(scratch), specimen, ScannedPart(specimen, height_mm))
+        writer = _Writer(Path(scratch), specimen, PartReadings(specimen, Reader()))
         writer.write(felt=order.felt)
         paths = sorted(p for p in Path(scratch).rglob("*") if p.is_file())
         files = {p.relative_to(scratch).as_posix(): p.read_bytes() for p in paths}
@@ -140,7 +113,7 @@ def sha256(data: bytes) -> str:
 class _Writer:
     folder: Path
     specimen: Specimen
-    senses: ScannedPart
+    senses: PartReadings
     views: dict[str, dict[str, Any]] = field(default_factory=dict)
     lines: dict[str, str] = field(default_factory=dict)
     scan: dict[str, Any] = field(default_factory=dict)
@@ -154,13 +127,13 @@ class _Writer:
         self._layer(
             "ideal", f"ideal/{part}.png", surface.z_mm, "mm", pitch_mm=surface.pitch_mm, origin_mm=(0.0, 0.0)
         )
-        trace = self.senses.touch.trace if felt else None
-        if trace is not None and trace.scan is not None:
-            self.scan = _scan(trace.scan)
-        if trace is not None and trace.edge_map is not None:
-            self._edges(trace.edge_map)
-        if trace is not None and trace.relief is not None:
-            self._relief(trace.relief)
+        if felt:
+            maps = self.senses.felt
+            self.scan = _scan(maps.scan)
+            if maps.edges is not None:
+                self._edges(maps.edges)
+            if maps.relief is not None:
+                self._relief(maps.relief)
         for view in self._drawn():
             path = f"lines/{part}-{view}.png"
             try:

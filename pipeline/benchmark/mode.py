@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 from glyphs.errors import MarksError
+from pipeline.benchmark.felt import FeltMaps, feel_part
 from pipeline.benchmark.specimens import Specimen
 from whisker_array.whisker.array import RasterPlan
 
@@ -54,6 +55,16 @@ class PartReadings:
         return reading
 
     @cached_property
+    def felt(self) -> FeltMaps:
+        """Scanned, and not read.
+
+        Raises:
+            MapError: a surface that cannot be scanned.
+        """
+        maps: FeltMaps = self._timed("felt", lambda: feel_part(self.specimen))
+        return maps
+
+    @cached_property
     def photo(self) -> Photo:
         """The photograph.
 
@@ -85,6 +96,8 @@ class PartReadings:
     def scan_s(self) -> float:
         """What the real array would take for the scan; 0 if the part was not scanned."""
         scan = self.touch.trace.scan if "touch" in self.seconds else None
+        if scan is None and "felt" in self.seconds:
+            scan = self.felt.scan
         return 0.0 if scan is None else scan_seconds(scan)
 
 
@@ -103,7 +116,7 @@ class ModeReader(Protocol):
     """A mode.
 
     Attributes:
-        uses: the senses it needs: "touch", "vision"; the others' time is not charged to it.
+        uses: what it needs of `PartReadings`: "touch", "vision", "felt"; the others' time is not charged to it.
     """
 
     uses: tuple[str, ...]

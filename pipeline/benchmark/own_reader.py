@@ -77,7 +77,7 @@ class ExamPart:
         Raises:
             MarksError: touch felt none.
         """
-        relief = self._senses.touch.trace.relief
+        relief = self._senses.felt.relief
         if relief is None:
             raise MarksError("touch felt no heights")
         return relief.height_mm, relief.pitch_mm
@@ -89,7 +89,7 @@ class ExamPart:
         Raises:
             MarksError: touch felt none.
         """
-        edges = self._senses.touch.trace.edge_map
+        edges = self._senses.felt.edges
         if edges is None:
             raise MarksError("touch felt no edges")
         return edges.enhancement, edges.pitch_mm

@@ -10,7 +10,6 @@ from glyphs.fonts.serials import allowed_characters
 from pipeline.benchmark.engines import Engine, Line, open_engine
 from pipeline.benchmark.mode import ModeReader, PartReadings
 from pipeline.benchmark.pictures import PICTURES
-from pipeline.benchmark.trials import UNUSED
 
 if TYPE_CHECKING:
     from recognition.reading import Reading
@@ -39,23 +38,16 @@ def open_peer(engine: str, picture: str, *, format: str | None) -> ModeReader:
 
 class _Peer:
     def __init__(self, engine: Engine, picture: str, places: tuple[str, ...]) -> None:
-        self.uses: tuple[str, ...] = ("touch",) if picture in _FELT else ()
+        self.uses: tuple[str, ...] = ("felt",) if picture in _FELT else ()
         self._engine, self._picture, self._places = engine, picture, places
 
     def read(self, senses: PartReadings) -> Reading:
         picture = PICTURES[self._picture](senses)
         line = self._engine.read_line(picture) if min(picture.shape[:2]) >= 8 else []
         reading = reading_of(line, places=self._places)
-        return replace(reading, seconds=felt_seconds(senses)) if self._picture in _FELT else reading
-
-
-def felt_seconds(senses: PartReadings) -> dict[str, float]:
-    """Where the time of touch went for one who takes its maps, and the place of the line if the truth lacks it."""
-    spent = senses.touch.seconds
-    steps = {step: spent.get(step, 0.0) for step in ("mount", "scan", "edge map", "depth")}
-    if senses.specimen.line_mm is not None:
-        steps[UNUSED] = max(0.0, senses.seconds.get("touch", 0.0) - sum(steps.values()))
-    return steps
+        if self._picture not in _FELT:
+            return reading
+        return replace(reading, seconds={"scan": senses.felt.simulated_s})
 
 
 def reading_of(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:

@@ -57,7 +57,7 @@ def edges_picture(senses: PartReadings) -> NDArray[np.uint8]:
     Raises:
         MarksError: touch has no edges.
     """
-    edges = senses.touch.trace.edge_map
+    edges = senses.felt.edges
     if edges is None:
         raise MarksError("touch has no edges, so there is nothing to draw")
     drawn = np.repeat(draw_edges(edges)[..., None], 3, axis=2)
@@ -97,7 +97,7 @@ def relief_picture(senses: PartReadings) -> NDArray[np.uint8]:
     Raises:
         MarksError: touch felt no heights.
     """
-    relief = senses.touch.trace.relief
+    relief = senses.felt.relief
     if relief is None:
         raise MarksError("touch felt no heights, so there is nothing to draw")
     return _grey(_cut(relief.height_mm, _line(senses), origin_mm=relief.origin_mm, pitch_mm=relief.pitch_mm))

@@ -130,7 +130,7 @@ def _write_table(trials: Sequence[Trial], path: Path) -> None:
                 int(t.right), t.decision, t.confidence, len(t.truth), characters_right(t),
                 min((c.confidence for c in t.characters), default=""),
                 min((c.margin for c in t.characters), default=""), t.flags, t.error,
-                round(t.used_s, 4), round(t.reading_s, 4), t.simulated_s, t.scan_s,
+                t.compute_s, round(t.reading_s, 4), t.simulated_s, t.scan_s,
             ))  # fmt: skip
 
 

@@ -166,7 +166,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
         blank,
         **answer_of(reading),
         compute_s=round(own + used, 4),
-        scan_s=round(senses.scan_s, 3) if "touch" in mode.uses else 0.0,
+        scan_s=round(senses.scan_s, 3) if {"touch", "felt"} & set(mode.uses) else 0.0,
     )
 
 

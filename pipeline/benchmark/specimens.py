@@ -54,6 +54,7 @@ class Specimen:
         take_photo: photographs it; None without a camera.
         line_mm: (x0, y0, x1, y1) around the line, plate frame; None where it is not known.
         boxes_mm: around each character of the truth; empty where they are not known.
+        height_mm: of the characters, for which a stage is set; None where it is not known.
         beside_mm: around another line, which is not asked for; None without one.
         turned: the map with the other row first, as `pipeline.reading.part_reader.read_surface` takes it.
     """
@@ -65,6 +66,7 @@ class Specimen:
     take_photo: Callable[[], Photo] | None
     line_mm: Box | None
     boxes_mm: tuple[Box, ...] = ()
+    height_mm: float | None = None
     beside_mm: Box | None = None
     turned: Callable[[], HeightMap] | None = None
 

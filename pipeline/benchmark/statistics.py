@@ -179,7 +179,7 @@ def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
         serial_reliability=reliability([t.confidence for t in read], [t.right for t in read]),
         character_reliability=reliability(said, was),
         confused=confusion(trials),
-        compute_s=_spread([t.used_s for t in read]),
+        compute_s=_spread([t.compute_s for t in read]),
         reading_s=_spread([t.reading_s for t in read]),
         simulated_s=_spread([t.simulated_s for t in read]),
         scan_s=_spread([t.scan_s for t in read]),

@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 
 TRIALS_FILE = "trials.jsonl"
 FORMAT_VERSION = 3
-"""2 had severity, font and format in place of the levels; 1 no version, nor simulated_s and unused_s."""
-UNUSED = "unused"
-"""Step of a reading's time for what ran on the way and does not belong to the mode."""
+"""2 had severity, font and format in place of the levels; 1 no version, nor simulated_s."""
 _SIMULATION = ("mount", "scan")  # steps of a reading's time that a real array has not
 _MAX_FILE_BYTES = 4_000_000_000
 
@@ -66,8 +64,6 @@ class Trial:
         compute_s: time that the program took for it, making the part and its photograph not counted.
         scan_s: time that the real array would take for the scan; 0 without touch.
         simulated_s: of compute_s, what stands in for the array: mounting the map and simulating the scan.
-        unused_s: of compute_s, what ran on the way and is no part of the mode: touch's own reading, where another
-            program reads its edge map.
     """
 
     part: str
@@ -84,7 +80,6 @@ class Trial:
     compute_s: float = 0.0
     scan_s: float = 0.0
     simulated_s: float = field(default=0.0, compare=False)
-    unused_s: float = field(default=0.0, compare=False)
 
     @property
     def severity(self) -> float | None:
@@ -108,14 +103,9 @@ class Trial:
         return ",".join(names) or "nothing"
 
     @property
-    def used_s(self) -> float:
-        """Computing that the mode needs: the simulated scan and the reading."""
-        return max(0.0, self.compute_s - self.unused_s)
-
-    @property
     def reading_s(self) -> float:
         """Of that the reading: from the scan or the photograph to the answer."""
-        return max(0.0, self.used_s - self.simulated_s)
+        return max(0.0, self.compute_s - self.simulated_s)
 
     @property
     def right(self) -> bool:
@@ -140,7 +130,6 @@ def answer_of(reading: Reading) -> dict[str, Any]:
         ),
         "flags": "; ".join(reading.messages()),
         "simulated_s": round(sum(reading.seconds.get(step, 0.0) for step in _SIMULATION), 4),
-        "unused_s": round(reading.seconds.get(UNUSED, 0.0), 4),
     }
 
 

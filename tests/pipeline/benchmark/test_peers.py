@@ -1,5 +1,7 @@
 """Programs of others as modes: decoding, cropping, and what is said where they are missing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,15 +9,23 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.benchmark import engines, peers, pictures
+from pipeline.benchmark.felt import feel_part
 from pipeline.benchmark.mode import ModeUnavailableError, PartReadings
 from pipeline.benchmark.modes import open_mode
 from pipeline.benchmark.specimens import Specimen
-from pipeline.benchmark.trials import UNUSED
 from recognition.reader import Reader
 from recognition.reader_settings import ReaderSettings
-from recognition.reading import Decision, Reading, ReadingFlag
+from recognition.reading import Decision, ReadingFlag
+from tests.factories import designed_parts
 
 CLASSES = ("", "A", "B")
+
+
+class Nobody:
+    """An engine that reads nothing."""
+
+    def read_line(self, picture: np.ndarray) -> engines.Line:
+        return []
 
 
 def drawn(text: str) -> np.ndarray:
@@ -84,16 +94,19 @@ def test_edges_are_drawn_dark_whatever_their_sign_and_direction() -> None:
     assert (picture[[0, 4, 9]] == 255).all()
 
 
-@pytest.mark.parametrize("placed", [True, False])
-def test_who_reads_an_edge_map_is_charged_for_it_and_not_for_touchs_own_reading(placed: bool) -> None:
-    """But where the truth tells no place, touch's reading is what the line was found by."""
-    part = senses(None, (10.0, 6.0, 30.0, 14.0) if placed else None)
-    steps = {"mount": 0.1, "scan": 2.0, "edge map": 0.4, "search": 3.0, "match": 0.3}
-    touch = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=steps)
-    part.__dict__["touch"], part.seconds["touch"] = touch, 6.0
-    told = peers.felt_seconds(part)
-    assert (told["mount"], told["scan"], told["edge map"]) == (0.1, 2.0, 0.4)
-    assert told.get(UNUSED, 0.0) == pytest.approx(3.5 if placed else 0.0)
+def test_who_reads_what_is_felt_is_charged_for_the_scan_and_for_no_reading() -> None:
+    """The maps are of the stage set for the true height, whatever our own reader is given or makes of it."""
+    parts = designed_parts(given=("nothing",))
+    part = PartReadings(parts.make(parts.items()[0]), Reader())
+    assert part.felt.edges is not None
+    assert part.scan_s > 1.0
+    assert "touch" not in part.seconds
+    maps = feel_part(replace(part.specimen, height_mm=None))
+    assert maps.scan.touch.preload_mm == part.felt.scan.touch.preload_mm  # 5 mm is the usual height
+    peer = peers._Peer(Nobody(), "relief", ())
+    reading = peer.read(part)
+    assert peer.uses == ("felt",)
+    assert 0.0 < reading.seconds["scan"] < part.seconds["felt"]
 
 
 @pytest.mark.parametrize("engine", ["rapidocr", "tesseract"])

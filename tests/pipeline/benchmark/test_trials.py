@@ -10,7 +10,7 @@ from types import MappingProxyType
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.benchmark.trials import FORMAT_VERSION, UNUSED, Trial, TrialJournal, answer_of
+from pipeline.benchmark.trials import FORMAT_VERSION, Trial, TrialJournal, answer_of
 from recognition.reading import Decision, Reading, ReadingFlag
 
 DESCRIPTION = {"seed": 1}
@@ -23,7 +23,6 @@ TRIAL = Trial(
     "A1",
     compute_s=1.0,
     simulated_s=0.25,
-    unused_s=0.5,
 )
 
 
@@ -62,15 +61,14 @@ def test_a_book_of_another_format_is_refused_and_kept(tmp_path: Path, version: o
 
 
 def test_a_mode_is_charged_for_what_it_needs_and_the_scan_is_told_apart() -> None:
-    steps = {"mount": 0.125, "scan": 0.5, "edge map": 0.25, "search": 1.0, UNUSED: 2.0}
+    steps = {"mount": 0.125, "scan": 0.5, "edge map": 0.25, "search": 1.0}
     reading = Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, seconds=MappingProxyType(steps))
     trial = replace(Trial("p", 0, {}, "m", "A"), **answer_of(reading), compute_s=4.0)
-    assert (trial.simulated_s, trial.unused_s) == (0.625, 2.0)
-    assert (trial.used_s, trial.reading_s) == (2.0, 1.375)
+    assert (trial.compute_s, trial.simulated_s, trial.reading_s) == (4.0, 0.625, 3.375)
 
 
 def test_a_reading_that_tells_no_steps_is_all_reading() -> None:
-    trial = replace(TRIAL, simulated_s=0.0, unused_s=0.0)
-    assert trial.used_s == trial.reading_s == trial.compute_s
+    trial = replace(TRIAL, simulated_s=0.0)
+    assert trial.reading_s == trial.compute_s
     # a clock's steps may add up to a little more than what was measured around them
     assert replace(TRIAL, simulated_s=2.0).reading_s == 0.0
