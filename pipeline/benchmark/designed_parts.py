@@ -80,10 +80,10 @@ class DesignedParts:
             height_map=part.height_map,
             soil=part.soil,
             take_photo=lambda: spec.photograph(part),
-            line_mm=_hull(boxes),
+            line_mm=hull(boxes),
             boxes_mm=boxes,
             height_mm=stamped.height_mm,
-            beside_mm=_hull(stamped.other_boxes_mm),
+            beside_mm=hull(stamped.other_boxes_mm),
         )
 
     def truth_of(self, item: Item) -> str:
@@ -123,7 +123,8 @@ def _named(condition: Condition, factor: str) -> str:
     return re.sub(r"[^A-Za-z0-9.+]+", "_", level_name(level))
 
 
-def _hull(boxes: Sequence[Box]) -> Box | None:
+def hull(boxes: Sequence[Box]) -> Box | None:
+    """(x0, y0, x1, y1) around boxes; None around none."""
     if not boxes:
         return None
     x0, y0, x1, y1 = zip(*boxes, strict=True)

@@ -42,7 +42,7 @@ def open_engine(name: str, chars: str) -> Engine:
     Raises:
         ModeUnavailableError: the engine or its data are not installed.
     """
-    return _RapidOcr(chars) if name == "rapidocr" else _Tesseract(chars)
+    return RapidOcr(chars) if name == "rapidocr" else _Tesseract(chars)
 
 
 def _imported(module: str, package: str) -> Any:
@@ -79,17 +79,31 @@ def _rapid_session() -> tuple[Any, tuple[str, ...]]:
     return session, ("", *characters, " ")
 
 
-class _RapidOcr:
-    def __init__(self, chars: str) -> None:
-        self._session, self._classes = _rapid_session()
-        self._allowed = np.array([not c or c in chars for c in self._classes])
+class RapidOcr:
+    """RapidOCR's recognition network.
 
-    def read_line(self, picture: NDArray[np.uint8]) -> Line:
+    Attributes:
+        classes: what its classes mean, the blank first, empty.
+
+    Raises:
+        ModeUnavailableError: it is not installed.
+    """
+
+    def __init__(self, chars: str) -> None:
+        self._session, self.classes = _rapid_session()
+        self._allowed = np.array([not c or c in chars for c in self.classes])
+
+    def beliefs(self, picture: NDArray[np.uint8]) -> NDArray[np.floating]:
+        """(steps, classes) probabilities along a picture (rows, cols, 3); none for characters not allowed."""
         small = _to_height(picture, _RAPID_HEIGHT)[..., ::-1]  # the network learned blue, green, red
         values = np.zeros((1, 3, _RAPID_HEIGHT, max(_RAPID_WIDTH, small.shape[1])), dtype=np.float32)
         values[0, :, :, : small.shape[1]] = small.transpose(2, 0, 1) / np.float32(127.5) - 1.0
         beliefs = self._session.run(None, {self._session.get_inputs()[0].name: values})[0][0]
-        return decode_ctc(np.where(self._allowed, beliefs, 0.0), self._classes)
+        return np.where(self._allowed, beliefs, 0.0)
+
+    def read_line(self, picture: NDArray[np.uint8]) -> Line:
+        """See `Engine`."""
+        return decode_ctc(self.beliefs(picture), self.classes)
 
 
 def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:

@@ -28,7 +28,7 @@ from pipeline.benchmark.mode import PartReadings
 from pipeline.benchmark.specimens import Box
 
 if TYPE_CHECKING:
-    from glyphs.surface.maps import EdgeMap
+    from glyphs.surface.maps import EdgeMap, HeightMap
 
 MARGIN = 0.25
 """Around the line, of its height: a camera's part lies a little beside its nominal place."""
@@ -105,8 +105,12 @@ def relief_picture(senses: PartReadings) -> NDArray[np.uint8]:
 
 def ideal_picture(senses: PartReadings) -> NDArray[np.uint8]:
     """The true heights, drawn in grey and cropped to the line, (rows, cols, 3)."""
-    surface = senses.specimen.height_map
-    return _grey(_cut(surface.z_mm, _line(senses), origin_mm=(0.0, 0.0), pitch_mm=surface.pitch_mm))
+    return heights_picture(senses.specimen.height_map, _line(senses))
+
+
+def heights_picture(surface: HeightMap, box: Box | None) -> NDArray[np.uint8]:
+    """The heights of a surface, drawn in grey and cropped to a line, (rows, cols, 3)."""
+    return _grey(_cut(surface.z_mm, box, origin_mm=(0.0, 0.0), pitch_mm=surface.pitch_mm))
 
 
 PICTURES: dict[str, Callable[[PartReadings], NDArray[np.uint8]]] = {
