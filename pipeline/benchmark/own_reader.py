@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from glyphs.errors import MarksError
 from glyphs.named import load_named
 from pipeline.benchmark.mode import PartReadings
-from pipeline.benchmark.peers import reading_of
+from pipeline.benchmark.peers import ACCEPTED_FROM, reading_of
 from pipeline.benchmark.pictures import PICTURES
 from pipeline.common.settings import SettingsError
 
@@ -131,7 +131,13 @@ class OwnMode:
         answer = Answer(said) if isinstance(said, str) else said
         if not isinstance(answer, Answer):
             raise MarksError(f"the reader gave a {type(said).__name__}", hint="give a text or an Answer")
-        text = "".join(answer.text.split())
-        # the confidence is in the whole text: each character has its share of it
-        each = answer.confidence ** (1.0 / max(1, len(text)))
-        return reading_of([(char, each) for char in text], accepted=answer.accepted)
+        return reading_of_answer(answer)
+
+
+def reading_of_answer(answer: Answer) -> Reading:
+    """An answer as a reading."""
+    text = "".join(answer.text.split())
+    # the confidence is in the whole text: each character has its share of it
+    each = answer.confidence ** (1.0 / max(1, len(text)))
+    accepted = answer.confidence >= ACCEPTED_FROM if answer.accepted is None else answer.accepted
+    return reading_of([(char, each) for char in text], accepted=accepted)

@@ -30,6 +30,7 @@ app.command(
     name="export",
     help="Write an exam as files, for readers that are no part of this program.",
 )
+app.command("pipeline.cli.benchmark_score:score", name="score", help="Score anybody's answers to an exam.")
 
 
 @app.default

@@ -66,8 +66,30 @@ class Accuracy:
         )
 
 
+@dataclass(frozen=True)
+class PartLine:
+    """A line of a table of parts.
+
+    Attributes:
+        line: number in the file.
+        part: its name.
+        text: stamped on it, or read.
+        others: the further columns, by their headings in lower case.
+    """
+
+    line: int
+    part: str
+    text: str
+    others: dict[str, str]
+
+
 def load_truth(path: Path) -> dict[str, str]:
-    """Text by part name, from a CSV with the columns part (or file) and text (or serial).
+    """Text by part name, see `load_part_lines`."""
+    return {line.part: line.text for line in load_part_lines(path)}
+
+
+def load_part_lines(path: Path) -> list[PartLine]:
+    """The lines of a CSV with the columns part (or file) and text (or serial).
 
     Raises:
         FileError: not such a table, or one that names a part twice.
@@ -82,7 +104,7 @@ def load_truth(path: Path) -> dict[str, str]:
         raise FileError(path, f"is not a CSV table ({error})", "save it as CSV (UTF-8)") from error
 
 
-def _parse(path: Path, table: csv.DictReader[str]) -> dict[str, str]:
+def _parse(path: Path, table: csv.DictReader[str]) -> list[PartLine]:
     headings = {(h or "").strip().lower(): h for h in table.fieldnames or ()}
     part = next((headings[h] for h in _PART_HEADINGS if h in headings), None)
     text = next((headings[h] for h in _TEXT_HEADINGS if h in headings), None)
@@ -90,7 +112,8 @@ def _parse(path: Path, table: csv.DictReader[str]) -> dict[str, str]:
         raise FileError(
             path, f"has the columns {', '.join(headings) or 'none'}", "its first line must name part and text"
         )
-    truth: dict[str, str] = {}
+    others = {name: heading for name, heading in headings.items() if heading not in (part, text)}
+    lines: dict[str, PartLine] = {}
     for record in table:
         name, value = (record[part] or "").strip(), record[text]
         if not name and not value:
@@ -98,12 +121,13 @@ def _parse(path: Path, table: csv.DictReader[str]) -> dict[str, str]:
         if value is None or not name:
             raise FileError(path, f"line {table.line_num} is not complete", "give a part and its text")
         name = part_name(name)
-        if name in truth:
+        if name in lines:
             raise FileError(path, f"line {table.line_num} names {name} a second time", "keep one line a part")
-        truth[name] = value.strip()
-    if not truth:
+        more = {key: (record[heading] or "").strip() for key, heading in others.items()}
+        lines[name] = PartLine(table.line_num, name, value.strip(), more)
+    if not lines:
         raise FileError(path, "holds no part", "give a line for each part")
-    return truth
+    return list(lines.values())
 
 
 def part_name(cell: str) -> str:
