@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, PercentFormatter
 from numpy.typing import NDArray
 
-from pipeline.benchmark.statistics import Group
+from pipeline.benchmark.groups import Cell, Group
 from pipeline.common.shares import Share
 
 _STYLES = (
@@ -53,10 +53,15 @@ def severity_name(severity: float | None) -> str:
     return "as given" if severity is None else f"{severity:g}"
 
 
-def modes_in(groups: Sequence[Group]) -> list[str]:
+def modes_in(groups: Sequence[Cell]) -> list[str]:
     """The modes, in their usual order."""
     found = list(dict.fromkeys(g.key.mode for g in groups))
     return sorted(found, key=lambda m: _ORDER.index(m) if m in _ORDER else len(_ORDER))
+
+
+def leading(modes: Sequence[str]) -> str:
+    """The mode that a page speaks of first: of the project's own the one with most senses, else the first."""
+    return next((mode for mode in ("fused", "tactile", "vision") if mode in modes), modes[0])
 
 
 def severities_in(groups: Sequence[Group]) -> list[float | None]:
@@ -144,32 +149,6 @@ def _wrong(
     axes.plot(
         x[none], y[none], color=colour, marker=marker, linestyle="none", markersize=6, markerfacecolor="white"
     )
-
-
-def kinds_figure(groups: Sequence[Group]) -> Figure:
-    """Serials right against severity, a panel for each font and format."""
-    kinds = list(dict.fromkeys((g.key.font, g.key.format) for g in groups))
-    columns = min(3, len(kinds))
-    rows = -(-len(kinds) // columns)
-    figure = Figure(figsize=(WIDTH_IN, 0.6 + 2.7 * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
-    severities, modes = severities_in(groups), modes_in(groups)
-    places = _places(severities)
-    for axes, (font, format) in zip(panels.flat, kinds, strict=False):
-        for mode in modes:
-            own = [g for g in groups if (g.key.mode, g.key.font, g.key.format) == (mode, font, format)]
-            own.sort(key=lambda g: places[g.key.severity])
-            _shares(axes, np.array([places[g.key.severity] for g in own]), [g.serials for g in own], mode)
-        axes.set_title(f"{font}, {format}".strip(", "), loc="left", fontsize=10)
-        axes.set_ylim(-0.02, 1.03)
-        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-        axes.set_xticks([places[s] for s in severities], [severity_name(s) for s in severities])
-        axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
-    for axes in panels.flat[len(kinds) :]:
-        axes.set_axis_off()
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(modes)), frameon=False)
-    return figure
 
 
 def split_figure(groups: Sequence[Group]) -> Figure:

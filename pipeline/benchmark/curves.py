@@ -12,7 +12,7 @@ from matplotlib.ticker import PercentFormatter
 from pipeline.benchmark.calibration import Reliability
 from pipeline.benchmark.charts import WIDTH_IN, modes_in, severities_in, severity_name, style_of
 from pipeline.benchmark.confusion import Confusion
-from pipeline.benchmark.statistics import Group
+from pipeline.benchmark.groups import Group
 from pipeline.common.alignment import EXTRA, MISSING
 
 

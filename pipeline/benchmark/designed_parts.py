@@ -18,6 +18,8 @@ from pipeline.files.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
 LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
 """How high the lamp stands, degrees; its direction is drawn for every part."""
+COUNTS = ("parts", "parts_a_cell")
+"""Settings of a design that no part depends on."""
 _SPECIAL = ("soil", "severity", "light")
 _MADE = tuple(f.name for f in fields(SynthSpec) if f.name not in ("seed", "soiling"))
 
@@ -112,9 +114,9 @@ class DesignedParts:
 
     def description(self) -> dict[str, Any]:
         """See `Parts`: all of the design but how many parts it has."""
-        plain = self.design.model_dump(mode="json", exclude={"parts", "about", "fonts"}, by_alias=True)
+        plain = self.design.model_dump(mode="json", exclude={"about", *COUNTS}, by_alias=True)
         named = [f for s in self.design.all_sections() for f in {**self.design.part, **s.part}["font"]]
-        plain["fonts"] = [font_mark(str(f), self.design.fonts) for f in dict.fromkeys(named)]
+        plain["font_files"] = [font_mark(str(f), self.design.fonts) for f in dict.fromkeys(named)]
         return plain
 
 

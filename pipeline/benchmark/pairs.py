@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.benchmark.shares import RESAMPLES
+from pipeline.benchmark.shares import drawn_parts
 from pipeline.common.shares import CONFIDENCE_LEVEL
 
 MOST_EXACT = 14
@@ -91,11 +91,10 @@ def compare_characters(first: Sequence[int], second: Sequence[int], total: Seque
         raise ValueError(f"{d.size} parts against {n.size}; a paired test needs the same parts")
     if d.size == 0 or n.sum() == 0.0:
         return CharacterTest(0.0, 0.0, 0.0, 1.0, 1.0)
-    rng = np.random.default_rng(_SEED)
-    drawn = rng.multinomial(d.size, np.full(d.size, 1.0 / d.size), size=RESAMPLES)
+    drawn = drawn_parts(d.size)
     tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)
     low, high = np.percentile((drawn @ d) / np.maximum(drawn @ n, 1.0), [tail, 100.0 - tail])
-    p_differ, p_worse = _sign_flips(d[d != 0.0], rng)
+    p_differ, p_worse = _sign_flips(d[d != 0.0], np.random.default_rng(_SEED))
     return CharacterTest(float(d.sum() / n.sum()), float(low), float(high), p_differ, p_worse)
 
 

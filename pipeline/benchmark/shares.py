@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.common.shares import CONFIDENCE_LEVEL
 
 RESAMPLES = 2000
 _SEED = 20240229
+
+
+@lru_cache(maxsize=4)
+def drawn_parts(parts: int) -> NDArray[np.float64]:
+    """(RESAMPLES, parts) how often each part comes when as many are drawn again, with putting back."""
+    rng = np.random.default_rng(_SEED)
+    drawn = rng.multinomial(parts, np.full(parts, 1.0 / parts), size=RESAMPLES).astype(np.float64)
+    drawn.flags.writeable = False
+    return drawn
 
 
 def resampled(right: Sequence[int], total: Sequence[int]) -> tuple[float, float]:
@@ -25,8 +36,7 @@ def resampled(right: Sequence[int], total: Sequence[int]) -> tuple[float, float]
     k, n = np.asarray(right, dtype=np.float64), np.asarray(total, dtype=np.float64)
     if k.size == 0 or n.sum() == 0.0:
         return (0.0, 1.0)
-    rng = np.random.default_rng(_SEED)
-    drawn = rng.multinomial(k.size, np.full(k.size, 1.0 / k.size), size=RESAMPLES)
+    drawn = drawn_parts(k.size)
     chars = drawn @ n
     shares = (drawn @ k) / np.where(chars > 0.0, chars, 1.0)
     tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)

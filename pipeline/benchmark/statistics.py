@@ -1,285 +1,109 @@
-"""All figures of a benchmark, from its trials alone.
+"""All that a benchmark finds, from its trials alone.
 
-Trials are looked at in groups: of one severity, mode, font and format; over the fonts and formats; and over the
-severities as well. What is right is judged whatever was decided: a serial that was rejected may be right.
+trials --cells of the design, by severity, by mode--> groups, with Wilson's intervals
+       --each factor's levels over all else---------> effects, whole parts drawn again
+       --the same parts read twice------------------> comparisons
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
-import numpy as np
-
-from pipeline.benchmark.calibration import Reliability, reliability
-from pipeline.benchmark.confusion import Confusion, characters_right, confusion
-from pipeline.benchmark.pairs import CharacterTest, SerialTest, compare_characters, mcnemar
-from pipeline.benchmark.risk import RiskCoverage, risk_coverage
-from pipeline.benchmark.shares import resampled
+from pipeline.benchmark.comparisons import Comparison, between_givens, between_readers
+from pipeline.benchmark.condition import Level
+from pipeline.benchmark.factors import FactorEffect, factor_effects
+from pipeline.benchmark.groups import (
+    GIVEN_FACTOR,
+    Cell,
+    Group,
+    GroupKey,
+    cells_of,
+    grouped,
+    groups_of,
+    levels_in,
+)
+from pipeline.benchmark.risk import RiskCoverage
 from pipeline.benchmark.trials import Trial
-from pipeline.common.alignment import align
-from pipeline.common.shares import Share, share
+from pipeline.common.shares import Share
 
-SINGLE_MODES = ("tactile", "vision")
-FUSED = "fused"
-
-
-@dataclass(frozen=True)
-class Split:
-    """What became of the parts.
-
-    Attributes:
-        accepted_right: vouched for, and right.
-        accepted_wrong: vouched for, and wrong: the worst there is.
-        review: left to a person.
-        rejected: refused.
-        failed: an error, so no reading.
-    """
-
-    accepted_right: int
-    accepted_wrong: int
-    review: int
-    rejected: int
-    failed: int
-
-
-@dataclass(frozen=True)
-class GroupKey:
-    """Which trials; None stands for all.
-
-    Attributes:
-        mode: what read.
-        severity: of the dirt; None for all, or where it is not known.
-        font: of the mark.
-        format: of the serial.
-    """
-
-    mode: str
-    severity: float | None = None
-    font: str | None = None
-    format: str | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Group:
-    """The figures of some trials of one mode.
-
-    Attributes:
-        key: which.
-        serials: whole serials right.
-        characters: characters right (stamped less edits).
-        characters_by_part: 95 % interval of their share, whole parts drawn again.
-        split: what became of the parts.
-        accepted: parts vouched for.
-        accepted_wrong: parts vouched for and wrong, of all parts.
-        risk: risk against coverage.
-        serial_reliability: of the confidence in whole serials.
-        character_reliability: of the confidence in single characters.
-        confused: what was read for what.
-        compute_s: (median, 95th percentile) of the program's time for a part: the simulated scan and the reading.
-        reading_s: (median, 95th percentile) of the reading alone.
-        simulated_s: (median, 95th percentile) of simulating the scan.
-        scan_s: (median, 95th percentile) of the real array's.
-    """
-
-    key: GroupKey
-    serials: Share
-    characters: Share
-    characters_by_part: tuple[float, float]
-    split: Split
-    accepted: Share
-    accepted_wrong: Share
-    risk: RiskCoverage
-    serial_reliability: Reliability
-    character_reliability: Reliability
-    confused: Confusion
-    compute_s: tuple[float, float]
-    reading_s: tuple[float, float]
-    simulated_s: tuple[float, float]
-    scan_s: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Two modes on the same parts of one severity.
-
-    Attributes:
-        severity: of the dirt; None where it is not known.
-        first: a mode.
-        second: the mode it is compared with.
-        parts: how many.
-        serials: whole serials compared.
-        characters: characters compared.
-    """
-
-    severity: float | None
-    first: str
-    second: str
-    parts: int
-    serials: SerialTest
-    characters: CharacterTest
+DEFAULT_CROSSED = ("severity",)
 
 
 @dataclass(frozen=True, eq=False)
 class Statistics:
-    """All figures.
+    """All that was found. Where several things were given, every group but the effects' is of one of them.
 
     Attributes:
-        groups: one a severity, mode, font and format.
-        by_severity: one a severity and mode, over fonts and formats.
+        levels: of every factor, those that came up.
+        given: what readers were given, as often as they read a part.
+        crossed: factors of the cells.
+        cells: every combination of the crossed factors and what was given, for every mode.
+        by_severity: one a severity and mode.
         by_mode: one a mode.
-        comparisons: fused against the better single mode, touch against the others, at every severity.
+        effects: what each factor's levels cost, for every mode.
+        comparisons: readers on the same parts: over all, then at every severity.
+        knowledge: every reader given more against itself given less.
     """
 
-    groups: tuple[Group, ...]
+    levels: dict[str, tuple[Level, ...]]
+    given: tuple[str, ...]
+    crossed: tuple[str, ...]
+    cells: tuple[Cell, ...]
     by_severity: tuple[Group, ...]
     by_mode: tuple[Group, ...]
+    effects: tuple[FactorEffect, ...]
     comparisons: tuple[Comparison, ...]
+    knowledge: tuple[Comparison, ...]
 
-    def at(self, mode: str, severity: float | None) -> Group | None:
-        """The group over fonts and formats; None where there is none."""
-        return next((g for g in self.by_severity if g.key.mode == mode and g.key.severity == severity), None)
-
-
-def statistics_of(trials: Sequence[Trial]) -> Statistics:
-    """All figures of some trials, at least one."""
-    return Statistics(
-        groups=_grouped(trials, lambda t: GroupKey(t.mode, t.severity, t.font, t.format)),
-        by_severity=_grouped(trials, lambda t: GroupKey(t.mode, t.severity)),
-        by_mode=_grouped(trials, lambda t: GroupKey(t.mode)),
-        comparisons=tuple(_comparisons(trials)),
-    )
+    def at(self, mode: str, severity: float | None) -> list[Group]:
+        """The groups of a mode and severity: one for each thing given."""
+        return [g for g in self.by_severity if g.key.mode == mode and g.key.severity == severity]
 
 
-def _grouped(trials: Sequence[Trial], key: Callable[[Trial], GroupKey]) -> tuple[Group, ...]:
-    found: dict[GroupKey, list[Trial]] = {}
-    for trial in trials:
-        found.setdefault(key(trial), []).append(trial)
-    return tuple(group_of(k, members) for k, members in found.items())
+def statistics_of(trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_CROSSED) -> Statistics:
+    """All that some trials tell, at least one.
 
-
-def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
-    """The figures of some trials of one mode."""
-    right = [t.right for t in trials]
-    chars = [len(t.truth) for t in trials]
-    chars_right = [characters_right(t) for t in trials]
-    read = [t for t in trials if not t.error]
-    split = split_of(trials)
-    said, was = _characters_said(read)
-    return Group(
-        key=key,
-        serials=share(sum(right), len(trials)),
-        characters=share(sum(chars_right), sum(chars)),
-        characters_by_part=resampled(chars_right, chars),
-        split=split,
-        accepted=share(split.accepted_right + split.accepted_wrong, len(trials)),
-        accepted_wrong=share(split.accepted_wrong, len(trials)),
-        risk=risk_coverage([t.confidence for t in trials], right),
-        serial_reliability=reliability([t.confidence for t in read], [t.right for t in read]),
-        character_reliability=reliability(said, was),
-        confused=confusion(trials),
-        compute_s=_spread([t.compute_s for t in read]),
-        reading_s=_spread([t.reading_s for t in read]),
-        simulated_s=_spread([t.simulated_s for t in read]),
-        scan_s=_spread([t.scan_s for t in read]),
-    )
-
-
-def split_of(trials: Iterable[Trial]) -> Split:
-    """What became of the parts."""
-    accepted_right = accepted_wrong = review = rejected = failed = 0
-    for trial in trials:
-        if trial.error:
-            failed += 1
-        elif trial.accepted:
-            accepted_right += trial.right
-            accepted_wrong += not trial.right
-        elif trial.decision == "review":
-            review += 1
-        else:
-            rejected += 1
-    return Split(accepted_right, accepted_wrong, review, rejected, failed)
-
-
-def _characters_said(trials: Iterable[Trial]) -> tuple[list[float], list[bool]]:
-    """Confidence of every character read, and whether it was right."""
-    said, was = [], []
-    for trial in trials:
-        if "".join(c.char for c in trial.characters) != trial.text:
-            continue
-        for pair in align(trial.truth, trial.text):
-            if pair.place is not None:
-                said.append(min(1.0, max(0.0, trial.characters[pair.place].confidence)))
-                was.append(pair.right)
-    return said, was
-
-
-def _spread(seconds: Sequence[float]) -> tuple[float, float]:
-    if not seconds:
-        return (0.0, 0.0)
-    middle, high = np.percentile(seconds, [50.0, 95.0])
-    return (float(middle), float(high))
-
-
-def _comparisons(trials: Sequence[Trial]) -> Iterable[Comparison]:
-    modes = list(dict.fromkeys(t.mode for t in trials))
-    # a part that was read with more given of it is another pair
-    for severity, given in dict.fromkeys((t.severity, t.given) for t in trials):
-        here = {
-            m: [t for t in trials if (t.mode, t.severity, t.given) == (m, severity, given)] for m in modes
-        }
-        singles = [m for m in SINGLE_MODES if here.get(m)]
-        if here.get(FUSED) and singles:
-            yield compare(severity, here[FUSED], here[max(singles, key=lambda m: _merit(here[m]))])
-        for other in modes:
-            if here.get("tactile") and other not in ("tactile", FUSED):
-                yield compare(severity, here["tactile"], here[other])
-
-
-def _merit(trials: Sequence[Trial]) -> tuple[int, int]:
-    """Of two modes the better: more serials right, then more characters."""
-    return sum(t.right for t in trials), sum(characters_right(t) for t in trials)
-
-
-def compare(severity: float | None, first: Sequence[Trial], second: Sequence[Trial]) -> Comparison:
-    """Compare two modes on the same parts.
-
-    Raises:
-        ValueError: not the same parts.
+    Args:
+        trials: of all parts and modes.
+        crossed: factors of the design's cells.
     """
-    others = {t.part: t for t in second}
-    if set(others) != {t.part for t in first} or len(others) != len(first):
-        raise ValueError("a paired test needs the same parts from both modes")
-    pairs = [(t, others[t.part]) for t in first]
-    return Comparison(
-        severity=severity,
-        first=first[0].mode,
-        second=second[0].mode,
-        parts=len(pairs),
-        serials=mcnemar([a.right for a, _ in pairs], [b.right for _, b in pairs]),
-        characters=compare_characters(
-            [characters_right(a) for a, _ in pairs],
-            [characters_right(b) for _, b in pairs],
-            [len(a.truth) for a, _ in pairs],
-        ),
+    given = tuple(dict.fromkeys(t.given for t in trials))
+    more = (GIVEN_FACTOR,) if len(given) > 1 else ()
+    by_severity = grouped(trials, ("severity", *more))
+    by_mode = grouped(trials, more)
+    levels = levels_in(trials)
+    over_all = by_mode if len(levels.get("severity", ())) > 1 else {}
+    return Statistics(
+        levels=levels,
+        given=given,
+        crossed=tuple(crossed),
+        cells=cells_of(grouped(trials, (*crossed, *more))),
+        by_severity=groups_of(by_severity),
+        by_mode=groups_of(by_mode),
+        effects=factor_effects(trials),
+        comparisons=(*between_readers(over_all), *between_readers(by_severity)),
+        knowledge=tuple(between_givens(trials)),
     )
 
 
 def plain(value: Any) -> Any:
-    """The figures as JSON values, rounded to what they mean; times, which differ from run to run, left out."""
+    """The findings as JSON values, rounded to what they mean; times, which differ from run to run, left out."""
+    if isinstance(value, GroupKey):
+        return {"mode": value.mode, **dict(value.levels)}
     if isinstance(value, Group):
         return {
-            **plain(value.key.__dict__),
+            **_cell(value),
             **{
                 name: plain(getattr(value, name))
-                for name in (
-                    "serials", "characters", "characters_by_part", "split", "accepted", "accepted_wrong", "risk",
-                    "serial_reliability", "character_reliability",
-                )
+                for name in ("risk", "serial_reliability", "character_reliability")
             },
             "mistakes": [{"true": t, "read": r, "count": n} for t, r, n in value.confused.mistakes()],
-        }  # fmt: skip
+        }
+    if isinstance(value, Cell):
+        return _cell(value)
     if isinstance(value, Share):
         return {
             "count": value.count,
@@ -291,6 +115,8 @@ def plain(value: Any) -> Any:
         points = [*range(step - 1, value.coverage.size - 1, step), value.coverage.size - 1]
         curve = [[plain(float(value.coverage[k])), plain(float(value.risk[k]))] for k in points if k >= 0]
         return {"aurc": plain(value.area), "least_aurc": plain(value.least_area), "curve": curve}
+    if isinstance(value, Enum):
+        return plain(value.value)
     if isinstance(value, float):
         return round(value, 6)
     if isinstance(value, dict):
@@ -300,3 +126,12 @@ def plain(value: Any) -> Any:
     if hasattr(value, "__dataclass_fields__"):
         return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
     return value
+
+
+_CELL = (
+    "serials", "characters", "characters_by_part", "split", "accepted", "accepted_wrong", "wrong_of_accepted",
+)  # fmt: skip
+
+
+def _cell(value: Cell) -> dict[str, Any]:
+    return {**plain(value.key), **{name: plain(getattr(value, name)) for name in _CELL}}

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import Enum
 
-from pipeline.benchmark.statistics import FUSED, Group, Statistics
+from glyphs.soiling.soiled import WORKSHOP
+from pipeline.benchmark.bounds import Bounded, parts_without_wrong
+from pipeline.benchmark.comparisons import FUSED, SINGLE_MODES
+from pipeline.benchmark.groups import Group
+from pipeline.benchmark.statistics import Statistics
 from pipeline.common.shares import Share
 
 SIGNIFICANT = 0.05
+WRONG_LIMIT = 0.001
+"""Accepted but wrong, of all parts: the limit that every reader is judged by."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +38,10 @@ class Target:
 
     def describe(self) -> str:
         """In words."""
-        what = {
-            "characters": "characters right",
-            "accepted": "serials accepted",
-            "accepted_wrong": "serials accepted but wrong",
-        }[self.measure]
-        return f"{what} {'at most' if self.most else 'at least'} {self.limit:.1%}"
+        if self.most:
+            return f"serials accepted but wrong at most 1 in {1.0 / self.limit:,.0f}"
+        what = {"characters": "characters right", "accepted": "serials accepted"}[self.measure]
+        return f"{what} at least {self.limit:.1%}"
 
 
 TARGETS = (
@@ -47,6 +52,15 @@ TARGETS = (
     Target("tactile", 0.3, "accepted_wrong", 0.001, most=True),
     Target("tactile", 0.9, "accepted_wrong", 0.005, most=True),
 )
+"""Of the soil workshop: of other soils nothing was promised."""
+
+
+class Outcome(Enum):
+    """What became of a target."""
+
+    MET = "met"
+    NOT_MET = "not met"
+    NOT_SHOWN = "not shown"
 
 
 @dataclass(frozen=True)
@@ -54,45 +68,63 @@ class Verdict:
     """Whether a target was met.
 
     Attributes:
-        mode: of which mode.
-        severity: at which severity; None where it is not known.
+        reader: who.
+        severity: at which severity; None over all, or where it is not known.
         target: in words.
         found: what was measured, in words.
-        met: whether the figure measured meets it; None where it was not measured.
+        outcome: whether that meets it; a limit on the wrong ones is met where its exact bound is below it, and not
+            shown where the parts are too few for that.
         sure: whether the whole interval agrees (of a test: whether the difference is more than chance).
     """
 
-    mode: str
+    reader: str
     severity: float | None
     target: str
     found: str
-    met: bool | None
+    outcome: Outcome
     sure: bool
 
 
 def verdicts(statistics: Statistics, targets: tuple[Target, ...] = TARGETS) -> list[Verdict]:
-    """One a target, and one a severity for the fused mode against the better single one."""
-    found = [_verdict(target, statistics.at(target.mode, target.severity)) for target in targets]
+    """One a target that was measured, and one a severity for the fused mode against the better single one."""
+    workshop = set(statistics.levels.get("soil", ())) <= {WORKSHOP}
+    found = [
+        _verdict(target, group)
+        for target in (targets if workshop else ())
+        for group in statistics.at(target.mode, target.severity)
+    ]
     return [*found, *_fused(statistics)]
 
 
-def _verdict(target: Target, group: Group | None) -> Verdict:
-    if group is None:
-        return Verdict(target.mode, target.severity, target.describe(), "not measured", None, False)
-    measured: Share = getattr(group, target.measure)
-    if target.most:
-        met = measured.value <= target.limit + 1e-12
-        sure = measured.high <= target.limit if met else measured.low > target.limit
+def _verdict(target: Target, group: Group) -> Verdict:
+    measured: Share | Bounded = getattr(group, target.measure)
+    text = f"{measured.value:.2%} ({measured.count} of {measured.total}; "
+    if isinstance(measured, Bounded):
+        outcome, sure = at_most(measured, target.limit)
+        text += f"at most {measured.high:.2%})"
+        if outcome is Outcome.NOT_SHOWN:
+            text += f": needs {parts_without_wrong(target.limit):,} parts without a wrong one"
     else:
         met = measured.value >= target.limit - 1e-12
+        outcome = Outcome.MET if met else Outcome.NOT_MET
         sure = measured.low >= target.limit if met else measured.high < target.limit
-    text = f"{measured.value:.2%} ({measured.count} of {measured.total}; {measured.low:.2%} to {measured.high:.2%})"
-    return Verdict(target.mode, target.severity, target.describe(), text, met, sure)
+        text += f"{measured.low:.2%} to {measured.high:.2%})"
+    return Verdict(group.key.reader, target.severity, target.describe(), text, outcome, sure)
+
+
+def at_most(measured: Bounded, limit: float) -> tuple[Outcome, bool]:
+    """Whether a share is at most a limit, by its exact bound; and whether the whole interval agrees."""
+    if measured.high <= limit:
+        return Outcome.MET, True
+    if measured.value > limit:
+        return Outcome.NOT_MET, measured.low > limit
+    return Outcome.NOT_SHOWN, False
 
 
 def _fused(statistics: Statistics) -> Iterator[Verdict]:
     for c in statistics.comparisons:
-        if c.first != FUSED:
+        at_one = "severity" in dict(c.first.levels)  # over all severities it would be judged twice
+        if not at_one or c.first.mode != FUSED or c.second.mode not in SINGLE_MODES:
             continue
         lost = c.serials.only_second - c.serials.only_first
         met = lost <= 0 and c.characters.difference >= 0.0
@@ -106,4 +138,7 @@ def _fused(statistics: Statistics) -> Iterator[Verdict]:
         if not met and p >= SIGNIFICANT:
             found += "; no more than chance may bring"
         sure = p < SIGNIFICANT if not met else c.characters.low > 0.0
-        yield Verdict(FUSED, c.severity, f"not below {c.second}, the better single mode", found, met, sure)
+        target = f"not below {c.second.mode}, the better single mode"
+        yield Verdict(
+            c.first.reader, c.severity, target, found, Outcome.MET if met else Outcome.NOT_MET, sure
+        )

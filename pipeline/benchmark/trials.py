@@ -175,6 +175,26 @@ class TrialJournal:
                 stream.truncate(whole_bytes)
         return book
 
+    @classmethod
+    def read(cls, folder: Path) -> TrialJournal:
+        """The book that a folder holds; nothing in it is changed.
+
+        Raises:
+            FileError: no book, of another format version, or damaged before its last line.
+        """
+        path = folder / TRIALS_FILE
+        lines = _whole_lines(path)[0] if path.is_file() else []
+        if not lines:
+            raise FileError(
+                path,
+                "is not there" if not path.is_file() else "is empty",
+                "name the folder of a benchmark (--out)",
+            )
+        book = cls(path, _description(path, lines[0])[0])
+        for number, line in enumerate(lines[1:], start=2):
+            book._take(line, number)
+        return book
+
     def add(self, part: str, trials: Iterable[Trial]) -> None:
         """Append one part and keep it.
 
@@ -201,19 +221,8 @@ class TrialJournal:
         return json.dumps(heading, ensure_ascii=False) + "\n"
 
     def _check_heading(self, line: str) -> None:
-        heading = _parsed(line)
-        held = heading.get("benchmark") if heading else None
-        if heading is None or not isinstance(held, dict):
-            raise FileError(self.path, "is not a book of trials", "name another folder")
-        version = heading.get("format_version", 1)
-        if version != FORMAT_VERSION:
-            newer = isinstance(version, int) and version > FORMAT_VERSION
-            raise FileError(
-                self.path,
-                f"has format version {in_short(version)}; this program writes {FORMAT_VERSION}",
-                "update this program, or name another folder" if newer else "name another folder",
-            )
-        if heading.get("key") != key_of(self.description):
+        held, key = _description(self.path, line)
+        if key != key_of(self.description):
             changes = differences(held, self.description)
             raise FileError(
                 self.path, f"holds another benchmark ({changes})", "name another folder or remove that one"
@@ -229,6 +238,23 @@ class TrialJournal:
             raise FileError(
                 self.path, f"line {number} is damaged ({error})", "remove that line; its part is tried again"
             ) from error
+
+
+def _description(path: Path, line: str) -> tuple[dict[str, Any], object]:
+    """What the heading says is tried, and its key."""
+    heading = _parsed(line)
+    held = heading.get("benchmark") if heading else None
+    if heading is None or not isinstance(held, dict):
+        raise FileError(path, "is not a book of trials", "name another folder")
+    version = heading.get("format_version", 1)
+    if version != FORMAT_VERSION:
+        newer = isinstance(version, int) and version > FORMAT_VERSION
+        raise FileError(
+            path,
+            f"has format version {in_short(version)}; this program writes {FORMAT_VERSION}",
+            "update this program, or name another folder" if newer else "name another folder",
+        )
+    return held, heading.get("key")
 
 
 def _whole_lines(path: Path) -> tuple[list[str], int]:

@@ -8,12 +8,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.benchmark.charts import inlined
+from pipeline.benchmark.condition import Given
 from pipeline.benchmark.confusion import characters_right
 from pipeline.benchmark.mode import PartReadings
 from pipeline.benchmark.run import Benchmark, reader_for
@@ -34,12 +35,14 @@ class WorstPart:
     Attributes:
         trials: of all modes.
         why: what makes it one of the worst.
+        given: what the reader was given that made it so; the picture is of that reading.
         picture: data URI; empty where it could not be drawn.
         problem: why it could not.
     """
 
     trials: tuple[Trial, ...]
     why: str
+    given: str
     picture: str = ""
     problem: str = ""
 
@@ -63,7 +66,7 @@ def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart
         worst = min(own, key=_badness)
         ranked.append((_badness(worst), worst, tuple(members)))
     ranked.sort(key=lambda r: r[0])
-    return [WorstPart(members, _why(worst)) for _, worst, members in ranked[:shown]]
+    return [WorstPart(members, _why(worst), worst.given) for _, worst, members in ranked[:shown]]
 
 
 def _badness(trial: Trial) -> tuple[bool, bool, float, float]:
@@ -90,12 +93,14 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
     worst, item = ranked
     try:
         specimen = benchmark.parts.make(item)
-        senses = PartReadings(specimen, reader_for(benchmark.settings_for(item.condition, item.given[0])))
+        senses = PartReadings(
+            specimen, reader_for(benchmark.settings_for(item.condition, Given.parse(worst.given)))
+        )
         picture = inlined(_figure(senses), kind="jpg")
     # The report of a night's run may not fail for a picture.
     except Exception as error:
-        return WorstPart(worst.trials, worst.why, problem=f"{type(error).__name__}: {error}")
-    return WorstPart(worst.trials, worst.why, picture)
+        return replace(worst, problem=f"{type(error).__name__}: {error}")
+    return replace(worst, picture=picture)
 
 
 def _figure(senses: PartReadings) -> Figure:

@@ -129,9 +129,10 @@ def benchmark(
         from pipeline.benchmark.editions import design_named
         from pipeline.benchmark.folder_parts import FolderParts
         from pipeline.benchmark.modes import PEERS
-        from pipeline.benchmark.report import check_report
+        from pipeline.benchmark.page import check_report
         from pipeline.benchmark.run import Benchmark
         from pipeline.benchmark.specimens import Parts
+        from pipeline.cli.benchmark_result import print_result
         from recognition.reader_settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 
@@ -164,7 +165,7 @@ def benchmark(
             )
         chosen = listed(mode) + (tuple(PEERS) if peers else ()) + tuple(reader or ())
         written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
-    _print_result(written)
+    print_result(written)
     return 0
 
 
@@ -186,15 +187,18 @@ def _numbers(text: str) -> list[float]:
 
 def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:
     from pipeline.batch.progress import Progress
-    from pipeline.benchmark.report import command_line, write_report
+    from pipeline.benchmark.planning import foresight
+    from pipeline.benchmark.report import command_line, crossed_of, write_report
     from pipeline.benchmark.run import run_benchmark
     from pipeline.workers.cluster import ClusterError
     from pipeline.workers.options import ExecutorOptions
     from pipeline.workers.pool import WorkerLostError
 
+    items = benchmark.parts.items()
+    print(foresight(items, crossed_of(benchmark.description())), file=sys.stderr)
     with Progress() as progress:
         try:
-            with ExecutorOptions(jobs, cluster).opened(len(benchmark.parts.items())) as executor:
+            with ExecutorOptions(jobs, cluster).opened(len(items)) as executor:
                 trials = run_benchmark(
                     benchmark,
                     out,
@@ -212,37 +216,3 @@ def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> 
             ) from error
         except (WorkerLostError, ClusterError) as error:
             raise CommandError(str(error)) from error
-
-
-def _print_result(written: Written) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from pipeline.benchmark.charts import severity_name
-
-    console = Console() if sys.stdout.isatty() else Console(width=140)
-    # no wider than 80 columns
-    table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")
-    headings = (
-        "dirt", "mode", "parts", "serials", "chars", "accepted", "accepted wrong", "errors", "ms", "read ms",
-    )  # fmt: skip
-    for heading in headings:
-        table.add_column(
-            heading, justify="left" if heading == "mode" else "right", no_wrap=" " not in heading
-        )
-    for g in written.statistics.by_severity:
-        table.add_row(
-            severity_name(g.key.severity), g.key.mode, str(g.serials.total), f"{g.serials.value:.2%}",
-            f"{g.characters.value:.2%}", f"{g.accepted.value:.1%}", str(g.split.accepted_wrong),
-            str(g.split.failed), f"{1000 * g.compute_s[0]:.0f}", f"{1000 * g.reading_s[0]:.0f}",
-        )  # fmt: skip
-    console.print(table)
-    print("ms: median time to compute a part; read ms: less the simulated scan")
-    for verdict in written.verdicts:
-        if verdict.met is not None:
-            word = "met" if verdict.met else "NOT MET"
-            print(
-                f"{word}: {verdict.mode}, dirt {severity_name(verdict.severity)}, {verdict.target}: {verdict.found}"
-            )
-    for path in (written.page, written.table, written.figures):
-        print(f"wrote {path}")

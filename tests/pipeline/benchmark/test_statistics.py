@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 from rapidfuzz.distance import Levenshtein
 
 from pipeline.benchmark.calibration import reliability
+from pipeline.benchmark.comparisons import compare
 from pipeline.benchmark.confusion import characters_right, confusion
+from pipeline.benchmark.groups import GroupKey, Split, group_of, split_of
 from pipeline.benchmark.pairs import compare_characters, mcnemar
 from pipeline.benchmark.risk import risk_coverage
 from pipeline.benchmark.shares import resampled
-from pipeline.benchmark.statistics import GroupKey, Split, compare, group_of, plain, split_of, statistics_of
+from pipeline.benchmark.statistics import plain, statistics_of
 from pipeline.benchmark.trials import ReadCharacter, Trial
 from pipeline.common.alignment import EXTRA, MISSING, align
 from pipeline.common.shares import share
@@ -202,18 +204,18 @@ def test_fused_is_compared_with_the_better_single_mode() -> None:
 
     found = statistics_of([*of("tactile", "AABB"), *of("vision", "AAAB"), *of("fused", "AAAA")])
     first = found.comparisons[0]
-    assert (first.first, first.second) == ("fused", "vision")
+    assert (first.first.mode, first.second.mode) == ("fused", "vision")
     assert (first.serials.only_first, first.serials.only_second) == (1, 0)
     assert first.characters.difference == 0.25
     with pytest.raises(ValueError, match="same parts"):
-        compare(0.3, of("fused", "AA"), of("tactile", "A"))
+        compare(GroupKey("fused"), of("fused", "AA"), GroupKey("tactile"), of("tactile", "A"))
 
 
 def test_figures_are_plain_json_values() -> None:
     import json
 
     found = statistics_of([trial("A1", "A1"), trial("A1", "A7", part="q")])
-    told = json.loads(json.dumps(plain(list(found.groups))))
+    told = json.loads(json.dumps(plain(list(found.by_mode))))
     assert told[0]["serials"] == {"count": 1, "total": 2, "share": 0.5, "low": 0.094531, "high": 0.905469}
     assert told[0]["mistakes"] == [{"true": "1", "read": "7", "count": 1}]
     assert "compute_s" not in told[0]

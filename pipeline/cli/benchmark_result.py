@@ -1,0 +1,107 @@
+"""What a finished benchmark prints: at most 80 columns."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from pipeline.benchmark.groups import Group
+    from pipeline.benchmark.report import Written
+    from pipeline.benchmark.statistics import Statistics
+
+COLUMNS = 80
+_MOST_ROWS = 24
+_MOST_FACTORS = 6
+
+
+def print_result(written: Written) -> None:
+    """The table of the readers, what costs most, the verdicts, and where the report is."""
+    from pipeline.benchmark.charts import severity_name
+    from pipeline.benchmark.targets import Outcome
+
+    found = written.statistics
+    by_severity = len(found.by_severity) <= _MOST_ROWS
+    screen().print(_table(found.by_severity if by_severity else found.by_mode, dirt=by_severity))
+    print("ms: median time to compute a part; read ms: less the simulated scan")
+    _print_factors(found)
+    # of readers given several things the page has them all
+    for v in written.verdicts if len(found.given) == 1 else ():
+        word = v.outcome.value if v.outcome is Outcome.MET else v.outcome.value.upper()
+        print(f"{word}: {v.reader}, dirt {severity_name(v.severity)}, {v.target}: {v.found}")
+    for path in (written.page, written.table, written.figures):
+        print(f"wrote {path}")
+
+
+def screen() -> Console:
+    """A console that is no wider than 80 columns where nobody looks on."""
+    from rich.console import Console
+
+    return Console() if sys.stdout.isatty() else Console(width=COLUMNS)
+
+
+def plain_table(headings: Sequence[str], left: Sequence[str]) -> Table:
+    """Columns without lines; those named in `left` are words, and are folded if they must be."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, collapse_padding=True, header_style="bold")
+    for heading in headings:
+        words = heading in left
+        table.add_column(
+            heading, justify="left" if words else "right", no_wrap=not words and " " not in heading,
+            overflow="fold" if words else "ellipsis",
+        )  # fmt: skip
+    return table
+
+
+def _table(groups: Sequence[Group], *, dirt: bool) -> Table:
+    from pipeline.benchmark.charts import severity_name
+
+    headings = (
+        "reader",
+        "parts",
+        "serials",
+        "chars",
+        "accepted",
+        "accepted wrong",
+        "errors",
+        "ms",
+        "read ms",
+    )
+    table = plain_table(("dirt", *headings) if dirt else headings, ("reader",))
+    for g in groups:
+        first = (severity_name(g.key.severity),) if dirt else ()
+        table.add_row(
+            *first, g.key.reader, str(g.serials.total), f"{g.serials.value:.2%}",
+            f"{g.characters.value:.2%}", f"{g.accepted.value:.1%}", str(g.split.accepted_wrong),
+            str(g.split.failed), f"{1000 * g.compute_s[0]:.0f}", f"{1000 * g.reading_s[0]:.0f}",
+        )  # fmt: skip
+    return table
+
+
+def _print_factors(found: Statistics) -> None:
+    from pipeline.benchmark.charts import leading, modes_in
+    from pipeline.benchmark.condition import level_name
+    from pipeline.benchmark.factors import factor_name
+    from pipeline.benchmark.page import points
+
+    lead = leading(modes_in(found.by_mode))
+    effects = [e for e in found.effects if e.mode == lead][:_MOST_FACTORS]
+    if not effects:
+        return
+    print()
+    table = plain_table(("factor", "costs most", "points", "95 %", "costs least", "points"),
+                        ("factor", "costs most", "costs least"))  # fmt: skip
+    for e in effects:
+        worst, best = e.levels[0], e.levels[-1]
+        table.add_row(
+            factor_name(e.factor), level_name(worst.level), points(worst.difference.value),
+            f"{points(worst.difference.low)} to {points(worst.difference.high)}", level_name(best.level),
+            points(best.difference.value),
+        )  # fmt: skip
+    screen().print(table)
+    print(f"points: characters right of {lead}, less the mean of the factor's other levels\n")
