@@ -51,7 +51,7 @@ def foresight(items: Sequence[Item], crossed: Sequence[str]) -> str:
     fewest = min(cells.values())
     of = f"{len(cells)} cells of {fewest}" if len(cells) > 1 else f"{fewest}"
     return (
-        f"{of} parts: serials +-{half_width(fewest, WORST_SHARE):.0%} at worst, "
-        f"+-{half_width(fewest, GOOD_SHARE):.0%} near {GOOD_SHARE:.0%}; "
-        f"+-{WANTED:.0%} takes {parts_needed(WANTED, WORST_SHARE):,} or {parts_needed(WANTED, GOOD_SHARE):,}"
+        f"{of} parts: serials ±{half_width(fewest, WORST_SHARE):.0%} at worst, "
+        f"±{half_width(fewest, GOOD_SHARE):.0%} near {GOOD_SHARE:.0%}; "
+        f"±{WANTED:.0%} takes {parts_needed(WANTED, WORST_SHARE):,} or {parts_needed(WANTED, GOOD_SHARE):,}"
     )

@@ -70,6 +70,6 @@ def test_before_a_run_one_line_tells_how_sure_the_cells_will_be() -> None:
         for k in range(13)
     ]
     said = foresight(items, ("soil", "severity"))
-    assert said.startswith("2 cells of 6 parts: serials +-31% at worst")
-    assert "+-2% takes 2,398" in said
+    assert said.startswith("2 cells of 6 parts: serials ±31% at worst")
+    assert "±2% takes 2,398" in said
     assert len(said) <= 80

@@ -206,7 +206,7 @@ def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) ->
     assert page.open == []
     assert page.ids.index("factors") < page.ids.index("summary")
     assert {r[1:] for r in page.refers if r.startswith("#")} <= set(page.ids)
-    assert text.index("crossed in full") < text.index('id="factors"')
+    assert text.index("balanced in every cell") < text.index('id="factors"')
     assert "Where a level has under 20 parts they are too narrow" in page.text
 
 
@@ -221,7 +221,7 @@ def test_two_parts_from_the_command_line(
     assert main(arguments) == 0
     captured = capsys.readouterr()
     said = captured.out
-    assert "2 parts: serials +-" in captured.err
+    assert "2 parts: serials ±" in captured.err
     assert max(len(line) for line in said.splitlines() if not line.startswith(("wrote", "met", "NOT"))) <= 80
     assert f"wrote {out / 'report.html'}" in said
     assert said.splitlines()[0].endswith(" ms read ms")

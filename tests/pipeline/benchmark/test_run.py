@@ -125,8 +125,8 @@ def test_a_run_goes_on_where_it_was_broken_off(tmp_path: Path) -> None:
     assert told(resumed) == told(whole)
     for line in book.read_text().splitlines():
         json.loads(line)
-    assert json.dumps(plain(list(statistics_of(resumed).groups))) == json.dumps(
-        plain(list(statistics_of(whole).groups))
+    assert json.dumps(plain(list(statistics_of(resumed).by_mode))) == json.dumps(
+        plain(list(statistics_of(whole).by_mode))
     )
 
 
