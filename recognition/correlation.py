@@ -121,28 +121,43 @@ def running_sums(layers: Image, half_rows: int, rim: int) -> Floats:
     The last are of squares. In the rims stands what lies before and after all columns.
     """
     count, rows, cols = layers.shape
-    exact = np.empty((count + 1, rows, cols))
-    exact[:count] = layers
-    np.einsum("krc,krc->rc", exact[:count], exact[:count], out=exact[count])
-    down = np.zeros((count + 1, rows + 1, cols))
-    np.cumsum(exact, axis=1, out=down[:, 1:])
-    at = np.arange(rows)
+    down = np.empty((count + 1, rows, cols))
+    down[:count] = layers
+    np.einsum("krc,krc->rc", down[:count], down[:count], out=down[count])
+    np.cumsum(down, axis=1, out=down)
+    sums = down[:, np.minimum(np.arange(half_rows, half_rows + rows), rows - 1)]
+    sums[:, half_rows + 1 :] -= down[:, : max(0, rows - half_rows - 1)]
     out = np.zeros((count + 1, rows, cols + 1 + 2 * rim))
-    sums = down[:, np.minimum(at + half_rows + 1, rows)] - down[:, np.maximum(at - half_rows, 0)]
     np.cumsum(sums, axis=2, out=out[:, :, rim + 1 : rim + cols + 1])
     out[:, :, rim + cols + 1 :] = out[:, :, rim + cols, None]
     return out
 
 
+@kernel(allow=CONTRACTED)
+def _window_sums(running, before, after, share, total, spread):  # type: ignore[no-untyped-def]
+    """As `window_sums`, into total and spread; a window goes from before to after, counted from its middle."""
+    count, rows, cols = total.shape
+    for r in range(rows):
+        line, sums = spread[r], running[count, r]
+        for c in range(cols):
+            line[c] = sums[c + after] - sums[c + before]
+        for k in range(count):
+            sums, inside = running[k, r], total[k, r]
+            for c in range(cols):
+                value = sums[c + after] - sums[c + before]
+                inside[c] = value
+                line[c] -= value * value * share
+        for c in range(cols):
+            line[c] = line[c] if line[c] > 0.0 else 0.0
+
+
 def window_sums(running: Floats, rim: int, half_rows: int, half_cols: int) -> tuple[Image, Floats]:
     """Sum over a window about every pixel, of each channel, and the sum of squares about the mean over channels."""
-    cols = running.shape[2] - 1 - 2 * rim
-    after, before = rim + half_cols + 1, rim - half_cols
-    sums = running[:, :, after : after + cols] - running[:, :, before : before + cols]
-    total, spread = sums[:-1], sums[-1]
+    count, rows, cols = running.shape[0] - 1, running.shape[1], running.shape[2] - 1 - 2 * rim
+    total, spread = np.empty((count, rows, cols), dtype=np.float32), np.empty((rows, cols))
     share = 1.0 / ((2 * half_rows + 1) * (2 * half_cols + 1))
-    spread = spread - np.einsum("krc,krc->rc", total, total) * share
-    return total.astype(np.float32), np.maximum(spread, 0.0)
+    _window_sums(running, rim - half_cols, rim + half_cols + 1, share, total, spread)
+    return total, spread
 
 
 def normalise(
@@ -164,12 +179,19 @@ def normalise(
     running = running_sums(layers, half_rows, rim)
     count, rows, cols = layers.shape
     energy = np.empty((halves.size, rows, cols), dtype=np.float32)
+    total, spread = (
+        np.empty_like(layers),
+        np.empty((rows, cols)),
+    )  # once for all: new memory costs more than the sums
+    root = np.empty((rows, cols), dtype=np.float32)
     scale = (1.0 / norm).astype(np.float32)
     product[:, :first_row] = product[:, last_row:] = 0.0
     for i, half in enumerate(halves.tolist()):
-        total, spread = window_sums(running, rim, half_rows, half)
-        energy[i] = spread / ((2 * half_rows + 1) * (2 * half + 1) * count)
-        root = np.sqrt(np.maximum(spread, 1e-6 * max(float(spread.max()), 1e-12))).astype(np.float32)
+        size = (2 * half_rows + 1) * (2 * half + 1)
+        _window_sums(running, rim - half, rim + half + 1, 1.0 / size, total, spread)
+        np.divide(spread, size * count, out=energy[i], casting="same_kind")
+        np.maximum(spread, 1e-6 * max(float(spread.max()), 1e-12), out=spread)
+        np.sqrt(spread, out=root, casting="same_kind")
         _scaled(product, window, i, total, root, mean, scale, first_row, last_row)
         product[window == i, :, : min(half, cols)] = 0.0
         product[window == i, :, max(0, cols - half) :] = 0.0

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import kernel
+from recognition.localise import percentile
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -71,21 +72,24 @@ def deepest(depth: Floats, most_points: int) -> Floats:
 
 def robust_plane(level: Floats, row: Floats, col: Floats, rounds: int) -> tuple[Floats, bool]:
     """Level and slopes of samples at (row, col), by Tukey's weights, which leave out what lies off; if they tell."""
-    terms = np.array([float(np.median(level)), 0.0, 0.0])
+    terms = [percentile(level, 50.0), 0.0, 0.0]
     design = np.stack([np.ones(level.size), row, col, level])
     for _ in range(rounds):
         residual = level - terms[0] - terms[1] * row - terms[2] * col
-        spread = 1.4826 * float(np.median(np.abs(residual)))
+        spread = 1.4826 * percentile(np.abs(residual), 50.0)
         if spread <= 0.0:
             break
         weight = np.maximum(1.0 - (residual / (3.0 * spread)) ** 2, 0.0) ** 2
-        matrix = (design[:3] * weight) @ design.T
-        least = LEAST_PIVOT * np.abs(matrix[:, :3]).max()
+        matrix = ((design[:3] * weight) @ design.T).tolist()  # so small that numpy would take longer
+        least = LEAST_PIVOT * max(abs(value) for line in matrix for value in line[:3])
         for i in range(3):
             # symmetric and not negative: no rows need change places
-            if not matrix[i, i] > least:
-                return terms, False
-            matrix[i + 1 :] -= np.outer(matrix[i + 1 :, i] / matrix[i, i], matrix[i])
+            if not matrix[i][i] > least:
+                return np.array(terms), False
+            for j in range(i + 1, 3):
+                factor = matrix[j][i] / matrix[i][i]
+                matrix[j] = [a - factor * b for a, b in zip(matrix[j], matrix[i], strict=True)]
         for i in (2, 1, 0):
-            terms[i] = (matrix[i, 3] - matrix[i, i + 1 : 3] @ terms[i + 1 :]) / matrix[i, i]
-    return terms, True
+            known = sum(matrix[i][j] * terms[j] for j in range(i + 1, 3))
+            terms[i] = (matrix[i][3] - known) / matrix[i][i]
+    return np.array(terms), True

@@ -52,6 +52,8 @@ def _row_sums(target, u, base, linear, square, inv_cut, sums):  # type: ignore[n
 
 POWER_U, POWER_V = np.array([0, 1, 0, 2, 1, 0]), np.array([0, 0, 1, 0, 1, 2])
 """Powers of u and v in the terms of a quadratic."""
+PAIRS = POWER_U[:, None] + POWER_U, POWER_V[:, None] + POWER_V
+"""Powers of u and v in the products of any two terms."""
 
 
 def fit_quadratic(
@@ -88,8 +90,8 @@ def fit_quadratic(
         of_weights, of_values = sums[:, :5].T @ powers, sums[:, 5:].T @ powers[:, :3]
         if of_weights[0, 0] < 12.0:
             break
-        normal = of_weights[POWER_U[:, None] + POWER_U, POWER_V[:, None] + POWER_V]
-        normal[np.diag_indices(6)] += damping * np.trace(normal)
+        normal = of_weights[PAIRS]
+        normal.flat[::7] += damping * normal.trace()
         coefficients[:] = expected = np.linalg.solve(normal, of_values[POWER_U, POWER_V])
     explained = np.abs(target - quadratic(expected, u, v)) < near
     return float(explained.sum() / max(np.isfinite(target).sum(), 1))
