@@ -22,7 +22,7 @@ from pipeline.common.records import (
 )
 
 NOW = datetime(2026, 11, 21, 19, 0, tzinfo=UTC)
-LONG_S = 15.0
+LONG_S = 60.0
 """Within which anything happens that happens at all; nothing is waited for that long where all is well."""
 
 
