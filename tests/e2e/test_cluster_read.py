@@ -79,8 +79,9 @@ def test_a_worker_lost_in_the_middle_costs_no_part(parts: Path, tmp_path: Path) 
 def test_a_benchmark_is_the_same_on_a_cluster(tmp_path: Path) -> None:
     (logs := tmp_path / "logs").mkdir()
     arguments = (
-        *("benchmark", "--out", "there", "--parts", "4", "--dirt", "0", "--mode", "tactile"),
-        *("--format", "A9", "--height-mm", "4"),
+        *("benchmark", "--out", "there", "--parts", "8", "--dirt", "0", "--mode", "tactile"),
+        # templates of one font and height, which both workers and the run make for themselves
+        *("--format", "A9", "--height-mm", "4", "--give", "font,height,format"),
     )
     with cluster_process(logs) as cluster:
         process = run(cluster, tmp_path, *arguments)
