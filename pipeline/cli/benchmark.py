@@ -31,6 +31,9 @@ app.command(
     help="Write an exam as files, for readers that are no part of this program.",
 )
 app.command("pipeline.cli.benchmark_score:score", name="score", help="Score anybody's answers to an exam.")
+app.command(
+    "pipeline.cli.benchmark_compare:compare", name="compare", help="Show what a change did, part by part."
+)
 
 
 @app.default
