@@ -1,6 +1,6 @@
 """A process that does one thing again for every line it is sent, on one core, and answers when it is done.
 
-    python one_core.py edge_map | read_known_height | read_unknown_height | read_height_map
+    python one_core.py edge_map | read_known_height | read_unknown_height | read_height_map | exam_SOIL
 
 Thread counts must be set in the environment before numpy is loaded, so this is a process of its own.
 """
@@ -8,13 +8,20 @@ Thread counts must be set in the environment before numpy is loaded, so this is 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import count, pairwise
 
 import numpy as np
 
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampedPart, stamp_line
+from pipeline.benchmark.design import Design
+from pipeline.benchmark.designed_parts import DesignedParts
+from pipeline.reading.simulated_scan import feel
 from recognition.reader import Reader
 from recognition.reader_settings import ReaderSettings
 from recognition.reading import Reading
@@ -50,6 +57,8 @@ def task(name: str) -> Callable[[], str]:
         reader.read(a_part("BZ135690", np.random.default_rng(2)).height_map)
         surface = a_part(TEXT, np.random.default_rng(1)).height_map
         return lambda: told(reader.read(surface))
+    if name.startswith("exam_"):
+        return partial(exam_part, name.removeprefix("exam_"), count(1))
     scan = a_scan(TEXT, 1)
     if name == "edge_map":
         return lambda: "x".join(str(n) for n in edge_map(scan).shape)
@@ -58,6 +67,35 @@ def task(name: str) -> Callable[[], str]:
     reader.read(a_scan("BZ135690", 2))  # another part, so that only the templates are kept
 
     return lambda: told(reader.read(scan))
+
+
+def exam_part(soil: str, numbers: Iterator[int]) -> str:
+    """A part of an exam: stamped, soiled, photographed and felt. What it took: processor seconds of each step."""
+    parts = DesignedParts(
+        Design.of(
+            parts=1,
+            cross=("soil",),
+            part={
+                "soil": soil,
+                "severity": 0.6,
+                "font": "gothic",
+                "format": "AA999999",
+                "height_mm": HEIGHT_MM,
+            },
+        )
+    )
+    item = replace(parts.items()[0], number=next(numbers))
+    spent = [time.process_time()]
+    specimen = parts.make(item)
+    spent.append(time.process_time())
+    assert specimen.take_photo is not None
+    specimen.take_photo()
+    spent.append(time.process_time())
+    plan = default_plan((0.0, 0.0, *specimen.height_map.size_mm), character_height_mm=HEIGHT_MM)
+    feel(specimen.height_map, plan=plan, height_mm=HEIGHT_MM, noise=False, soil=specimen.soil)
+    spent.append(time.process_time())
+    steps = zip(("make", "photo", "scan"), pairwise(spent), strict=True)
+    return " ".join(f"{step}={b - a:.4f}" for step, (a, b) in steps)
 
 
 def told(reading: Reading) -> str:

@@ -213,20 +213,20 @@ def orient(surface: TouchSurface, direction: TraceDirection) -> TouchSurface:
 def _orient(fields: NDArray[np.float32], direction: TraceDirection) -> NDArray[np.float32]:
     if direction is TraceDirection.FORWARD_X:
         return np.ascontiguousarray(fields, dtype=np.float32)
-    layers = fields.shape[2]
-    order = np.array([0, 1, 2, 3, 4, 5, 6] if direction.along_x else [0, 2, 1, 3, 5, 4, 6])[:layers]
-    backward = [1.0, -1.0, 1.0, 1.0, -1.0, 1.0, 1.0] if direction.backward else [1.0] * 7
     rows, cols = fields.shape[:2] if direction.along_x else fields.shape[1::-1]
-    out = np.empty((rows, cols, layers), dtype=np.float32)
-    signs = np.array(backward, dtype=np.float32)[:layers]
-    given = read_only(fields), direction.along_x, direction.backward, order, signs, out
+    out = np.empty((rows, cols, fields.shape[2]), dtype=np.float32)
+    given = read_only(fields), direction.along_x, direction.backward, out
     in_threads(lambda first, last: _turn(first, last, *given), rows)
     return out
 
 
 @kernel()
-def _turn(first, last, fields, along_x, backward, order, signs, out):  # type: ignore[no-untyped-def]
+def _turn(first, last, fields, along_x, backward, out):  # type: ignore[no-untyped-def]
     _, cols, layers = out.shape
+    along, across = (
+        (1, 2) if along_x else (2, 1)
+    )  # the slopes; of what lies on top of it three layers further
+    sign = np.float32(-1.0 if backward else 1.0)
     tile = 16  # pixels of both maps that stay in the cache
     for top in range(first, last, tile):
         for left in range(0, cols, tile):
@@ -234,8 +234,11 @@ def _turn(first, last, fields, along_x, backward, order, signs, out):  # type: i
                 for c in range(left, min(left + tile, cols)):
                     there = cols - 1 - c if backward else c
                     pixel = fields[r, there] if along_x else fields[there, r]
-                    for k in range(layers):
-                        out[r, c, k] = signs[k] * pixel[order[k]]
+                    out[r, c, 0], out[r, c, 3] = pixel[0], pixel[3]
+                    out[r, c, 1], out[r, c, 2] = sign * pixel[along], pixel[across]
+                    if layers == 7:
+                        out[r, c, 4], out[r, c, 5] = sign * pixel[along + 3], pixel[across + 3]
+                        out[r, c, 6] = pixel[6]
 
 
 @kernel(allow=FAST)
