@@ -54,7 +54,7 @@ def page_of(card: dict[str, Any]) -> str:
         f"| {name} | {', '.join(f'{level}: {n}' for level, n in sorted(found.items()))} |"
         for name, found in card["counts"].items()
     ]
-    fonts = ["| font | from | licence |", "|---|---|---|"] + [
+    fonts = ["| font | from | licence of the package |", "|---|---|---|"] + [
         f"| {name} | {f['from']} | {f['licence']} |" for name, f in card["fonts"].items()
     ]
     kept = card["design"].get("kept_out_soils") or []
@@ -71,7 +71,7 @@ def page_of(card: dict[str, Any]) -> str:
 
 
 def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:
-    """Where each font comes from, and under which licence."""
+    """Where each font comes from, and the licence of the package, which may have others for its fonts."""
     design, found = parts.design, {}
     named = [str(f) for s in design.all_sections() for f in {**design.part, **s.part}["font"]]
     for name in dict.fromkeys(named):
