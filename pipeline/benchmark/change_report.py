@@ -99,8 +99,11 @@ def _drawn(
         except MarksError as error:
             problem = str(error)
         else:
-            ranked = [(part, items[part.part]) for part in blanks]
-            blanks = list(ordered_map(executor, partial(draw_worst, benchmark), ranked))
+            # several readers may have flipped on one part: it is drawn once
+            once = {(blank.part, blank.given): (blank, items[blank.part]) for blank in blanks}
+            made = ordered_map(executor, partial(draw_worst, benchmark), list(once.values()))
+            by_part = dict(zip(once, made, strict=True))
+            blanks = [by_part[blank.part, blank.given] for blank in blanks]
     return list(zip(flips, blanks, strict=True)), problem
 
 

@@ -93,6 +93,8 @@ def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPar
     worst, item = ranked
     try:
         specimen = benchmark.parts.make(item)
+        if specimen.truth != worst.trials[0].truth:
+            return replace(worst, problem=f"made again it is another part: {specimen.truth} is stamped")
         senses = PartReadings(
             specimen, reader_for(benchmark.settings_for(item.condition, Given.parse(worst.given)))
         )

@@ -16,7 +16,7 @@ from pipeline.benchmark.specimens import Item
 from pipeline.benchmark.statistics import statistics_of
 from pipeline.benchmark.targets import Outcome, at_most, verdicts
 from pipeline.benchmark.trials import ReadCharacter, Trial
-from pipeline.benchmark.worst_parts import WorstPart, marked, rank_worst
+from pipeline.benchmark.worst_parts import WorstPart, draw_worst, marked, rank_worst
 from pipeline.cli.main import main
 from recognition.reader_settings import ReaderSettings
 from tests.factories import designed_parts
@@ -144,6 +144,16 @@ def test_the_worst_parts_begin_with_the_lie(written: report.Written) -> None:
     assert worst[1].why == "tactile: an error"
     assert [t.mode for t in worst[0].trials] == ["tactile", "vision", "fused"]
     assert marked(TRIALS[3]).letters == (("A", True), ("·", False))
+
+
+def test_a_part_that_is_made_otherwise_today_is_not_shown_for_the_one_that_was_read() -> None:
+    parts = designed_parts()
+    benchmark = Benchmark(parts, ("tactile",), ReaderSettings())
+    item = parts.items()[0]
+    truth = parts.make(item).truth
+    read = WorstPart((trial(0, "A1", truth="?" + truth),), "", "font,height,format")
+    found = draw_worst(benchmark, (read, item))
+    assert (found.picture, found.problem) == ("", f"made again it is another part: {truth} is stamped")
 
 
 def test_targets_are_met_missed_or_left_out() -> None:
