@@ -61,12 +61,12 @@ class DesignedParts:
 
     def items(self) -> list[Item]:
         """All of them, in the design's order: a run that is broken off has some of each cell."""
-        sections = {id(s): k for k, s in enumerate(self.design.all_sections())}
-        found = []
+        found, place = [], -1
         for section, number, replicate, condition in self.design.planned():
+            place += number == 0  # the next section begins
             name = "-".join([*([section.name] if section.name else []),
                              *(_named(condition, factor) for factor in self.design.cross)])  # fmt: skip
-            own = replicate if self.design.alike else sections[id(section)] * MAX_PARTS + number
+            own = replicate if self.design.alike else place * MAX_PARTS + number
             found.append(Item(f"{name}-{replicate:04d}", own, condition, self.given))
         return found
 

@@ -92,6 +92,12 @@ def test_sections_have_levels_of_their_own() -> None:
     assert len(set(numbers)) == 10
 
 
+def test_parts_of_a_design_without_sections_are_numbered_from_nought() -> None:
+    """Several designs at once: a number must not hang on where in memory a section lies."""
+    kept = [DesignedParts(design(parts=parts)).items() for parts in (3, 12, 40)]
+    assert [[item.number for item in items] for items in kept] == [list(range(n)) for n in (3, 12, 40)]
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
