@@ -1,8 +1,8 @@
 """Severity: one scale, 0 to 1, for all soils.
 
-At the same severity every soil costs a fixed reference reader as many characters as the workshop's dirt does: the
-generic recognition network of RapidOCR, on the ideal height map. `python -m pipeline.benchmark.soil_severity` measures
-that and prints this table.
+At the same severity every soil costs a fixed reference reader as much belief in the true characters as the workshop's
+dirt does: the generic recognition network of RapidOCR, on the ideal height map.
+`python -m pipeline.benchmark.soil_severity` measures that and prints this table.
 """
 
 from __future__ import annotations
