@@ -29,13 +29,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from glyphs.opencv import cv2
 from glyphs.soiling.coat import STEEL_HARDNESS_MPA, Coat
 from glyphs.soiling.mud.cracks import nearest_crack
+from glyphs.soiling.mud.grid import Grid, blurred, thinned
 from glyphs.soiling.strokes import drop
-from glyphs.surface.noise import Field, ramp, share, smooth_noise
+from glyphs.surface.noise import Field, ramp, share
 
 SAND_MM = (0.05, 0.5)
 HARDNESS_MPA = (1.0, 20.0)
@@ -63,44 +62,6 @@ class Batch(NamedTuple):
     rain: float  # 0 to 1: how much of the land's mud it took
 
 
-class Grid(NamedTuple):
-    """Every `step`-th sample of a coat, and what mud needs to know of it."""
-
-    step: int
-    shape: tuple[int, int]
-    pitch_mm: float
-    height_mm: float
-    depth_mm: float
-
-    @property
-    def size_mm(self) -> NDArray[np.float64]:
-        """Width and height of the plate."""
-        return np.array(self.shape)[::-1] * self.pitch_mm
-
-    def noise(self, x_mm: float, y_mm: float, rng: np.random.Generator) -> Field:
-        """Smooth noise with a length in x and one in y, drawn on a grid thinned further."""
-        rows, cols = self.shape
-        thin = [max(1.0, length / (2.5 * self.pitch_mm)) for length in (y_mm, x_mm)]
-        small = (int(np.ceil(rows / thin[0])) + 2, int(np.ceil(cols / thin[1])) + 2)
-        noise = smooth_noise(small, pitch_mm=1.0, length_mm=2.5, rng=rng)
-        return np.asarray(cv2.resize(noise, (cols, rows), interpolation=cv2.INTER_CUBIC), dtype=np.float32)
-
-    def whole(self, field: Field, shape: tuple[int, int]) -> Field:
-        """A field of this grid on all samples of the coat, linearly between."""
-        if self.step == 1:
-            return field
-        scale = np.array([[1.0 / self.step, 0.0, 0.0], [0.0, 1.0 / self.step, 0.0]])
-        return np.asarray(
-            cv2.warpAffine(
-                np.ascontiguousarray(field, dtype=np.float32),
-                scale,
-                shape[::-1],
-                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-                borderMode=cv2.BORDER_REPLICATE,
-            )
-        )
-
-
 def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     """A surface that mud was splashed on, ran down, dried and cracked.
 
@@ -119,7 +80,7 @@ def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     a = min(1.0, amount * batch.share) ** 1.5
     if a <= 0.0:
         return coat
-    grid = _thinned(coat)
+    grid = thinned(coat)
     level = _levelled(coat, grid)
     first = _dried(level, grid.whole(_sheet(grid, a, rng), coat.shape), batch.solid)
     splashed = _splashes(grid, a, batch, rng) + _sheet(grid, max(a - 0.3, 0.0) / 0.85, rng)
@@ -132,32 +93,15 @@ def mud(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
     return _finished(coat, thick, _sand(coat, thick, rng), gap, lift, batch)
 
 
-def _thinned(coat: Coat) -> Grid:
-    """A grid fine enough for films and drops; marks' depth is taken as 0.04 of their height where little shows."""
-    step = max(1, int(coat.height_mm / (45.0 * coat.pitch_mm)))
-    rows, cols = ((n + step - 1) // step for n in coat.shape)
-    relief = float(np.percentile(np.abs(coat.clean_mm - coat.brim_mm)[::2, ::2], 97.0))
-    depth = float(np.clip(relief, 0.03 * coat.height_mm, 0.08 * coat.height_mm))
-    return Grid(step, (rows, cols), step * coat.pitch_mm, coat.height_mm, depth)
-
-
-def _blurred(grid: Grid, field: Field, width_mm: float) -> Field:
-    """A field of the coat as a Gaussian of that width leaves it."""
-    thin = np.ascontiguousarray(field[:: grid.step, :: grid.step])
-    sigma = max(width_mm / grid.pitch_mm, 0.5)
-    smooth = cv2.GaussianBlur(thin, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
-    return grid.whole(np.asarray(smooth, dtype=np.float32), (field.shape[0], field.shape[1]))
-
-
 def _levelled(coat: Coat, grid: Grid) -> Field:
     """How far a thick wet film's level lies above the surface, mm: grooves fill, edges of raised marks run thin."""
-    level = _blurred(grid, np.maximum(coat.z_mm, coat.brim_mm), 0.14 * coat.height_mm)
+    level = blurred(grid, np.maximum(coat.z_mm, coat.brim_mm), 0.14 * coat.height_mm)
     return np.asarray(level - coat.z_mm, dtype=np.float32)
 
 
 def _crust(coat: Coat, grid: Grid, thick_mm: Field) -> Field:
     """Thickness that dries and cracks as one; what lies below it in a groove is held by the walls."""
-    near = _blurred(grid, thick_mm, 0.07 * coat.height_mm)
+    near = blurred(grid, thick_mm, 0.07 * coat.height_mm)
     return np.asarray(np.minimum(near, 1.5 * thick_mm), dtype=np.float32)
 
 
