@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from glyphs.surface.maps import HeightMap
-from pipeline.benchmark.design import Design
-from pipeline.benchmark.designed_parts import DesignedParts
+from pipeline.benchmark.exam.design import Design
+from pipeline.benchmark.exam.designed_parts import DesignedParts
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity

@@ -35,11 +35,11 @@ from glyphs.soiling.severity import KNOTS
 from glyphs.soiling.soiled import WORKSHOP
 from glyphs.soiling.soils import SOILS, soil_model
 from glyphs.surface.maps import HeightMap
-from pipeline.benchmark.designed_parts import hull
-from pipeline.benchmark.editions import design_named
-from pipeline.benchmark.engines import RapidOcr
-from pipeline.benchmark.font_packages import font_file, font_mark
-from pipeline.benchmark.pictures import heights_picture
+from pipeline.benchmark.exam.designed_parts import hull
+from pipeline.benchmark.exam.editions import design_named
+from pipeline.benchmark.exam.font_packages import font_file, font_mark
+from pipeline.benchmark.readers.engines import RapidOcr
+from pipeline.benchmark.readers.pictures import heights_picture
 from pipeline.workers.executors import PoolExecutor, ordered_map
 from recognition.ocr_ctc import place_belief
 

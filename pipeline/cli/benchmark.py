@@ -14,9 +14,9 @@ from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
-    from pipeline.benchmark.condition import Condition
-    from pipeline.benchmark.report import Written
-    from pipeline.benchmark.run import Benchmark
+    from pipeline.benchmark.exam.condition import Condition
+    from pipeline.benchmark.report.writing import Written
+    from pipeline.benchmark.trials.run import Benchmark
 
 
 app = App(name="benchmark", help="Measure how well dirty marks are read, by this reader and by others.")
@@ -99,7 +99,8 @@ def benchmark(
         Let RapidOCR and Tesseract read the line as photographed, as felt (edges, relief) and as it is (ideal), for
         comparison (extra peers).
     reader
-        A reader of your own, module:function, that takes a pipeline.benchmark.own_reader.ExamPart and gives its text.
+        A reader of your own, module:function, that takes an ExamPart (pipeline.benchmark.readers.own_reader) and gives
+        its text.
     height_mm
         Character height, mm.
     depth_mm
@@ -127,14 +128,14 @@ def benchmark(
             raise CommandError(
                 "benchmark: --design says what the parts are", hint="give it alone", status=USAGE
             )
-        from pipeline.benchmark.design import Design
-        from pipeline.benchmark.designed_parts import DesignedParts
-        from pipeline.benchmark.editions import design_named
-        from pipeline.benchmark.folder_parts import FolderParts
-        from pipeline.benchmark.modes import PEERS
-        from pipeline.benchmark.page import check_report
-        from pipeline.benchmark.run import Benchmark
-        from pipeline.benchmark.specimens import Parts
+        from pipeline.benchmark.exam.design import Design
+        from pipeline.benchmark.exam.designed_parts import DesignedParts
+        from pipeline.benchmark.exam.editions import design_named
+        from pipeline.benchmark.exam.folder_parts import FolderParts
+        from pipeline.benchmark.exam.specimens import Parts
+        from pipeline.benchmark.readers.modes import PEERS
+        from pipeline.benchmark.report.page import check_report
+        from pipeline.benchmark.trials.run import Benchmark
         from pipeline.cli.benchmark_result import print_result
         from recognition.reader_settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
@@ -176,7 +177,7 @@ def _condition(formats: tuple[str, ...], severities: list[float]) -> Condition:
     """Of the parts of a folder."""
     if len(formats) > 1 or len(severities) > 1:
         raise CommandError("benchmark: a folder has one format and one dirt", status=USAGE)
-    from pipeline.benchmark.condition import Condition
+    from pipeline.benchmark.exam.condition import Condition
 
     return Condition(severity=severities[0] if severities else None, format=formats[0] if formats else "")
 
@@ -190,9 +191,9 @@ def _numbers(text: str) -> list[float]:
 
 def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:
     from pipeline.batch.progress import Progress
-    from pipeline.benchmark.planning import foresight
-    from pipeline.benchmark.report import command_line, crossed_of, write_report
-    from pipeline.benchmark.run import run_benchmark
+    from pipeline.benchmark.report.writing import command_line, crossed_of, write_report
+    from pipeline.benchmark.trials.planning import foresight
+    from pipeline.benchmark.trials.run import run_benchmark
     from pipeline.workers.cluster import ClusterError
     from pipeline.workers.options import ExecutorOptions
     from pipeline.workers.pool import WorkerLostError

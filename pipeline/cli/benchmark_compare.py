@@ -10,8 +10,8 @@ from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pipeline.benchmark.change_report import Compared
-    from pipeline.benchmark.changes import Row
+    from pipeline.benchmark.analysis.changes import Row
+    from pipeline.benchmark.report.change_report import Compared
 
 _MOST_ROWS = 8
 
@@ -39,7 +39,7 @@ def compare(
     with failures_reported():
         if jobs < 1 or pictures < 0:
             raise CommandError("compare: --jobs is at least 1, --pictures at least 0", status=USAGE)
-        from pipeline.benchmark.change_report import write_comparison
+        from pipeline.benchmark.report.change_report import write_comparison
         from pipeline.workers.options import ExecutorOptions
 
         with ExecutorOptions(jobs).opened(pictures) as executor:
@@ -49,7 +49,7 @@ def compare(
 
 
 def _print(written: Compared) -> None:
-    from pipeline.benchmark.changes import Flip
+    from pipeline.benchmark.analysis.changes import Flip
     from pipeline.cli.benchmark_result import plain_table, screen
 
     found = written.changes
@@ -78,8 +78,8 @@ def _print(written: Compared) -> None:
 
 
 def _print_rows(rows: Sequence[Row], *, of: bool) -> None:
-    from pipeline.benchmark.changes import level_words
-    from pipeline.benchmark.page import points
+    from pipeline.benchmark.analysis.changes import level_words
+    from pipeline.benchmark.report.page import points
     from pipeline.cli.benchmark_result import plain_table, screen
 
     words = ("reader", "of") if of else ("reader",)

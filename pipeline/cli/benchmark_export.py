@@ -41,10 +41,10 @@ def export(
     """
     with failures_reported():
         from pipeline.batch.progress import Progress
-        from pipeline.benchmark import export as exporting
-        from pipeline.benchmark.designed_parts import DesignedParts
-        from pipeline.benchmark.editions import design_named
-        from pipeline.benchmark.exported_part import ExportOrder
+        from pipeline.benchmark.exam.designed_parts import DesignedParts
+        from pipeline.benchmark.exam.editions import design_named
+        from pipeline.benchmark.export import folder as exporting
+        from pipeline.benchmark.export.exported_part import ExportOrder
         from pipeline.workers.cluster import ClusterError
         from pipeline.workers.options import ExecutorOptions
         from pipeline.workers.pool import WorkerLostError

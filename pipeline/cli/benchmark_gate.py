@@ -30,9 +30,7 @@ def gate(
         Keep the trials in this folder, for `benchmark compare`; they are thrown away unless given.
     """
     with failures_reported():
-        from pipeline.benchmark.designed_parts import DesignedParts
-        from pipeline.benchmark.editions import design_named
-        from pipeline.benchmark.gate import (
+        from pipeline.benchmark.analysis.gate import (
             EDITION,
             FLOORS_FILE,
             MODES,
@@ -42,7 +40,9 @@ def gate(
             raised,
             save_floors,
         )
-        from pipeline.benchmark.run import Benchmark, run_benchmark
+        from pipeline.benchmark.exam.designed_parts import DesignedParts
+        from pipeline.benchmark.exam.editions import design_named
+        from pipeline.benchmark.trials.run import Benchmark, run_benchmark
         from pipeline.workers.options import ExecutorOptions
         from recognition.reader_settings import ReaderSettings
 

@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from pipeline.benchmark.groups import Group
-    from pipeline.benchmark.report import Written
-    from pipeline.benchmark.statistics import Statistics
+    from pipeline.benchmark.analysis.groups import Group
+    from pipeline.benchmark.analysis.statistics import Statistics
+    from pipeline.benchmark.report.writing import Written
 
 COLUMNS = 80
 _MOST_ROWS = 24
@@ -21,8 +21,8 @@ _MOST_FACTORS = 6
 
 def print_result(written: Written) -> None:
     """The table of the readers, what costs most, the verdicts, and where the report is."""
-    from pipeline.benchmark.charts import severity_name
-    from pipeline.benchmark.targets import Outcome
+    from pipeline.benchmark.analysis.targets import Outcome
+    from pipeline.benchmark.report.charts import severity_name
 
     found = written.statistics
     by_severity = len(found.by_severity) <= _MOST_ROWS
@@ -59,7 +59,7 @@ def plain_table(headings: Sequence[str], left: Sequence[str]) -> Table:
 
 
 def _table(groups: Sequence[Group], *, dirt: bool) -> Table:
-    from pipeline.benchmark.charts import severity_name
+    from pipeline.benchmark.report.charts import severity_name
 
     headings = (
         "reader",
@@ -84,10 +84,10 @@ def _table(groups: Sequence[Group], *, dirt: bool) -> Table:
 
 
 def _print_factors(found: Statistics) -> None:
-    from pipeline.benchmark.charts import leading, modes_in
-    from pipeline.benchmark.condition import level_name
-    from pipeline.benchmark.factors import factor_name
-    from pipeline.benchmark.page import points
+    from pipeline.benchmark.analysis.factors import factor_name
+    from pipeline.benchmark.exam.condition import level_name
+    from pipeline.benchmark.report.charts import leading, modes_in
+    from pipeline.benchmark.report.page import points
 
     lead = leading(modes_in(found.by_mode))
     effects = [e for e in found.effects if e.mode == lead][:_MOST_FACTORS]

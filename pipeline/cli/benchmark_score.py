@@ -11,8 +11,8 @@ from pipeline.cli.choices import listed
 from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 
 if TYPE_CHECKING:
-    from pipeline.benchmark.answers import Answers
-    from pipeline.benchmark.trials import Trial
+    from pipeline.benchmark.trials.answers import Answers
+    from pipeline.benchmark.trials.journal import Trial
 
 _MOST_NAMED = 5
 
@@ -59,12 +59,12 @@ def score(
                 hint="give each a name of its own with --name",
                 status=USAGE,
             )
-        from pipeline.benchmark.answers import TruthParts, designed_items, load_answers
-        from pipeline.benchmark.condition import Given
-        from pipeline.benchmark.designed_parts import DesignedParts
-        from pipeline.benchmark.editions import design_named
-        from pipeline.benchmark.report import command_line, write_report
-        from pipeline.benchmark.run import Benchmark
+        from pipeline.benchmark.exam.condition import Given
+        from pipeline.benchmark.exam.designed_parts import DesignedParts
+        from pipeline.benchmark.exam.editions import design_named
+        from pipeline.benchmark.report.writing import command_line, write_report
+        from pipeline.benchmark.trials.answers import TruthParts, designed_items, load_answers
+        from pipeline.benchmark.trials.run import Benchmark
         from recognition.reader_settings import ReaderSettings
 
         source = TruthParts.load(truth) if truth is not None else DesignedParts(design_named(design or ""))
@@ -101,8 +101,8 @@ def _say_gaps(reader: str, answers: Answers) -> None:
 
 
 def _print_scores(read: Sequence[Sequence[Trial]]) -> None:
-    from pipeline.benchmark.confusion import characters_right
-    from pipeline.benchmark.pairs import compare_characters, mcnemar
+    from pipeline.benchmark.analysis.confusion import characters_right
+    from pipeline.benchmark.analysis.pairs import compare_characters, mcnemar
     from pipeline.common.shares import share
 
     right = [[characters_right(trial) for trial in trials] for trials in read]

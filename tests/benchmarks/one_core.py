@@ -19,8 +19,8 @@ import numpy as np
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampedPart, stamp_line
-from pipeline.benchmark.design import Design
-from pipeline.benchmark.designed_parts import DesignedParts
+from pipeline.benchmark.exam.design import Design
+from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.reading.simulated_scan import feel
 from recognition.reader import Reader
 from recognition.reader_settings import ReaderSettings

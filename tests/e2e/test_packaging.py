@@ -183,13 +183,13 @@ def test_pages_and_reports_find_their_templates_and_styles(installed: Installed)
     program = """
 import jinja2
 from pathlib import Path
-from pipeline.benchmark import report
-from pipeline.benchmark.run import Benchmark
+from pipeline.benchmark.report.writing import report
+from pipeline.benchmark.trials.run import Benchmark
 from recognition.reader_settings import ReaderSettings
-from pipeline.benchmark.design import Design
-from pipeline.benchmark.designed_parts import DesignedParts
+from pipeline.benchmark.exam.design import Design
+from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.service.pages.assets import Assets
-from pipeline.benchmark.trials import Trial
+from pipeline.benchmark.trials.journal import Trial
 
 report.rank_worst = lambda trials: []  # its pictures need touch, see above
 trials = [Trial("p", 0, {"severity": 0.0, "font": "gothic", "format": "A9"}, "vision", "A1", "A1", "accept", 0.9)]

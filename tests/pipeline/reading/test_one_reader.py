@@ -13,9 +13,9 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soiled import Soiling
 from pipeline.batch.task import RunOrder, read_listed
-from pipeline.benchmark.condition import Condition
-from pipeline.benchmark.folder_parts import FolderParts
-from pipeline.benchmark.run import Benchmark, try_part
+from pipeline.benchmark.exam.condition import Condition
+from pipeline.benchmark.exam.folder_parts import FolderParts
+from pipeline.benchmark.trials.run import Benchmark, try_part
 from pipeline.common.records import ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits

@@ -1,0 +1,202 @@
+"""What a change did: two benchmarks of the same parts, reading by reading.
+
+trials A --+--same part, reader and given--> pairs --+--> comparisons, over all and by factor
+trials B --+                                         +--> flips: what became another answer or decision
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from glyphs.errors import MarksError
+from pipeline.benchmark.analysis.comparisons import Comparison, compare
+from pipeline.benchmark.analysis.factors import factor_name
+from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, grouped, levels_in
+from pipeline.benchmark.exam.condition import Level, level_name
+from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.run_description import differences
+
+_SHOWN_NAMES = 3
+_NOT_OF_PARTS = ("name", "given", "kept_out_soils", "cross")
+
+
+class NotComparableError(MarksError):
+    """Two benchmarks that did not read the same parts."""
+
+
+class Flip(Enum):
+    """How a reading changed, the gravest first."""
+
+    ACCEPTED_WRONG = "newly accepted wrong"
+    LOST = "right before, wrong now"
+    NOT_ACCEPTED = "right and accepted before, not accepted now"
+    WITHDRAWN = "wrong and accepted before, not accepted now"
+    GAINED = "wrong before, right now"
+    ACCEPTED = "right before, accepted now"
+
+
+@dataclass(frozen=True)
+class Change:
+    """One reading that changed.
+
+    Attributes:
+        flip: how.
+        before: the reading in A.
+        after: the reading in B.
+    """
+
+    flip: Flip
+    before: Trial
+    after: Trial
+
+
+@dataclass(frozen=True)
+class Row:
+    """Readings of B compared with those of A, in pairs.
+
+    Attributes:
+        factor: of the level; empty over all.
+        level: of the readings.
+        compared: B first, A second.
+    """
+
+    factor: str
+    level: Level
+    compared: Comparison
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What a change did.
+
+    Attributes:
+        overall: a row a reader and what it was given.
+        by_factor: a row a reader, given and level of every factor that has several.
+        flips: the gravest first.
+        parts: how many parts were read in both.
+        left_out: readers that only one of the benchmarks has.
+    """
+
+    overall: tuple[Row, ...]
+    by_factor: tuple[Row, ...]
+    flips: tuple[Change, ...]
+    parts: int
+    left_out: tuple[str, ...]
+
+    @property
+    def counts(self) -> dict[str, Counter[Flip]]:
+        """How many of each kind, by reader."""
+        found: dict[str, Counter[Flip]] = {row.compared.first.reader: Counter() for row in self.overall}
+        for change in self.flips:
+            found[reader_of(change.after)][change.flip] += 1
+        return found
+
+
+def reader_of(trial: Trial) -> str:
+    """The mode, and what it was given."""
+    return GroupKey(trial.mode, ((GIVEN_FACTOR, trial.given),)).reader
+
+
+def changes(
+    before: Sequence[Trial],
+    after: Sequence[Trial],
+    descriptions: tuple[Mapping[str, Any], Mapping[str, Any]] | None = None,
+) -> Changes:
+    """Compare the trials of two benchmarks.
+
+    Args:
+        before: of A.
+        after: of B.
+        descriptions: what A and B say of themselves.
+
+    Raises:
+        NotComparableError: not the same parts, or no reader in both.
+    """
+    if descriptions is not None:
+        _check_made_alike(*(d["parts"] for d in descriptions))
+    _check_same_parts(before, after)
+    old, new = grouped(before, (GIVEN_FACTOR,)), grouped(after, (GIVEN_FACTOR,))
+    shared = [key for key in new if key in old]
+    if not shared:
+        raise NotComparableError(
+            "no reader is in both benchmarks with the same things given",
+            hint=f"A has {_named({key.reader for key in old})}; B has {_named({key.reader for key in new})}",
+        )
+    pairs = {(t.part, t.mode, t.given): t for t in before}
+    flips = [
+        Change(flip, was, now)
+        for key in shared
+        for now in new[key]
+        if (flip := flip_of(was := pairs[(now.part, now.mode, now.given)], now)) is not None
+    ]
+    flips.sort(key=lambda change: list(Flip).index(change.flip))
+    return Changes(
+        overall=tuple(Row("", None, compare(key, new[key], key, old[key])) for key in shared),
+        by_factor=tuple(row for key in shared for row in _rows(key, new[key], old[key])),
+        flips=tuple(flips),
+        parts=len({t.part for t in after}),
+        left_out=tuple(sorted(key.reader for key in {*old, *new} - set(shared))),
+    )
+
+
+def flip_of(before: Trial, after: Trial) -> Flip | None:
+    """How a reading changed; None where it is as good as before."""
+    wrong_now, wrong_then = after.accepted and not after.right, before.accepted and not before.right
+    if wrong_now and not wrong_then:
+        return Flip.ACCEPTED_WRONG
+    if before.right != after.right:
+        return Flip.GAINED if after.right else Flip.LOST
+    if before.accepted == after.accepted:
+        return None
+    if after.accepted:
+        return Flip.ACCEPTED
+    return Flip.NOT_ACCEPTED if after.right else Flip.WITHDRAWN
+
+
+def _rows(key: GroupKey, now: Sequence[Trial], then: Sequence[Trial]) -> Iterator[Row]:
+    for factor, levels in levels_in(now).items():
+        for level in levels if len(levels) > 1 else ():
+            new, old = ([t for t in side if t.levels.get(factor) == level] for side in (now, then))
+            yield Row(factor, level, compare(key, new, key, old))
+
+
+def _check_made_alike(before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+    was, now = ({k: v for k, v in said.items() if k not in _NOT_OF_PARTS} for said in (before, after))
+    if was != now:
+        raise NotComparableError(
+            f"A and B did not read the same parts ({differences(was, now)})",
+            hint="run the same design with both programs",
+        )
+
+
+def _check_same_parts(before: Sequence[Trial], after: Sequence[Trial]) -> None:
+    old, new = ({t.part: (t.truth, _levels(t)) for t in side} for side in (before, after))
+    for name, only in (("A", set(old) - set(new)), ("B", set(new) - set(old))):
+        if only:
+            raise NotComparableError(
+                f"{len(only):,} parts are in {name} alone: {_named(only)}",
+                hint="finish both runs with the same number of parts",
+            )
+    if others := {part for part in old if old[part] != new[part]}:
+        raise NotComparableError(
+            f"{len(others):,} parts of the same name are other parts: {_named(others)}",
+            hint="run the same design with both programs",
+        )
+
+
+def _levels(trial: Trial) -> dict[str, Level]:
+    return {name: level for name, level in trial.levels.items() if not name.endswith("_given")}
+
+
+def _named(names: set[str]) -> str:
+    found = sorted(names)
+    return ", ".join(found[:_SHOWN_NAMES]) + (" ..." if len(found) > _SHOWN_NAMES else "")
+
+
+def level_words(row: Row) -> str:
+    """What a row is of."""
+    return f"{factor_name(row.factor)}: {level_name(row.level)}" if row.factor else "all"

@@ -1,0 +1,176 @@
+"""What each level of a factor costs: its share of characters right, less the mean of the other levels'.
+
+A part may be read several times, with other things given; its readings hang together, so that whole parts are drawn
+again (cluster bootstrap), never single readings. A thing given is compared on the same parts and beside the same
+other things given: where one was always given together with another, the two are not taken for each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.benchmark.analysis.confusion import characters_right
+from pipeline.benchmark.analysis.groups import level_of, levels_in, ordered_levels
+from pipeline.benchmark.analysis.shares import drawn_parts
+from pipeline.benchmark.exam.condition import GIVEN, Level, level_name
+from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.shares import CONFIDENCE_LEVEL
+
+ENOUGH_PARTS = 20
+"""Parts of a level from which its bootstrap interval is to be trusted; of fewer it is too narrow."""
+_KNOWLEDGE = tuple(f"{name}_given" for name in GIVEN)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval, whole parts drawn again.
+
+    Attributes:
+        value: as measured.
+        low: lower end.
+        high: upper end.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether the interval leaves out nought."""
+        return self.low > 0.0 or self.high < 0.0
+
+
+@dataclass(frozen=True)
+class LevelEffect:
+    """What one level does.
+
+    Attributes:
+        level: which.
+        parts: how many.
+        characters: share right.
+        serials: share right.
+        difference: characters right, less the mean of the other levels'.
+    """
+
+    level: Level
+    parts: int
+    characters: Estimate
+    serials: Estimate
+    difference: Estimate
+
+
+@dataclass(frozen=True)
+class FactorEffect:
+    """What one factor does to one mode.
+
+    Attributes:
+        factor: which.
+        mode: what read.
+        levels: the costliest first.
+    """
+
+    factor: str
+    mode: str
+    levels: tuple[LevelEffect, ...]
+
+    @property
+    def spread(self) -> float:
+        """Characters right at the best level, less those at the worst."""
+        return self.levels[-1].characters.value - self.levels[0].characters.value
+
+    @property
+    def trusted(self) -> bool:
+        """Whether every level has parts enough for its intervals."""
+        return min(e.parts for e in self.levels) >= ENOUGH_PARTS
+
+
+def factor_name(factor: str) -> str:
+    """How a factor is written."""
+    named = {"severity": "dirt", **{name: name.replace("_given", " given?") for name in _KNOWLEDGE}}
+    return named.get(
+        factor, factor.removesuffix("_mm").removesuffix("_deg").replace("_", " ") + _unit(factor)
+    )
+
+
+def _unit(factor: str) -> str:
+    return ", mm" if factor.endswith("_mm") else ", °" if factor.endswith("_deg") else ""
+
+
+def factor_effects(trials: Sequence[Trial]) -> tuple[FactorEffect, ...]:
+    """Every factor that has several levels, for every mode; of a mode the one that matters most first."""
+    factors = [name for name, levels in levels_in(trials).items() if len(levels) > 1]
+    found = []
+    for mode in dict.fromkeys(t.mode for t in trials):
+        own = [t for t in trials if t.mode == mode]
+        effects = [effect for factor in factors if (effect := _effect(own, factor)) is not None]
+        found += sorted(effects, key=lambda e: -e.spread)
+    return tuple(found)
+
+
+def _effect(trials: Sequence[Trial], factor: str) -> FactorEffect | None:
+    """Of one mode; None where the factor has one level, or was never given without another."""
+    members = list(_matched(trials, factor)) if factor in _KNOWLEDGE else trials
+    levels = ordered_levels(level_of(t, factor) for t in members)
+    if len(levels) < 2:
+        return None
+    places = {part: k for k, part in enumerate(dict.fromkeys(t.part for t in members))}
+    columns = {level: k for k, level in enumerate(levels)}
+    # (parts, levels, characters right | characters | serials right | serials)
+    counts = np.zeros((len(places), len(levels), 4))
+    for t in members:
+        counts[places[t.part], columns[level_of(t, factor)]] += (
+            characters_right(t), len(t.truth), t.right, 1.0,
+        )  # fmt: skip
+    drawn = drawn_parts(len(places))
+    again = (drawn @ counts.reshape(len(places), -1)).reshape(-1, len(levels), 4)
+    measured = counts.sum(axis=0)[None]
+    effects = [
+        LevelEffect(
+            level=level,
+            parts=int((counts[:, k, 3] > 0).sum()),
+            characters=_estimate(_shares(measured, 0)[:, k], _shares(again, 0)[:, k]),
+            serials=_estimate(_shares(measured, 2)[:, k], _shares(again, 2)[:, k]),
+            difference=_estimate(_less_others(measured, k), _less_others(again, k)),
+        )
+        for k, level in enumerate(levels)
+    ]
+    effects.sort(key=lambda e: (e.characters.value, level_name(e.level)))
+    return FactorEffect(factor, trials[0].mode, tuple(effects))
+
+
+def _matched(trials: Sequence[Trial], factor: str) -> Iterator[Trial]:
+    """Readings of a part that was read with and without it, all else that was given being the same."""
+    others = [name for name in _KNOWLEDGE if name != factor]
+
+    def beside(trial: Trial) -> tuple[Level, ...]:
+        return (trial.part, *(trial.levels.get(name) for name in others))
+
+    met: dict[tuple[Level, ...], set[Level]] = {}
+    for trial in trials:
+        met.setdefault(beside(trial), set()).add(trial.levels.get(factor))
+    return (trial for trial in trials if len(met[beside(trial)]) > 1)
+
+
+def _shares(counts: NDArray[np.float64], column: int) -> NDArray[np.float64]:
+    """(draws, levels) share; NaN where no part of the level was drawn."""
+    total = counts[..., column + 1]
+    return np.where(total > 0.0, counts[..., column] / np.maximum(total, 1.0), np.nan)
+
+
+def _less_others(counts: NDArray[np.float64], k: int) -> NDArray[np.float64]:
+    """(draws,) share of characters of a level less the mean of the others'; NaN where one was not drawn."""
+    shares = _shares(counts, 0)
+    difference: NDArray[np.float64] = shares[:, k] - np.delete(shares, k, axis=1).mean(axis=1)
+    return difference
+
+
+def _estimate(measured: NDArray[np.float64], again: NDArray[np.float64]) -> Estimate:
+    tail = 50.0 * (1.0 - CONFIDENCE_LEVEL)
+    value, known = float(measured[0]), again[np.isfinite(again)]
+    low, high = np.percentile(known, [tail, 100.0 - tail]) if known.size else (value, value)
+    return Estimate(value, float(low), float(high))

@@ -1,0 +1,248 @@
+"""Trials in groups, and the figures of a group.
+
+A group is of one mode and of any levels of any factors: of a cell of the design, of one severity, of nothing more.
+Where parts were read several times with other things given, what was given is always one of the factors, so that
+no group holds a part twice and Wilson's intervals are right. What is right is judged whatever was decided: a serial
+that was rejected may be right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.benchmark.analysis.bounds import Bounded, bounded
+from pipeline.benchmark.analysis.calibration import Reliability, reliability
+from pipeline.benchmark.analysis.confusion import Confusion, characters_right, confusion
+from pipeline.benchmark.analysis.risk import RiskCoverage, risk_coverage
+from pipeline.benchmark.analysis.shares import resampled
+from pipeline.benchmark.exam.condition import Level
+from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.alignment import align
+from pipeline.common.shares import Share, share
+
+GIVEN_FACTOR = "given"
+"""All that a reader was given, as one factor."""
+
+
+@dataclass(frozen=True)
+class GroupKey:
+    """Which trials.
+
+    Attributes:
+        mode: what read.
+        levels: (factor, level) that they have in common.
+    """
+
+    mode: str
+    levels: tuple[tuple[str, Level], ...] = ()
+
+    def level(self, factor: str) -> Level:
+        """Of a factor; None where the group is over all of its levels, or it is not known."""
+        return dict(self.levels).get(factor)
+
+    @property
+    def severity(self) -> float | None:
+        """Of the dirt; None over all, or where it is not known."""
+        level = self.level("severity")
+        return None if level is None else float(level)
+
+    @property
+    def reader(self) -> str:
+        """The mode, and what it was given where that differs between groups."""
+        given = self.level(GIVEN_FACTOR)
+        return self.mode if given is None else f"{self.mode}, given {given}"
+
+    def among(self, **levels: Level) -> bool:
+        """Whether it is of these levels."""
+        return all(self.level(factor) == level for factor, level in levels.items())
+
+
+def level_of(trial: Trial, factor: str) -> Level:
+    """Level of a factor of a trial; None where it is not known."""
+    return trial.given if factor == GIVEN_FACTOR else trial.levels.get(factor)
+
+
+def grouped(trials: Iterable[Trial], factors: Sequence[str] = ()) -> dict[GroupKey, list[Trial]]:
+    """Trials by mode and the levels of some factors, in the order that they come in."""
+    found: dict[GroupKey, list[Trial]] = {}
+    for trial in trials:
+        key = GroupKey(trial.mode, tuple((factor, level_of(trial, factor)) for factor in factors))
+        found.setdefault(key, []).append(trial)
+    return found
+
+
+@dataclass(frozen=True)
+class Split:
+    """What became of the parts.
+
+    Attributes:
+        accepted_right: vouched for, and right.
+        accepted_wrong: vouched for, and wrong: the worst there is.
+        review: left to a person.
+        rejected: refused.
+        failed: an error, so no reading.
+    """
+
+    accepted_right: int
+    accepted_wrong: int
+    review: int
+    rejected: int
+    failed: int
+
+    @property
+    def accepted(self) -> int:
+        """Vouched for."""
+        return self.accepted_right + self.accepted_wrong
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """What a group is judged by.
+
+    Attributes:
+        key: which.
+        serials: whole serials right.
+        characters: characters right (stamped less edits).
+        characters_by_part: 95 % interval of their share, whole parts drawn again.
+        split: what became of the parts.
+        accepted: parts vouched for.
+        accepted_wrong: parts vouched for and wrong, of all parts.
+        wrong_of_accepted: the same, of those vouched for.
+    """
+
+    key: GroupKey
+    serials: Share
+    characters: Share
+    characters_by_part: tuple[float, float]
+    split: Split
+    accepted: Share
+    accepted_wrong: Bounded
+    wrong_of_accepted: Bounded
+
+
+@dataclass(frozen=True, eq=False)
+class Group(Cell):
+    """A cell, and all that explains it.
+
+    Attributes:
+        risk: risk against coverage.
+        serial_reliability: of the confidence in whole serials.
+        character_reliability: of the confidence in single characters.
+        confused: what was read for what.
+        compute_s: (median, 95th percentile) of the program's time for a part: the simulated scan and the reading.
+        reading_s: (median, 95th percentile) of the reading alone.
+        simulated_s: (median, 95th percentile) of simulating the scan.
+        scan_s: (median, 95th percentile) of the real array's.
+    """
+
+    risk: RiskCoverage
+    serial_reliability: Reliability
+    character_reliability: Reliability
+    confused: Confusion
+    compute_s: tuple[float, float]
+    reading_s: tuple[float, float]
+    simulated_s: tuple[float, float]
+    scan_s: tuple[float, float]
+
+
+def cells_of(trials: Mapping[GroupKey, Sequence[Trial]]) -> tuple[Cell, ...]:
+    """What each group is judged by."""
+    return tuple(cell_of(key, members) for key, members in trials.items())
+
+
+def groups_of(trials: Mapping[GroupKey, Sequence[Trial]]) -> tuple[Group, ...]:
+    """All about each group."""
+    return tuple(group_of(key, members) for key, members in trials.items())
+
+
+def cell_of(key: GroupKey, trials: Sequence[Trial]) -> Cell:
+    """What some trials of one mode are judged by."""
+    chars = [len(t.truth) for t in trials]
+    chars_right = [characters_right(t) for t in trials]
+    split = split_of(trials)
+    return Cell(
+        key=key,
+        serials=share(sum(t.right for t in trials), len(trials)),
+        characters=share(sum(chars_right), sum(chars)),
+        characters_by_part=resampled(chars_right, chars),
+        split=split,
+        accepted=share(split.accepted, len(trials)),
+        accepted_wrong=bounded(split.accepted_wrong, len(trials)),
+        wrong_of_accepted=bounded(split.accepted_wrong, split.accepted),
+    )
+
+
+def group_of(key: GroupKey, trials: Sequence[Trial]) -> Group:
+    """All about some trials of one mode."""
+    read = [t for t in trials if not t.error]
+    said, was = _characters_said(read)
+    return Group(
+        **vars(cell_of(key, trials)),
+        risk=risk_coverage([t.confidence for t in trials], [t.right for t in trials]),
+        serial_reliability=reliability([t.confidence for t in read], [t.right for t in read]),
+        character_reliability=reliability(said, was),
+        confused=confusion(trials),
+        compute_s=_spread([t.compute_s for t in read]),
+        reading_s=_spread([t.reading_s for t in read]),
+        simulated_s=_spread([t.simulated_s for t in read]),
+        scan_s=_spread([t.scan_s for t in read]),
+    )
+
+
+def split_of(trials: Iterable[Trial]) -> Split:
+    """What became of the parts."""
+    accepted_right = accepted_wrong = review = rejected = failed = 0
+    for trial in trials:
+        if trial.error:
+            failed += 1
+        elif trial.accepted:
+            accepted_right += trial.right
+            accepted_wrong += not trial.right
+        elif trial.decision == "review":
+            review += 1
+        else:
+            rejected += 1
+    return Split(accepted_right, accepted_wrong, review, rejected, failed)
+
+
+def levels_in(trials: Iterable[Trial]) -> dict[str, tuple[Level, ...]]:
+    """The levels of every factor, in order; what is not known comes last."""
+    rows = list(trials)
+    names = dict.fromkeys(name for trial in rows for name in trial.levels)
+    return {name: ordered_levels(level_of(t, name) for t in rows) for name in names}
+
+
+def ordered_levels(levels: Iterable[Level]) -> tuple[Level, ...]:
+    """Each once: numbers by size, then words as they come, then what is not known."""
+    found = dict.fromkeys(levels)
+
+    def rank(level: Level) -> tuple[int, float]:
+        number = isinstance(level, int | float)
+        return (2 if level is None else 0 if number else 1, float(level) if number else 0.0)  # type: ignore[arg-type]
+
+    return tuple(sorted(found, key=rank))
+
+
+def _characters_said(trials: Iterable[Trial]) -> tuple[list[float], list[bool]]:
+    """Confidence of every character read, and whether it was right."""
+    pairs = list(_characters(trials))
+    return [said for said, _ in pairs], [right for _, right in pairs]
+
+
+def _characters(trials: Iterable[Trial]) -> Iterator[tuple[float, bool]]:
+    for trial in trials:
+        if "".join(c.char for c in trial.characters) != trial.text:
+            continue
+        for pair in align(trial.truth, trial.text):
+            if pair.place is not None:
+                yield min(1.0, max(0.0, trial.characters[pair.place].confidence)), pair.right
+
+
+def _spread(seconds: Sequence[float]) -> tuple[float, float]:
+    if not seconds:
+        return (0.0, 0.0)
+    middle, high = np.percentile(seconds, [50.0, 95.0])
+    return (float(middle), float(high))

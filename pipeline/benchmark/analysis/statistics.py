@@ -1,0 +1,137 @@
+"""All that a benchmark finds, from its trials alone.
+
+trials --cells of the design, by severity, by mode--> groups, with Wilson's intervals
+       --each factor's levels over all else---------> effects, whole parts drawn again
+       --the same parts read twice------------------> comparisons
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from pipeline.benchmark.analysis.comparisons import Comparison, between_givens, between_readers
+from pipeline.benchmark.analysis.factors import FactorEffect, factor_effects
+from pipeline.benchmark.analysis.groups import (
+    GIVEN_FACTOR,
+    Cell,
+    Group,
+    GroupKey,
+    cells_of,
+    grouped,
+    groups_of,
+    levels_in,
+)
+from pipeline.benchmark.analysis.risk import RiskCoverage
+from pipeline.benchmark.exam.condition import Level
+from pipeline.benchmark.trials.journal import Trial
+from pipeline.common.shares import Share
+
+DEFAULT_CROSSED = ("severity",)
+
+
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """All that was found. Where several things were given, every group but the effects' is of one of them.
+
+    Attributes:
+        levels: of every factor, those that came up.
+        given: what readers were given, as often as they read a part.
+        crossed: factors of the cells.
+        cells: every combination of the crossed factors and what was given, for every mode.
+        by_severity: one a severity and mode.
+        by_mode: one a mode.
+        effects: what each factor's levels cost, for every mode.
+        comparisons: readers on the same parts: over all, then at every severity.
+        knowledge: every reader given more against itself given less.
+    """
+
+    levels: dict[str, tuple[Level, ...]]
+    given: tuple[str, ...]
+    crossed: tuple[str, ...]
+    cells: tuple[Cell, ...]
+    by_severity: tuple[Group, ...]
+    by_mode: tuple[Group, ...]
+    effects: tuple[FactorEffect, ...]
+    comparisons: tuple[Comparison, ...]
+    knowledge: tuple[Comparison, ...]
+
+    def at(self, mode: str, severity: float | None) -> list[Group]:
+        """The groups of a mode and severity: one for each thing given."""
+        return [g for g in self.by_severity if g.key.mode == mode and g.key.severity == severity]
+
+
+def statistics_of(trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_CROSSED) -> Statistics:
+    """All that some trials tell, at least one.
+
+    Args:
+        trials: of all parts and modes.
+        crossed: factors of the design's cells.
+    """
+    given = tuple(dict.fromkeys(t.given for t in trials))
+    more = (GIVEN_FACTOR,) if len(given) > 1 else ()
+    by_severity = grouped(trials, ("severity", *more))
+    by_mode = grouped(trials, more)
+    levels = levels_in(trials)
+    over_all = by_mode if len(levels.get("severity", ())) > 1 else {}
+    return Statistics(
+        levels=levels,
+        given=given,
+        crossed=tuple(crossed),
+        cells=cells_of(grouped(trials, (*crossed, *more))),
+        by_severity=groups_of(by_severity),
+        by_mode=groups_of(by_mode),
+        effects=factor_effects(trials),
+        comparisons=(*between_readers(over_all), *between_readers(by_severity)),
+        knowledge=tuple(between_givens(trials)),
+    )
+
+
+def plain(value: Any) -> Any:
+    """The findings as JSON values, rounded to what they mean; times, which differ from run to run, left out."""
+    if isinstance(value, GroupKey):
+        return {"mode": value.mode, **dict(value.levels)}
+    if isinstance(value, Group):
+        return {
+            **_cell(value),
+            **{
+                name: plain(getattr(value, name))
+                for name in ("risk", "serial_reliability", "character_reliability")
+            },
+            "mistakes": [{"true": t, "read": r, "count": n} for t, r, n in value.confused.mistakes()],
+        }
+    if isinstance(value, Cell):
+        return _cell(value)
+    if isinstance(value, Share):
+        return {
+            "count": value.count,
+            "total": value.total,
+            **plain({"share": value.value, "low": value.low, "high": value.high}),
+        }
+    if isinstance(value, RiskCoverage):
+        step = max(1, value.coverage.size // 100)
+        points = [*range(step - 1, value.coverage.size - 1, step), value.coverage.size - 1]
+        curve = [[plain(float(value.coverage[k])), plain(float(value.risk[k]))] for k in points if k >= 0]
+        return {"aurc": plain(value.area), "least_aurc": plain(value.least_area), "curve": curve}
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if isinstance(value, float):
+        return round(value, 6)
+    if isinstance(value, dict):
+        return {k: plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
+    return value
+
+
+_CELL = (
+    "serials", "characters", "characters_by_part", "split", "accepted", "accepted_wrong", "wrong_of_accepted",
+)  # fmt: skip
+
+
+def _cell(value: Cell) -> dict[str, Any]:
+    return {**plain(value.key), **{name: plain(getattr(value, name)) for name in _CELL}}

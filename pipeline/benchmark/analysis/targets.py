@@ -1,0 +1,144 @@
+"""What the benchmark was to show, and whether it did."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+from glyphs.soiling.soiled import WORKSHOP
+from pipeline.benchmark.analysis.bounds import Bounded, parts_without_wrong
+from pipeline.benchmark.analysis.comparisons import FUSED, SINGLE_MODES
+from pipeline.benchmark.analysis.groups import Group
+from pipeline.benchmark.analysis.statistics import Statistics
+from pipeline.common.shares import Share
+
+SIGNIFICANT = 0.05
+WRONG_LIMIT = 0.001
+"""Accepted but wrong, of all parts: the limit that every reader is judged by."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A share that a mode is to reach at one severity.
+
+    Attributes:
+        mode: which.
+        severity: of the dirt.
+        measure: "characters", "accepted" or "accepted_wrong" of a group.
+        limit: to be reached, or not to be passed.
+        most: the limit is not to be passed.
+    """
+
+    mode: str
+    severity: float
+    measure: str
+    limit: float
+    most: bool = False
+
+    def describe(self) -> str:
+        """In words."""
+        if self.most:
+            return f"serials accepted but wrong at most 1 in {1.0 / self.limit:,.0f}"
+        what = {"characters": "characters right", "accepted": "serials accepted"}[self.measure]
+        return f"{what} at least {self.limit:.1%}"
+
+
+TARGETS = (
+    Target("tactile", 0.3, "characters", 0.999),
+    Target("tactile", 0.6, "characters", 0.99),
+    Target("tactile", 0.9, "characters", 0.95),
+    Target("tactile", 0.3, "accepted", 0.90),
+    Target("tactile", 0.3, "accepted_wrong", 0.001, most=True),
+    Target("tactile", 0.9, "accepted_wrong", 0.005, most=True),
+)
+"""Of the soil workshop: of other soils nothing was promised."""
+
+
+class Outcome(Enum):
+    """What became of a target."""
+
+    MET = "met"
+    NOT_MET = "not met"
+    NOT_SHOWN = "not shown"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a target was met.
+
+    Attributes:
+        reader: who.
+        severity: at which severity; None over all, or where it is not known.
+        target: in words.
+        found: what was measured, in words.
+        outcome: whether that meets it; a limit on the wrong ones is met where its exact bound is below it, and not
+            shown where the parts are too few for that.
+        sure: whether the whole interval agrees (of a test: whether the difference is more than chance).
+    """
+
+    reader: str
+    severity: float | None
+    target: str
+    found: str
+    outcome: Outcome
+    sure: bool
+
+
+def verdicts(statistics: Statistics, targets: tuple[Target, ...] = TARGETS) -> list[Verdict]:
+    """One a target that was measured, and one a severity for the fused mode against the better single one."""
+    workshop = set(statistics.levels.get("soil", ())) <= {WORKSHOP}
+    found = [
+        _verdict(target, group)
+        for target in (targets if workshop else ())
+        for group in statistics.at(target.mode, target.severity)
+    ]
+    return [*found, *_fused(statistics)]
+
+
+def _verdict(target: Target, group: Group) -> Verdict:
+    measured: Share | Bounded = getattr(group, target.measure)
+    text = f"{measured.value:.2%} ({measured.count} of {measured.total}; "
+    if isinstance(measured, Bounded):
+        outcome, sure = at_most(measured, target.limit)
+        text += f"at most {measured.high:.2%})"
+        if outcome is Outcome.NOT_SHOWN:
+            text += f": needs {parts_without_wrong(target.limit):,} parts without a wrong one"
+    else:
+        met = measured.value >= target.limit - 1e-12
+        outcome = Outcome.MET if met else Outcome.NOT_MET
+        sure = measured.low >= target.limit if met else measured.high < target.limit
+        text += f"{measured.low:.2%} to {measured.high:.2%})"
+    return Verdict(group.key.reader, target.severity, target.describe(), text, outcome, sure)
+
+
+def at_most(measured: Bounded, limit: float) -> tuple[Outcome, bool]:
+    """Whether a share is at most a limit, by its exact bound; and whether the whole interval agrees."""
+    if measured.high <= limit:
+        return Outcome.MET, True
+    if measured.value > limit:
+        return Outcome.NOT_MET, measured.low > limit
+    return Outcome.NOT_SHOWN, False
+
+
+def _fused(statistics: Statistics) -> Iterator[Verdict]:
+    for c in statistics.comparisons:
+        at_one = "severity" in dict(c.first.levels)  # over all severities it would be judged twice
+        if not at_one or c.first.mode != FUSED or c.second.mode not in SINGLE_MODES:
+            continue
+        lost = c.serials.only_second - c.serials.only_first
+        met = lost <= 0 and c.characters.difference >= 0.0
+        p = min(c.serials.p_first_worse, c.characters.p_first_worse)
+        found = (
+            f"serials {c.serials.only_first} gained, {c.serials.only_second} lost "
+            f"(McNemar p = {c.serials.p_differ:.3g}); "
+            f"characters {c.characters.difference:+.2%} "
+            f"({c.characters.low:+.2%} to {c.characters.high:+.2%}, p = {c.characters.p_differ:.3g})"
+        )
+        if not met and p >= SIGNIFICANT:
+            found += "; no more than chance may bring"
+        sure = p < SIGNIFICANT if not met else c.characters.low > 0.0
+        target = f"not below {c.second.mode}, the better single mode"
+        yield Verdict(
+            c.first.reader, c.severity, target, found, Outcome.MET if met else Outcome.NOT_MET, sure
+        )

@@ -1,0 +1,1 @@
+"""What is tried: designs, editions, and the parts they make."""

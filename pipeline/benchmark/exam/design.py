@@ -1,0 +1,235 @@
+"""A declared design: which parts are made, and what readers are given.
+
+    [part] factors --crossed in full--> cells --replicates--> parts, in an order whose every beginning is balanced
+           other factors ---- balanced within every cell ----^
+
+A TOML file names it::
+
+    name = "two-soils"
+    seed = 1
+    parts = 240
+    cross = ["soil", "severity"]        # every combination equally often; the other factors are balanced
+
+    [part]                              # levels of the factors; one level is a constant
+    soil = ["rust", "paint"]
+    severity = [0.3, 0.6, 0.9]
+    font = ["gothic", "block"]
+    format = "AA999999"
+    height_mm = [3.5, 5, 8]
+
+    given = ["format", "font,format"]   # at the top: every part is read with each of these
+
+Balanced: as often as a cell comes, its levels of every other factor come in turn, in an order drawn once a design; so
+each level is met equally often in each cell, and no two factors go hand in hand. That is the fraction of the full
+crossing that is made.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from glyphs.errors import FileError
+from pipeline.benchmark.exam.condition import Condition, Given, Level
+from pipeline.common.settings import SettingsError
+from pipeline.files.synth import MAX_PARTS
+
+Levels = tuple[str | bool | float, ...]
+
+
+class PackagedFont(BaseModel):
+    """A font file of an installed package.
+
+    Attributes:
+        package: name in the package registry.
+        version: the one the design was made with.
+        file: its path within the package.
+        sha256: of the file; another file is another font.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    package: str
+    version: str
+    file: str
+    sha256: str
+
+
+class Section(BaseModel):
+    """A run of parts with levels of its own.
+
+    Attributes:
+        name: of the section.
+        parts: how many; a multiple of the cells keeps the balance whole.
+        kept_out: nothing in this repository may be fitted to its fonts.
+        part: levels in place of the design's.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    name: str = ""
+    parts: int = Field(ge=1, le=MAX_PARTS)
+    kept_out: bool = False
+    part: dict[str, Levels] = {}
+
+    @field_validator("part", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        return _levels(value)
+
+
+class Design(BaseModel):
+    """Which parts, and what readers are given.
+
+    Attributes:
+        name: of the design.
+        about: what it is for.
+        seed: of everything random.
+        parts: how many, where there are no sections; or
+        parts_a_cell: how many of every cell.
+        cross: factors crossed in full.
+        alike: whether the n-th part of every cell is the same stamped part, so that cells are compared in pairs.
+        part: levels of every factor of a part: fields of `pipeline.files.synth.SynthSpec`, `soil`, `severity`, `light`.
+        given: what readers are given; every part is read with each.
+        sections: runs of parts, one after the other.
+        fonts: font files that `part.font` may name.
+        kept_out_soils: nothing in this repository may be fitted to these.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    name: str = "benchmark"
+    about: str = ""
+    seed: int = Field(default=1, ge=0)
+    parts: int = Field(default=0, ge=0, le=MAX_PARTS)
+    parts_a_cell: int = Field(default=0, ge=0, le=MAX_PARTS)
+    cross: tuple[str, ...] = ("severity",)
+    alike: bool = False
+    part: dict[str, Levels]
+    given: tuple[str, ...] = ("format",)
+    sections: tuple[Section, ...] = Field(default=(), alias="section")
+    fonts: dict[str, PackagedFont] = {}
+    kept_out_soils: tuple[str, ...] = ()
+
+    @field_validator("part", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        return _levels(value)
+
+    @field_validator("given")
+    @classmethod
+    def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        if not value:
+            raise ValueError("name at least one, such as format")
+        return tuple(str(Given.parse(text)) for text in value)
+
+    @model_validator(mode="after")
+    def _agrees(self) -> Design:
+        if sum(map(bool, (self.parts, self.parts_a_cell, self.sections))) != 1:
+            raise ValueError("give parts, parts_a_cell or sections")
+        for section in self.all_sections():
+            levels = {**self.part, **section.part}
+            for name, values in levels.items():
+                if not values or len(set(values)) != len(values):
+                    raise ValueError(f"{name} is {list(values)}: give at least one level, each once")
+            if missing := [name for name in self.cross if name not in levels]:
+                raise ValueError(f"cross names {', '.join(missing)}, which [part] does not")
+            if missing := [name for name in ("font", "format", "severity") if name not in levels]:
+                raise ValueError(f"[part] lacks {', '.join(missing)}")
+            for severity in levels["severity"]:
+                if isinstance(severity, str) or not 0.0 <= severity <= 1.0:
+                    raise ValueError(f"a severity is {severity!r}: it lies between 0 and 1")
+        return self
+
+    @classmethod
+    def of(cls, **values: Any) -> Design:
+        """Check the values of a design.
+
+        Raises:
+            SettingsError: what cannot be; names the setting.
+        """
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            said = first["msg"].removeprefix("Value error, ")
+            raise SettingsError(f"{where}: {said}" if where else said, hint="correct the design") from error
+
+    @classmethod
+    def load(cls, path: Path) -> Design:
+        """From a TOML file.
+
+        Raises:
+            FileError: not a file, not TOML, or not a design; names the setting.
+        """
+        try:
+            values = tomllib.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise FileError(
+                path, f"cannot be read ({error.strerror or error})", "name a design in TOML"
+            ) from error
+        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise FileError(path, f"is not TOML ({error})", "correct it") from error
+        try:
+            return cls.of(**{"name": path.stem, **values})
+        except SettingsError as error:
+            raise FileError(path, error.what, error.hint) from error
+
+    def all_sections(self) -> tuple[Section, ...]:
+        """The sections; a design without is one."""
+        cells = math.prod(len(self.part.get(name, ())) for name in self.cross)
+        return self.sections or (Section(parts=self.parts or self.parts_a_cell * max(1, cells)),)
+
+    @property
+    def n_parts(self) -> int:
+        """How many parts."""
+        return sum(section.parts for section in self.all_sections())
+
+    def cells(self, section: Section) -> list[dict[str, Level]]:
+        """Every combination of the crossed factors."""
+        levels = {**self.part, **section.part}
+        return [dict(zip(self.cross, c, strict=True)) for c in product(*(levels[f] for f in self.cross))]
+
+    def planned(self) -> Iterator[tuple[Section, int, int, Condition]]:
+        """(section, number in it, replicate, levels) of every part, in order."""
+        for index, section in enumerate(self.all_sections()):
+            levels = {**self.part, **section.part}
+            cells = self.cells(section)
+            others = [name for name in levels if name not in self.cross]
+            rounds = math.ceil(section.parts / len(cells))
+            turns = {
+                name: _turns(len(cells), rounds, len(levels[name]), seed=(self.seed, index, rank))
+                for rank, name in enumerate(others)
+            }
+            for number in range(section.parts):
+                replicate, cell = divmod(number, len(cells))
+                more = {name: levels[name][turns[name][cell, replicate]] for name in others}
+                chosen = {**cells[cell], **more}
+                yield section, number, replicate, Condition(**{name: chosen[name] for name in levels})
+
+
+def _turns(cells: int, rounds: int, levels: int, *, seed: tuple[int, ...]) -> np.ndarray[Any, Any]:
+    """(cells, rounds) index of a level: any `levels` rounds of a cell from the first on have each once.
+
+    In every round the cells have all levels, as equally often as can be.
+    """
+    rng = np.random.default_rng(seed)
+    out = np.empty((cells, rounds), dtype=np.int64)
+    for block in range(0, rounds, levels):
+        width = min(levels, rounds - block)
+        order = rng.permutation(levels)
+        start = rng.permutation(np.arange(cells) % levels)
+        out[:, block : block + width] = order[(start[:, None] + np.arange(width)[None, :]) % levels]
+    return out
+
+
+def _levels(value: Any) -> Any:
+    """One level is a list of one."""
+    if not isinstance(value, Mapping):
+        return value
+    return {k: tuple(v) if isinstance(v, list | tuple) else (v,) for k, v in value.items()}

@@ -1,0 +1,133 @@
+"""Parts of a design, made from its seed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any, Final
+
+from glyphs.soiling.soiled import WORKSHOP, Soiling
+from pipeline.benchmark.exam.condition import Condition, Given, level_name
+from pipeline.benchmark.exam.design import Design
+from pipeline.benchmark.exam.font_packages import font_file, font_mark
+from pipeline.benchmark.exam.specimens import Box, Item, Specimen
+from pipeline.common.settings import SettingsError
+from pipeline.files.synth import MAX_PARTS, SynthSpec, make_part, text_of
+
+LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
+"""How high the lamp stands, degrees; its direction is drawn for every part."""
+COUNTS = ("parts", "parts_a_cell")
+"""Settings of a design that no part depends on."""
+_SPECIAL = ("soil", "severity", "light")
+_MADE = tuple(f.name for f in fields(SynthSpec) if f.name not in ("seed", "soiling"))
+
+
+@dataclass(frozen=True)
+class DesignedParts:
+    """Parts of a design.
+
+    Attributes:
+        design: which.
+
+    Raises:
+        FontError: a font that is not there, or another than the design's.
+        FormatError: a format that no serial meets.
+        SettingsError: a factor that no part has, a light that there is not.
+        StampError: a die, plate, layout or soil that cannot be.
+    """
+
+    design: Design
+
+    def __post_init__(self) -> None:
+        for section in self.design.all_sections():
+            levels = {**self.design.part, **section.part}
+            for name in levels:
+                if name not in (*_SPECIAL, *_MADE):
+                    raise SettingsError(
+                        f"a part has no factor {name!r}",
+                        hint=f"the factors are {', '.join((*_SPECIAL, *_MADE))}",
+                    )
+            first = {name: values[0] for name, values in levels.items()}
+            for name, values in levels.items():
+                for value in values:
+                    self.spec(Condition(**{**first, name: value}))
+
+    @cached_property
+    def given(self) -> tuple[Given, ...]:
+        """What readers are given."""
+        return tuple(Given.parse(text) for text in self.design.given)
+
+    def items(self) -> list[Item]:
+        """All of them, in the design's order: a run that is broken off has some of each cell."""
+        found, place = [], -1
+        for section, number, replicate, condition in self.design.planned():
+            place += number == 0  # the next section begins
+            name = "-".join([*([section.name] if section.name else []),
+                             *(_named(condition, factor) for factor in self.design.cross)])  # fmt: skip
+            own = replicate if self.design.alike else place * MAX_PARTS + number
+            found.append(Item(f"{name}-{replicate:04d}", own, condition, self.given))
+        return found
+
+    def make(self, item: Item) -> Specimen:
+        """Stamp it, soil it, and have it ready for the camera."""
+        spec = self.spec(item.condition)
+        part = make_part(spec, item.number)
+        stamped = part.stamped
+        boxes = tuple(b for b, char in zip(stamped.boxes_mm, stamped.text, strict=True) if char != " ")
+        return Specimen(
+            part=item.part,
+            truth="".join(stamped.text.split()),
+            height_map=part.height_map,
+            soil=part.soil,
+            take_photo=lambda: spec.photograph(part),
+            line_mm=hull(boxes),
+            boxes_mm=boxes,
+            height_mm=stamped.height_mm,
+            beside_mm=hull(stamped.other_boxes_mm),
+        )
+
+    def truth_of(self, item: Item) -> str:
+        """What is stamped on it; nothing is made for it."""
+        return "".join(text_of(self.spec(item.condition), item.number).split())
+
+    def font_of(self, condition: Condition) -> str:
+        """See `Parts`."""
+        return str(font_file(condition.font, self.design.fonts))
+
+    def spec(self, condition: Condition) -> SynthSpec:
+        """How a part of that kind is made.
+
+        Raises:
+            MarksError: see the class.
+        """
+        light = str(condition.get("light", "drawn"))
+        if light not in LIGHTS:
+            raise SettingsError(f"there is no light {light!r}", hint=f"use one of {', '.join(LIGHTS)}")
+        soils = tuple(str(condition.get("soil", WORKSHOP)).split("+"))
+        made: dict[str, Any] = {name: condition[name] for name in condition if name in _MADE}
+        made["font"] = self.font_of(condition)
+        if LIGHTS[light] is not None:
+            made["light_elevation_deg"] = LIGHTS[light]
+        return SynthSpec(seed=self.design.seed, soiling=Soiling(soils, condition.severity or 0.0), **made)
+
+    def description(self) -> dict[str, Any]:
+        """See `Parts`: all of the design but how many parts it has."""
+        plain = self.design.model_dump(mode="json", exclude={"about", *COUNTS}, by_alias=True)
+        named = [f for s in self.design.all_sections() for f in {**self.design.part, **s.part}["font"]]
+        plain["font_files"] = [font_mark(str(f), self.design.fonts) for f in dict.fromkeys(named)]
+        return plain
+
+
+def _named(condition: Condition, factor: str) -> str:
+    level = condition.levels[factor]
+    return re.sub(r"[^A-Za-z0-9.+]+", "_", level_name(level))
+
+
+def hull(boxes: Sequence[Box]) -> Box | None:
+    """(x0, y0, x1, y1) around boxes; None around none."""
+    if not boxes:
+        return None
+    x0, y0, x1, y1 = zip(*boxes, strict=True)
+    return (min(x0), min(y0), max(x1), max(y1))

@@ -1,0 +1,104 @@
+"""Parts in files, made by anyone."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError
+from glyphs.fonts.serials import allowed_characters
+from pipeline.benchmark.exam.condition import Condition
+from pipeline.benchmark.exam.specimens import Item, Specimen
+from pipeline.common.settings import SettingsError
+from pipeline.files.parts import Part, discover
+from pipeline.files.truth import load_truth
+
+
+@dataclass(frozen=True)
+class FolderParts:
+    """Parts in files, made by anyone.
+
+    Attributes:
+        found: the parts that have a truth.
+        truth: text by part.
+        condition: what they have in common.
+    """
+
+    found: tuple[Part, ...]
+    truth: dict[str, str]
+    condition: Condition
+
+    @classmethod
+    def load(cls, inputs: Sequence[str], truth: Path, condition: Condition) -> FolderParts:
+        """The parts of folders, globs or files that a table tells the truth of.
+
+        Args:
+            inputs: folders, globs or files.
+            truth: CSV with the columns part and text.
+            condition: what the parts have in common, as far as known.
+
+        Raises:
+            FileError: no such table, or none of its parts is there.
+            NothingFoundError: no part at all.
+            SettingsError: a format or severity that cannot be.
+        """
+        if condition.format:
+            allowed_characters(condition.format)
+        _check_severity(condition.severity)
+        truths = load_truth(truth)
+        parts = tuple(p for p in discover(inputs) if p.name in truths)
+        if not parts:
+            raise FileError(truth, "tells the truth of none of the parts", "name the parts as their files")
+        return cls(parts, {p.name: truths[p.name] for p in parts}, condition)
+
+    def items(self) -> list[Item]:
+        """All of them, by name."""
+        return [
+            Item(part.name, number, self.condition, files=part, truth="".join(self.truth[part.name].split()))
+            for number, part in enumerate(self.found)
+        ]
+
+    def make(self, item: Item) -> Specimen:
+        """Load its height map; the photograph when it is asked for."""
+        from pipeline.files.npz import read_soil
+        from pipeline.files.photos import read_photo
+        from pipeline.files.touch_file import read_height_map
+        from pipeline.reading.part_reader import other_rows
+
+        files = item.files
+        if files is None or files.problem is not None:
+            raise (files.problem if files and files.problem else ValueError(f"{item.part} has no files"))
+        if files.height_map is None:
+            raise FileError(files.scan or item.part, "has no height map", "add one")
+        photo = files.photo
+        return Specimen(
+            part=item.part,
+            truth=item.truth,
+            height_map=read_height_map(files.height_map),
+            soil=read_soil(files.height_map) if files.height_map.suffix.lower() == ".npz" else None,
+            take_photo=None if photo is None else lambda: read_photo(photo),
+            line_mm=None,
+            turned=other_rows(files.height_map),
+        )
+
+    def font_of(self, condition: Condition) -> str:
+        """See `Parts`: of parts in files, the reader's own fonts are all that is known."""
+        return condition.font
+
+    def description(self) -> dict[str, Any]:
+        """See `Parts`."""
+        table = "\n".join(f"{name}\t{text}" for name, text in sorted(self.truth.items()))
+        return {
+            "folder": sorted({str((p.height_map or Path(p.name)).parent) for p in self.found}),
+            "truth": hashlib.sha256(table.encode()).hexdigest()[:16],
+            "severity": self.condition.severity,
+            "format": self.condition.format,
+        }
+
+
+def _check_severity(severity: float | None) -> None:
+    if severity is not None and not 0.0 <= severity <= 1.0:
+        raise SettingsError(f"a severity is {severity}", hint="it lies between 0 and 1")

@@ -1,0 +1,48 @@
+"""Fonts that installed packages carry: found by package and file, and proved by their hash."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from glyphs.fonts.glyph import FontError
+
+if TYPE_CHECKING:
+    from pipeline.benchmark.exam.design import PackagedFont
+
+
+def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:
+    """Where a font of a design is: the file within its package; any other font as it is named.
+
+    Raises:
+        FontError: the package is not installed, or its file is another.
+    """
+    if font not in packaged:
+        return font
+    wanted = packaged[font]
+    try:
+        path = Path(str(distribution(wanted.package).locate_file(wanted.file)))
+    except PackageNotFoundError as error:
+        raise FontError(
+            f"the font {font} comes with the package {wanted.package}, which is not installed",
+            hint=f'install it with: pip install "{wanted.package}=={wanted.version}"',
+        ) from error
+    if not path.is_file() or _sha256(path) != wanted.sha256:
+        raise FontError(
+            f"{wanted.file} of the package {wanted.package} is not the font that the design names",
+            hint=f'install its version: pip install "{wanted.package}=={wanted.version}"',
+        )
+    return path
+
+
+def font_mark(font: str, packaged: Mapping[str, PackagedFont]) -> str:
+    """The font's name, and of a file its contents: another file of that name is another font."""
+    path = Path(font_file(font, packaged))
+    return f"{path.name} {_sha256(path)[:12]}" if path.is_file() else font
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,87 @@
+"""What is tried: parts of a design, or parts in a folder, each made once and read by every mode.
+
+design ------------------DesignedParts.make--> Specimen (height map, soil, photograph, truth)
+NAME.npz, NAME.png, truth.csv --FolderParts.make--->
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pipeline.benchmark.exam.condition import Condition, Given
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from glyphs.soiling.soil import Soil
+    from glyphs.surface.maps import HeightMap
+    from pipeline.files.parts import Part
+
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Item:
+    """One part to be tried, not made yet.
+
+    Attributes:
+        part: its name, unique in the benchmark.
+        number: among those of its condition; of designed parts, what it is made from beside the seed.
+        condition: its kind.
+        given: what readers are given; it is read with each.
+        files: its files, of a part in a folder.
+        truth: what was stamped, of a part in a folder.
+    """
+
+    part: str
+    number: int
+    condition: Condition
+    given: tuple[Given, ...] = (Given(),)
+    files: Part | None = None
+    truth: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """A part to be scanned and photographed.
+
+    Attributes:
+        part: its name.
+        truth: what was stamped.
+        height_map: its top surface.
+        soil: dirt and friction; None of a clean part.
+        take_photo: photographs it; None without a camera.
+        line_mm: (x0, y0, x1, y1) around the line, plate frame; None where it is not known.
+        boxes_mm: around each character of the truth; empty where they are not known.
+        height_mm: of the characters, for which a stage is set; None where it is not known.
+        beside_mm: around another line, which is not asked for; None without one.
+        turned: the map with the other row first, as `pipeline.reading.part_reader.read_surface` takes it.
+    """
+
+    part: str
+    truth: str
+    height_map: HeightMap
+    soil: Soil | None
+    take_photo: Callable[[], Photo] | None
+    line_mm: Box | None
+    boxes_mm: tuple[Box, ...] = ()
+    height_mm: float | None = None
+    beside_mm: Box | None = None
+    turned: Callable[[], HeightMap] | None = None
+
+
+class Parts(Protocol):
+    """Where the parts come from."""
+
+    def items(self) -> list[Item]:
+        """All of them, in order."""
+
+    def make(self, item: Item) -> Specimen:
+        """Make or load one."""
+
+    def font_of(self, condition: Condition) -> str:
+        """The font of that kind of part, as a reader is given it; empty where it is not known."""
+
+    def description(self) -> dict[str, Any]:
+        """What decides over every one of them, in plain JSON values; not how many there are."""

@@ -1,0 +1,1 @@
+"""The exam as files, for whoever reads it elsewhere."""

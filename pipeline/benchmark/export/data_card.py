@@ -1,0 +1,115 @@
+"""What an exported exam is: card.json for programs, README.md for people."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, metadata
+from importlib.resources import files
+from typing import Any
+
+from pipeline.benchmark.exam.condition import font_name, level_name
+from pipeline.benchmark.exam.designed_parts import DesignedParts
+from pipeline.common.version import program_mark, program_version
+
+CARD = "card.json"
+_PAGE = files("pipeline.benchmark.export") / "templates" / "data_card.md"
+
+
+def card_of(
+    parts: DesignedParts, labels: Sequence[dict[str, Any]], *, design: dict[str, Any]
+) -> dict[str, Any]:
+    """All that is known of the exam, in plain JSON values.
+
+    Args:
+        parts: of the design.
+        labels: of the parts that are written.
+        design: all that the parts depend on beside the program.
+    """
+    counts: dict[str, Counter[str]] = {}
+    for label in labels:
+        for name, level in label["levels"].items():
+            counts.setdefault(name, Counter())[level_name(level)] += 1
+    return {
+        "name": parts.design.name,
+        "about": parts.design.about,
+        "parts": len(labels),
+        "counts": {name: dict(found) for name, found in counts.items()},
+        "missing_views": {
+            view: gone
+            for view in ("edges", "relief")
+            if design["felt"] and (gone := sum(view not in label["views"] for label in labels))
+        },
+        "fonts": _fonts(parts),
+        "design": design,
+        "version": program_version(),
+        "program": program_mark(),
+        "libraries": _libraries(),
+    }
+
+
+def page_of(card: dict[str, Any]) -> str:
+    """The card as a page."""
+    factors = ["| factor | level: parts |", "|---|---|"] + [
+        f"| {name} | {', '.join(f'{level}: {n}' for level, n in sorted(found.items()))} |"
+        for name, found in card["counts"].items()
+    ]
+    fonts = ["| font | from | licence of the package |", "|---|---|---|"] + [
+        f"| {name} | {f['from']} | {f['licence']} |" for name, f in card["fonts"].items()
+    ]
+    kept = card["design"].get("kept_out_soils") or []
+    return _PAGE.read_text(encoding="utf-8").format(
+        name=card["name"],
+        about=card["about"] or "An exam for readers of stamped marks.",
+        n=card["parts"],
+        version=card["version"],
+        program=card["program"],
+        factors="\n".join(factors),
+        fonts="\n".join(fonts),
+        kept_out=f"; the soils {', '.join(kept)} are kept out of all fitting" if kept else "",
+    )
+
+
+def _fonts(parts: DesignedParts) -> dict[str, dict[str, str]]:
+    """Where each font comes from, and the licence of the package, which may have others for its fonts."""
+    design, found = parts.design, {}
+    named = [str(f) for s in design.all_sections() for f in {**design.part, **s.part}["font"]]
+    for name in dict.fromkeys(named):
+        packaged = design.fonts.get(name)
+        if packaged is not None:
+            origin = {
+                "from": f"{packaged.package} {packaged.version}, {packaged.file}",
+                "licence": _licence(packaged.package),
+            }
+        elif font_name(name) != name:
+            origin = {"from": "a file", "licence": "that of the file"}
+        else:
+            origin = {"from": "tactile-marks", "licence": "that of the program"}
+        found[font_name(name)] = origin
+    return found
+
+
+def _licence(package: str) -> str:
+    try:
+        about = metadata(package)
+    except PackageNotFoundError:
+        return "not known"
+    classified = [c.rpartition(" :: ")[2] for c in about.get_all("Classifier") or () if "License ::" in c]
+    written = about.get_all("License-Expression") or classified or about.get_all("License") or ()
+    first = ", ".join(written).strip().splitlines()[:1]
+    return first[0] if first else "not known"
+
+
+def _libraries() -> dict[str, str]:
+    """Versions that the numbers may depend on."""
+    import platform
+    from importlib.metadata import version
+
+    names = ("numpy", "scipy", "numba", "opencv-python-headless", "pillow", "fonttools")
+    found = {"python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
+    for name in names:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

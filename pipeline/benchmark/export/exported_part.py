@@ -1,0 +1,227 @@
+"""One part of an exam as files: its surface, photograph, what touch feels of it, its lines cut out, and its truth.
+
+parts/NAME.npz          surface and soil              photos/NAME.png          photograph
+ideal/NAME.png          heights, 16 bit               lines/NAME-VIEW.png      the line, as peers are shown it
+felt/NAME-relief.png    heights as felt, 8 bit        felt/NAME-relief-16.png  the same, 16 bit
+felt/NAME-edges.png     strongest edge, 8 bit         felt/NAME-edges-DEG-16.png  a direction of travel each
+labels/NAME.json        text, places, levels, scales, hashes of the files above
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.camera.photo import Photo
+from glyphs.errors import MarksError
+from glyphs.surface.maps import EdgeMap
+from pipeline.benchmark.exam.designed_parts import DesignedParts
+from pipeline.benchmark.exam.specimens import Box, Item, Specimen
+from pipeline.benchmark.readers.mode import PartReadings
+from pipeline.benchmark.readers.pictures import PICTURES, draw_edges, draw_heights
+from pipeline.files.layers import write_layer
+from pipeline.files.photos import write_photo
+from pipeline.files.synth import write_surface
+from recognition.reader import Reader
+
+if TYPE_CHECKING:
+    from whisker_array.estimation.relief import Relief
+    from whisker_array.scan.scan import Scan
+
+LABELS = "labels"
+FOLDERS = ("parts", "photos", "felt", "ideal", "lines", LABELS)
+_FELT = ("edges", "relief")
+
+
+@dataclass(frozen=True)
+class ExportOrder:
+    """What is written of every part.
+
+    Attributes:
+        parts: of the design.
+        felt: whether what touch feels is.
+    """
+
+    parts: DesignedParts
+    felt: bool = True
+
+
+@dataclass(frozen=True)
+class ExportedPart:
+    """The files of one part, to be written where the order came from.
+
+    Attributes:
+        label: its truth, see the module.
+        files: contents by path within the folder.
+    """
+
+    label: dict[str, Any]
+    files: dict[str, bytes]
+
+
+def export_part(order: ExportOrder, item: Item) -> ExportedPart:
+    """Make a part and all its files.
+
+    Raises:
+        MarksError: a part that cannot be made or photographed.
+    """
+    specimen = order.parts.make(item)
+    height_mm = order.parts.spec(item.condition).height_mm
+    with tempfile.TemporaryDirectory() as scratch:
+        writer = _Writer(Path(scratch), specimen, PartReadings(specimen, Reader()))
+        writer.write(felt=order.felt)
+        paths = sorted(p for p in Path(scratch).rglob("*") if p.is_file())
+        files = {p.relative_to(scratch).as_posix(): p.read_bytes() for p in paths}
+    label: dict[str, Any] = {
+        "part": item.part,
+        "text": specimen.truth,
+        "levels": item.condition.levels,
+        "height_mm": height_mm,
+        "line_mm": specimen.line_mm,
+        "beside_mm": specimen.beside_mm,
+        "characters": [
+            {"char": c, "box_mm": b} for c, b in zip(specimen.truth, specimen.boxes_mm, strict=True)
+        ],
+        "views": writer.views,
+        "lines": writer.lines,
+        "scan": writer.scan,
+        "files": {path: sha256(data) for path, data in files.items()},
+    }
+    text = json.dumps(label, indent=1, ensure_ascii=False)
+    return ExportedPart(json.loads(text), {**files, label_path(item.part): (text + "\n").encode()})
+
+
+def label_path(part: str) -> str:
+    """Where the truth of a part is, within the folder."""
+    return f"{LABELS}/{part}.json"
+
+
+def sha256(data: bytes) -> str:
+    """As it stands in manifests."""
+    return hashlib.sha256(data).hexdigest()
+
+
+@dataclass
+class _Writer:
+    folder: Path
+    specimen: Specimen
+    senses: PartReadings
+    views: dict[str, dict[str, Any]] = field(default_factory=dict)
+    lines: dict[str, str] = field(default_factory=dict)
+    scan: dict[str, Any] = field(default_factory=dict)
+
+    def write(self, *, felt: bool) -> None:
+        for name in FOLDERS:
+            (self.folder / name).mkdir()
+        part, surface = self.specimen.part, self.specimen.height_map
+        write_surface(self._at(f"parts/{part}.npz"), surface, self.specimen.soil)
+        self._photo()
+        self._layer(
+            "ideal", f"ideal/{part}.png", surface.z_mm, "mm", pitch_mm=surface.pitch_mm, origin_mm=(0.0, 0.0)
+        )
+        if felt:
+            maps = self.senses.felt
+            self.scan = _scan(maps.scan)
+            if maps.edges is not None:
+                self._edges(maps.edges)
+            if maps.relief is not None:
+                self._relief(maps.relief)
+        for view in self._drawn():
+            path = f"lines/{part}-{view}.png"
+            try:
+                photo = Photo(PICTURES[view](self.senses))
+            except MarksError:  # fewer than 8 pixels of it lie in the picture
+                continue
+            write_photo(self._at(path), photo)
+            self.lines[view] = path
+
+    def _drawn(self) -> Iterator[str]:
+        return (view for view in PICTURES if view in self.views)
+
+    def _at(self, path: str) -> Path:
+        return self.folder / path
+
+    def _photo(self) -> None:
+        from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
+
+        photo, path = self.senses.photo, f"photos/{self.specimen.part}.png"
+        write_photo(self._at(path), photo)
+        self.views["photo"] = _view(path, photo_pitch_mm(photo), photo_origin_mm(photo), photo.shape)
+
+    def _edges(self, edges: EdgeMap) -> None:
+        path = f"felt/{self.specimen.part}-edges.png"
+        write_photo(self._at(path), Photo(draw_edges(edges), pitch_mm=edges.pitch_mm))
+        self.views["edges"] = _view(path, edges.pitch_mm, edges.origin_mm, edges.shape)
+        for direction, layer in zip(edges.directions, edges.enhancement, strict=True):
+            self._layer(
+                f"edges-{direction:d}-16",
+                f"felt/{self.specimen.part}-edges-{direction:d}-16.png",
+                np.where(edges.valid, layer, np.nan),
+                "enhancement",
+                pitch_mm=edges.pitch_mm,
+                origin_mm=edges.origin_mm,
+            )
+
+    def _relief(self, relief: Relief) -> None:
+        path, grid = f"felt/{self.specimen.part}-relief.png", relief.height_mm
+        write_photo(self._at(path), Photo(draw_heights(grid), pitch_mm=relief.pitch_mm))
+        self.views["relief"] = _view(path, relief.pitch_mm, relief.origin_mm, grid.shape)
+        self._layer(
+            "relief-16",
+            f"felt/{self.specimen.part}-relief-16.png",
+            grid,
+            "mm",
+            pitch_mm=relief.pitch_mm,
+            origin_mm=relief.origin_mm,
+        )
+
+    def _layer(
+        self,
+        view: str,
+        path: str,
+        values: NDArray[np.floating],
+        unit: str,
+        *,
+        pitch_mm: float,
+        origin_mm: tuple[float, float],
+    ) -> None:
+        step = write_layer(self._at(path), values, unit=unit, pitch_mm=pitch_mm, origin_mm=origin_mm)
+        shape = (values.shape[0], values.shape[1])
+        self.views[view] = {**_view(path, pitch_mm, origin_mm, shape), "step": step, "unit": unit}
+
+
+def _scan(scan: Scan) -> dict[str, Any]:
+    """How touch went over the part."""
+    return {
+        "directions_deg": [int(direction) for direction in scan.directions],
+        "line_pitch_mm": scan.line_pitch_mm,
+        "sample_pitch_mm": scan.sweeps[0].plan.step_mm,
+        "sample_rate_hz": scan.sample_rate_hz,
+        "preload_mm": scan.touch.preload_mm,
+        "tip_radius_mm": scan.touch.tip_radius_mm,
+        "whisker": scan.touch.whisker,
+    }
+
+
+def _view(
+    path: str, pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
+) -> dict[str, Any]:
+    origin = [round(float(v), 6) for v in origin_mm]
+    return {"file": path, "pitch_mm": float(pitch_mm), "origin_mm": origin, "shape": list(shape)}
+
+
+def polygon_px(box_mm: Box, view: dict[str, Any]) -> list[list[float]]:
+    """The corners of a box in the pixels of a view, clockwise from the top left, within the picture."""
+    (x, y), pitch, (rows, cols) = view["origin_mm"], view["pitch_mm"], view["shape"]
+    columns = [min(max(0.0, (v - x) / pitch), cols - 1.0) for v in (box_mm[0], box_mm[2])]
+    lines = [min(max(0.0, (v - y) / pitch), rows - 1.0) for v in (box_mm[1], box_mm[3])]
+    corners = ((0, 0), (1, 0), (1, 1), (0, 1))
+    return [[round(columns[i], 1), round(lines[j], 1)] for i, j in corners]

@@ -1,0 +1,220 @@
+"""An exam as a folder of files, for readers that are no part of this program.
+
+    design --export_part, by many workers--> parts/ photos/ felt/ ideal/ lines/ labels/ --labels--> label files, card
+                                                                                          --hashes--> manifest.json
+
+A part's label is written after its files and holds their hashes: an export that was broken off goes on with the parts
+whose label is missing or does not agree with the files.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError, MarksError
+from pipeline.benchmark.exam.specimens import Item
+from pipeline.benchmark.export.data_card import CARD, card_of, page_of
+from pipeline.benchmark.export.exported_part import (
+    FOLDERS,
+    ExportedPart,
+    ExportOrder,
+    export_part,
+    label_path,
+    sha256,
+)
+from pipeline.benchmark.export.label_files import label_files
+from pipeline.common.atomic import replacing
+from pipeline.common.run_description import differences
+from pipeline.common.settings import SettingsError
+from pipeline.workers.executors import Executor, InlineExecutor
+
+MANIFEST, PAGE = "manifest.json", "README.md"
+FORMAT_VERSION = 1
+
+
+class ExportError(MarksError):
+    """Some parts could not be made, or a folder is not as its manifest says."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A file that is not as the manifest says.
+
+    Attributes:
+        path: within the folder.
+        problem: missing, changed, or not in the manifest.
+    """
+
+    path: str
+    problem: str
+
+
+def export(
+    order: ExportOrder,
+    folder: Path,
+    *,
+    parts: int | None = None,
+    executor: Executor | None = None,
+    on_start: Callable[[int, int], None] | None = None,
+    on_part: Callable[[str], None] | None = None,
+) -> int:
+    """Write the exam; what the folder holds already, and is whole, stays.
+
+    Args:
+        order: what to write.
+        folder: for it; made if need be.
+        parts: the first so many of the design; all unless given. More later go on from there.
+        executor: who works; this process unless given.
+        on_start: called with how many parts there are and how many of these are there already.
+        on_part: called with the name of every part when it is written.
+
+    Returns:
+        How many parts the folder holds now.
+
+    Raises:
+        ExportError: parts that could not be made; the others are written.
+        FileError: the folder holds something else, or cannot be written.
+        SettingsError: more parts than the design has, or less than one.
+    """
+    items = order.parts.items()
+    if parts is not None and not 1 <= parts <= len(items):
+        raise SettingsError(f"parts is {parts}", hint=f"the design has {len(items)}")
+    items = items[:parts]
+    _prepare(order, folder)
+    labels = {item.part: label for item in items if (label := _whole(folder, item)) is not None}
+    if on_start is not None:
+        on_start(len(items), len(labels))
+    missing = [item for item in items if item.part not in labels]
+    failed: list[str] = []
+    for item, made, error in _made(executor or InlineExecutor(), order, missing):
+        if made is None:
+            failed.append(f"{item.part}: {error}")
+            continue
+        _write(folder, item, made)
+        labels[item.part] = made.label
+        if on_part is not None:
+            on_part(item.part)
+    if failed:
+        raise ExportError(f"{len(failed)} parts could not be made, the first is {failed[0]}")
+    _finish(order, folder, [labels[item.part] for item in items])
+    return len(items)
+
+
+def check(order: ExportOrder, folder: Path) -> list[Difference]:
+    """How a folder differs from its manifest; nothing where it is whole.
+
+    Raises:
+        FileError: no manifest, or of another design.
+    """
+    card = _json_of(folder / CARD)
+    if card is None or card.get("design") != _design_of(order):
+        raise FileError(folder, "holds no export of this design", "name its folder, or its design")
+    manifest = _json_of(folder / MANIFEST)
+    if manifest is None or not isinstance(manifest.get("files"), dict):
+        raise FileError(folder / MANIFEST, "is missing or damaged", "run the export again")
+    there = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()} - {MANIFEST}
+    wanted: dict[str, str] = manifest["files"]
+    found = [Difference(path, "missing") for path in wanted if path not in there]
+    found += [
+        Difference(path, "changed")
+        for path, hashed in wanted.items()
+        if path in there and sha256((folder / path).read_bytes()) != hashed
+    ]
+    return sorted(found + [Difference(p, "not in the manifest") for p in there - wanted.keys()], key=str)
+
+
+def _made(
+    executor: Executor, order: ExportOrder, items: Sequence[Item]
+) -> Iterator[tuple[Item, ExportedPart | None, Exception | None]]:
+    for outcome in executor.calls(export_part, order, items):
+        yield outcome.task, outcome.result, outcome.error
+
+
+def _design_of(order: ExportOrder) -> dict[str, Any]:
+    """All that the parts depend on beside the program."""
+    design: dict[str, Any] = json.loads(json.dumps({**order.parts.description(), "felt": order.felt}))
+    return design
+
+
+def _prepare(order: ExportOrder, folder: Path) -> None:
+    """Make the folders, or see that they are of the same export by the same program.
+
+    Raises:
+        FileError: they are not.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        occupied = any(folder.iterdir())
+        held = _json_of(folder / CARD)
+        new = card_of(order.parts, [], design=_design_of(order))
+        if occupied:
+            if held is None:
+                raise FileError(folder, "is not empty and holds no export", "name another folder")
+            same = {name: held.get(name) for name in ("design", "program")}
+            now = {name: new[name] for name in same}
+            if same != now:
+                raise FileError(
+                    folder, f"holds another export ({differences(same, now)})", "name another folder"
+                )
+        for name in FOLDERS:
+            (folder / name).mkdir(exist_ok=True)
+    except OSError as error:
+        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+    if held is None:
+        _put(folder / CARD, _json(new))
+
+
+def _whole(folder: Path, item: Item) -> dict[str, Any] | None:
+    """The label of a part whose files are all there and as it says; None of another."""
+    label = _json_of(folder / label_path(item.part))
+    if label is None or not isinstance(label.get("files"), dict):
+        return None
+    for path, hashed in label["files"].items():
+        try:
+            if sha256((folder / path).read_bytes()) != hashed:
+                return None
+        except OSError:
+            return None
+    return label
+
+
+def _write(folder: Path, item: Item, made: ExportedPart) -> None:
+    last = label_path(item.part)
+    for path in sorted(made.files, key=lambda path: path == last):
+        _put(folder / path, made.files[path])
+
+
+def _finish(order: ExportOrder, folder: Path, labels: Sequence[dict[str, Any]]) -> None:
+    """Label files, card and manifest."""
+    card = card_of(order.parts, labels, design=_design_of(order))
+    texts = {**label_files(labels), CARD: _json(card), PAGE: page_of(card)}
+    hashes: dict[str, str] = {}
+    for label in labels:
+        path = label_path(label["part"])
+        hashes |= {**label["files"], path: sha256((folder / path).read_bytes())}
+    for name, text in texts.items():
+        _put(folder / name, text)
+        hashes[name] = sha256(text.encode())
+    _put(folder / MANIFEST, _json({"format_version": FORMAT_VERSION, "files": dict(sorted(hashes.items()))}))
+
+
+def _put(path: Path, contents: bytes | str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_bytes(contents.encode() if isinstance(contents, str) else contents)
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, indent=1, ensure_ascii=False) + "\n"
+
+
+def _json_of(path: Path) -> dict[str, Any] | None:
+    """What a file holds; None where there is none or it is damaged."""
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return value if isinstance(value, dict) else None

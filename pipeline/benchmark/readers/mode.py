@@ -1,0 +1,125 @@
+"""What a mode is, and the senses that all modes share.
+
+A part is read once by each sense, whatever the number of modes: `PartReadings` keeps the readings, and how long
+that took, so that every mode is charged for all it used.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+from glyphs.errors import MarksError
+from pipeline.benchmark.exam.specimens import Specimen
+from pipeline.benchmark.readers.felt import FeltMaps, feel_part
+from whisker_array.whisker.array import RasterPlan
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from recognition.reader import Reader
+    from recognition.reading import Reading
+    from whisker_array.scan.scan import Scan
+
+
+class ModeUnavailableError(MarksError):
+    """A mode that cannot run here."""
+
+
+class PartReadings:
+    """One part, read by each sense when a mode first asks for it.
+
+    Attributes:
+        specimen: the part.
+        seconds: what each sense took.
+    """
+
+    def __init__(self, specimen: Specimen, reader: Reader) -> None:
+        self.specimen = specimen
+        self.seconds: dict[str, float] = {}
+        self._reader = reader
+
+    @cached_property
+    def touch(self) -> Reading:
+        """Scanned and read by touch."""
+        from pipeline.reading.part_reader import read_surface
+
+        part = self.specimen
+        reading: Reading = self._timed(
+            "touch",
+            lambda: read_surface(
+                self._reader, part.height_map, soil=part.soil, turned=part.turned, part_id=part.part
+            ),
+        )
+        return reading
+
+    @cached_property
+    def felt(self) -> FeltMaps:
+        """Scanned, and not read.
+
+        Raises:
+            MapError: a surface that cannot be scanned.
+        """
+        maps: FeltMaps = self._timed("felt", lambda: feel_part(self.specimen))
+        return maps
+
+    @cached_property
+    def photo(self) -> Photo:
+        """The photograph.
+
+        Raises:
+            MarksError: there is none.
+        """
+        from recognition.reader import centred
+
+        if self.specimen.take_photo is None:
+            raise MarksError(f"{self.specimen.part} has no photograph")
+        photo: Photo = self._timed("photograph", self.specimen.take_photo)
+        # as `pipeline.reading.part_reader` has it
+        return photo if photo.centre_mm is not None else centred(photo, self.specimen.height_map)
+
+    @cached_property
+    def vision(self) -> Reading:
+        """The photograph read."""
+        photo = self.photo
+        reading: Reading = self._timed("vision", lambda: self._reader.vision.read_photo(photo))
+        return reading
+
+    def _timed(self, name: str, act: Callable[[], Any]) -> Any:
+        start = time.perf_counter()
+        result = act()
+        self.seconds[name] = time.perf_counter() - start
+        return result
+
+    @property
+    def scan_s(self) -> float:
+        """What the real array would take for the scan; 0 if the part was not scanned."""
+        scan = self.touch.trace.scan if "touch" in self.seconds else None
+        if scan is None and "felt" in self.seconds:
+            scan = self.felt.scan
+        return 0.0 if scan is None else scan_seconds(scan)
+
+
+def scan_seconds(scan: Scan, *, turnaround_s: float = RasterPlan.turnaround_s) -> float:
+    """Time of a scan on the real array: every pass with its lead and its samples in the air, and a turnaround.
+
+    Args:
+        scan: as made.
+        turnaround_s: to lift, move and set down between passes.
+    """
+    passes = ((s.plan.line_mm.shape[0], s.plan.n_samples + s.air_n_mm.shape[-1]) for s in scan.sweeps)
+    return float(sum(n * (samples / scan.sample_rate_hz + turnaround_s) for n, samples in passes))
+
+
+class ModeReader(Protocol):
+    """A mode.
+
+    Attributes:
+        uses: what it needs of `PartReadings`: "touch", "vision", "felt"; the others' time is not charged to it.
+    """
+
+    uses: tuple[str, ...]
+
+    def read(self, senses: PartReadings) -> Reading:
+        """Read the part."""

@@ -1,0 +1,143 @@
+"""Anybody's reader at the same exam: a function of one part, named `module:function`.
+
+    def read(part: ExamPart) -> str | Answer
+
+What it asks of the part is made when it asks: the photograph, what touch felt, the heights as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.errors import MarksError
+from glyphs.named import load_named
+from pipeline.benchmark.readers.mode import PartReadings
+from pipeline.benchmark.readers.peers import ACCEPTED_FROM, reading_of
+from pipeline.benchmark.readers.pictures import PICTURES
+from pipeline.common.settings import SettingsError
+
+if TYPE_CHECKING:
+    from recognition.reader_settings import ReaderSettings
+    from recognition.reading import Reading
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a reader says of a part.
+
+    Attributes:
+        text: as read.
+        confidence: that all of it is right, 0 to 1.
+        accepted: whether the reader vouches for it; else from its confidence (`peers.ACCEPTED_FROM`).
+
+    Raises:
+        MarksError: a confidence outside 0..1.
+    """
+
+    text: str
+    confidence: float = 0.0
+    accepted: bool | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.confidence <= 1.0:
+            raise MarksError(f"the reader's confidence is {self.confidence}", hint="it lies between 0 and 1")
+
+
+class ExamPart:
+    """A part as a reader meets it.
+
+    Attributes:
+        name: of the part.
+        format: of the serial; None where it is not given.
+        height_mm: of the characters; None where it is not given.
+        fonts: that the mark may have; empty where none is given.
+    """
+
+    def __init__(self, senses: PartReadings, settings: ReaderSettings) -> None:
+        self.name = senses.specimen.part
+        self.format = settings.format if isinstance(settings.format, str) else None
+        self.height_mm = settings.height_mm
+        self.fonts = tuple(str(font) for font in settings.fonts)
+        self._senses = senses
+
+    @property
+    def photo(self) -> tuple[NDArray[np.uint8], float | None]:
+        """The whole photograph (rows, cols, 3) or (rows, cols), and the size of a pixel on the part, mm."""
+        photo = self._senses.photo
+        return photo.pixels, photo.pitch_mm
+
+    @property
+    def relief(self) -> tuple[NDArray[np.float32], float]:
+        """Heights that touch felt (rows, cols), mm, NaN where not known, and their pitch, mm.
+
+        Raises:
+            MarksError: touch felt none.
+        """
+        relief = self._senses.felt.relief
+        if relief is None:
+            raise MarksError("touch felt no heights")
+        return relief.height_mm, relief.pitch_mm
+
+    @property
+    def edges(self) -> tuple[NDArray[np.float32], float]:
+        """Edge maps (directions, rows, cols), one a direction of travel, and their pitch, mm.
+
+        Raises:
+            MarksError: touch felt none.
+        """
+        edges = self._senses.felt.edges
+        if edges is None:
+            raise MarksError("touch felt no edges")
+        return edges.enhancement, edges.pitch_mm
+
+    @property
+    def surface(self) -> tuple[NDArray[np.float32], float]:
+        """True heights (rows, cols), mm, and their pitch, mm."""
+        return self._senses.specimen.height_map.z_mm, self._senses.specimen.height_map.pitch_mm
+
+    def line_picture(self, kind: str) -> NDArray[np.uint8]:
+        """The line cut out and drawn, (rows, cols, 3): photo, edges, relief or ideal, as the peers are shown it."""
+        if kind not in PICTURES:
+            raise MarksError(f"there is no picture {kind!r}", hint=f"the pictures are {', '.join(PICTURES)}")
+        return PICTURES[kind](self._senses)
+
+
+class OwnMode:
+    """A mode that asks a function.
+
+    Raises:
+        SettingsError: there is no such function.
+    """
+
+    uses: tuple[str, ...] = ()
+
+    def __init__(self, name: str, settings: ReaderSettings) -> None:
+        self._read: Any = load_named(name, what="reader", error=SettingsError)
+        if not callable(self._read):
+            raise SettingsError(f"the reader {name!r} is no function", hint="name one that takes a part")
+        self._settings = settings
+
+    def read(self, senses: PartReadings) -> Reading:
+        """Ask the function.
+
+        Raises:
+            MarksError: it gives something else than a text or an answer.
+        """
+        said = self._read(ExamPart(senses, self._settings))
+        answer = Answer(said) if isinstance(said, str) else said
+        if not isinstance(answer, Answer):
+            raise MarksError(f"the reader gave a {type(said).__name__}", hint="give a text or an Answer")
+        return reading_of_answer(answer)
+
+
+def reading_of_answer(answer: Answer) -> Reading:
+    """An answer as a reading."""
+    text = "".join(answer.text.split())
+    # the confidence is in the whole text: each character has its share of it
+    each = answer.confidence ** (1.0 / max(1, len(text)))
+    accepted = answer.confidence >= ACCEPTED_FROM if answer.accepted is None else answer.accepted
+    return reading_of([(char, each) for char in text], accepted=accepted)

@@ -1,0 +1,75 @@
+"""Programs of others as modes: what they are shown (`pictures`), who reads (`engines`), when they are accepted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from glyphs.fonts.serials import allowed_characters
+from pipeline.benchmark.readers.engines import Engine, Line, open_engine
+from pipeline.benchmark.readers.mode import ModeReader, PartReadings
+from pipeline.benchmark.readers.pictures import PICTURES
+
+if TYPE_CHECKING:
+    from recognition.reading import Reading
+
+ACCEPTED_FROM = 0.9
+"""Product of the confidences in the characters from which a reading counts as accepted, if it fits the format."""
+_ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+_FELT = ("edges", "relief")
+
+
+def open_peer(engine: str, picture: str, *, format: str | None) -> ModeReader:
+    """A mode that has another's engine read.
+
+    Args:
+        engine: "rapidocr" or "tesseract".
+        picture: a name of `pipeline.benchmark.readers.pictures.PICTURES`.
+        format: of the serial; None: any letter or digit.
+
+    Raises:
+        ModeUnavailableError: the engine or its data are not installed.
+    """
+    places = tuple(p for p in allowed_characters(format) if p != " ") if format else ()
+    chars = "".join(sorted(set("".join(places)))) or _ALPHABET
+    return _Peer(open_engine(engine, chars), picture, places)
+
+
+class _Peer:
+    def __init__(self, engine: Engine, picture: str, places: tuple[str, ...]) -> None:
+        self.uses: tuple[str, ...] = ("felt",) if picture in _FELT else ()
+        self._engine, self._picture, self._places = engine, picture, places
+
+    def read(self, senses: PartReadings) -> Reading:
+        picture = PICTURES[self._picture](senses)
+        line = self._engine.read_line(picture) if min(picture.shape[:2]) >= 8 else []
+        reading = reading_of(line, places=self._places)
+        if self._picture not in _FELT:
+            return reading
+        return replace(reading, seconds={"scan": senses.felt.simulated_s})
+
+
+def reading_of(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
+    """What a peer read, as a reading: accepted where it fits the format and the peer is sure, or says so itself."""
+    from recognition.box import Box as PlateBox
+    from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+
+    line = [(char, min(1.0, max(0.0, sure))) for char, sure in line if not char.isspace()]
+    nowhere = PlateBox(0.0, 0.0, 0.0, 0.0)
+    sure = math.prod(s for _, s in line) if line else 0.0
+    fits = bool(line) and (
+        not places
+        or (len(line) == len(places) and all(c in p for (c, _), p in zip(line, places, strict=True)))
+    )
+    decision = Decision.REJECT if not line else Decision.REVIEW
+    if fits and (sure >= ACCEPTED_FROM if accepted is None else accepted):
+        decision = Decision.ACCEPT
+    flags = ReadingFlag.NONE if line else ReadingFlag.NO_CHARACTERS
+    return Reading(
+        characters=tuple(CharacterReading((Candidate(c, s, s),), nowhere) for c, s in line),
+        decision=decision,
+        confidence=sure,
+        flags=flags if fits or not line else ReadingFlag.FORMAT_NOT_MET,
+        source="peer",
+    )

@@ -1,0 +1,146 @@
+"""What another program is shown of a part: one line of text, as a picture.
+
+    photo    the photograph, in colour
+    edges    the edge map of touch, the strongest edge of any direction dark on light
+    relief   the heights that touch felt, low dark
+    ideal    the heights as they are, low dark: what a perfect instrument would measure
+
+Each is cropped to the line: by the true place where it is known, else by the place that touch found, else not at all::
+
+    +--------------------------+
+    |  margin, a quarter of the height
+    |    +----------------+    |
+    |    | A B 1 2 3 4 5 6|    |
+    |    +----------------+    |
+    +--------------------------+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.errors import MarksError
+from pipeline.benchmark.exam.specimens import Box
+from pipeline.benchmark.readers.mode import PartReadings
+
+if TYPE_CHECKING:
+    from glyphs.surface.maps import EdgeMap, HeightMap
+
+MARGIN = 0.25
+"""Around the line, of its height: a camera's part lies a little beside its nominal place."""
+SHARPEST = 98.0
+"""Percentile of the strongest edges that is drawn black."""
+_LEVELS = (1.0, 99.0)
+"""Percentiles of the heights of a line that are drawn black and white."""
+
+
+def photo_picture(senses: PartReadings) -> NDArray[np.uint8]:
+    """The photograph, cropped to the line, (rows, cols, 3)."""
+    photo = senses.photo
+    pixels = photo.pixels if photo.pixels.ndim == 3 else np.repeat(photo.pixels[..., None], 3, axis=2)
+    box = _line(senses)
+    if box is None or photo.pitch_mm is None:
+        return pixels
+    rows, cols = photo.shape
+    middle = photo.centre_mm or tuple(0.5 * v for v in senses.specimen.height_map.size_mm)
+    origin = (middle[0] - 0.5 * (cols - 1) * photo.pitch_mm, middle[1] - 0.5 * (rows - 1) * photo.pitch_mm)
+    return _cut(pixels, box, origin_mm=origin, pitch_mm=photo.pitch_mm)
+
+
+def edges_picture(senses: PartReadings) -> NDArray[np.uint8]:
+    """The edge map of touch, drawn in grey and cropped to the line, (rows, cols, 3).
+
+    Raises:
+        MarksError: touch has no edges.
+    """
+    edges = senses.felt.edges
+    if edges is None:
+        raise MarksError("touch has no edges, so there is nothing to draw")
+    drawn = np.repeat(draw_edges(edges)[..., None], 3, axis=2)
+    return _cut(drawn, _line(senses), origin_mm=edges.origin_mm, pitch_mm=edges.pitch_mm)
+
+
+def draw_edges(edges: EdgeMap) -> NDArray[np.uint8]:
+    """An edge map in grey, (rows, cols): the strongest edge of any direction, dark on light."""
+    strength = np.abs(np.where(edges.valid, edges.enhancement, 0.0)).max(axis=0)
+    most = max(float(np.percentile(strength, SHARPEST)), 1e-6)
+    return np.asarray(255.0 * (1.0 - np.clip(strength / most, 0.0, 1.0)), dtype=np.uint8)
+
+
+def _line(senses: PartReadings) -> Box | None:
+    if senses.specimen.line_mm is not None:
+        return senses.specimen.line_mm
+    found = senses.touch.box
+    return None if found is None else (found.x0_mm, found.y0_mm, found.x1_mm, found.y1_mm)
+
+
+def _cut(
+    picture: NDArray[Any], box: Box | None, *, origin_mm: Sequence[float], pitch_mm: float
+) -> NDArray[Any]:
+    if box is None:
+        return picture
+    grow = MARGIN * (box[3] - box[1])
+    x0, x1 = ((v - origin_mm[0]) / pitch_mm for v in (box[0] - grow, box[2] + grow))
+    y0, y1 = ((v - origin_mm[1]) / pitch_mm for v in (box[1] - grow, box[3] + grow))
+    rows = slice(max(0, round(y0)), max(0, round(y1) + 1))
+    columns = slice(max(0, round(x0)), max(0, round(x1) + 1))
+    return np.ascontiguousarray(picture[rows, columns])
+
+
+def relief_picture(senses: PartReadings) -> NDArray[np.uint8]:
+    """The heights that touch felt, drawn in grey and cropped to the line, (rows, cols, 3).
+
+    Raises:
+        MarksError: touch felt no heights.
+    """
+    relief = senses.felt.relief
+    if relief is None:
+        raise MarksError("touch felt no heights, so there is nothing to draw")
+    return _grey(_cut(relief.height_mm, _line(senses), origin_mm=relief.origin_mm, pitch_mm=relief.pitch_mm))
+
+
+def ideal_picture(senses: PartReadings) -> NDArray[np.uint8]:
+    """The true heights, drawn in grey and cropped to the line, (rows, cols, 3)."""
+    return heights_picture(senses.specimen.height_map, _line(senses))
+
+
+def heights_picture(surface: HeightMap, box: Box | None) -> NDArray[np.uint8]:
+    """The heights of a surface, drawn in grey and cropped to a line, (rows, cols, 3)."""
+    return _grey(_cut(surface.z_mm, box, origin_mm=(0.0, 0.0), pitch_mm=surface.pitch_mm))
+
+
+PICTURES: dict[str, Callable[[PartReadings], NDArray[np.uint8]]] = {
+    "photo": photo_picture,
+    "edges": edges_picture,
+    "relief": relief_picture,
+    "ideal": ideal_picture,
+}
+"""What is drawn, by name."""
+
+
+def _grey(heights_mm: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return np.repeat(draw_heights(heights_mm)[..., None], 3, axis=2)
+
+
+def draw_heights(heights_mm: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Heights from black to white, (rows, cols), their plane taken out; what is not known is the middle."""
+    flat = levelled_mm(heights_mm)
+    low, high = np.nanpercentile(flat, _LEVELS) if np.isfinite(flat).any() else (0.0, 1.0)
+    scaled = np.clip((flat - low) / max(float(high - low), 1e-6), 0.0, 1.0)
+    return np.asarray(255.0 * np.where(np.isfinite(scaled), scaled, 0.5), dtype=np.uint8)
+
+
+def levelled_mm(heights_mm: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Heights less the plane through them, (rows, cols); what is not known stays NaN."""
+    z = np.asarray(heights_mm, dtype=np.float64)
+    v, u = np.meshgrid(*(np.linspace(-1.0, 1.0, n) for n in z.shape), indexing="ij")
+    known = np.isfinite(z)
+    if known.sum() < 3:
+        return z
+    terms = np.stack([np.ones_like(u), u, v], axis=-1)
+    plane, *_ = np.linalg.lstsq(terms[known], z[known], rcond=None)
+    return np.asarray(z - terms @ plane)

@@ -1,0 +1,124 @@
+"""The report of two benchmarks compared: a page with pictures of what flipped, and a table of every flip."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError, MarksError
+from pipeline.benchmark.analysis.changes import Change, Changes, Flip, changes, level_words, reader_of
+from pipeline.benchmark.analysis.confusion import characters_right
+from pipeline.benchmark.report.page import check_report, rendered
+from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked
+from pipeline.benchmark.trials.journal import TrialJournal
+from pipeline.benchmark.trials.remade import remade
+from pipeline.common.atomic import replacing
+from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
+
+PAGE, TABLE = "compare.html", "compare.csv"
+SHOWN = 24
+_TEMPLATE = "compare.html.j2"
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What was written.
+
+    Attributes:
+        page: with pictures.
+        table: a line a flip.
+        changes: what the change did.
+        problem: why there are no pictures; empty where there are, or nothing flipped.
+    """
+
+    page: Path
+    table: Path
+    changes: Changes
+    problem: str
+
+
+def write_comparison(
+    before: Path, after: Path, folder: Path, *, pictures: int = SHOWN, executor: Executor | None = None
+) -> Compared:
+    """Compare two folders of finished benchmarks.
+
+    Args:
+        before: folder A.
+        after: folder B.
+        folder: for the page and the table; made if need be.
+        pictures: how many flips are drawn at most, the gravest first.
+        executor: who draws; this process unless given.
+
+    Raises:
+        FileError: a folder holds no benchmark, or cannot be written.
+        NotComparableError: not the same parts, or no reader in both.
+        ReportError: Jinja2 is not there.
+    """
+    check_report()
+    books = TrialJournal.read(before), TrialJournal.read(after)
+    old, new = ([trial for trials in book.done.values() for trial in trials] for book in books)
+    found = changes(old, new, (books[0].description, books[1].description))
+    drawn, problem = _drawn(books[1].description, found.flips[:pictures], executor or InlineExecutor())
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+    written = Compared(folder / PAGE, folder / TABLE, found, problem)
+    _write_table(found, written.table)
+    page = rendered(
+        _TEMPLATE,
+        title="What the change did",
+        folders=(str(before), str(after)),
+        programs=tuple(str(book.description.get("program", "not known")) for book in books),
+        found=found,
+        kinds=list(Flip),
+        overall=[("all", row.compared) for row in found.overall],
+        by_factor=[(level_words(row), row.compared) for row in found.by_factor],
+        drawn=[(c, reader_of(c.after), part, marked(c.before), marked(c.after)) for c, part in drawn],
+        more=len(found.flips) - len(drawn),
+        problem=problem,
+    )
+    with replacing(written.page) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return written
+
+
+def _drawn(
+    description: Mapping[str, Any], flips: Sequence[Change], executor: Executor
+) -> tuple[list[tuple[Change, WorstPart]], str]:
+    """The flips with the picture of their part, and why there is none."""
+    blanks = [WorstPart((c.before, c.after), c.flip.value, c.after.given) for c in flips]
+    problem = ""
+    if blanks:
+        try:
+            benchmark, items = remade(description, (part.part for part in blanks))
+        except MarksError as error:
+            problem = str(error)
+        else:
+            # several readers may have flipped on one part: it is drawn once
+            once = {(blank.part, blank.given): (blank, items[blank.part]) for blank in blanks}
+            made = ordered_map(executor, partial(draw_worst, benchmark), list(once.values()))
+            by_part = dict(zip(once, made, strict=True))
+            blanks = [by_part[blank.part, blank.given] for blank in blanks]
+    return list(zip(flips, blanks, strict=True)), problem
+
+
+def _write_table(found: Changes, path: Path) -> None:
+    factors = list(dict.fromkeys(name for c in found.flips for name in c.after.levels))
+    sides = ("text", "decision", "confidence", "characters_right")
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(
+            ("part", *factors, "mode", "given", "flip", "truth", *(f"{s}_{ab}" for s in sides for ab in "ab"))
+        )
+        for c in found.flips:
+            both = c.before, c.after
+            writer.writerow((
+                c.after.part, *(c.after.levels.get(name, "") for name in factors), c.after.mode, c.after.given,
+                c.flip.value, c.after.truth, *(t.text for t in both), *(t.decision for t in both),
+                *(t.confidence for t in both), *(characters_right(t) for t in both),
+            ))  # fmt: skip

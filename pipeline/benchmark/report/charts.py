@@ -1,0 +1,222 @@
+"""The charts of a benchmark's report: drawn for screen and paper, told apart without colour as well."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, PercentFormatter
+from numpy.typing import NDArray
+
+from pipeline.benchmark.analysis.groups import Cell, Group
+from pipeline.common.shares import Share
+
+_STYLES = (
+    ("#0072b2", "o", "-"), ("#d55e00", "s", "--"), ("#009e73", "D", "-"), ("#7f7f7f", "^", ":"),
+    ("#a0522d", "v", ":"), ("#cc79a7", "<", "-."), ("#56b4e9", ">", "-."),
+)  # fmt: skip
+_ORDER = (
+    "tactile",
+    "vision",
+    "fused",
+    "rapidocr photo",
+    "rapidocr edges",
+    "rapidocr relief",
+    "rapidocr ideal",
+    "tesseract photo",
+    "tesseract edges",
+    "tesseract relief",
+    "tesseract ideal",
+)
+_SPLIT = (
+    ("accepted_right", "accepted, right", "#009e73", ""),
+    ("accepted_wrong", "accepted, WRONG", "#c00000", "xxx"),
+    ("review", "review", "#f0c75e", ""),
+    ("rejected", "rejected", "#b8bec4", "//"),
+    ("failed", "error", "#30363c", ""),
+)
+WIDTH_IN = 9.6
+
+
+def style_of(mode: str) -> tuple[str, str, str]:
+    """(colour, marker, line) of a mode, the same in every chart."""
+    return _STYLES[_ORDER.index(mode) % len(_STYLES)] if mode in _ORDER else ("#000000", "x", "-")
+
+
+def severity_name(severity: float | None) -> str:
+    """How a severity is written."""
+    return "as given" if severity is None else f"{severity:g}"
+
+
+def modes_in(groups: Sequence[Cell]) -> list[str]:
+    """The modes, in their usual order."""
+    found = list(dict.fromkeys(g.key.mode for g in groups))
+    return sorted(found, key=lambda m: _ORDER.index(m) if m in _ORDER else len(_ORDER))
+
+
+def leading(modes: Sequence[str]) -> str:
+    """The mode that a page speaks of first: of the project's own the one with most senses, else the first."""
+    return next((mode for mode in ("fused", "tactile", "vision") if mode in modes), modes[0])
+
+
+def severities_in(groups: Sequence[Group]) -> list[float | None]:
+    """The severities, the cleanest first, the unknown last."""
+    found = {g.key.severity for g in groups}
+    return sorted(found, key=lambda s: (s is None, s or 0.0))
+
+
+def _places(severities: Sequence[float | None]) -> dict[float | None, float]:
+    """Where each severity stands on the axis: in proportion if all are known."""
+    known = [s for s in severities if s is not None]
+    if len(known) == len(severities) and len(known) > 1:
+        return {s: s for s in known}
+    return {s: float(k) for k, s in enumerate(severities)}
+
+
+def accuracy_figure(groups: Sequence[Group]) -> Figure:
+    """Shares of serials and characters right against severity; below, the shares wrong on a logarithmic scale.
+
+    Bars are Wilson's 95 % intervals. A share of nought has no place on a logarithmic scale: a hollow mark at the
+    foot, and the bar to the upper end of its interval.
+    """
+    figure = Figure(figsize=(WIDTH_IN, 6.6), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True, height_ratios=[1.0, 1.0])
+    measures: tuple[tuple[str, Callable[[Group], Share]], ...] = (
+        ("serials", lambda g: g.serials),
+        ("characters", lambda g: g.characters),
+    )
+    severities, modes = severities_in(groups), modes_in(groups)
+    places = _places(severities)
+    gap = min(np.diff(sorted(places.values())), default=1.0)
+    for column, (name, measure) in enumerate(measures):
+        upper, lower = axes[0, column], axes[1, column]
+        totals = [measure(g).total for g in groups]
+        floor = 0.3 / max(1, *totals)
+        for rank, mode in enumerate(modes):
+            shift = 0.09 * gap * (rank - 0.5 * (len(modes) - 1)) / max(1, len(modes) - 1) * 2
+            own = sorted((g for g in groups if g.key.mode == mode), key=lambda g: places[g.key.severity])
+            x = np.array([places[g.key.severity] + shift for g in own])
+            _shares(upper, x, [measure(g) for g in own], mode)
+            _wrong(lower, x, [measure(g) for g in own], mode, floor=floor)
+        upper.set_title(f"{name} right", loc="left", fontsize=11, fontweight="bold")
+        upper.set_ylim(-0.02, 1.03)
+        upper.yaxis.set_major_formatter(PercentFormatter(1.0))
+        lower.set_title(f"{name} wrong, logarithmic", loc="left", fontsize=11, fontweight="bold")
+        lower.set_yscale("log")
+        lower.set_ylim(0.8 * floor, 1.3)
+        lower.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{100 * v:g} %"))
+        lower.set_xticks([places[s] for s in severities], [severity_name(s) for s in severities])
+        lower.set_xlabel("severity of the dirt")
+        for each in (upper, lower):
+            each.grid(visible=True, color="#e3e6e8", linewidth=0.7)
+            each.set_axisbelow(True)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(modes)), frameon=False)
+    return figure
+
+
+def _shares(axes: Axes, x: NDArray[np.float64], shares: Sequence[Share], mode: str) -> None:
+    colour, marker, line = style_of(mode)
+    y = np.array([s.value for s in shares])
+    low, high = np.array([s.low for s in shares]), np.array([s.high for s in shares])
+    axes.errorbar(
+        x, y, yerr=(np.maximum(0.0, y - low), np.maximum(0.0, high - y)), color=colour, marker=marker,
+        linestyle=line, markersize=5, linewidth=1.4, elinewidth=1.0, capsize=2.5, label=mode,
+    )  # fmt: skip
+
+
+def _wrong(
+    axes: Axes,
+    x: NDArray[np.float64],
+    shares: Sequence[Share],
+    mode: str,
+    *,
+    floor: float,
+) -> None:
+    colour, marker, line = style_of(mode)
+    y = np.array([max(floor, 1.0 - s.value) for s in shares])
+    low = np.array([max(floor, 1.0 - s.high) for s in shares])
+    high = np.array([max(floor, 1.0 - s.low) for s in shares])
+    axes.plot(x, y, color=colour, linestyle=line, linewidth=1.2, alpha=0.8)
+    axes.vlines(x, low, high, color=colour, linewidth=1.0)
+    none = np.array([s.count == s.total for s in shares])
+    axes.plot(x[~none], y[~none], color=colour, marker=marker, linestyle="none", markersize=5)
+    axes.plot(
+        x[none], y[none], color=colour, marker=marker, linestyle="none", markersize=6, markerfacecolor="white"
+    )
+
+
+def split_figure(groups: Sequence[Group]) -> Figure:
+    """What became of the parts: a bar for every severity, a block of bars for every mode."""
+    modes, severities = modes_in(groups), severities_in(groups)
+    figure = Figure(
+        figsize=(WIDTH_IN, 1.1 + len(modes) * (0.45 + 0.27 * len(severities))), layout="constrained"
+    )
+    panels = figure.subplots(len(modes), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, mode in zip(panels, modes, strict=True):
+        for row, severity in enumerate(severities):
+            group = next((g for g in groups if g.key.mode == mode and g.key.severity == severity), None)
+            if group is not None:
+                _bar(axes, row, group)
+        axes.set_yticks(range(len(severities)), [severity_name(s) for s in severities])
+        axes.set_ylim(len(severities) - 0.5, -0.5)
+        axes.set_xlim(0.0, 1.0)
+        axes.set_title(mode, loc="left", fontsize=10, fontweight="bold")
+        axes.set_ylabel("dirt", fontsize=9)
+        axes.xaxis.set_major_formatter(PercentFormatter(1.0))
+        for side in ("top", "right", "left"):
+            axes.spines[side].set_visible(False)
+    handles = [
+        matplotlib.patches.Patch(facecolor=colour, hatch=hatch, edgecolor="white", label=label)
+        for _, label, colour, hatch in _SPLIT
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(_SPLIT), frameon=False)
+    return figure
+
+
+def _bar(axes: Axes, row: int, group: Group) -> None:
+    left, total = 0.0, group.serials.total
+    for name, _, colour, hatch in _SPLIT:
+        count = getattr(group.split, name)
+        if not count:
+            continue
+        width = count / total
+        axes.barh(
+            row, width, left=left, height=0.72, color=colour, hatch=hatch, edgecolor="white", linewidth=0.6
+        )
+        if width > 0.035 and name != "accepted_wrong":
+            dark = name in ("accepted_right", "failed")
+            box = {"facecolor": colour, "edgecolor": "none", "pad": 1.0} if hatch else None
+            axes.text(
+                left + 0.5 * width, row, str(count), ha="center", va="center", fontsize=8,
+                color="white" if dark else "#1b2a41", bbox=box,
+            )  # fmt: skip
+        left += width
+    if group.split.accepted_wrong:
+        axes.text(
+            1.005, row, f"{group.split.accepted_wrong} accepted wrong", transform=axes.get_yaxis_transform(),
+            ha="left", va="center", fontsize=8, color="#c00000", fontweight="bold",
+        )  # fmt: skip
+
+
+def inlined(figure: Figure, *, kind: str = "svg") -> str:
+    """The figure as a data URI: nothing beside the page is needed to show it.
+
+    Args:
+        figure: to be drawn.
+        kind: "svg" for lines, "jpg" for pictures of surfaces.
+    """
+    stream = io.BytesIO()
+    if kind == "svg":
+        with matplotlib.rc_context({"svg.hashsalt": "tactile-marks"}):
+            figure.savefig(stream, format="svg", metadata={"Date": None})
+        mime = "image/svg+xml"
+    else:
+        figure.savefig(stream, format="jpg", dpi=110, pil_kwargs={"quality": 82})
+        mime = "image/jpeg"
+    return f"data:{mime};base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"

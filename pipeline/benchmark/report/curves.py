@@ -1,0 +1,127 @@
+"""The charts of a benchmark's report about confidence and mistakes: risk, reliability, confusion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import PercentFormatter
+
+from pipeline.benchmark.analysis.calibration import Reliability
+from pipeline.benchmark.analysis.confusion import Confusion
+from pipeline.benchmark.analysis.groups import Group
+from pipeline.benchmark.report.charts import WIDTH_IN, modes_in, severities_in, severity_name, style_of
+from pipeline.common.alignment import EXTRA, MISSING
+
+
+def risk_figure(groups: Sequence[Group]) -> Figure:
+    """Share of wrong serials among the surest, against how many are let through; a panel for every severity."""
+    severities, modes = severities_in(groups), modes_in(groups)
+    columns = min(2, len(severities))
+    rows = -(-len(severities) // columns)
+    figure = Figure(figsize=(WIDTH_IN, 0.7 + 2.6 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    for axes, severity in zip(panels.flat, severities, strict=False):
+        most = 0.02
+        for mode in modes:
+            group = next((g for g in groups if g.key.mode == mode and g.key.severity == severity), None)
+            if group is None:
+                continue
+            colour, _, line = style_of(mode)
+            axes.plot(
+                group.risk.coverage, group.risk.risk, color=colour, linestyle=line, linewidth=1.6,
+                label=mode, clip_on=False,
+            )  # fmt: skip
+            most = max(most, float(group.risk.risk.max(initial=0.0)))
+        axes.set_title(f"dirt {severity_name(severity)}", loc="left", fontsize=10, fontweight="bold")
+        axes.set_xlim(0.0, 1.0)
+        axes.set_ylim(0.0, min(1.02, 1.08 * most))
+        axes.xaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=None))
+        axes.set_xlabel("coverage: share let through, the surest first", fontsize=9)
+        axes.set_ylabel("risk: of these wrong", fontsize=9)
+        axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
+    for axes in panels.flat[len(severities) :]:
+        axes.set_axis_off()
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(modes)), frameon=False)
+    return figure
+
+
+def reliability_figure(groups: Sequence[Group]) -> Figure:
+    """Confidence said against the share right, of serials and of characters of every mode.
+
+    A bin's mark is larger the more it holds; bars are Wilson's 95 % intervals.
+    """
+    modes = modes_in(groups)
+    in_a_row = len(modes) <= 2
+    shape = (1, 2 * len(modes)) if in_a_row else (2, len(modes))
+    figure = Figure(figsize=(max(WIDTH_IN, 2.4 * shape[1]), 3.1 * shape[0]), layout="constrained")
+    panels = figure.subplots(*shape, squeeze=False, sharex=True, sharey=True)
+    for column, mode in enumerate(modes):
+        group = next(g for g in groups if g.key.mode == mode)
+        for row, (name, diagram) in enumerate(
+            (("serials", group.serial_reliability), ("characters", group.character_reliability))
+        ):
+            axes = panels[0, 2 * column + row] if in_a_row else panels[row, column]
+            _diagram(axes, diagram, style_of(mode)[0])
+            axes.set_title(f"{mode}, {name}\nECE {diagram.error:.3f}", loc="left", fontsize=9)
+            axes.set_aspect("equal")
+    for axes in panels[-1]:
+        axes.set_xlabel("confidence said", fontsize=9)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("share right", fontsize=9)
+    return figure
+
+
+def _diagram(axes: Axes, diagram: Reliability, colour: str) -> None:
+    axes.plot([0, 1], [0, 1], color="#9aa5ad", linewidth=0.8, linestyle="--")
+    axes.set_xlim(-0.03, 1.03)
+    axes.set_ylim(-0.03, 1.03)
+    axes.set_xticks([0.0, 0.5, 1.0])
+    axes.set_yticks([0.0, 0.5, 1.0])
+    axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
+    if not diagram.bins:
+        axes.text(0.5, 0.5, "no confidence said", ha="center", va="center", fontsize=8)
+        return
+    x = np.array([b.confidence for b in diagram.bins])
+    y = np.array([b.right.value for b in diagram.bins])
+    n = np.array([b.right.total for b in diagram.bins])
+    axes.vlines(x, [b.right.low for b in diagram.bins], [b.right.high for b in diagram.bins], color=colour)
+    axes.plot(x, y, color=colour, linewidth=0.8, alpha=0.6)
+    axes.scatter(x, y, s=12.0 + 90.0 * n / n.sum(), color=colour, zorder=3)
+
+
+def confusion_figure(confused: Confusion, title: str) -> Figure:
+    """What was stamped (rows) against what was read (columns); mistakes in red with their number."""
+    rows, columns = confused.counts.shape
+    figure = Figure(figsize=(1.4 + 0.21 * columns, 1.3 + 0.2 * rows), layout="constrained")
+    axes = figure.subplots()
+    totals = np.maximum(1, confused.counts.sum(axis=1, keepdims=True))
+    same = np.array([[t == r for r in confused.read] for t in confused.true])
+    shares = confused.counts / totals
+    picture = np.ones((rows, columns, 3))
+    picture[same] = 1.0 - shares[same][:, None] * (1.0 - np.array([0.72, 0.86, 0.80]))
+    wrong = ~same & (confused.counts > 0)
+    strength = np.clip(0.25 + 0.75 * np.sqrt(shares), 0.0, 1.0)[..., None]
+    picture[wrong] = (1.0 - strength * (1.0 - np.array([0.83, 0.2, 0.15])))[wrong]
+    axes.imshow(picture, aspect="auto")
+    for i, j in np.argwhere(confused.counts > 0):
+        count = int(confused.counts[i, j])
+        colour = "#5b7a6d" if same[i, j] else "white" if shares[i, j] > 0.12 else "#5a0000"
+        axes.text(j, i, f"{count}", ha="center", va="center", fontsize=4.6 if same[i, j] else 6, color=colour)
+    words = {EXTRA: "(nothing)", MISSING: "(nothing)"}
+    axes.set_xticks(range(columns), [words.get(c, c) for c in confused.read], fontsize=7)
+    axes.set_yticks(range(rows), [words.get(c, c) for c in confused.true], fontsize=7)
+    for tick, name in zip(axes.get_xticklabels(), confused.read, strict=True):
+        tick.set_rotation(90 if name == MISSING else 0)
+    axes.set_xticks(np.arange(-0.5, columns), minor=True)
+    axes.set_yticks(np.arange(-0.5, rows), minor=True)
+    axes.grid(visible=True, which="minor", color="#eceff1", linewidth=0.4)
+    axes.tick_params(which="both", length=0)
+    axes.set_xlabel("read", fontsize=9)
+    axes.set_ylabel("stamped", fontsize=9)
+    axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
+    return figure

@@ -1,0 +1,148 @@
+"""The worst parts of a benchmark, made again from their seed or files, felt, and drawn.
+
++---------------+---------------+---------------+
+| photograph    | height map    | edge map      |    boxes and characters as read by touch
++---------------+---------------+---------------+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pipeline.benchmark.analysis.confusion import characters_right
+from pipeline.benchmark.exam.condition import Given
+from pipeline.benchmark.exam.specimens import Item
+from pipeline.benchmark.readers.mode import PartReadings
+from pipeline.benchmark.report.charts import inlined
+from pipeline.benchmark.trials.journal import Trial
+from pipeline.benchmark.trials.run import Benchmark, reader_for
+from pipeline.common.alignment import align
+from recognition.panels import edge_panel, height_panel
+
+SHOWN = 12
+_OWN_MODES = ("fused", "tactile", "vision")
+_HELPED = ("fused", "tactile")
+
+
+@dataclass(frozen=True)
+class WorstPart:
+    """One part to be shown.
+
+    Attributes:
+        trials: of all modes.
+        why: what makes it one of the worst.
+        given: what the reader was given that made it so; the picture is of that reading.
+        picture: data URI; empty where it could not be drawn.
+        problem: why it could not.
+    """
+
+    trials: tuple[Trial, ...]
+    why: str
+    given: str
+    picture: str = ""
+    problem: str = ""
+
+    @property
+    def part(self) -> str:
+        """Its name."""
+        return self.trials[0].part
+
+
+def rank_worst(trials: Sequence[Trial], *, shown: int = SHOWN) -> list[WorstPart]:
+    """The worst parts: first those with a wrong serial accepted, then those that touch reads worst, then the camera.
+
+    Programs of others are not asked. Where nothing is wrong, the least sure come.
+    """
+    by_part: dict[str, list[Trial]] = {}
+    for trial in trials:
+        by_part.setdefault(trial.part, []).append(trial)
+    ranked = []
+    for members in by_part.values():
+        own = [t for t in members if t.mode in _OWN_MODES] or members
+        worst = min(own, key=_badness)
+        ranked.append((_badness(worst), worst, tuple(members)))
+    ranked.sort(key=lambda r: r[0])
+    return [WorstPart(members, _why(worst), worst.given) for _, worst, members in ranked[:shown]]
+
+
+def _badness(trial: Trial) -> tuple[bool, bool, float, float]:
+    """Smaller is worse."""
+    lied = trial.accepted and not trial.right
+    helped = trial.mode in _HELPED or trial.mode not in _OWN_MODES
+    chars = characters_right(trial) / max(1, len(trial.truth))
+    return (not lied, not helped, chars, trial.confidence)
+
+
+def _why(trial: Trial) -> str:
+    if trial.accepted and not trial.right:
+        return f"{trial.mode}: accepted but wrong"
+    if trial.error:
+        return f"{trial.mode}: an error"
+    if not trial.right:
+        wrong = len(trial.truth) - characters_right(trial)
+        return f"{trial.mode}: {wrong} of {len(trial.truth)} characters wrong, {trial.decision}"
+    return f"{trial.mode}: right, but little sure ({trial.confidence:.3f}, {trial.decision})"
+
+
+def draw_worst(benchmark: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPart:
+    """Make the part again and draw it; a part that cannot be drawn says why."""
+    worst, item = ranked
+    try:
+        specimen = benchmark.parts.make(item)
+        if specimen.truth != worst.trials[0].truth:
+            return replace(worst, problem=f"made again it is another part: {specimen.truth} is stamped")
+        senses = PartReadings(
+            specimen, reader_for(benchmark.settings_for(item.condition, Given.parse(worst.given)))
+        )
+        picture = inlined(_figure(senses), kind="jpg")
+    # The report of a night's run may not fail for a picture.
+    except Exception as error:
+        return replace(worst, problem=f"{type(error).__name__}: {error}")
+    return replace(worst, picture=picture)
+
+
+def _figure(senses: PartReadings) -> Figure:
+    reading, photographed = senses.touch, senses.specimen.take_photo is not None
+    figure = Figure(figsize=(10.5, 1.75) if photographed else (8.0, 2.0), layout="constrained")
+    axes = list(figure.subplots(1, 3 if photographed else 2))
+    if photographed:
+        _photo_panel(axes.pop(0), senses)
+    if reading.trace.height_map is not None:
+        height_panel(axes[0], height_map=reading.trace.height_map, reading=reading, colour_bar=False)
+    if reading.trace.edge_map is not None:
+        edge_panel(axes[1], edges=reading.trace.edge_map, layer=0, reading=reading, colour_bar=False)
+    else:
+        axes[1].text(0.5, 0.5, "no edge map", ha="center", va="center")
+    for each in figure.axes:
+        each.set_xlabel("")
+        each.set_ylabel("")
+        each.set_xticks([])
+        each.set_yticks([])
+    return figure
+
+
+def _photo_panel(axes: Axes, senses: PartReadings) -> None:
+    pixels = senses.photo.pixels
+    axes.imshow(pixels, cmap="gray" if pixels.ndim == 2 else None, vmin=0, vmax=255)
+    axes.set_title("photograph", fontsize=9, loc="left")
+
+
+@dataclass(frozen=True)
+class MarkedText:
+    """A serial as read, letter by letter, with whether each is right."""
+
+    letters: tuple[tuple[str, bool], ...]
+
+
+def marked(trial: Trial) -> MarkedText:
+    """What was read, its mistakes marked; "·" where a character is missing."""
+    return MarkedText(
+        tuple(
+            (trial.text[p.place] if p.place is not None else "·", p.right)
+            for p in align(trial.truth, trial.text)
+        )
+    )

@@ -1,0 +1,144 @@
+"""The report of a benchmark: one page that needs nothing beside it, a table of all trials, and all figures as JSON.
+
+trials --statistics_of--> Statistics --+--> benchmark.json
+   |                                   +--> report.html   (pictures inlined)
+   +---------------------------------------> benchmark.csv
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pipeline.benchmark.analysis.confusion import characters_right
+from pipeline.benchmark.analysis.groups import level_of, levels_in
+from pipeline.benchmark.analysis.statistics import DEFAULT_CROSSED, Statistics, plain, statistics_of
+from pipeline.benchmark.analysis.targets import Verdict, verdicts
+from pipeline.benchmark.exam.condition import level_name
+from pipeline.benchmark.report.page import check_report
+from pipeline.benchmark.report.report_page import report_page, versions
+from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
+from pipeline.benchmark.trials.journal import Trial
+from pipeline.benchmark.trials.run import Benchmark
+from pipeline.common.atomic import replacing
+from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
+
+PAGE, TABLE, FIGURES = "report.html", "benchmark.csv", "benchmark.json"
+_TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written.
+
+    Attributes:
+        page: the report.
+        table: a line a trial.
+        figures: all figures.
+        statistics: the figures themselves.
+        verdicts: what was to be shown, and whether it was.
+    """
+
+    page: Path
+    table: Path
+    figures: Path
+    statistics: Statistics
+    verdicts: tuple[Verdict, ...]
+
+
+def write_report(
+    benchmark: Benchmark,
+    trials: Sequence[Trial],
+    folder: Path,
+    *,
+    command: str = "",
+    executor: Executor | None = None,
+) -> Written:
+    """Write the page, the table and the figures.
+
+    Args:
+        benchmark: what was tried.
+        trials: of all parts and modes, in order.
+        folder: for them.
+        command: how to do it again, as typed.
+        executor: who draws the worst parts; this process unless given.
+
+    Raises:
+        FileError: the folder cannot be written.
+        ReportError: Jinja2 is not there.
+    """
+    check_report()
+    found = statistics_of(trials, crossed_of(benchmark.description()))
+    judged = tuple(verdicts(found))
+    items = {item.part: item for item in benchmark.parts.items()}
+    ranked = [(part, items[part.part]) for part in rank_worst(trials)]
+    worst = list(ordered_map(executor or InlineExecutor(), partial(draw_worst, benchmark), ranked))
+    written = Written(folder / PAGE, folder / TABLE, folder / FIGURES, found, judged)
+    _write_table(trials, written.table)
+    with replacing(written.figures) as temporary:
+        figures = json.dumps(_figures(benchmark, trials, found, judged), indent=1, ensure_ascii=False)
+        temporary.write_text(figures + "\n", encoding="utf-8")
+    page = report_page(benchmark, trials, found, judged, worst, command=command)
+    with replacing(written.page) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return written
+
+
+def _write_table(trials: Sequence[Trial], path: Path) -> None:
+    factors = list(levels_in(trials))
+    headings = (
+        "part", *factors, "mode", "truth", "text", "right", "decision", "confidence", "characters",
+        "characters_right", "lowest_confidence", "lowest_margin", "flags", "error", "compute_s", "reading_s",
+        "simulated_s", "scan_s",
+    )  # fmt: skip
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(headings)
+        for t in trials:
+            levels = ("" if (level := level_of(t, name)) is None else level_name(level) for name in factors)
+            writer.writerow((
+                t.part, *levels, t.mode, t.truth, t.text, int(t.right), t.decision, t.confidence, len(t.truth),
+                characters_right(t), min((c.confidence for c in t.characters), default=""),
+                min((c.margin for c in t.characters), default=""), t.flags, t.error,
+                t.compute_s, round(t.reading_s, 4), t.simulated_s, t.scan_s,
+            ))  # fmt: skip
+
+
+def crossed_of(description: Mapping[str, Any]) -> tuple[str, ...]:
+    """Factors of the cells, from what a benchmark says of itself; the severity where it says nothing."""
+    return tuple(description["parts"].get("cross", DEFAULT_CROSSED))
+
+
+def _figures(
+    benchmark: Benchmark, trials: Sequence[Trial], found: Statistics, judged: Sequence[Verdict]
+) -> dict[str, Any]:
+    """All figures; what differs from run to run stands under "times" alone."""
+    return {
+        "benchmark": benchmark.description(),
+        "versions": versions(),
+        "parts": len({t.part for t in trials}),
+        "targets": plain(list(judged)),
+        "cells": plain(list(found.cells)),
+        "by_severity": plain(list(found.by_severity)),
+        "by_mode": plain(list(found.by_mode)),
+        "effects": plain(list(found.effects)),
+        "comparisons": plain(list(found.comparisons)),
+        "knowledge": plain(list(found.knowledge)),
+        "times": [
+            {**plain(g.key), **{f"{name}_median_p95": plain(getattr(g, name)) for name in _TIMES}}
+            for g in found.by_severity
+        ],
+    }
+
+
+def command_line() -> str:
+    """What was typed, to be typed again."""
+    import shlex
+
+    return shlex.join(["tactile-marks", *sys.argv[1:]])

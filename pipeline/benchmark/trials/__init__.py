@@ -1,0 +1,1 @@
+"""The run, what it keeps, and the gate."""

@@ -1,0 +1,202 @@
+"""Anybody's answers to an exam, as trials: a table of what was read, put beside what was stamped.
+
+part,text,confidence,decision        file and serial will do for part and text, accepted for decision
+rust-0.3-0000,KR804217,0.93,accept   confidence 0 to 1; accept, review or reject
+lines/rust-0.3-0001-photo.png,KB7A   a picture of `benchmark export` stands for its part
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError
+from pipeline.benchmark.exam.condition import Condition, Given, Level
+from pipeline.benchmark.exam.designed_parts import DesignedParts
+from pipeline.benchmark.exam.specimens import Item, Specimen
+from pipeline.benchmark.readers.own_reader import Answer, reading_of_answer
+from pipeline.benchmark.readers.pictures import PICTURES
+from pipeline.benchmark.trials.journal import Trial, answer_of
+from pipeline.common.run_description import key_of
+from pipeline.common.settings import SettingsError
+from pipeline.files.truth import PartLine, load_part_lines
+
+_DECISIONS = ("accept", "review", "reject")
+_YES, _NO = ("1", "yes", "true"), ("0", "no", "false")
+
+
+@dataclass(frozen=True)
+class TruthParts:
+    """Parts of which nothing is known but their truth and their levels.
+
+    Attributes:
+        table: where that stands.
+        known: the parts.
+    """
+
+    table: Path
+    known: tuple[Item, ...]
+
+    @classmethod
+    def load(cls, table: Path) -> TruthParts:
+        """The parts of a CSV with the columns part and text; every other column is a factor.
+
+        Raises:
+            FileError: not such a table, or a severity that cannot be.
+        """
+        lines = load_part_lines(table)
+        items = [
+            Item(line.part, number, _condition(table, line), truth="".join(line.text.split()))
+            for number, line in enumerate(lines)
+        ]
+        return cls(table, tuple(items))
+
+    def items(self) -> list[Item]:
+        """All of them, as they stand in the table."""
+        return list(self.known)
+
+    def make(self, item: Item) -> Specimen:
+        """See `Parts`.
+
+        Raises:
+            FileError: always.
+        """
+        raise FileError(self.table, f"knows of {item.part} its text alone", "give the design to see the part")
+
+    def font_of(self, condition: Condition) -> str:
+        """See `Parts`."""
+        return condition.font
+
+    def description(self) -> dict[str, Any]:
+        """See `Parts`."""
+        return {"truth": key_of({item.part: item.truth for item in self.known})}
+
+
+def designed_items(parts: DesignedParts, *, first: int | None = None) -> list[Item]:
+    """The parts of a design with their truth; none of them is made.
+
+    Args:
+        parts: of the design.
+        first: so many; all unless given.
+
+    Raises:
+        SettingsError: more than the design has, or less than one.
+    """
+    items = parts.items()
+    if first is not None and not 1 <= first <= len(items):
+        raise SettingsError(f"parts is {first}", hint=f"the design has {len(items)}")
+    return [replace(item, truth=parts.truth_of(item)) for item in items[:first]]
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What one reader says of an exam.
+
+    Attributes:
+        trials: one a part; a part without an answer counts as read empty.
+        missing: parts without an answer.
+        unknown: parts that were answered and are not in the exam.
+    """
+
+    trials: tuple[Trial, ...]
+    missing: tuple[str, ...]
+    unknown: tuple[str, ...]
+
+
+def load_answers(path: Path, items: Sequence[Item], *, reader: str, given: Given) -> Answers:
+    """A table of answers, see the module.
+
+    Args:
+        path: the table.
+        items: the parts of the exam with their truth.
+        reader: what the reader is called.
+        given: what it knew beside the parts.
+
+    Raises:
+        FileError: no such table; or a line, which is named, that names a part twice or says what cannot be.
+    """
+    known = {item.part for item in items}
+    answered: dict[str, PartLine] = {}
+    unknown = []
+    for line in load_part_lines(path):
+        part = _part_of(line.part, known)
+        if part not in known:
+            unknown.append(part)
+            continue
+        if part in answered:
+            earlier = answered[part].line
+            raise FileError(path, f"lines {earlier} and {line.line} answer {part}", "keep one line a part")
+        answered[part] = line
+    if not answered:
+        raise FileError(path, "answers no part of the exam", f"name the parts as {items[0].part}")
+    trials = []
+    for item in items:
+        said = _said(path, answered[item.part]) if item.part in answered else _said_of("", 0.0, None)
+        levels = {**item.condition.levels, **given.levels}
+        trials.append(replace(Trial(item.part, item.number, levels, reader, item.truth), **said))
+    missing = tuple(item.part for item in items if item.part not in answered)
+    return Answers(tuple(trials), missing, tuple(unknown))
+
+
+def _part_of(name: str, known: set[str]) -> str:
+    """The part that a name means; a picture of the export has its view behind it."""
+    stem, _, view = name.rpartition("-")
+    return stem if name not in known and view in PICTURES and stem in known else name
+
+
+def _said(path: Path, line: PartLine) -> dict[str, Any]:
+    """The fields of a trial that an answer fills."""
+    return _said_of(line.text, _confidence(path, line), _decision(path, line))
+
+
+def _said_of(text: str, confidence: float, decision: str | None) -> dict[str, Any]:
+    accepted = None if decision is None else decision == "accept"
+    fields = answer_of(reading_of_answer(Answer(text, confidence, accepted)))
+    return fields if decision in (None, "accept") else {**fields, "decision": decision}
+
+
+def _confidence(path: Path, line: PartLine) -> float:
+    cell = line.others.get("confidence", "")
+    try:
+        value = float(cell or 0.0)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise FileError(path, f"line {line.line}: the confidence is {cell!r}", "give a number from 0 to 1")
+    return value
+
+
+def _decision(path: Path, line: PartLine) -> str | None:
+    """Accept, review or reject; None where the table leaves it to the confidence."""
+    decision, accepted = (line.others.get(name, "").lower() for name in ("decision", "accepted"))
+    if decision in _DECISIONS:
+        return decision
+    if decision:
+        raise FileError(
+            path, f"line {line.line}: the decision is {decision!r}", f"give one of {', '.join(_DECISIONS)}"
+        )
+    if accepted in (*_YES, *_NO):
+        return "accept" if accepted in _YES else "review"
+    if accepted:
+        raise FileError(path, f"line {line.line}: accepted is {accepted!r}", "give yes or no")
+    return None
+
+
+def _condition(table: Path, line: PartLine) -> Condition:
+    levels = {name: _level(cell) for name, cell in line.others.items() if cell}
+    severity = levels.get("severity")
+    if severity is not None and not (isinstance(severity, float) and 0.0 <= severity <= 1.0):
+        raise FileError(table, f"line {line.line}: the severity is {severity!r}", "it lies between 0 and 1")
+    return Condition(**levels)
+
+
+def _level(cell: str) -> Level:
+    words: Mapping[str, bool] = {"true": True, "false": False}
+    if cell.lower() in words:
+        return words[cell.lower()]
+    try:
+        return float(cell)
+    except ValueError:
+        return cell

@@ -1,0 +1,49 @@
+"""Parts of a finished benchmark made again, from what its trials say of themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from glyphs.errors import MarksError
+from pipeline.benchmark.exam.design import Design
+from pipeline.benchmark.exam.designed_parts import DesignedParts
+from pipeline.benchmark.exam.specimens import Item
+from pipeline.benchmark.trials.run import Benchmark
+from pipeline.common.settings import SettingsError
+from pipeline.files.synth import MAX_PARTS
+from recognition.reader_settings import ReaderSettings
+from whisker_array.simulation.traces import Fidelity
+
+
+def remade(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchmark, dict[str, Item]]:
+    """The benchmark of that description, and its items of these names; the program that makes them is today's.
+
+    Args:
+        description: as `pipeline.benchmark.trials.journal.TrialJournal` keeps it.
+        parts: names.
+
+    Raises:
+        MarksError: its parts are in files, or come from a design that cannot be made here: a font, or a soil.
+    """
+    wanted, said = set(parts), description["parts"]
+    if "part" not in said:
+        raise SettingsError("its parts are in files", hint="pictures are of parts of a design")
+    values = {name: value for name, value in said.items() if name != "font_files"}
+    count = max(1, len(wanted))
+    while True:
+        source = DesignedParts(Design.of(**values, **({} if values.get("section") else {"parts": count})))
+        items = {item.part: item for item in source.items()}
+        if wanted <= set(items):
+            break
+        # every beginning of a design is the same, however many parts it has
+        if values.get("section") or count >= MAX_PARTS:
+            raise MarksError("the design does not name all of these parts")
+        count = min(2 * count, MAX_PARTS)
+    if source.description().get("font_files") != said.get("font_files"):
+        raise MarksError("its fonts are others than those installed here")
+    reading = description["reading"]
+    settings = ReaderSettings(
+        fonts=tuple(reading["fonts"]), format=reading["format"], fidelity=Fidelity(reading["fidelity"])
+    )
+    return Benchmark(source, tuple(description["modes"]), settings), {name: items[name] for name in wanted}

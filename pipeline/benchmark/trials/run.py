@@ -1,0 +1,188 @@
+"""The run of a benchmark: every part made once, read by every mode, kept at once, by several workers.
+
+    Parts.items --missing from the book--> workers: make, read by each mode --> trials.jsonl
+
+A part depends on nothing but what it is made from, so the answer is the same whatever the number of workers, their
+order, and how often the run was broken off.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pipeline.benchmark.exam.condition import Condition, Given
+from pipeline.benchmark.exam.specimens import Item, Parts
+from pipeline.benchmark.readers.mode import ModeReader, PartReadings
+from pipeline.benchmark.readers.modes import open_mode
+from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
+from pipeline.common.settings import SettingsError
+from pipeline.common.version import program_mark
+from pipeline.workers.executors import Executor, InlineExecutor
+from recognition.reader import Reader
+from recognition.reader_settings import ReaderSettings
+
+KEPT_READERS = 3
+"""Of one worker. A design of many fonts and heights has a reader for each."""
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """What is tried and how.
+
+    Attributes:
+        parts: where the parts come from.
+        modes: names of the modes.
+        reading: how all parts are read; font, height and format come with the part where the design gives them.
+
+    Raises:
+        SettingsError: no mode, or one twice.
+    """
+
+    parts: Parts
+    modes: tuple[str, ...]
+    reading: ReaderSettings
+
+    def __post_init__(self) -> None:
+        if not self.modes or len(set(self.modes)) != len(self.modes):
+            raise SettingsError(f"modes are {self.modes}", hint="give at least one, each once")
+
+    def description(self) -> dict[str, Any]:
+        """All that the answers depend on, in plain JSON values; not how many parts there are."""
+        reading = self.reading
+        return {
+            "parts": self.parts.description(),
+            "modes": list(self.modes),
+            "reading": {
+                "fonts": [str(font) for font in reading.fonts],
+                "format": reading.format,
+                "fidelity": reading.fidelity.value,
+            },
+            "program": program_mark(),
+        }
+
+    def settings_for(self, condition: Condition, given: Given) -> ReaderSettings:
+        """How a part of that kind is read by a reader that is given so much of it."""
+        font = self.parts.font_of(condition) if given.font else ""
+        return replace(
+            self.reading,
+            fonts=(font,) if font else self.reading.fonts,
+            format=(condition.format or self.reading.format) if given.format else None,
+            height_mm=condition.height_mm if given.height else self.reading.height_mm,
+        )
+
+
+def run_benchmark(
+    benchmark: Benchmark,
+    folder: Path,
+    *,
+    executor: Executor | None = None,
+    on_start: Callable[[int, int], None] | None = None,
+    on_part: Callable[[Sequence[Trial]], None] | None = None,
+) -> list[Trial]:
+    """Try every part that the folder does not hold yet.
+
+    Args:
+        benchmark: what to try.
+        folder: where the trials are kept; made if need be.
+        executor: who works; this process unless given.
+        on_start: told how many parts there are and how many of these are done already.
+        on_part: told of every part as it is done.
+
+    Returns:
+        The trials in the order of the parts, then of the modes.
+
+    Raises:
+        FileError: the folder holds another benchmark or cannot be written.
+        ModeUnavailableError: a mode that cannot run here.
+        SettingsError: a mode, font or format that cannot be used.
+    """
+    items = benchmark.parts.items()
+    ways = ((item.condition, given) for item in items for given in item.given)
+    for settings in dict.fromkeys(benchmark.settings_for(*way) for way in ways):
+        for mode in benchmark.modes:
+            open_mode(mode, Reader(settings))
+    book = TrialJournal.open(folder, benchmark.description())
+    missing = [item for item in items if item.part not in book.done]
+    if on_start is not None:
+        on_start(len(items), len(items) - len(missing))
+    for trials in _tried(benchmark, missing, executor or InlineExecutor()):
+        book.add(trials[0].part, trials)
+        if on_part is not None:
+            on_part(trials)
+    return [trial for item in items for trial in book.done[item.part]]
+
+
+def _tried(benchmark: Benchmark, items: Sequence[Item], executor: Executor) -> Iterator[tuple[Trial, ...]]:
+    """The trials of every part, as they are done."""
+    for outcome in executor.calls(try_part, benchmark, items):
+        if outcome.result is not None:
+            yield outcome.result
+        else:
+            assert outcome.error is not None
+            yield _failed(benchmark, outcome.task, outcome.error)
+
+
+def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
+    """Make one part and read it by every mode; what fails is told in the trial, and the run goes on."""
+    try:
+        specimen = benchmark.parts.make(item)
+    except Exception as error:
+        return _failed(benchmark, item, error)
+    trials: list[Trial] = []
+    for given in item.given:
+        reader = reader_for(benchmark.settings_for(item.condition, given))
+        senses = PartReadings(specimen, reader)
+        blanks = _blanks(benchmark, replace(item, given=(given,), truth=specimen.truth))
+        trials += [_read(blank, senses, reader) for blank in blanks]
+    return tuple(trials)
+
+
+def _blanks(benchmark: Benchmark, item: Item) -> list[Trial]:
+    return [
+        Trial(item.part, item.number, {**item.condition.levels, **given.levels}, mode, item.truth)
+        for given in item.given
+        for mode in benchmark.modes
+    ]
+
+
+def _failed(benchmark: Benchmark, item: Item, error: Exception) -> tuple[Trial, ...]:
+    """The trials of a part that could not be made, or whose worker was lost."""
+    return tuple(replace(b, error=f"the part: {_told(error)}") for b in _blanks(benchmark, item))
+
+
+def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
+    start, before = time.perf_counter(), sum(senses.seconds.values())
+    # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
+    try:
+        mode = _mode(blank.mode, reader)
+        reading = mode.read(senses)
+    except Exception as error:
+        return replace(blank, error=_told(error))
+    own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)
+    used = sum(senses.seconds.get(sense, 0.0) for sense in mode.uses)
+    return replace(
+        blank,
+        **answer_of(reading),
+        compute_s=round(own + used, 4),
+        scan_s=round(senses.scan_s, 3) if {"touch", "felt"} & set(mode.uses) else 0.0,
+    )
+
+
+@lru_cache(maxsize=KEPT_READERS)
+def reader_for(settings: ReaderSettings) -> Reader:
+    """Kept between parts, so that templates are predicted once a worker; a few, for each holds up to 1.5 GB of them."""
+    return Reader(settings)
+
+
+@lru_cache(maxsize=4 * KEPT_READERS)
+def _mode(name: str, reader: Reader) -> ModeReader:
+    return open_mode(name, reader)
+
+
+def _told(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"[:500]

@@ -1,0 +1,111 @@
+"""What levels cost: by hand, and against parts drawn again one by one."""
+
+import numpy as np
+import pytest
+
+from pipeline.benchmark.analysis.comparisons import between_givens, between_readers
+from pipeline.benchmark.analysis.factors import FactorEffect, factor_effects
+from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, grouped
+from pipeline.benchmark.analysis.statistics import statistics_of
+from pipeline.benchmark.trials.journal import Trial
+
+MORE = {"font_given": True, "height_given": False, "format_given": True}
+LESS = {**MORE, "font_given": False}
+
+
+def trial(part: int, right: int, **levels: object) -> Trial:
+    """`right` of four characters."""
+    text = "AAAA"[:right] + "XXXX"[right:]
+    mode = str(levels.pop("mode", "tactile"))
+    return Trial(f"p{part}", part, levels, mode, "AAAA", text, "review", 0.5)  # type: ignore[arg-type]
+
+
+def effect(trials: list[Trial], factor: str) -> FactorEffect:
+    return next(e for e in factor_effects(trials) if e.factor == factor)
+
+
+def test_a_level_is_set_against_the_mean_of_the_others_whatever_their_sizes() -> None:
+    trials = [
+        trial(0, 4, soil="a"),
+        trial(1, 4, soil="a"),
+        trial(2, 4, soil="a"),
+        trial(3, 2, soil="b"),
+        trial(4, 1, soil="c"),
+    ]
+    found = effect(trials, "soil")
+    assert [e.level for e in found.levels] == ["c", "b", "a"]
+    assert [e.difference.value for e in found.levels] == pytest.approx(
+        [0.25 - 0.75, 0.5 - 0.625, 1.0 - 0.375]
+    )
+    assert [e.parts for e in found.levels] == [1, 1, 3]
+    assert found.spread == 0.75
+    assert not found.trusted
+
+
+def test_a_part_read_twice_is_one_cluster() -> None:
+    """Each reading given twice over: the interval is that of the parts, not of twice as many."""
+    rng = np.random.default_rng(3)
+    once = [trial(k, int(rng.integers(0, 5)), soil="ab"[k % 2], **LESS) for k in range(60)]
+    twice = [*once, *(Trial(**{**vars(t), "levels": {**t.levels, **MORE}}) for t in once)]
+    one, two = effect(once, "soil"), effect(twice, "soil")
+    for a, b in zip(one.levels, two.levels, strict=True):
+        assert (a.difference.low, a.difference.high) == pytest.approx((b.difference.low, b.difference.high))
+        assert a.parts == b.parts == 30
+
+
+def test_the_interval_is_that_of_two_means_apart() -> None:
+    """1.96 standard errors of a difference of means, which 200 parts a level obey."""
+    rng = np.random.default_rng(4)
+    right = rng.integers(0, 5, size=400)
+    found = effect([trial(k, int(r), soil="ab"[k % 2]) for k, r in enumerate(right)], "soil")
+    error = np.sqrt(sum(np.var(right[k::2] / 4, ddof=1) / 200 for k in (0, 1)))
+    width = found.levels[0].difference.high - found.levels[0].difference.low
+    assert width / 2 == pytest.approx(1.96 * error, rel=0.08)  # 2000 draws: quantiles to some 4 %
+
+
+def test_what_was_never_given_apart_is_not_taken_for_the_other() -> None:
+    """The height alone brings nothing; only the readings beside the same font say so."""
+    nothing = {"font_given": False, "height_given": False, "format_given": True}
+    font, both = {**nothing, "font_given": True}, {**nothing, "font_given": True, "height_given": True}
+    trials = [
+        trial(k, right, **levels) for k in range(6) for right, levels in ((1, nothing), (4, font), (4, both))
+    ]
+    assert effect(trials, "font_given").levels[-1].difference.value == 0.75
+    assert effect(trials, "height_given").spread == 0.0
+    together = [t for t in trials if t.levels != font]
+    assert not {"font_given", "height_given"} & {e.factor for e in factor_effects(together)}
+
+
+def test_knowledge_is_compared_on_the_same_parts() -> None:
+    trials = [trial(k, r, **levels) for k in range(5) for r, levels in ((3, LESS), (4, MORE))]
+    only = list(between_givens(trials))
+    assert [(c.first.level("given"), c.second.level("given")) for c in only] == [("font,format", "format")]
+    assert (only[0].parts, only[0].serials.only_first, only[0].characters.difference) == (5, 5, 0.25)
+
+
+def test_readers_are_paired_with_the_same_given_only() -> None:
+    trials = [
+        trial(k, r, mode=mode, **levels)
+        for k in range(3)
+        for mode, r in (("tactile", 4), ("vision", 3), ("fused", 4), ("rapidocr relief", 2))
+        for levels in (LESS, MORE)
+    ]
+    found = list(between_readers(grouped(trials, (GIVEN_FACTOR,))))
+    assert all(c.first.levels == c.second.levels and c.parts == 3 for c in found)
+    assert [(c.first.mode, c.second.mode) for c in found[:4]] == [
+        ("fused", "tactile"), ("fused", "rapidocr relief"), ("tactile", "vision"), ("tactile", "rapidocr relief"),
+    ]  # fmt: skip
+    others = [t for t in trials if t.mode in ("rapidocr relief",)] + [
+        trial(k, 1, mode="mine:read", **levels) for k in range(3) for levels in (LESS, MORE)
+    ]
+    assert len(list(between_readers(grouped(others, (GIVEN_FACTOR,))))) == 2
+
+
+def test_no_group_holds_a_part_twice() -> None:
+    trials = [
+        trial(k, 3, soil="ab"[k % 2], severity=0.3, **levels) for k in range(4) for levels in (LESS, MORE)
+    ]
+    found = statistics_of(trials, ("soil", "severity"))
+    assert [g.serials.total for g in found.by_mode] == [4, 4]
+    assert [c.serials.total for c in found.cells] == [2, 2, 2, 2]
+    assert len(found.at("tactile", 0.3)) == 2

@@ -1,0 +1,87 @@
+"""The gate's floors: what is worse than they allow, how they rise, and that they only ever rose."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from glyphs.errors import FileError
+from pipeline.benchmark.analysis.gate import (
+    FLOORS_FILE,
+    Counts,
+    counts_of,
+    load_floors,
+    objections,
+    raised,
+    save_floors,
+)
+from pipeline.benchmark.trials.journal import Trial
+
+FLOOR = Counts(characters=90, serials=9, accepted=5, accepted_wrong=1)
+ROOT = Path(__file__).parents[4]
+
+
+def test_counts_are_of_one_mode_each() -> None:
+    trials = [
+        Trial("a", 0, {}, "tactile", "AB12", "AB12", "accept"),
+        Trial("b", 1, {}, "tactile", "AB12", "AB13", "accept"),
+        Trial("b", 1, {}, "vision", "AB12", "", "reject"),
+        Trial("c", 2, {}, "vision", "AB12", "AB12", "review"),
+    ]
+    assert counts_of(trials) == {"tactile": Counts(7, 1, 2, 1), "vision": Counts(4, 1, 0, 0)}
+
+
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        (FLOOR, []),
+        (Counts(91, 9, 6, 0), []),
+        (Counts(89, 9, 5, 1), ["tactile: characters 89, the floor is 90"]),
+        (Counts(99, 8, 4, 1), ["tactile: serials 8, the floor is 9", "tactile: accepted 4, the floor is 5"]),
+        (Counts(99, 9, 9, 2), ["tactile: accepted but wrong 2, the limit is 1"]),
+    ],
+)
+def test_what_is_worse_is_said(found: Counts, said: list[str]) -> None:
+    assert objections({"tactile": found}, {"tactile": FLOOR}) == said
+
+
+def test_a_mode_that_was_not_read_is_worse() -> None:
+    assert objections({}, {"vision": FLOOR}) == ["vision: not read"]
+
+
+def test_floors_only_tighten() -> None:
+    better_and_worse = Counts(characters=95, serials=8, accepted=6, accepted_wrong=2)
+    floors = raised({"tactile": better_and_worse, "new": FLOOR}, {"tactile": FLOOR})
+    assert floors == {"tactile": Counts(95, 9, 6, 1), "new": FLOOR}
+
+
+def test_floors_come_back_as_they_were_written(tmp_path: Path) -> None:
+    path = tmp_path / "floors.json"
+    assert load_floors(path) == {}
+    save_floors({"tactile": FLOOR}, path)
+    assert load_floors(path) == {"tactile": FLOOR}
+    path.write_text('{"tactile": {"characters": 1}}')
+    with pytest.raises(FileError, match=r"floors\.json.*does not hold floors"):
+        load_floors(path)
+
+
+def _git(*arguments: str) -> str:
+    found = subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False)
+    if found.returncode:
+        pytest.skip(f"no history here: {found.stderr.strip()}")
+    return found.stdout
+
+
+def test_the_floors_have_only_risen_each_time_in_a_commit_of_their_own() -> None:
+    path = FLOORS_FILE.relative_to(ROOT)
+    commits = _git("log", "--reverse", "--format=%H", "--", str(path)).split()
+    versions = []
+    for commit in commits:
+        assert _git("show", "--name-only", "--format=", commit).split() == [str(path)]
+        versions.append({m: Counts(**c) for m, c in json.loads(_git("show", f"{commit}:{path}")).items()})
+    for before, after in pairwise(versions):
+        assert raised(after, before) == after  # raising the old ones to the new changes nothing of the new

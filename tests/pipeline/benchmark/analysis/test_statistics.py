@@ -1,0 +1,221 @@
+"""The figures of a benchmark against formulas written out anew, counting out, and other programs."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rapidfuzz.distance import Levenshtein
+
+from pipeline.benchmark.analysis.calibration import reliability
+from pipeline.benchmark.analysis.comparisons import compare
+from pipeline.benchmark.analysis.confusion import characters_right, confusion
+from pipeline.benchmark.analysis.groups import GroupKey, Split, group_of, split_of
+from pipeline.benchmark.analysis.pairs import compare_characters, mcnemar
+from pipeline.benchmark.analysis.risk import risk_coverage
+from pipeline.benchmark.analysis.shares import resampled
+from pipeline.benchmark.analysis.statistics import plain, statistics_of
+from pipeline.benchmark.trials.journal import ReadCharacter, Trial
+from pipeline.common.alignment import EXTRA, MISSING, align
+from pipeline.common.shares import share
+
+SERIAL = st.text(alphabet="AB1", max_size=7)
+
+
+def trial(truth: str, text: str, **more: object) -> Trial:
+    given_: dict[str, object] = {
+        "part": "p", "number": 0, "mode": "tactile",
+        "decision": "accept", "confidence": 0.9,
+        "characters": tuple(ReadCharacter(c, 0.9, 0.8) for c in text),
+    }  # fmt: skip
+    levels = {"severity": 0.3, "font": "gothic", "format": ""}
+    levels |= {name: more.pop(name) for name in tuple(more) if name in levels}
+    return Trial(truth=truth, text=text, levels=levels, **{**given_, **more})  # type: ignore[arg-type]
+
+
+@settings(deadline=None)
+@given(SERIAL, SERIAL)
+def test_an_alignment_spells_both_serials_and_takes_the_fewest_edits(true: str, read: str) -> None:
+    pairs = align(true, read)
+    assert "".join(p.true for p in pairs if p.true != EXTRA) == true
+    assert "".join(p.read for p in pairs if p.read != MISSING) == read
+    assert [p.place for p in pairs if p.place is not None] == list(range(len(read)))
+    edits = sum(not p.right for p in pairs)
+    places = sum(a != b for a, b in zip(true, read, strict=False))
+    assert edits == (places if len(true) == len(read) else Levenshtein.distance(true, read))
+
+
+def test_serials_of_one_length_are_compared_place_by_place() -> None:
+    """Shifted by one, two edits would do; but the places are known, and seven of eight are wrong."""
+    assert characters_right(trial("AB123456", "B1234560")) == 0
+    assert characters_right(trial("AB123456", "AB12346")) == 7
+    assert characters_right(trial("AB", "AB1111")) == 0
+
+
+def test_confusion_has_a_class_of_its_own_for_missing_and_extra() -> None:
+    found = confusion([trial("A8", "A3"), trial("A8", "A"), trial("A8", "A8B")])
+    assert found.true == ("8", "A", EXTRA)
+    assert found.read == ("3", "8", "A", "B", MISSING)
+    assert found.counts.tolist() == [[1, 1, 0, 0, 1], [0, 0, 3, 0, 0], [0, 0, 0, 1, 0]]
+    assert found.mistakes() == [("8", "3", 1), ("8", MISSING, 1), (EXTRA, "B", 1)]
+
+
+@settings(deadline=None)
+@given(st.integers(0, 60), st.integers(1, 60))
+def test_a_share_has_wilsons_interval(count: int, more: int) -> None:
+    """Wilson (1927) written out: centre (p + z^2/2n) / (1 + z^2/n)."""
+    n = count + more
+    p, z = count / n, 1.959963984540054
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    found = share(count, n)
+    assert found.value == p
+    assert found.low == pytest.approx(max(0.0, middle - half), abs=1e-12)  # rounding of float64
+    assert found.high == pytest.approx(min(1.0, middle + half), abs=1e-12)
+
+
+def test_a_share_of_nothing_knows_nothing_and_one_of_more_than_all_is_refused() -> None:
+    assert (share(0, 0).value, share(0, 0).low, share(0, 0).high) == (0.0, 0.0, 1.0)
+    with pytest.raises(ValueError, match="3 of 2"):
+        share(3, 2)
+
+
+def test_parts_drawn_again_give_the_spread_of_independent_parts() -> None:
+    """The half-width against 1.96 standard errors of the mean over parts, which a few hundred parts obey."""
+    rng = np.random.default_rng(4)
+    right = rng.binomial(8, rng.beta(8, 2, size=300))
+    low, high = resampled(right, np.full(300, 8))
+    error = np.std(right / 8, ddof=1) / math.sqrt(300)
+    assert (high - low) / 2 == pytest.approx(1.96 * error, rel=0.08)  # 2000 draws: quantiles to some 4 %
+    assert low < right.sum() / 2400 < high
+    assert high - low > 1.2 * (share(int(right.sum()), 2400).high - share(int(right.sum()), 2400).low)
+
+
+def test_parts_all_alike_leave_no_width() -> None:
+    assert resampled([8, 8, 8], [8, 8, 8]) == (1.0, 1.0)
+    assert resampled([], []) == (0.0, 1.0)
+
+
+def test_reliability_agrees_with_scikit_learn() -> None:
+    from sklearn.calibration import calibration_curve
+    from sklearn.metrics import brier_score_loss
+
+    rng = np.random.default_rng(5)
+    said = rng.uniform(size=3000)
+    right = rng.uniform(size=3000) < said**1.5
+    found = reliability(said, right)
+    true, predicted = calibration_curve(right, said, n_bins=10)
+    assert [b.right.value for b in found.bins] == pytest.approx(true.tolist())
+    assert [b.confidence for b in found.bins] == pytest.approx(predicted.tolist())
+    assert found.brier == pytest.approx(brier_score_loss(right, said))
+    weights = np.histogram(said, bins=np.linspace(0, 1, 11))[0] / 3000
+    assert found.error == pytest.approx(float(weights @ np.abs(true - predicted)))
+
+
+def test_an_honest_confidence_has_no_calibration_error() -> None:
+    found = reliability([0.75] * 4 + [1.0] * 5 + [0.0], [True, True, True, False] + [True] * 5 + [False])
+    assert found.error == 0.0
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        reliability([1.2], [True])
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.sampled_from([0.1, 0.5, 0.5, 0.9]), st.booleans()), min_size=1, max_size=6))
+def test_the_risk_is_the_mean_over_all_orders_that_the_confidence_allows(
+    said: list[tuple[float, bool]],
+) -> None:
+    orders = [
+        order
+        for order in itertools.permutations(said)
+        if all(a[0] >= b[0] for a, b in itertools.pairwise(order))
+    ]
+    wrong = np.array([[not right for _, right in order] for order in orders], dtype=float)
+    risks = np.cumsum(wrong, axis=1) / np.arange(1, len(said) + 1)
+    found = risk_coverage([c for c, _ in said], [r for _, r in said])
+    np.testing.assert_allclose(found.risk, risks.mean(axis=0), atol=1e-12)
+    assert found.area == pytest.approx(float(risks.mean()))
+    assert found.least_area <= found.area + 1e-12
+
+
+def test_coverage_without_risk_ends_at_the_first_mistake() -> None:
+    found = risk_coverage([0.9, 0.8, 0.7, 0.6], [True, True, False, True])
+    assert found.coverage_at(0.0) == 0.5
+    assert found.coverage_at(0.25) == 1.0
+    assert risk_coverage([0.5, 0.5], [True, False]).coverage_at(0.0) == 0.0
+
+
+@settings(deadline=None)
+@given(st.integers(0, 12), st.integers(0, 12), st.integers(0, 3))
+def test_mcnemar_counts_the_coins(only_first: int, only_second: int, both: int) -> None:
+    first = [True] * only_first + [False] * only_second + [True] * both
+    second = [False] * only_first + [True] * only_second + [True] * both
+    found = mcnemar(first, second)
+    n = only_first + only_second
+    chances = [math.comb(n, k) / 2**n for k in range(n + 1)]
+    assert (found.only_first, found.only_second) == (only_first, only_second)
+    assert found.p_first_worse == pytest.approx(sum(chances[: only_first + 1]))
+    assert found.p_differ == pytest.approx(min(1.0, 2 * sum(chances[: min(only_first, only_second) + 1])))
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=7))
+def test_the_permutation_test_counts_out_every_exchange(pairs: list[tuple[int, int]]) -> None:
+    first, second = ([p[k] for p in pairs] for k in (0, 1))
+    found = compare_characters(first, second, [4] * len(pairs))
+    d = np.array(first) - np.array(second)
+    sums = np.array([np.dot(signs, d) for signs in itertools.product((-1, 1), repeat=d.size)])
+    assert found.difference == pytest.approx(d.sum() / (4 * d.size))
+    assert found.p_differ == pytest.approx(np.mean(np.abs(sums) >= abs(d.sum())))
+    assert found.p_first_worse == pytest.approx(np.mean(sums <= d.sum()))
+    assert found.low <= found.difference + 1e-12
+    assert found.high >= found.difference - 1e-12
+
+
+def test_many_parts_that_differ_are_drawn_to_the_same_answer() -> None:
+    """A normal's tail for 60 parts, within what 20,000 draws scatter."""
+    from scipy.stats import norm
+
+    rng = np.random.default_rng(6)
+    d = rng.choice((-1, 1), size=60, p=(0.35, 0.65))
+    first, second = 4 + np.maximum(d, 0), 4 + np.maximum(-d, 0)
+    found = compare_characters(first, second, np.full(60, 8))
+    expected = 2 * norm.sf((abs(d.sum()) - 1.0) / math.sqrt(60))  # sums come in steps of 2
+    assert found.p_differ == pytest.approx(expected, abs=0.01)
+
+
+def test_what_became_of_the_parts() -> None:
+    trials = [
+        trial("A1", "A1"), trial("A1", "A7"), trial("A1", "A7", decision="review"),
+        trial("A1", "A1", decision="reject"), trial("A1", "", decision="", error="it broke"),
+    ]  # fmt: skip
+    assert split_of(trials) == Split(1, 1, 1, 1, 1)
+    group = group_of(GroupKey("tactile"), trials)
+    assert (group.serials.count, group.serials.total) == (2, 5)
+    assert (group.characters.count, group.characters.total) == (6, 10)
+    assert (group.accepted.count, group.accepted_wrong.count) == (2, 1)
+    assert group.character_reliability.bins[-1].right.total == 8  # the error says nothing
+
+
+def test_fused_is_compared_with_the_better_single_mode() -> None:
+    def of(mode: str, texts: str) -> list[Trial]:
+        return [trial("A", t, mode=mode, part=f"p{k}") for k, t in enumerate(texts)]
+
+    found = statistics_of([*of("tactile", "AABB"), *of("vision", "AAAB"), *of("fused", "AAAA")])
+    first = found.comparisons[0]
+    assert (first.first.mode, first.second.mode) == ("fused", "vision")
+    assert (first.serials.only_first, first.serials.only_second) == (1, 0)
+    assert first.characters.difference == 0.25
+    with pytest.raises(ValueError, match="same parts"):
+        compare(GroupKey("fused"), of("fused", "AA"), GroupKey("tactile"), of("tactile", "A"))
+
+
+def test_figures_are_plain_json_values() -> None:
+    import json
+
+    found = statistics_of([trial("A1", "A1"), trial("A1", "A7", part="q")])
+    told = json.loads(json.dumps(plain(list(found.by_mode))))
+    assert told[0]["serials"] == {"count": 1, "total": 2, "share": 0.5, "low": 0.094531, "high": 0.905469}
+    assert told[0]["mistakes"] == [{"true": "1", "read": "7", "count": 1}]
+    assert "compute_s" not in told[0]

@@ -1,0 +1,161 @@
+"""A declared design: crossed, balanced, the same at every beginning, and refused by name where it cannot be."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glyphs.errors import FileError
+from glyphs.fonts.glyph import FontError
+from glyphs.stamping.variation import StampError
+from pipeline.benchmark.exam.condition import Condition, Given
+from pipeline.benchmark.exam.design import Design
+from pipeline.benchmark.exam.designed_parts import DesignedParts
+from pipeline.common.settings import SettingsError
+
+PART = {"font": "gothic", "format": "A9", "severity": [0.3, 0.6]}
+TOML = """
+seed = 4
+parts = 12
+cross = ["soil", "severity"]
+given = ["format", "font,format"]
+[part]
+font = ["gothic", "futuram"]
+format = "A9"
+soil = ["workshop", "glyphs.soiling.workshop.mixture:workshop"]
+severity = [0, 0.5, 1]
+"""
+
+
+def design(**more: Any) -> Design:
+    part = {**PART, **more.pop("part", {})}
+    return Design.of(**{"parts": 12, **more, "part": part})
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(1, 4), st.integers(1, 5), st.integers(1, 4), st.integers(0, 3))
+def test_every_cell_has_every_level_equally_often(cells: int, first: int, second: int, seed: int) -> None:
+    whole = cells * first * second
+    made = design(
+        parts=whole, seed=seed, cross=("severity",),
+        part={
+            "severity": [k / 10 for k in range(cells)], "height_mm": [3.0 + k for k in range(first)],
+            "depth_mm": [0.1 * (k + 1) for k in range(second)],
+        },
+    )  # fmt: skip
+    planned = [condition for *_, condition in made.planned()]
+    for factor, levels in (("height_mm", first), ("depth_mm", second)):
+        pairs = Counter((c["severity"], c[factor]) for c in planned)
+        assert set(pairs.values()) == {whole // cells // levels}
+        # and over all cells at once from the first round on, as equally as can be
+        for_round = Counter(c[factor] for c in planned[:cells])
+        assert max(for_round.values()) <= -(-cells // levels)
+
+
+def test_a_longer_design_begins_as_a_shorter_one() -> None:
+    long = list(design(parts=40, part={"height_mm": [3, 5, 7]}).planned())
+    assert [p[2:] for p in design(parts=13, part={"height_mm": [3, 5, 7]}).planned()] == [
+        p[2:] for p in long[:13]
+    ]
+
+
+def test_a_file_gives_the_parts_it_declares(tmp_path: Path) -> None:
+    path = tmp_path / "two-soils.toml"
+    path.write_text(TOML)
+    made = Design.load(path)
+    assert (made.name, made.n_parts, len(made.cells(made.all_sections()[0]))) == ("two-soils", 12, 6)
+    items = DesignedParts(made).items()
+    assert items[4].part == "glyphs.soiling.workshop.mixture_workshop-0.5-0000"
+    assert items[0].given == (Given(), Given(font=True))
+    assert len({item.part for item in items}) == 12
+    assert Counter(item.condition["font"] for item in items) == {"gothic": 6, "futuram": 6}
+    specimens = [DesignedParts(made).make(item).truth for item in items]
+    assert len(set(specimens)) > 6  # serials of their own, where cells are not alike
+
+
+def test_sections_have_levels_of_their_own() -> None:
+    made = design(
+        parts=0,
+        section=[
+            {"name": "a", "parts": 4},
+            {"name": "b", "parts": 6, "kept_out": True, "part": {"font": "futuram"}},
+        ],
+    )
+    fonts = [(section.name, condition.font) for section, _, _, condition in made.planned()]
+    assert fonts == [("a", "gothic")] * 4 + [("b", "futuram")] * 6
+    numbers = [item.number for item in DesignedParts(made).items()]
+    assert len(set(numbers)) == 10
+
+
+def test_parts_of_a_design_without_sections_are_numbered_from_nought() -> None:
+    """Several designs at once: a number must not hang on where in memory a section lies."""
+    kept = [DesignedParts(design(parts=parts)).items() for parts in (3, 12, 40)]
+    assert [[item.number for item in items] for items in kept] == [list(range(n)) for n in (3, 12, 40)]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"parts": 0}, "give parts, parts_a_cell or sections"),
+        ({"cross": ("soil",)}, "cross names soil"),
+        ({"part": {"severity": [0.3, 1.5]}}, "lies between 0 and 1"),
+        ({"part": {"height_mm": []}}, "at least one level"),
+        ({"part": {"height_mm": [5, 5]}}, "each once"),
+        ({"severities": [0.3]}, "Extra inputs are not permitted"),
+        ({"given": ()}, "name at least one"),
+    ],
+)
+def test_what_cannot_be_is_named(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(SettingsError, match=said):
+        design(**change)
+
+
+@pytest.mark.parametrize(
+    ("part", "error", "said"),
+    [
+        ({"colour": "red"}, SettingsError, "no factor 'colour'.*height_mm"),
+        ({"light": "moon"}, SettingsError, "no light 'moon'"),
+        ({"soil": "mould"}, StampError, "no soil 'mould'"),
+        ({"font": "Comic"}, FontError, "Comic"),
+    ],
+)
+def test_parts_that_cannot_be_made_are_named(part: dict[str, Any], error: type[Exception], said: str) -> None:
+    with pytest.raises(error, match=said):
+        DesignedParts(design(part=part))
+
+
+def test_a_file_that_is_no_design_is_named_with_its_setting(tmp_path: Path) -> None:
+    path = tmp_path / "d.toml"
+    for text, said in (
+        ("parts = 'x'\n[part]\n", "parts: "),
+        ("parts = [", "is not TOML"),
+        (TOML.replace("font,format", "serial"), "cannot be given 'serial'"),
+    ):
+        path.write_text(text)
+        with pytest.raises(FileError, match=f"d.toml.*{said}"):
+            Design.load(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "levels"),
+    [
+        ("nothing", (False, False, False)),
+        ("format", (False, False, True)),
+        ("font, height", (True, True, False)),
+    ],
+)
+def test_what_a_reader_is_given(text: str, levels: tuple[bool, ...]) -> None:
+    found = Given.parse(text)
+    assert tuple(found.levels.values()) == levels
+    assert Given.parse(str(found)) == found
+
+
+def test_a_condition_knows_what_it_was_not_given() -> None:
+    known, unknown = Condition(severity=0.5, font="a/b/Bold.ttf"), Condition()
+    assert (known.severity, known.levels["font"]) == (0.5, "Bold")
+    assert (unknown.severity, unknown.font, unknown.format, unknown.height_mm) == (None, "", "", None)

@@ -1,0 +1,131 @@
+"""What the exam keeps out is kept out: nothing in this repository is fitted to its fonts and soils.
+
+Every fit leaves a manifest, `NAME.fit.json`, that names its fonts, soils and editions. One manifest may name the soils
+that are kept out: that of the severities, which fits the exam's own scale and no reader.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from pipeline.benchmark.exam.design import Design
+from pipeline.benchmark.exam.editions import design_named, editions
+
+ROOT = Path(__file__).parents[4]
+FLOORS = ("glyphs", "whisker_array", "recognition", "pipeline")
+SCALE = "glyphs/soiling/severity.fit.json"
+FITTED_DATA = {".npz", ".npy", ".onnx", ".pkl", ".joblib", ".safetensors", ".pt"}
+FITS = re.compile(r"\bsklearn\b|\btorch\b|curve_fit|\.fit\.json")
+NAMED_FITS = ("tests/benchmarks/learning.py",)
+"""Code that teaches or fits without a library that shows it."""
+
+
+def kept_out_fonts() -> set[str]:
+    """Names, files and hashes of the fonts that only sections kept out have."""
+    kept: set[str] = set()
+    for design in map(design_named, editions()):
+        for section in design.all_sections():
+            if section.kept_out:
+                kept |= {word for font in fonts_of(design, section.part) for word in marks_of(design, font)}
+    return kept
+
+
+def fonts_of(design: Design, part: dict[str, tuple[str | bool | float, ...]]) -> set[str]:
+    return {str(font) for font in {**design.part, **part}["font"]}
+
+
+def marks_of(design: Design, font: str) -> set[str]:
+    if font not in design.fonts:
+        return {font}
+    packaged = design.fonts[font]
+    return {font, Path(packaged.file).name, packaged.sha256, packaged.sha256[:12]}
+
+
+def kept_out_soils() -> set[str]:
+    return {soil for name in editions() for soil in design_named(name).kept_out_soils}
+
+
+def manifests() -> list[Path]:
+    return [path for floor in (*FLOORS, "tests") for path in sorted((ROOT / floor).rglob("*.fit.json"))]
+
+
+def fitting_code() -> list[Path]:
+    found = {ROOT / name for name in NAMED_FITS}
+    for folder in (*FLOORS, "tests/benchmarks"):
+        found |= {path for path in (ROOT / folder).rglob("*.py") if FITS.search(path.read_text("utf-8"))}
+    return sorted(found)
+
+
+def named_in(path: Path) -> set[str]:
+    """Every word that a text of the code or of the manifest holds."""
+    text = path.read_text("utf-8")
+    if path.suffix == ".py":
+        constants = (node.value for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant))
+        text = "\n".join(value for value in constants if isinstance(value, str))
+    return set(re.findall(r"[\w.\-]+", text))
+
+
+def offences(path: Path) -> Iterator[str]:
+    kept = kept_out_fonts()
+    if path.relative_to(ROOT).as_posix() not in (SCALE,):
+        kept = kept | kept_out_soils()
+    yield from sorted(kept & named_in(path))
+
+
+def test_the_editions_keep_something_out_and_no_section_shares_it() -> None:
+    assert kept_out_soils() == {"weld", "mud"}
+    assert len(kept_out_fonts()) >= 10
+    for design in map(design_named, editions()):
+        for section in design.all_sections():
+            if not section.kept_out:
+                assert not fonts_of(design, section.part) & kept_out_fonts()
+
+
+@pytest.mark.parametrize("path", manifests(), ids=lambda p: p.name)
+def test_no_manifest_names_what_is_kept_out(path: Path) -> None:
+    manifest = json.loads(path.read_text("utf-8"))
+    assert {"what", "fonts", "soils", "editions"} <= set(manifest)
+    assert not list(offences(path))
+
+
+@pytest.mark.parametrize("path", fitting_code(), ids=lambda p: p.name)
+def test_no_code_that_fits_names_what_is_kept_out(path: Path) -> None:
+    assert not list(offences(path))
+
+
+def test_the_known_fits_are_among_those_looked_at() -> None:
+    found = {path.relative_to(ROOT).as_posix() for path in (*manifests(), *fitting_code())}
+    assert {
+        "recognition/calibrate.py",
+        "recognition/calibrate.fit.json",
+        "pipeline/benchmark/soil_severity.py",
+        "tests/benchmarks/learning.py",
+        SCALE,
+    } <= found
+
+
+def test_every_fitted_file_has_a_manifest() -> None:
+    """Data beside the code come from a fit; and so do the weights that scikit-learn gave."""
+    fitted = [p for floor in FLOORS for p in (ROOT / floor).rglob("*") if p.suffix in FITTED_DATA]
+    fitted += [
+        p for p in fitting_code() if p.parts[len(ROOT.parts)] != "tests" and "sklearn" in p.read_text("utf-8")
+    ]
+    # the severities are measured by a command of the pipeline, and kept with the soils
+    places = {ROOT / "pipeline/benchmark/soil_severity.py": ROOT / SCALE}
+    for path in fitted:
+        assert places.get(path, path.with_suffix(".fit.json")).is_file(), f"{path} has no manifest"
+
+
+def test_a_kept_out_font_or_soil_would_be_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(f"{__name__}.ROOT", tmp_path)
+    design = design_named("marks-exam-1")
+    for word in ("Manrope-Bold.ttf", design.fonts["cmtt10"].sha256[:12], "mud"):
+        path = tmp_path / "some.py"
+        path.write_text(f"FITTED_TO = 'gothic, {word} and more'\n", "utf-8")
+        assert list(offences(path)) == [word]

@@ -1,0 +1,267 @@
+"""The report: whole, self-contained, and true to the trials."""
+
+import csv
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from pipeline.benchmark.analysis.bounds import bounded
+from pipeline.benchmark.analysis.statistics import statistics_of
+from pipeline.benchmark.analysis.targets import Outcome, at_most, verdicts
+from pipeline.benchmark.exam.specimens import Item
+from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked, rank_worst
+from pipeline.benchmark.report.writing import report
+from pipeline.benchmark.trials.journal import ReadCharacter, Trial
+from pipeline.benchmark.trials.run import Benchmark
+from pipeline.cli.main import main
+from recognition.reader_settings import ReaderSettings
+from tests.factories import designed_parts
+
+SECTIONS = (
+    "wrong", "targets", "summary", "accuracy", "decisions",
+    "risk", "confidence", "confusion", "worst", "time", "settings",
+)  # fmt: skip
+
+
+class Page(HTMLParser):
+    """What a page refers to, and whether its tags close."""
+
+    VOID = frozenset({"meta", "img", "br", "link"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.refers: list[str] = []
+        self.ids: list[str] = []
+        self.headings = 0
+        self.open: list[str] = []
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self.VOID:
+            self.open.append(tag)
+        for name, value in attrs:
+            if name in ("src", "href"):
+                self.refers.append(value or "")
+            if name == "id":
+                self.ids.append(value or "")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def trial(part: int, text: str, **more: object) -> Trial:
+    given: dict[str, object] = {
+        "part": f"gothic-A9-0.3-{part:04d}", "number": part,
+        "levels": {"severity": 0.3, "font": "gothic", "format": "A9"},
+        "mode": "tactile", "truth": "A1", "decision": "accept", "confidence": 0.9,
+        "characters": tuple(ReadCharacter(c, 0.95, 0.9) for c in text), "compute_s": 1.0, "scan_s": 60.0,
+        "simulated_s": 0.75 if more.get("mode", "tactile") == "tactile" else 0.0,
+    }  # fmt: skip
+    return Trial(text=text, **{**given, **more})  # type: ignore[arg-type]
+
+
+TRIALS = [
+    trial(0, "A1"), trial(1, "A7"), trial(2, "A7", decision="review"), trial(3, "A", decision="reject"),
+    trial(4, "", decision="", characters=(), error="<b>it & broke</b>"),
+    *(trial(k, "A1", mode="vision") for k in range(5)),
+    *(trial(k, "A1", mode="fused") for k in range(5)),
+]  # fmt: skip
+
+
+def not_drawn(_: Benchmark, ranked: tuple[WorstPart, Item]) -> WorstPart:
+    return replace(ranked[0], picture="data:image/jpeg;base64,AAAA")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> report.Written:
+    parts = designed_parts(parts=5)
+    benchmark = Benchmark(parts, ("tactile", "vision", "fused"), ReaderSettings())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report, "draw_worst", not_drawn)
+        folder = tmp_path_factory.mktemp("report")
+        return report.write_report(benchmark, TRIALS, folder, command="tactile-marks benchmark --seed 1")
+
+
+def test_the_page_is_whole_and_needs_nothing_beside_it(written: report.Written) -> None:
+    text = written.page.read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.open == []
+    assert set(SECTIONS) <= set(page.ids)
+    assert all(r.startswith(("data:image/", "#")) for r in page.refers)
+    assert {r[1:] for r in page.refers if r.startswith("#")} <= set(page.ids)
+    assert not re.search(r"https?://|@import|<script|url\(", text)
+    assert "tactile-marks benchmark --seed 1" in page.text
+    assert "<b>it & broke</b>" in page.text  # shown, not obeyed
+
+
+def test_the_table_has_a_line_a_trial(written: report.Written) -> None:
+    with written.table.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == len(TRIALS)
+    assert [r["characters_right"] for r in rows[:5]] == ["2", "1", "1", "1", "0"]
+    assert [r["right"] for r in rows[:5]] == ["1", "0", "0", "0", "0"]
+    assert rows[4]["error"] == "<b>it & broke</b>"
+
+
+def test_the_figures_are_those_of_the_trials(written: report.Written) -> None:
+    told = json.loads(written.figures.read_text(encoding="utf-8"))
+    tactile = next(g for g in told["by_severity"] if g["mode"] == "tactile")
+    assert (tactile["serials"]["count"], tactile["characters"]["count"]) == (1, 5)
+    assert tactile["split"] == {
+        "accepted_right": 1, "accepted_wrong": 1, "review": 1, "rejected": 1, "failed": 1,
+    }  # fmt: skip
+    assert told["parts"] == 5
+    times = told["times"][0]
+    assert times["scan_s_median_p95"] == [60.0, 60.0]
+    assert (times["compute_s_median_p95"], times["simulated_s_median_p95"]) == ([1.0, 1.0], [0.75, 0.75])
+    assert times["reading_s_median_p95"] == [0.25, 0.25]
+
+
+def test_the_time_of_reading_stands_beside_the_accuracy(written: report.Written) -> None:
+    text = written.page.read_text(encoding="utf-8")
+    summary = text[text.index('id="summary"') : text.index('id="accuracy"')]
+    assert "<th>reading, ms</th>" in summary
+    assert "<td>250</td><td>250</td></tr>" in summary  # tactile, less the simulated scan
+    assert "<td>1000</td><td>1000</td></tr>" in summary  # vision
+    with written.table.open(encoding="utf-8", newline="") as stream:
+        first = next(csv.DictReader(stream))
+    assert [float(first[k]) for k in ("compute_s", "reading_s", "simulated_s")] == [1.0, 0.25, 0.75]
+
+
+def test_the_worst_parts_begin_with_the_lie(written: report.Written) -> None:
+    worst = rank_worst(TRIALS)
+    assert worst[0].part.endswith("0001")
+    assert worst[0].why == "tactile: accepted but wrong"
+    assert [w.part[-1] for w in worst] == ["1", "4", "2", "3", "0"]
+    assert worst[1].why == "tactile: an error"
+    assert [t.mode for t in worst[0].trials] == ["tactile", "vision", "fused"]
+    assert marked(TRIALS[3]).letters == (("A", True), ("·", False))
+
+
+def test_a_part_that_is_made_otherwise_today_is_not_shown_for_the_one_that_was_read() -> None:
+    parts = designed_parts()
+    benchmark = Benchmark(parts, ("tactile",), ReaderSettings())
+    item = parts.items()[0]
+    truth = parts.make(item).truth
+    read = WorstPart((trial(0, "A1", truth="?" + truth),), "", "font,height,format")
+    found = draw_worst(benchmark, (read, item))
+    assert (found.picture, found.problem) == ("", f"made again it is another part: {truth} is stamped")
+
+
+def test_targets_are_met_missed_or_left_out() -> None:
+    judged = verdicts(statistics_of(TRIALS))
+    by_target = {(v.reader, v.severity, v.target): v for v in judged}
+    characters = by_target[("tactile", 0.3, "characters right at least 99.9%")]
+    assert (characters.outcome, characters.sure) == (Outcome.NOT_MET, True)  # 5 of 10: at most 76 %
+    assert not any(v.severity == 0.9 for v in judged)  # no such part, nothing to say
+    wrong = by_target[("tactile", 0.3, "serials accepted but wrong at most 1 in 1,000")]
+    assert (wrong.outcome, wrong.sure) == (Outcome.NOT_MET, True)  # 1 of 5: at least 1 %
+    fused = judged[-1]
+    assert (fused.reader, fused.outcome) == ("fused", Outcome.MET)
+    assert "vision" in fused.target
+    on_rust = [replace(t, levels={**t.levels, "soil": "rust"}) for t in TRIALS]
+    assert {v.reader for v in verdicts(statistics_of(on_rust))} == {"fused"}  # targets are for workshop soil
+
+
+def test_none_wrong_of_six_shows_nothing_and_of_2995_one_in_a_thousand() -> None:
+    target = "serials accepted but wrong at most 1 in 1,000"
+    six = next(v for v in verdicts(statistics_of([trial(k, "A1") for k in range(6)])) if v.target == target)
+    assert six.outcome is Outcome.NOT_SHOWN
+    assert "needs 2,995 parts without a wrong one" in six.found
+    assert at_most(bounded(0, 2995), 0.001) == (Outcome.MET, True)
+    assert at_most(bounded(0, 2994), 0.001) == (Outcome.NOT_SHOWN, False)
+    assert at_most(bounded(1, 2995), 0.001)[0] is Outcome.NOT_SHOWN
+
+
+def test_a_fused_mode_that_loses_is_not_met_and_chance_is_told() -> None:
+    trials = [t for t in TRIALS if t.mode != "fused"]
+    lost = [trial(k, "A1" if k else "A7", mode="fused") for k in range(5)]
+    verdict = verdicts(statistics_of([*trials, *lost]))[-1]
+    assert (verdict.outcome, verdict.sure) == (Outcome.NOT_MET, False)
+    assert "no more than chance" in verdict.found
+
+
+def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) -> None:
+    """Two soils, read with and without the font: rust costs a character of two, the font brings half of that back."""
+    parts = designed_parts(parts=4, soil=("workshop", "rust"), given=("format", "font,format"))
+    trials = [
+        Trial(
+            item.part, item.number, {**item.condition.levels, **given.levels}, mode, "A1",
+            "A1" if item.condition["soil"] == "workshop" or (given.font and item.number % 2) else "A7",
+            "review", 0.5,
+        )
+        for item in parts.items() for given in item.given for mode in ("tactile", "rapidocr relief")
+    ]  # fmt: skip
+    benchmark = Benchmark(parts, ("tactile", "rapidocr relief"), ReaderSettings())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report, "draw_worst", not_drawn)
+        done = report.write_report(benchmark, trials, tmp_path)
+    told = json.loads(done.figures.read_text(encoding="utf-8"))
+    first = told["effects"][0]
+    assert (first["factor"], first["mode"], first["levels"][0]["level"]) == ("soil", "tactile", "rust")
+    lost = sum("A7" in t.text and t.mode == "tactile" for t in trials) / (2 * len(parts.items()))
+    assert first["levels"][0]["difference"]["value"] == pytest.approx(-lost)
+    assert told["knowledge"][0]["serials"]["only_second"] == 0
+    assert {c["given"] for c in told["cells"]} == {"format", "font,format"}
+    text = done.page.read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.open == []
+    assert page.ids.index("factors") < page.ids.index("summary")
+    assert {r[1:] for r in page.refers if r.startswith("#")} <= set(page.ids)
+    assert text.index("balanced in every cell") < text.index('id="factors"')
+    assert "Where a level has under 20 parts they are too narrow" in page.text
+
+
+def test_two_parts_from_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    arguments = [
+        "benchmark", "--out", str(out), "--dirt", "0", "--parts", "2", "--mode", "tactile",
+        "--format", "99", "--fidelity", "pointwise",
+    ]  # fmt: skip
+    assert main(arguments) == 0
+    captured = capsys.readouterr()
+    said = captured.out
+    assert "2 parts: serials ±" in captured.err
+    assert max(len(line) for line in said.splitlines() if not line.startswith(("wrote", "met", "NOT"))) <= 80
+    assert f"wrote {out / 'report.html'}" in said
+    assert said.splitlines()[0].endswith(" ms read ms")
+    row = said.splitlines()[1].split()
+    assert row[1] == "tactile"
+    assert 0 < int(row[-1]) < int(row[-2])  # the scan is simulated
+    page = Page((out / "report.html").read_text(encoding="utf-8"))
+    assert sum(r.startswith("data:image/jpeg") for r in page.refers) == 2
+    first = json.loads((out / "benchmark.json").read_text())
+    monkeypatch.setattr(report, "draw_worst", not_drawn)
+    assert main(arguments) == 0  # nothing is missing; only the report is written again
+    again = json.loads((out / "benchmark.json").read_text())
+    assert first == again
+    assert json.loads((out / "trials.jsonl").read_text().splitlines()[0])["benchmark"]["parts"]["seed"] == 1
+    assert main([*arguments, "--seed", "2"]) == 1
+    assert "holds another benchmark" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "complaint"),
+    [
+        (["--inputs", "x"], "go together"),
+        (["--jobs", "0"], "at least 1"),
+        (["--dirt", "a"], "numbers separated by commas"),
+        (["--dirt", "2"], "between 0 and 1"),
+        (["--mode", "smell"], "no mode 'smell'"),
+    ],
+)
+def test_bad_usage_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[str], complaint: str
+) -> None:
+    assert main(["benchmark", "--out", str(tmp_path / "o"), "--parts", "1", *more]) == 2
+    assert complaint in capsys.readouterr().err
