@@ -12,8 +12,8 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import FileError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from pipeline.benchmark import edition_digest
-from pipeline.benchmark.edition_digest import (
+from pipeline.benchmark.exam import edition_digest
+from pipeline.benchmark.exam.edition_digest import (
     STEPS,
     Task,
     arithmetic,
@@ -25,8 +25,8 @@ from pipeline.benchmark.edition_digest import (
     main,
     rounded,
 )
-from pipeline.benchmark.editions import design_named
-from pipeline.benchmark.specimens import Specimen
+from pipeline.benchmark.exam.editions import design_named
+from pipeline.benchmark.exam.specimens import Specimen
 from pipeline.workers.executors import InlineExecutor
 
 EDITION = "marks-exam-1-48"
