@@ -26,8 +26,8 @@ from pipeline.workers.executors import Executor, InlineExecutor
 from recognition.reader import Reader
 from recognition.reader_settings import ReaderSettings
 
-KEPT_READERS = 3
-"""Of one worker. A design of many fonts and heights has a reader for each."""
+KEPT_READERS = 12
+"""Of one worker. A design of many fonts and heights has a reader for each, and its templates take about 0.1 GB."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
 
 @lru_cache(maxsize=KEPT_READERS)
 def reader_for(settings: ReaderSettings) -> Reader:
-    """Kept between parts, so that templates are predicted once a worker; a few, for each holds up to 1.5 GB of them."""
+    """Kept between parts, so that templates are predicted once a worker; no more than a dozen readers."""
     return Reader(settings)
 
 
