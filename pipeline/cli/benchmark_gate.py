@@ -15,6 +15,7 @@ from pipeline.cli.exit_status import CommandError, failures_reported
 def gate(
     *,
     jobs: int = 1,
+    camera: Annotated[bool, Parameter(negative="")] = False,
     raise_floors: Annotated[bool, Parameter(name="--raise", negative="")] = False,
     out: Path | None = None,
 ) -> int:
@@ -24,6 +25,8 @@ def gate(
     ----------
     jobs
         Worker processes.
+    camera
+        Read the photographs, too, and fuse: about twice as long.
     raise_floors
         Tighten the floors to what is found; none is ever loosened. Commit the file by itself.
     out
@@ -31,6 +34,7 @@ def gate(
     """
     with failures_reported():
         from pipeline.benchmark.analysis.gate import (
+            CAMERA_MODES,
             EDITION,
             FLOORS_FILE,
             MODES,
@@ -46,7 +50,8 @@ def gate(
         from pipeline.workers.options import ExecutorOptions
         from recognition.reader_settings import ReaderSettings
 
-        benchmark = Benchmark(DesignedParts(design_named(EDITION)), MODES, ReaderSettings())
+        modes = MODES + CAMERA_MODES if camera else MODES
+        benchmark = Benchmark(DesignedParts(design_named(EDITION)), modes, ReaderSettings())
         start = time.perf_counter()
         with (
             tempfile.TemporaryDirectory() as scratch,
