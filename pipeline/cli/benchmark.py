@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -48,14 +49,14 @@ def benchmark(
     font: str | None = None,
     format: str | None = None,
     give: Annotated[list[str] | None, Parameter(negative="")] = None,
-    seed: int = 1,
+    seed: int | None = None,
     jobs: int = 1,
     cluster: str | None = None,
     peers: Annotated[bool, Parameter(negative="")] = False,
     reader: Annotated[list[str] | None, Parameter(negative="")] = None,
-    height_mm: float = 5.0,
-    depth_mm: float = 0.2,
-    face: FaceName = "flat",
+    height_mm: float | None = None,
+    depth_mm: float | None = None,
+    face: FaceName | None = None,
     fidelity: FidelityName = "contact",
     inputs: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
@@ -71,14 +72,15 @@ def benchmark(
         Folder for the trials and the report; made if it is not there.
     design
         Which parts, and what readers are given of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48, or a TOML
-        file of your own. In place of the flags that say what parts are.
+        file of your own. In place of the flags that say what parts are, but for --parts.
     soil
-        What the dirt is, several separated by commas: workshop unless given, caked, rust, paint, weld, mud, wear,
+        What the dirt is, several separated by commas, each on parts of its own: workshop unless given, caked, rust, paint, weld, mud, wear,
         casting, module:function of your own; rust+paint is one over the other.
     dirt
         How dirty, 0 to 1, separated by commas; 0,0.3,0.6,0.9 unless given. Of --inputs: theirs, if known.
     parts
-        Number of parts for every soil, dirt, font and format; 200 unless given.
+        Number of parts for every soil, dirt, font and format; 200 unless given. Of a design: the first so many; all
+        unless given.
     mode
         What reads: tactile, vision, fused, "rapidocr relief" and its like, separated by commas.
     font
@@ -90,7 +92,7 @@ def benchmark(
         What the reader is given beside the part: font, height, format, several separated by commas, or nothing; the
         format alone unless given. Repeat it to read every part with each: --give format --give font,format.
     seed
-        Of everything random: the same seed gives the same parts.
+        Of everything random: the same seed gives the same parts; 1 unless given.
     jobs
         Worker processes.
     cluster
@@ -102,11 +104,11 @@ def benchmark(
         A reader of your own, module:function, that takes an ExamPart (pipeline.benchmark.readers.own_reader) and gives
         its text.
     height_mm
-        Character height, mm.
+        Character height, mm; 5 unless given.
     depth_mm
-        Depth of the marks, mm.
+        Depth of the marks, mm; 0.2 unless given.
     face
-        Face of the die.
+        Face of the die; flat unless given.
     fidelity
         How touch is simulated.
     inputs
@@ -119,14 +121,17 @@ def benchmark(
             raise CommandError("benchmark: --inputs and --truth go together", status=USAGE)
         if jobs < 1:
             raise CommandError(f"benchmark: jobs is {jobs}", hint="it must be at least 1", status=USAGE)
-        made = {"soil": soil, "dirt": dirt, "font": font, "format": format, "parts": parts, "give": give}
-        if inputs is not None and any(made[name] is not None for name in ("soil", "parts", "give")):
+        if parts is not None and parts < 1:
+            raise CommandError(f"benchmark: parts is {parts}", hint="it must be at least 1", status=USAGE)
+        of_folders = {"dirt": dirt, "font": font, "format": format}
+        of_made = {"soil": soil, "give": give, "seed": seed, "height-mm": height_mm, "depth-mm": depth_mm, "face": face}
+        if inputs is not None and (extra := _given({"parts": parts, **of_made})):
+            raise CommandError(f"benchmark: {extra} is for parts that are made", status=USAGE)
+        if design is not None and (extra := _given({"inputs": inputs, **of_folders, **of_made})):
             raise CommandError(
-                "benchmark: --soil, --parts and --give are for parts that are made", status=USAGE
-            )
-        if design is not None and (inputs is not None or any(value is not None for value in made.values())):
-            raise CommandError(
-                "benchmark: --design says what the parts are", hint="give it alone", status=USAGE
+                f"benchmark: --design says what the parts are, and so does {extra}",
+                hint="leave one of them out",
+                status=USAGE,
             )
         from pipeline.benchmark.exam.design import Design
         from pipeline.benchmark.exam.designed_parts import DesignedParts
@@ -147,11 +152,11 @@ def benchmark(
             reading = replace(reading, fonts=listed(font or ""))
             source = FolderParts.load(inputs, truth, _condition(listed(format or ""), _numbers(dirt or "")))
         elif design is not None:
-            source = DesignedParts(design_named(design))
+            source = DesignedParts(design_named(design), parts)
         else:
             source = DesignedParts(
                 Design.of(
-                    seed=seed,
+                    seed=1 if seed is None else seed,
                     parts_a_cell=200 if parts is None else parts,
                     cross=("font", "format", "soil", "severity"),
                     alike=True,
@@ -160,9 +165,9 @@ def benchmark(
                         "format": listed(format or "AA999999"),
                         "soil": listed(soil or "workshop"),
                         "severity": tuple(_numbers(dirt or "0,0.3,0.6,0.9")),
-                        "height_mm": (height_mm,),
-                        "depth_mm": (depth_mm,),
-                        "face": (face,),
+                        "height_mm": (5.0 if height_mm is None else height_mm,),
+                        "depth_mm": (0.2 if depth_mm is None else depth_mm,),
+                        "face": (face or "flat",),
                     },
                     given=tuple(give or ("format",)),
                 )
@@ -171,6 +176,11 @@ def benchmark(
         written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
     print_result(written)
     return 0
+
+
+def _given(flags: Mapping[str, object]) -> str:
+    """The first flag that was given; empty if none was."""
+    return next((f"--{name}" for name, value in flags.items() if value is not None), "")
 
 
 def _condition(formats: tuple[str, ...], severities: list[float]) -> Condition:

@@ -49,24 +49,24 @@ def export(
         from pipeline.workers.options import ExecutorOptions
         from pipeline.workers.pool import WorkerLostError
 
-        order = ExportOrder(DesignedParts(design_named(design)), felt=felt)
+        order = ExportOrder(DesignedParts(design_named(design), parts), felt=felt)
         if check:
             found = exporting.check(order, folder)
             for difference in found:
                 print(f"{difference.path}: {difference.problem}")
             if found:
                 raise CommandError(
-                    f"{len(found)} files differ from the manifest", hint="run the export again"
+                    f"the folder differs from its manifest, files: {len(found)}",
+                    hint="run the export again, and remove what is not in the manifest",
                 )
             print(f"{folder} is as its manifest says")
             return 0
-        total = len(order.parts.items()) if parts is None else parts
+        total = len(order.parts.items())
         with Progress() as progress, ExecutorOptions(jobs, cluster).opened(total) as executor:
             try:
                 written = exporting.export(
                     order,
                     folder,
-                    parts=parts,
                     executor=executor,
                     on_start=progress.start,
                     on_part=lambda _: progress.advance(),

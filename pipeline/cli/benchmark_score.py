@@ -67,8 +67,13 @@ def score(
         from pipeline.benchmark.trials.run import Benchmark
         from recognition.reader_settings import ReaderSettings
 
-        source = TruthParts.load(truth) if truth is not None else DesignedParts(design_named(design or ""))
-        items = source.items() if isinstance(source, TruthParts) else designed_items(source, first=parts)
+        source: TruthParts | DesignedParts
+        if truth is not None:
+            source = TruthParts.load(truth)
+            items = source.items()
+        else:
+            source = DesignedParts(design_named(design or ""), parts)
+            items = designed_items(source)
         read = {
             reader: load_answers(path, items, reader=reader, given=Given.parse(give))
             for reader, path in zip(names, readings, strict=True)

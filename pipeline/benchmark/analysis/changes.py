@@ -7,7 +7,7 @@ trials B --+                                         +--> flips: what became ano
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -124,7 +124,7 @@ def changes(
     if not shared:
         raise NotComparableError(
             "no reader is in both benchmarks with the same things given",
-            hint=f"A has {_named({key.reader for key in old})}; B has {_named({key.reader for key in new})}",
+            hint=f"A has {_readers(old)}. B has {_readers(new)}",
         )
     pairs = {(t.part, t.mode, t.given): t for t in before}
     flips = [
@@ -190,6 +190,10 @@ def _check_same_parts(before: Sequence[Trial], after: Sequence[Trial]) -> None:
 
 def _levels(trial: Trial) -> dict[str, Level]:
     return {name: level for name, level in trial.levels.items() if not name.endswith("_given")}
+
+
+def _readers(keys: Iterable[GroupKey]) -> str:
+    return "; ".join(sorted({key.reader for key in keys}))
 
 
 def _named(names: set[str]) -> str:

@@ -158,6 +158,8 @@ class Design(BaseModel):
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
             said = first["msg"].removeprefix("Value error, ")
+            if first["type"] == "extra_forbidden":
+                said = "a design has no such setting"
             raise SettingsError(f"{where}: {said}" if where else said, hint="correct the design") from error
 
     @classmethod

@@ -6,10 +6,11 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from itertools import islice
 from typing import Any, Final
 
 from glyphs.soiling.soiled import WORKSHOP, Soiling
-from pipeline.benchmark.exam.condition import Condition, Given, level_name
+from pipeline.benchmark.exam.condition import Condition, Given, Level, level_name
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.font_packages import font_file, font_mark
 from pipeline.benchmark.exam.specimens import Box, Item, Specimen
@@ -21,7 +22,8 @@ LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep"
 COUNTS = ("parts", "parts_a_cell")
 """Settings of a design that no part depends on."""
 _SPECIAL = ("soil", "severity", "light")
-_MADE = tuple(f.name for f in fields(SynthSpec) if f.name not in ("seed", "soiling"))
+_MADE = {f.name: f.type for f in fields(SynthSpec) if f.name not in ("seed", "soiling")}
+_KINDS: Final[dict[type, str]] = {float: "a number", bool: "true or false", str: "a word in quotes"}
 
 
 @dataclass(frozen=True)
@@ -30,17 +32,22 @@ class DesignedParts:
 
     Attributes:
         design: which.
+        first: so many of its parts; all unless given.
 
     Raises:
         FontError: a font that is not there, or another than the design's.
         FormatError: a format that no serial meets.
-        SettingsError: a factor that no part has, a light that there is not.
+        SettingsError: a factor that no part has, a level of another type, a light that there is not, more parts than
+            the design has.
         StampError: a die, plate, layout or soil that cannot be.
     """
 
     design: Design
+    first: int | None = None
 
     def __post_init__(self) -> None:
+        if self.first is not None and not 1 <= self.first <= self.design.n_parts:
+            raise SettingsError(f"parts is {self.first}", hint=f"the design has {self.design.n_parts}")
         for section in self.design.all_sections():
             levels = {**self.design.part, **section.part}
             for name in levels:
@@ -49,6 +56,8 @@ class DesignedParts:
                         f"a part has no factor {name!r}",
                         hint=f"the factors are {', '.join((*_SPECIAL, *_MADE))}",
                     )
+                for value in levels[name]:
+                    _check_type(name, value)
             first = {name: values[0] for name, values in levels.items()}
             for name, values in levels.items():
                 for value in values:
@@ -62,7 +71,7 @@ class DesignedParts:
     def items(self) -> list[Item]:
         """All of them, in the design's order: a run that is broken off has some of each cell."""
         found, place = [], -1
-        for section, number, replicate, condition in self.design.planned():
+        for section, number, replicate, condition in islice(self.design.planned(), self.first):
             place += number == 0  # the next section begins
             name = "-".join([*([section.name] if section.name else []),
                              *(_named(condition, factor) for factor in self.design.cross)])  # fmt: skip
@@ -118,6 +127,20 @@ class DesignedParts:
         named = [f for s in self.design.all_sections() for f in {**self.design.part, **s.part}["font"]]
         plain["font_files"] = [font_mark(str(f), self.design.fonts) for f in dict.fromkeys(named)]
         return plain
+
+
+def _check_type(factor: str, level: Level) -> None:
+    """Whether a level is a number where the factor takes numbers, and so on; a severity is checked by the design.
+
+    Raises:
+        SettingsError: it is not.
+    """
+    if factor == "severity":
+        return
+    annotation = str(_MADE.get(factor, "str"))
+    kind = next((k for k in _KINDS if k.__name__ in annotation), str)
+    if not isinstance(level, kind) or (kind is float and isinstance(level, bool)):
+        raise SettingsError(f"a {factor} is {level!r}", hint=f"it is {_KINDS[kind]}")
 
 
 def _named(condition: Condition, factor: str) -> str:

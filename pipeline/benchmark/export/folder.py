@@ -29,7 +29,6 @@ from pipeline.benchmark.export.exported_part import (
 from pipeline.benchmark.export.label_files import label_files
 from pipeline.common.atomic import replacing
 from pipeline.common.run_description import differences
-from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import Executor, InlineExecutor
 
 MANIFEST, PAGE = "manifest.json", "README.md"
@@ -57,17 +56,15 @@ def export(
     order: ExportOrder,
     folder: Path,
     *,
-    parts: int | None = None,
     executor: Executor | None = None,
     on_start: Callable[[int, int], None] | None = None,
     on_part: Callable[[str], None] | None = None,
 ) -> int:
-    """Write the exam; what the folder holds already, and is whole, stays.
+    """Write the exam; what the folder holds already, and is whole, stays. More parts later go on from there.
 
     Args:
         order: what to write.
         folder: for it; made if need be.
-        parts: the first so many of the design; all unless given. More later go on from there.
         executor: who works; this process unless given.
         on_start: called with how many parts there are and how many of these are there already.
         on_part: called with the name of every part when it is written.
@@ -78,12 +75,8 @@ def export(
     Raises:
         ExportError: parts that could not be made; the others are written.
         FileError: the folder holds something else, or cannot be written.
-        SettingsError: more parts than the design has, or less than one.
     """
     items = order.parts.items()
-    if parts is not None and not 1 <= parts <= len(items):
-        raise SettingsError(f"parts is {parts}", hint=f"the design has {len(items)}")
-    items = items[:parts]
     _prepare(order, folder)
     labels = {item.part: label for item in items if (label := _whole(folder, item)) is not None}
     if on_start is not None:
@@ -154,11 +147,10 @@ def _prepare(order: ExportOrder, folder: Path) -> None:
         if occupied:
             if held is None:
                 raise FileError(folder, "is not empty and holds no export", "name another folder")
-            same = {name: held.get(name) for name in ("design", "program")}
-            now = {name: new[name] for name in same}
-            if same != now:
+            was, now = ({**(card.get("design") or {}), "program": card.get("program")} for card in (held, new))
+            if was != now:
                 raise FileError(
-                    folder, f"holds another export ({differences(same, now)})", "name another folder"
+                    folder, f"holds another export ({differences(was, now)})", "name another folder"
                 )
         for name in FOLDERS:
             (folder / name).mkdir(exist_ok=True)

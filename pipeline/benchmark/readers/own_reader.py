@@ -125,9 +125,12 @@ class OwnMode:
         """Ask the function.
 
         Raises:
-            MarksError: it gives something else than a text or an answer.
+            MarksError: it gives something else than a text or an answer, or ends the program.
         """
-        said = self._read(ExamPart(senses, self._settings))
+        try:
+            said = self._read(ExamPart(senses, self._settings))
+        except SystemExit as error:
+            raise MarksError("the reader wanted to end the program", hint="let it raise an error") from error
         answer = Answer(said) if isinstance(said, str) else said
         if not isinstance(answer, Answer):
             raise MarksError(f"the reader gave a {type(said).__name__}", hint="give a text or an Answer")

@@ -25,9 +25,9 @@ def design_words(parts: Mapping[str, Any], n_parts: int, given: Sequence[str]) -
         rows = [("design", str(parts.get("name", ""))), *_factors(parts, n_parts)]
     elif "folder" in parts:
         rows.append(("made elsewhere", ", ".join(map(str, parts["folder"]))))
-    told = "; ".join(g.replace(",", ", ") for g in given)
+    things = "; ".join(g.replace(",", ", ") for g in given)
     often = f" ({len(given)} readings of every part)" if len(given) > 1 else ""
-    return [*rows, ("readers are given", f"{told}{often}")]
+    return [*rows, ("readers are given", f"{things}{often}")]
 
 
 def _factors(design: Mapping[str, Any], n_parts: int) -> list[tuple[str, str]]:

@@ -20,7 +20,6 @@ from pipeline.benchmark.readers.own_reader import Answer, reading_of_answer
 from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.benchmark.trials.journal import Trial, answer_of
 from pipeline.common.run_description import key_of
-from pipeline.common.settings import SettingsError
 from pipeline.files.truth import PartLine, load_part_lines
 
 _DECISIONS = ("accept", "review", "reject")
@@ -74,20 +73,9 @@ class TruthParts:
         return {"truth": key_of({item.part: item.truth for item in self.known})}
 
 
-def designed_items(parts: DesignedParts, *, first: int | None = None) -> list[Item]:
-    """The parts of a design with their truth; none of them is made.
-
-    Args:
-        parts: of the design.
-        first: so many; all unless given.
-
-    Raises:
-        SettingsError: more than the design has, or less than one.
-    """
-    items = parts.items()
-    if first is not None and not 1 <= first <= len(items):
-        raise SettingsError(f"parts is {first}", hint=f"the design has {len(items)}")
-    return [replace(item, truth=parts.truth_of(item)) for item in items[:first]]
+def designed_items(parts: DesignedParts) -> list[Item]:
+    """The parts of a design with their truth; none of them is made."""
+    return [replace(item, truth=parts.truth_of(item)) for item in parts.items()]
 
 
 @dataclass(frozen=True)

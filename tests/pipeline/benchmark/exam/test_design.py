@@ -106,7 +106,7 @@ def test_parts_of_a_design_without_sections_are_numbered_from_nought() -> None:
         ({"part": {"severity": [0.3, 1.5]}}, "lies between 0 and 1"),
         ({"part": {"height_mm": []}}, "at least one level"),
         ({"part": {"height_mm": [5, 5]}}, "each once"),
-        ({"severities": [0.3]}, "Extra inputs are not permitted"),
+        ({"severities": [0.3]}, "severities: a design has no such setting"),
         ({"given": ()}, "name at least one"),
     ],
 )
@@ -122,6 +122,10 @@ def test_what_cannot_be_is_named(change: dict[str, Any], said: str) -> None:
         ({"light": "moon"}, SettingsError, "no light 'moon'"),
         ({"soil": "mould"}, StampError, "no soil 'mould'"),
         ({"font": "Comic"}, FontError, "Comic"),
+        ({"format": 9}, SettingsError, "a format is 9.0; it is a word in quotes"),
+        ({"height_mm": "tall"}, SettingsError, "a height_mm is 'tall'; it is a number"),
+        ({"raised": "yes"}, SettingsError, "a raised is 'yes'; it is true or false"),
+        ({"soil": True}, SettingsError, "a soil is True"),
     ],
 )
 def test_parts_that_cannot_be_made_are_named(part: dict[str, Any], error: type[Exception], said: str) -> None:

@@ -38,16 +38,21 @@ def faulty(part: ExamPart) -> float:
     return 0.5
 
 
+def ends(part: ExamPart) -> str:
+    raise SystemExit(3)
+
+
 def test_it_meets_the_part_and_its_answer_counts(tmp_path: Path) -> None:
     parts = designed_parts(given=("format", "height"))
     reading = ReaderSettings(fidelity=Fidelity.POINTWISE)
-    names = tuple(f"{__name__}:{own.__name__}" for own in (look, by_text, faulty))
+    names = tuple(f"{__name__}:{own.__name__}" for own in (look, by_text, faulty, ends))
     trials = run_benchmark(Benchmark(parts, names, reading), tmp_path)
-    first, text, fault, _, unformatted, _ = trials
+    first, text, fault, ended, _, unformatted, *_ = trials
     assert (first.text, first.accepted, first.confidence) == ("A1", True, pytest.approx(0.81))
     assert [c.confidence for c in first.characters] == pytest.approx([0.9, 0.9])
     assert (text.text, text.decision, unformatted.text) == ("A1", "review", "B2")
     assert "gave a float" in fault.error
+    assert "wanted to end the program" in ended.error
     assert (SHOWN["format"], SHOWN["height"], SHOWN["fonts"]) == (None, 5.0, ())  # as the last was given
     (relief, pitch_mm), (surface, _) = SHOWN["relief"], SHOWN["surface"]
     deep = float(np.nanmin(surface))
