@@ -7,7 +7,7 @@ from .fonts.glyph import Font, FontError, Glyph
 from .fonts.outlines import BUILTIN_FONTS, load_font
 from .fonts.serials import FormatError, allowed_characters, random_text
 from .part import Part, stamp
-from .soiling.coat import Look
+from .soiling.coat import Coat, Look
 from .soiling.soil import Soil
 from .soiling.soiled import SoiledPart, Soiling, soil_part
 from .soiling.soils import SOILS, SoilModel
@@ -33,6 +33,7 @@ __all__ = [
     "PRACTICES",
     "SOILS",
     "Camera",
+    "Coat",
     "DatabaseError",
     "Die",
     "Dirt",

@@ -1,3 +1,8 @@
+from .benchmark.exam.design import Design
+from .benchmark.exam.designed_parts import DesignedParts
+from .benchmark.exam.editions import design_named
+from .benchmark.readers.own_reader import Answer, ExamPart
+from .benchmark.trials.run import Benchmark, run_benchmark
 from .common.records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from .common.row import Row
 from .common.settings import ReadSettings, SettingsError
@@ -9,8 +14,13 @@ from .reading.as_record import reading_record
 from .reading.part_reader import Mode, PartReader
 
 __all__ = [
+    "Answer",
+    "Benchmark",
     "CandidateRecord",
     "CharacterRecord",
+    "Design",
+    "DesignedParts",
+    "ExamPart",
     "Mode",
     "Part",
     "PartReader",
@@ -19,11 +29,13 @@ __all__ = [
     "RivalRecord",
     "Row",
     "SettingsError",
+    "design_named",
     "discover",
     "read",
     "read_height_map",
     "read_photo",
     "read_scan",
     "reading_record",
+    "run_benchmark",
     "write_photo",
 ]

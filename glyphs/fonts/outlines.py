@@ -6,6 +6,7 @@ strokes as `futural`, `futuram` and `timesrb` for every letter and figure.
 
 from __future__ import annotations
 
+import logging
 import string
 from functools import cache, lru_cache
 from pathlib import Path
@@ -132,6 +133,8 @@ def _from_file(path: str, mtime_ns: int, size: int) -> Font:
     """Read a font file; the time and size are only there to notice that the file has changed."""
     from fontTools.ttLib import TTFont
 
+    # it warns of odd dates in a font's header, which nobody here asks for
+    logging.getLogger("fontTools.ttLib.tables._h_e_a_d").setLevel(logging.ERROR)
     try:
         with TTFont(path, fontNumber=0, lazy=True) as file:
             return _outlined_font(file, path)

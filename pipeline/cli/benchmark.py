@@ -74,8 +74,8 @@ def benchmark(
         Which parts, and what readers are given of them: marks-exam-1, marks-exam-1-240, marks-exam-1-48, or a TOML
         file of your own. In place of the flags that say what parts are, but for --parts.
     soil
-        What the dirt is, several separated by commas, each on parts of its own: workshop unless given, caked, rust, paint, weld, mud, wear,
-        casting, module:function of your own; rust+paint is one over the other.
+        What the dirt is, several separated by commas, each on parts of its own: workshop unless given, caked, rust,
+        paint, weld, mud, wear, casting, module:function of your own; rust+paint is one over the other.
     dirt
         How dirty, 0 to 1, separated by commas; 0,0.3,0.6,0.9 unless given. Of --inputs: theirs, if known.
     parts
@@ -101,8 +101,7 @@ def benchmark(
         Let RapidOCR and Tesseract read the line as photographed, as felt (edges, relief) and as it is (ideal), for
         comparison (extra peers).
     reader
-        A reader of your own, module:function, that takes an ExamPart (pipeline.benchmark.readers.own_reader) and gives
-        its text.
+        A reader of your own, module:function, that takes a pipeline.ExamPart and gives its text.
     height_mm
         Character height, mm; 5 unless given.
     depth_mm
@@ -124,7 +123,14 @@ def benchmark(
         if parts is not None and parts < 1:
             raise CommandError(f"benchmark: parts is {parts}", hint="it must be at least 1", status=USAGE)
         of_folders = {"dirt": dirt, "font": font, "format": format}
-        of_made = {"soil": soil, "give": give, "seed": seed, "height-mm": height_mm, "depth-mm": depth_mm, "face": face}
+        of_made = {
+            "soil": soil,
+            "give": give,
+            "seed": seed,
+            "height-mm": height_mm,
+            "depth-mm": depth_mm,
+            "face": face,
+        }
         if inputs is not None and (extra := _given({"parts": parts, **of_made})):
             raise CommandError(f"benchmark: {extra} is for parts that are made", status=USAGE)
         if design is not None and (extra := _given({"inputs": inputs, **of_folders, **of_made})):

@@ -81,8 +81,8 @@ def synth(
     dirt
         How dirty, 0 to 1.
     soil
-        What the dirt is; of several, separated by commas, the first lies lowest: workshop, caked, rust, paint, weld, mud, wear, casting, or
-        module:function of your own. The workshop's is a mixture of the seven kinds that follow.
+        What the dirt is; of several, separated by commas, the first lies lowest: workshop, caked, rust, paint, weld,
+        mud, wear, casting, or module:function of your own. The workshop's is a mixture of the seven kinds that follow.
     grime
         Grime caked into the grooves, 0 to 1, in place of its share of the mixture; likewise the next six.
     oil

@@ -183,7 +183,7 @@ def test_pages_and_reports_find_their_templates_and_styles(installed: Installed)
     program = """
 import jinja2
 from pathlib import Path
-from pipeline.benchmark.report.writing import report
+from pipeline.benchmark.report import writing as report
 from pipeline.benchmark.trials.run import Benchmark
 from recognition.reader_settings import ReaderSettings
 from pipeline.benchmark.exam.design import Design

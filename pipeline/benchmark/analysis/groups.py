@@ -53,7 +53,7 @@ class GroupKey:
     def reader(self) -> str:
         """The mode, and what it was given where that differs between groups."""
         given = self.level(GIVEN_FACTOR)
-        return self.mode if given is None else f"{self.mode}, given {given}"
+        return self.mode if given is None else f"{self.mode}, given {str(given).replace(',', ', ')}"
 
     def among(self, **levels: Level) -> bool:
         """Whether it is of these levels."""

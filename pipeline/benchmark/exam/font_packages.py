@@ -28,8 +28,8 @@ def font_file(font: str, packaged: Mapping[str, PackagedFont]) -> str | Path:
     except PackageNotFoundError as error:
         raise FontError(
             f"the font {font} comes with the package {wanted.package}, which is not installed",
-            hint=f'install it with: pip install "{wanted.package}=={wanted.version}", or all fonts of the editions with: '
-            'pip install "tactile-marks[exam]"',
+            hint=f'install it with: pip install "{wanted.package}=={wanted.version}"; '
+            'of the editions all, with: pip install "tactile-marks[exam]"',
         ) from error
     if not path.is_file() or _sha256(path) != wanted.sha256:
         raise FontError(

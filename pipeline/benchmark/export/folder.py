@@ -147,7 +147,9 @@ def _prepare(order: ExportOrder, folder: Path) -> None:
         if occupied:
             if held is None:
                 raise FileError(folder, "is not empty and holds no export", "name another folder")
-            was, now = ({**(card.get("design") or {}), "program": card.get("program")} for card in (held, new))
+            was, now = (
+                {**(card.get("design") or {}), "program": card.get("program")} for card in (held, new)
+            )
             if was != now:
                 raise FileError(
                     folder, f"holds another export ({differences(was, now)})", "name another folder"

@@ -100,7 +100,7 @@ def confusion_figure(confused: Confusion, title: str) -> Figure:
     figure = Figure(figsize=(1.4 + 0.21 * columns, 1.3 + 0.2 * rows), layout="constrained")
     axes = figure.subplots()
     totals = np.maximum(1, confused.counts.sum(axis=1, keepdims=True))
-    same = np.array([[t == r for r in confused.read] for t in confused.true], dtype=bool).reshape(rows, columns)
+    same = np.array([[t == r for r in confused.read] for t in confused.true])
     shares = confused.counts / totals
     picture = np.ones((rows, columns, 3))
     picture[same] = 1.0 - shares[same][:, None] * (1.0 - np.array([0.72, 0.86, 0.80]))

@@ -145,7 +145,7 @@ def _confusions(groups: Sequence[Group]) -> Iterator[tuple[str, str, list[tuple[
         mistakes = group.confused.mistakes()
         total = sum(n for *_, n in mistakes)
         picture = ""
-        if mode not in PEERS:
+        if mode not in PEERS and group.confused.counts.size:  # there is none where every part failed
             title = f"{mode}: {total} mistakes in {group.characters.total} characters"
             picture = inlined(report_curves.confusion_figure(group.confused, title))
         yield mode, picture, mistakes[:_MOST_MISTAKES], total

@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.benchmark.analysis.changes import Flip, NotComparableError, changes, flip_of
 from pipeline.benchmark.exam.specimens import Item
+from pipeline.benchmark.report import change_report
 from pipeline.benchmark.report.worst_parts import WorstPart
-from pipeline.benchmark.report.writing import change_report
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from pipeline.benchmark.trials.remade import remade
 from pipeline.benchmark.trials.run import Benchmark
@@ -66,15 +66,15 @@ def test_readings_are_paired_by_part_and_what_was_given() -> None:
     found = changes(trials("B" * 12), trials(after))
     assert found.parts == 6
     assert [(row.compared.first.reader, row.compared.parts) for row in found.overall] == [
-        ("tactile, given format", 6), ("tactile, given font,format", 6),
+        ("tactile, given format", 6), ("tactile, given font, format", 6),
     ]  # fmt: skip
     assert [row.compared.serials.only_first for row in found.overall] == [0, 3]
     by_level = {
         (r.compared.first.reader, r.level): r.compared for r in found.by_factor if r.factor == "severity"
     }
-    assert by_level["tactile, given font,format", 0.3].characters.difference == 1.0
-    assert by_level["tactile, given font,format", 0.6].characters.difference == 0.0
-    assert found.counts["tactile, given font,format"] == {Flip.GAINED: 3}
+    assert by_level["tactile, given font, format", 0.3].characters.difference == 1.0
+    assert by_level["tactile, given font, format", 0.6].characters.difference == 0.0
+    assert found.counts["tactile, given font, format"] == {Flip.GAINED: 3}
 
 
 def test_other_parts_are_refused() -> None:

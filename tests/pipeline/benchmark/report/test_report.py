@@ -10,11 +10,14 @@ from pathlib import Path
 import pytest
 
 from pipeline.benchmark.analysis.bounds import bounded
+from pipeline.benchmark.analysis.confusion import confusion
 from pipeline.benchmark.analysis.statistics import statistics_of
 from pipeline.benchmark.analysis.targets import Outcome, at_most, verdicts
 from pipeline.benchmark.exam.specimens import Item
+from pipeline.benchmark.report import writing as report
+from pipeline.benchmark.report.charts import inlined
+from pipeline.benchmark.report.curves import confusion_figure
 from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked, rank_worst
-from pipeline.benchmark.report.writing import report
 from pipeline.benchmark.trials.journal import ReadCharacter, Trial
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
@@ -258,10 +261,40 @@ def test_two_parts_from_the_command_line(
         (["--dirt", "a"], "numbers separated by commas"),
         (["--dirt", "2"], "between 0 and 1"),
         (["--mode", "smell"], "no mode 'smell'"),
+        (["--parts", "0"], "parts is 0"),
+        (["--design", "marks-exam-1-48", "--depth-mm", "0.1"], "and so does --depth-mm"),
+        (["--design", "marks-exam-1-48", "--parts", "49"], "the design has 48"),
+        (["--inputs", "x", "--truth", "y"], "--parts is for parts that are made"),
     ],
 )
 def test_bad_usage_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], more: list[str], complaint: str
 ) -> None:
-    assert main(["benchmark", "--out", str(tmp_path / "o"), "--parts", "1", *more]) == 2
+    assert (
+        main(
+            [
+                "benchmark",
+                "--out",
+                str(tmp_path / "o"),
+                *([] if "--parts" in more else ["--parts", "1"]),
+                *more,
+            ]
+        )
+        == 2
+    )
     assert complaint in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("error")
+def test_confusions_are_drawn_of_any_script() -> None:
+    said = Trial("a", 0, {}, "mine:read", "AB", "A中", "review")
+    assert inlined(confusion_figure(confusion([said]), "any")).startswith("data:image/svg")
+
+
+def test_a_page_is_written_of_parts_that_all_failed(tmp_path: Path) -> None:
+    failed = Trial(
+        designed_parts().items()[0].part, 0, {"severity": 0.3}, "tactile", "", error="MarksError: no land"
+    )
+    benchmark = Benchmark(designed_parts(), ("tactile",), ReaderSettings())
+    done = report.write_report(benchmark, [failed], tmp_path, command="x")
+    assert "no land" in done.page.read_text(encoding="utf-8")
