@@ -17,7 +17,7 @@ from glyphs.surface.noise import Field
 
 @cache
 def _clean(height_mm: float = 5.0, raised: bool = False) -> Coat:
-    part = stamp("KX407251", height_mm=height_mm, pitch_mm=height_mm / 100, raised=raised, seed=2).stamped
+    part = stamp("KX40", height_mm=height_mm, pitch_mm=height_mm / 100, raised=raised, seed=2).stamped
     return bare_coat(part, rng=np.random.default_rng(0))
 
 

@@ -22,15 +22,23 @@ every_soil = pytest.mark.parametrize("soil", SOILS)
 
 @cache
 def _stamped(raised: bool = False, height_mm: float = 5.0) -> StampedPart:
-    return stamp("B4", height_mm=height_mm, pitch_mm=height_mm / 60, raised=raised, seed=5).stamped
+    return stamp("B4", height_mm=height_mm, pitch_mm=height_mm / 40, raised=raised, seed=5).stamped
 
 
+@cache
 def _coat(raised: bool = False, height_mm: float = 5.0) -> Coat:
-    return bare_coat(_stamped(raised, height_mm), rng=np.random.default_rng(1))
+    """A bare part that no soil may write to."""
+    coat = bare_coat(_stamped(raised, height_mm), rng=np.random.default_rng(1))
+    for name in ARRAYS:
+        getattr(coat, name).flags.writeable = False
+    return coat
 
 
-def _soiled(soil: str, amount: float, seed: int = 0, raised: bool = False, height_mm: float = 5.0) -> Coat:
+def _laid(soil: str, amount: float, seed: int = 0, raised: bool = False, height_mm: float = 5.0) -> Coat:
     return soil_model(soil)(_coat(raised, height_mm), amount, rng=np.random.default_rng(seed))
+
+
+_soiled = cache(_laid)
 
 
 @every_soil
@@ -57,14 +65,16 @@ def test_what_comes_out_is_a_surface(soil: str, amount: float, raised: bool, hei
     for name, least in (("albedo", 0.0), ("roughness", 1e-3), ("reflectance", 0.0)):
         assert least <= getattr(soiled, name).min(), name
         assert getattr(soiled, name).max() <= 1.0, name
-    # what yields was laid on, so it is no thicker than what stands over the deepest the part was ever cut to
-    assert (soiled.soft_mm <= np.maximum(soiled.z_mm - clean.z_mm.min() + 0.5, 0.0) + 1e-4).all()
+    # what yields was laid on, so it is no thicker than what stands over the deepest the part was ever cut to; pits and
+    # dishes are up to half a millimetre deep, and in large castings up to a tenth of a character's height
+    deepest_mm = clean.z_mm.min() - max(0.5, 0.1 * height_mm)
+    assert (soiled.soft_mm <= np.maximum(soiled.z_mm - deepest_mm, 0.0) + 1e-4).all()
     np.testing.assert_array_equal(soiled.clean_mm, clean.clean_mm)
 
 
 @every_soil
 def test_the_same_seed_lays_the_same(soil: str) -> None:
-    first, again, other = (_soiled(soil, 0.6, seed) for seed in (3, 3, 4))
+    first, again, other = (_laid(soil, 0.6, seed) for seed in (3, 3, 4))
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(first, name), getattr(again, name), err_msg=name)
     assert (first.z_mm != other.z_mm).any()
