@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 CONFIDENCE_LEVEL = 0.95
 
@@ -16,12 +16,19 @@ class Share:
         total: of how many.
         low: lower end of Wilson's 95 % interval; 0 of nothing.
         high: upper end; 1 of nothing.
+
+    Raises:
+        ValueError: more than all, or fewer than none.
     """
 
     count: int
     total: int
     low: float
     high: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.count <= self.total:
+            raise ValueError(f"{self.count} of {self.total} is not a share")
 
     @property
     def value(self) -> float:
@@ -35,11 +42,10 @@ def share(count: int, total: int) -> Share:
     Raises:
         ValueError: more than all, or fewer than none.
     """
-    if not 0 <= count <= total:
-        raise ValueError(f"{count} of {total} is not a share")
+    unknown = Share(count, total, 0.0, 1.0)
     if total == 0:
-        return Share(0, 0, 0.0, 1.0)
+        return unknown
     from scipy.stats import binomtest
 
     interval = binomtest(count, total).proportion_ci(CONFIDENCE_LEVEL, method="wilson")
-    return Share(count, total, float(interval.low), float(interval.high))
+    return replace(unknown, low=float(interval.low), high=float(interval.high))

@@ -7,31 +7,12 @@ wrong among 6 parts therefore shows no more than "at most 39 %"; "at most 1 in 1
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from pipeline.common.shares import CONFIDENCE_LEVEL
+from pipeline.common.shares import CONFIDENCE_LEVEL, Share
 
 
-@dataclass(frozen=True)
-class Bounded:
-    """k of n, with its exact one-sided bounds.
-
-    Attributes:
-        count: how many.
-        total: of how many.
-        low: lower bound at 95 %; 0 of nothing.
-        high: upper bound at 95 %; 1 of nothing.
-    """
-
-    count: int
-    total: int
-    low: float
-    high: float
-
-    @property
-    def value(self) -> float:
-        """The share; 0 of nothing."""
-        return self.count / self.total if self.total else 0.0
+class Bounded(Share):
+    """A share whose `low` and `high` are exact one-sided bounds at 95 %, each by itself."""
 
 
 def bounded(count: int, total: int) -> Bounded:
@@ -40,8 +21,6 @@ def bounded(count: int, total: int) -> Bounded:
     Raises:
         ValueError: more than all, or fewer than none.
     """
-    if not 0 <= count <= total:
-        raise ValueError(f"{count} of {total} is not a share")
     from scipy.stats import beta
 
     chance = 1.0 - CONFIDENCE_LEVEL

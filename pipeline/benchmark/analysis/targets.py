@@ -97,7 +97,7 @@ def verdicts(statistics: Statistics, targets: tuple[Target, ...] = TARGETS) -> l
 
 
 def _verdict(target: Target, group: Group) -> Verdict:
-    measured: Share | Bounded = getattr(group, target.measure)
+    measured: Share = getattr(group, target.measure)
     text = f"{measured.value:.2%} ({measured.count} of {measured.total}; "
     if isinstance(measured, Bounded):
         outcome, sure = at_most(measured, target.limit)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from glyphs.errors import MarksError
-from pipeline.benchmark.analysis.bounds import Bounded
 from pipeline.benchmark.analysis.factors import Estimate, FactorEffect, LevelEffect, factor_name
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.report.charts import severity_name
@@ -83,7 +82,7 @@ def bars(effect: FactorEffect) -> tuple[float, list[tuple[LevelEffect, Bar]]]:
     ]  # fmt: skip
 
 
-def percent(share: Share | Bounded | Estimate) -> str:
+def percent(share: Share | Estimate) -> str:
     """A share: "97.25 %"."""
     return f"{100 * share.value:.2f} %"
 

@@ -30,7 +30,7 @@ from pipeline.benchmark.exam.specimens import Specimen
 from pipeline.workers.executors import InlineExecutor
 
 EDITION = "marks-exam-1-48"
-SMALL = ("dotted-0.3-rust-0000", "first-0.3-caked-0000", "first-0.9-casting-0000")
+SMALL = ("dotted-0-rust-0000", "first-0.3-caked-0000", "first-0.9-casting-0000")
 TINY = """
 parts = 2
 [part]
