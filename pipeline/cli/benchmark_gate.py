@@ -71,8 +71,6 @@ def gate(
             save_floors(raised(found, floors), FLOORS_FILE)
             print(f"wrote {FLOORS_FILE}")
             return 0
-        if not floors:
-            raise CommandError("there are no floors to compare with", hint="set them with --raise")
         if worse := objections(found, floors):
             raise CommandError("worse than the floors: " + "; ".join(worse))
         print("no worse than the floors")

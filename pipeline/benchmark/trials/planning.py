@@ -50,8 +50,9 @@ def foresight(items: Sequence[Item], crossed: Sequence[str]) -> str:
         return "no parts"
     fewest = min(cells.values())
     of = f"{len(cells)} cells of {fewest}" if len(cells) > 1 else f"{fewest}"
+    parts = "part" if fewest == 1 else "parts"
     return (
-        f"{of} parts: serials ±{half_width(fewest, WORST_SHARE):.0%} at worst, "
+        f"{of} {parts}: serials ±{half_width(fewest, WORST_SHARE):.0%} at worst, "
         f"±{half_width(fewest, GOOD_SHARE):.0%} near {GOOD_SHARE:.0%}; "
         f"±{WANTED:.0%} takes {parts_needed(WANTED, WORST_SHARE):,} or {parts_needed(WANTED, GOOD_SHARE):,}"
     )
