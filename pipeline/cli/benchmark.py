@@ -90,7 +90,8 @@ def benchmark(
         Masks of the serials, separated by commas; AA999999 unless given. Of --inputs: theirs, if known.
     give
         What the reader is given beside the part: font, height, format, several separated by commas, or nothing; the
-        format alone unless given. Repeat it to read every part with each: --give format --give font,format.
+        format alone, or what the design says, unless given. Repeat it to read every part with each:
+        --give format --give font,format.
     seed
         Of everything random: the same seed gives the same parts; 1 unless given.
     jobs
@@ -125,13 +126,12 @@ def benchmark(
         of_folders = {"dirt": dirt, "font": font, "format": format}
         of_made = {
             "soil": soil,
-            "give": give,
             "seed": seed,
             "height-mm": height_mm,
             "depth-mm": depth_mm,
             "face": face,
         }
-        if inputs is not None and (extra := _given({"parts": parts, **of_made})):
+        if inputs is not None and (extra := _given({"parts": parts, "give": give, **of_made})):
             raise CommandError(f"benchmark: {extra} is for parts that are made", status=USAGE)
         if design is not None and (extra := _given({"inputs": inputs, **of_folders, **of_made})):
             raise CommandError(
@@ -158,7 +158,7 @@ def benchmark(
             reading = replace(reading, fonts=listed(font or ""))
             source = FolderParts.load(inputs, truth, _condition(listed(format or ""), _numbers(dirt or "")))
         elif design is not None:
-            source = DesignedParts(design_named(design), parts)
+            source = DesignedParts(design_named(design).giving(tuple(give or ())), parts)
         else:
             source = DesignedParts(
                 Design.of(

@@ -182,6 +182,15 @@ class Design(BaseModel):
         except SettingsError as error:
             raise FileError(path, error.what, error.hint) from error
 
+    def giving(self, given: tuple[str, ...]) -> Design:
+        """The same parts, for readers that are given something else.
+
+        Raises:
+            SettingsError: what no reader can be given.
+        """
+        checked = tuple(str(Given.parse(text)) for text in given)
+        return self.model_copy(update={"given": checked}) if checked else self
+
     def all_sections(self) -> tuple[Section, ...]:
         """The sections; a design without is one."""
         cells = math.prod(len(self.part.get(name, ())) for name in self.cross)

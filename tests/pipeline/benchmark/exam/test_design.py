@@ -159,6 +159,16 @@ def test_what_a_reader_is_given(text: str, levels: tuple[bool, ...]) -> None:
     assert Given.parse(str(found)) == found
 
 
+def test_a_designs_parts_may_be_read_by_others() -> None:
+    made = design(given=("format",))
+    assert made.giving(()) is made
+    other = made.giving(("height,font", "nothing"))
+    assert other.given == ("font,height", "nothing")
+    assert list(other.planned()) == list(made.planned())
+    with pytest.raises(SettingsError, match="cannot be given"):
+        made.giving(("serial",))
+
+
 def test_a_condition_knows_what_it_was_not_given() -> None:
     known, unknown = Condition(severity=0.5, font="a/b/Bold.ttf"), Condition()
     assert (known.severity, known.levels["font"]) == (0.5, "Bold")
