@@ -178,7 +178,8 @@ def benchmark(
                     given=tuple(give or ("format",)),
                 )
             )
-        chosen = listed(mode) + (tuple(PEERS) if peers else ()) + tuple(reader or ())
+        named = listed(mode) + tuple(reader or ())
+        chosen = named + tuple(peer for peer in PEERS if peers and peer not in named)
         written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
     print_result(written)
     return 0

@@ -49,7 +49,9 @@ class Benchmark:
 
     def __post_init__(self) -> None:
         if not self.modes or len(set(self.modes)) != len(self.modes):
-            raise SettingsError(f"modes are {self.modes}", hint="give at least one, each once")
+            raise SettingsError(
+                f"the modes are {', '.join(self.modes) or 'none'}", hint="give at least one, each once"
+            )
 
     def description(self) -> dict[str, Any]:
         """All that the answers depend on, in plain JSON values; not how many parts there are."""

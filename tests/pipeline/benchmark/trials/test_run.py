@@ -77,7 +77,7 @@ class Echo:
 
 @pytest.fixture(autouse=True)
 def echo(monkeypatch: pytest.MonkeyPatch) -> None:
-    from pipeline.benchmark.trials.journal import run as benchmark
+    from pipeline.benchmark.trials import run as benchmark
 
     monkeypatch.setitem(benchmark_modes.MODES, "echo", Echo)
     benchmark._mode.cache_clear()
