@@ -13,10 +13,10 @@ from zlib import crc32
 
 import numpy as np
 
-from glyphs.soiling.coat import Look, bare_coat
+from glyphs.soiling.coat import Coat, Look, bare_coat
 from glyphs.soiling.severity import amount_of
 from glyphs.soiling.soil import Soil
-from glyphs.soiling.soils import soil_model
+from glyphs.soiling.soils import SOILS, soil_model
 from glyphs.soiling.workshop.mixture import Dirt, mixed
 from glyphs.stamping.stamp import StampedPart
 from glyphs.stamping.variation import StampError
@@ -105,6 +105,7 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
 
     Raises:
         MapError: dropouts in the part's height map.
+        StampError: a soil of one's own that fails, or gives something else than a surface of the same grid.
     """
     streams = _Streams(rng)
     coat = bare_coat(part, rng=streams.look)
@@ -114,13 +115,30 @@ def soil_part(part: StampedPart, soiling: Soiling, *, rng: np.random.Generator) 
             if soiling.mixture is not None:
                 coat = mixed(coat, soiling.mixture, rng=stream)
             else:
-                coat = soil_model(name)(coat, amount_of(name, soiling.severity), rng=stream)
+                coat = _laid(coat, name, amount_of(name, soiling.severity), rng=stream)
     return SoiledPart(
         part=part,
         height_map=part.height_map if soiling.clean else HeightMap(coat.z_mm, coat.pitch_mm),
         soil=Soil(coat.soft_mm, coat.hardness_mpa, coat.friction),
         look=Look(coat.albedo, coat.roughness, coat.reflectance),
     )
+
+
+def _laid(coat: Coat, name: str, amount: float, *, rng: np.random.Generator) -> Coat:
+    """One soil on a surface; what a soil of one's own does wrong is said of it, and is no fault of the program."""
+    model = soil_model(name)
+    if name in SOILS:
+        return model(coat, amount, rng=rng)
+    try:
+        laid = model(coat, amount, rng=rng)
+    except Exception as error:
+        raise StampError(
+            f"the soil {name!r} failed ({type(error).__name__}: {error})", hint="correct it"
+        ) from error
+    if not isinstance(laid, Coat) or np.shape(laid.z_mm) != coat.shape:
+        what = f"a surface of shape {np.shape(laid.z_mm)}" if isinstance(laid, Coat) else type(laid).__name__
+        raise StampError(f"the soil {name!r} gives {what}", hint=f"give a Coat of shape {coat.shape}")
+    return laid
 
 
 class _Streams:

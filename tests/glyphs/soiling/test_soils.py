@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from itertools import pairwise
 
@@ -116,8 +116,6 @@ def test_a_soil_that_is_not_there_is_named(name: str) -> None:
 
 
 def _dents(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
-    from dataclasses import replace
-
     return replace(coat, z_mm=coat.z_mm - np.float32(0.1 * amount) * (coat.noise(1.0, rng) > 1.0))
 
 
@@ -125,3 +123,24 @@ def test_a_soil_of_ones_own() -> None:
     part = stamp("B4", pitch_mm=0.1, dirt=0.5, soil=f"{__name__}:_dents", seed=5)
     fall = part.stamped.height_map.z_mm - part.height_map.z_mm
     assert sorted(np.unique(fall.round(4))) == pytest.approx([0.0, 0.05], abs=2e-4)
+
+
+def _broken(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+    raise ZeroDivisionError("out of dirt")
+
+
+def _nothing(coat: Coat, amount: float, *, rng: np.random.Generator) -> None:
+    return None
+
+
+def _smaller(coat: Coat, amount: float, *, rng: np.random.Generator) -> Coat:
+    return replace(coat, z_mm=coat.z_mm[::2])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("_broken", "ZeroDivisionError: out of dirt"), ("_nothing", "gives NoneType"), ("_smaller", "of shape")],
+)
+def test_a_soil_of_ones_own_that_fails_is_named(name: str, said: str) -> None:
+    with pytest.raises(StampError, match=f"{name}.*{said}"):
+        _ = stamp("B4", pitch_mm=0.1, dirt=0.5, soil=f"{__name__}:{name}", seed=5).height_map
