@@ -2,8 +2,9 @@
 
     marks-exam-1-48 --read--> trials --scored--> counts, against marks-exam-1-48.floors.json
 
-- A floor is a count of this edition's parts, so nothing of chance is in it: the same program gives the same counts.
-- Characters, serials and accepted may not fall below their floor; accepted-wrong may not rise above its own.
+- A floor is a count of this edition's parts, so nothing of chance is in it: the same program gives the same counts. On
+  another processor sums may be rounded otherwise; `SLACK` is what that may cost.
+- Characters, serials and accepted may not fall below their floor by more; accepted-wrong may not rise at all.
 - `raised` only ever tightens. Floors are raised in a commit that changes nothing else; a test reads the history.
 """
 
@@ -26,6 +27,9 @@ MODES = ("tactile", "rapidocr relief")
 """Who is read at every change: touch, and the generic network on the felt relief, the peer to beat."""
 CAMERA_MODES = ("vision", "fused")
 """Who has floors, too, but takes twice as long."""
+
+
+SLACK = {"characters": 3, "serials": 1, "accepted": 1}
 
 
 @dataclass(frozen=True)
@@ -56,10 +60,10 @@ class Counts:
 
     def below(self, floor: Counts) -> Iterator[str]:
         """What is worse than the floor, in words."""
-        for name in ("characters", "serials", "accepted"):
+        for name, slack in SLACK.items():
             found, least = getattr(self, name), getattr(floor, name)
-            if found < least:
-                yield f"{name} {found}, the floor is {least}"
+            if found < least - slack:
+                yield f"{name} {found}, the floor is {least} (less {slack} for rounding)"
         if self.accepted_wrong > floor.accepted_wrong:
             yield f"accepted but wrong {self.accepted_wrong}, the limit is {floor.accepted_wrong}"
 

@@ -9,15 +9,14 @@ A TOML file names it::
     seed = 1
     parts = 240
     cross = ["soil", "severity"]        # every combination equally often; the other factors are balanced
+    given = ["format", "font,format"]   # every part is read with each of these
 
     [part]                              # levels of the factors; one level is a constant
     soil = ["rust", "paint"]
     severity = [0.3, 0.6, 0.9]
-    font = ["gothic", "block"]
+    font = ["gothic", "futuram"]
     format = "AA999999"
     height_mm = [3.5, 5, 8]
-
-    given = ["format", "font,format"]   # at the top: every part is read with each of these
 
 Balanced: as often as a cell comes, its levels of every other factor come in turn, in an order drawn once a design; so
 each level is met equally often in each cell, and no two factors go hand in hand. That is the fraction of the full

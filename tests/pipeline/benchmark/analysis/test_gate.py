@@ -40,8 +40,15 @@ def test_counts_are_of_one_mode_each() -> None:
     [
         (FLOOR, []),
         (Counts(91, 9, 6, 0), []),
-        (Counts(89, 9, 5, 1), ["tactile: characters 89, the floor is 90"]),
-        (Counts(99, 8, 4, 1), ["tactile: serials 8, the floor is 9", "tactile: accepted 4, the floor is 5"]),
+        (Counts(87, 8, 4, 1), []),
+        (Counts(86, 9, 5, 1), ["tactile: characters 86, the floor is 90 (less 3 for rounding)"]),
+        (
+            Counts(99, 7, 3, 1),
+            [
+                "tactile: serials 7, the floor is 9 (less 1 for rounding)",
+                "tactile: accepted 3, the floor is 5 (less 1 for rounding)",
+            ],
+        ),
         (Counts(99, 9, 9, 2), ["tactile: accepted but wrong 2, the limit is 1"]),
     ],
 )
