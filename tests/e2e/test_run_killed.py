@@ -160,10 +160,12 @@ def test_a_second_run_on_the_same_table_is_refused(parts: Path, tmp_path: Path) 
     while not lines(tmp_path / "rows.csv"):
         assert time.monotonic() < until
         time.sleep(0.01)
+    process.send_signal(signal.SIGSTOP)  # or it might be done before the second one looks
     _, error = started(parts, tmp_path, "rows.csv").communicate(timeout=WAIT_S)
     assert "rows.csv" in error
     assert "another run" in error
     process.send_signal(signal.SIGINT)
+    process.send_signal(signal.SIGCONT)
     _, error = process.communicate(timeout=WAIT_S)
     assert process.returncode == 130
     assert "run the same command again" in error

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from glyphs.soiling.casting.fields import slow_noise
 from glyphs.soiling.coat import Coat
+from glyphs.surface.display import one_line
 from glyphs.surface.noise import Field, ramp
 
 GRAIN_MM = (0.1, 0.6)
@@ -48,6 +49,8 @@ class Mould:
     tone: Field
     warmth: Field
     ragged: Field
+
+    __repr__ = one_line
 
 
 def drawn_mould(coat: Coat, rng: np.random.Generator) -> Mould:

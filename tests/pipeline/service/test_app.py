@@ -330,7 +330,7 @@ def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
         part = client.post(f"/v1/parts/{part_id}/touch").json()
         assert (part["state"], part["text"]) == ("accepted", truth(parts, CLEAN))
     for wrong, says in (
-        ("nowhere", "module:callable"),
+        ("nowhere", "module:name"),
         ("no.such:thing", "found"),
         ("json:no_such", "found"),
     ):

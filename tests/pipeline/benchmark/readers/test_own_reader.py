@@ -65,7 +65,7 @@ def test_it_meets_the_part_and_its_answer_counts(tmp_path: Path) -> None:
     [
         ("nowhere:read", "cannot be found"),
         (f"{__name__}:SHOWN", "no function"),
-        (":read", "not a module:function"),
+        (":read", "not named module:name"),
     ],
 )
 def test_a_reader_that_is_not_there_is_named(name: str, said: str) -> None:
