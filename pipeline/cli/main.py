@@ -67,7 +67,7 @@ app.command(
 app.command("pipeline.cli.demo:demo", name="demo", help="Make, scan and read a few parts; start here.")
 app.command("pipeline.cli.figures:figures", name="figures", help="Compute and draw the results of the paper.")
 app.command(
-    "pipeline.cli.benchmark:app",
+    "pipeline.cli.benchmarking.run:app",
     name="benchmark",
     help="Measure how well dirty marks are read, by this reader and by others.",
 )

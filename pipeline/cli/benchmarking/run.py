@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 app = App(name="benchmark", help="Measure how well dirty marks are read, by this reader and by others.")
 app.command(
-    "pipeline.cli.benchmark_gate:gate",
+    "pipeline.cli.benchmarking.gate:gate",
     name="gate",
     help="Fail if the smallest edition is read worse than before.",
 )
 app.command(
-    "pipeline.cli.benchmark_export:export",
+    "pipeline.cli.benchmarking.export:export",
     name="export",
     help="Write an exam as files, for readers that are no part of this program.",
 )
-app.command("pipeline.cli.benchmark_score:score", name="score", help="Score anybody's answers to an exam.")
+app.command("pipeline.cli.benchmarking.score:score", name="score", help="Score anybody's answers to an exam.")
 app.command(
-    "pipeline.cli.benchmark_compare:compare", name="compare", help="Show what a change did, part by part."
+    "pipeline.cli.benchmarking.compare:compare", name="compare", help="Show what a change did, part by part."
 )
 
 
@@ -147,7 +147,7 @@ def benchmark(
         from pipeline.benchmark.readers.modes import PEERS
         from pipeline.benchmark.report.page import check_report
         from pipeline.benchmark.trials.run import Benchmark
-        from pipeline.cli.benchmark_result import print_result
+        from pipeline.cli.benchmarking.result import print_result
         from recognition.reader_settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 

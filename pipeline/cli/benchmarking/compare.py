@@ -50,7 +50,7 @@ def compare(
 
 def _print(written: Compared) -> None:
     from pipeline.benchmark.analysis.changes import Flip
-    from pipeline.cli.benchmark_result import plain_table, screen
+    from pipeline.cli.benchmarking.result import plain_table, screen
 
     found = written.changes
     print(f"{found.parts} parts, B less A; characters in percentage points")
@@ -80,7 +80,7 @@ def _print(written: Compared) -> None:
 def _print_rows(rows: Sequence[Row], *, of: bool) -> None:
     from pipeline.benchmark.analysis.changes import level_words
     from pipeline.benchmark.report.page import points
-    from pipeline.cli.benchmark_result import plain_table, screen
+    from pipeline.cli.benchmarking.result import plain_table, screen
 
     words = ("reader", "of") if of else ("reader",)
     table = plain_table((*words, "parts", "chars", "95 %", "gained", "lost", "p"), words)

@@ -1,0 +1,1 @@
+"""`tactile-marks benchmark` and what stands under it."""
