@@ -220,6 +220,7 @@ def test_every_setting_has_a_description_and_stands_in_help_and_reference(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "400")
+    monkeypatch.setenv("TERM", "xterm")  # on a dumb one rich keeps the 80 columns of an earlier test
     assert main(["serve", "--help"]) == 0
     shown = capsys.readouterr().out
     reference = settings_reference()
