@@ -10,6 +10,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from itertools import islice
 from types import TracebackType
 from typing import Any
@@ -58,10 +59,15 @@ class ClusterExecutor:
         require_distributed()
         import distributed
 
-        connect: Any = distributed.Client
+        connect: Any = partial(
+            distributed.Client, self.address, timeout=self._connect_s, set_as_default=False
+        )
         try:
-            self._client = connect(self.address, timeout=self._connect_s, set_as_default=False)
-        except (OSError, ValueError, TypeError) as error:
+            try:
+                self._client = connect()
+            except AssertionError:  # its thread has ten seconds to start, too few where all cores are busy
+                self._client = connect()
+        except (AssertionError, OSError, ValueError, TypeError) as error:
             raise ClusterError(
                 f"no Dask scheduler answers at {self.address} ({_first_line(error)})",
                 hint="start one with: dask scheduler",

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,7 @@ from pipeline.workers.cluster import ClusterError, ClusterExecutor
 from tests.support.cluster_process import ClusterProcess, cluster_process
 from tests.support.executor_calls import dies_of_seven, doubled, noted, odd_fails
 
-pytest.importorskip("distributed")
+distributed = pytest.importorskip("distributed")
 COUNT = 40
 
 
@@ -116,6 +117,23 @@ def test_no_worker_is_told(tmp_path: Path) -> None:
         ClusterExecutor(cluster.address, patience_s=1.0),
     ):
         pass
+
+
+def test_a_connection_whose_thread_does_not_start_in_time_is_tried_again(
+    cluster: ClusterProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[str] = []
+
+    class LateOnce(distributed.Client):  # type: ignore[name-defined,misc]
+        def __init__(self, address: str, **options: Any) -> None:
+            tried.append(address)
+            assert len(tried) > 1
+            super().__init__(address, **options)
+
+    monkeypatch.setattr(distributed, "Client", LateOnce)
+    with ClusterExecutor(cluster.address) as executor:
+        assert [o.result for o in executor.calls(doubled, 1, [20])] == [41]
+    assert tried == [cluster.address] * 2
 
 
 def test_workers_that_come_late_are_waited_for(tmp_path: Path) -> None:
