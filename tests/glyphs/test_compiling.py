@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from glyphs.compiled import kernel, read_only
 from glyphs.compiling import BEGINS, compiling_shown, part_done
@@ -28,7 +29,11 @@ for one in kernels.values():
 """
 
 
-def test_a_first_call_is_shown_once_and_its_time_when_the_part_is_done() -> None:
+def test_a_first_call_is_shown_once_and_its_time_when_the_part_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))  # an earlier run has compiled it
+
     @kernel()
     def twice(values, out):  # type: ignore[no-untyped-def]
         for i in range(values.size):
