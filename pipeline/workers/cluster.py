@@ -67,7 +67,12 @@ class ClusterExecutor:
                 self._client = connect()
             except AssertionError:  # its thread has ten seconds to start, too few where all cores are busy
                 self._client = connect()
-        except (AssertionError, OSError, ValueError, TypeError) as error:
+        except AssertionError as error:
+            raise ClusterError(
+                "the connection to the scheduler does not start: this machine is too busy",
+                hint="try again, or leave a core free",
+            ) from error
+        except (OSError, ValueError, TypeError) as error:
             raise ClusterError(
                 f"no Dask scheduler answers at {self.address} ({_first_line(error)})",
                 hint="start one with: dask scheduler",

@@ -136,6 +136,15 @@ def test_a_connection_whose_thread_does_not_start_in_time_is_tried_again(
     assert tried == [cluster.address] * 2
 
 
+def test_a_machine_too_busy_to_connect_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(distributed, "Client", never)
+    with pytest.raises(ClusterError, match="this machine is too busy"), ClusterExecutor("tcp://localhost:1"):
+        pass
+
+
 def test_workers_that_come_late_are_waited_for(tmp_path: Path) -> None:
     with cluster_process(tmp_path, workers=0) as cluster:
         threading.Timer(1.0, cluster.add_worker).start()
