@@ -1,17 +1,26 @@
-from .box import Box
-from .check_digits import CheckDigit
-from .confusions import CharacterState, PlaceState
-from .depth_rules import DepthRule, depth_rule, least_depth
-from .grade import MarkGrade
-from .grammar import Grammar
-from .lattice import Lattice
+from .decision.depth_rules import DepthRule, depth_rule, least_depth
+from .decision.grade import MarkGrade
+from .decision.reading import (
+    Candidate,
+    CharacterReading,
+    Decision,
+    MarkDepth,
+    Reading,
+    ReadingFlag,
+    ReadingTrace,
+)
+from .decision.verify import Verdict, Verification, VerifyError
+from .language.box import Box
+from .language.check_digits import CheckDigit
+from .language.confusions import CharacterState, PlaceState
+from .language.grammar import Grammar
+from .language.lattice import Lattice
 from .reader import Reader
-from .reader_settings import ReaderSettings
-from .reading import Candidate, CharacterReading, Decision, MarkDepth, Reading, ReadingFlag, ReadingTrace
-from .tactile_reader import TactileReader
-from .verify import Verdict, Verification, VerifyError
-from .vision_frame import LinePlace
-from .vision_reader import VisionReader
+from .senses.camera import VisionReader
+from .senses.settings import ReaderSettings
+from .senses.touch import TactileReader
+from .views.text_line import TextLine
+from .views.view import View
 
 __all__ = [
     "Box",
@@ -23,7 +32,6 @@ __all__ = [
     "DepthRule",
     "Grammar",
     "Lattice",
-    "LinePlace",
     "MarkDepth",
     "MarkGrade",
     "PlaceState",
@@ -33,9 +41,11 @@ __all__ = [
     "ReadingFlag",
     "ReadingTrace",
     "TactileReader",
+    "TextLine",
     "Verdict",
     "Verification",
     "VerifyError",
+    "View",
     "VisionReader",
     "depth_rule",
     "least_depth",

@@ -11,16 +11,16 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Unpack
 
-from recognition.grammar import Grammar
-from recognition.reader_settings import ALPHABET, ReaderOptions, ReaderSettings, Repertoire
-from recognition.reading import Reading
+from recognition.decision.reading import Reading
+from recognition.language.grammar import Grammar
+from recognition.senses.settings import ReaderOptions, ReaderSettings, Repertoire
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
-    from recognition.tactile_reader import TactileReader
-    from recognition.vision_reader import VisionReader
+    from recognition.senses.camera import VisionReader
+    from recognition.senses.touch import TactileReader
     from whisker_array.scan.scan import Scan
 
 
@@ -50,7 +50,6 @@ class Reader:
         """
         self.settings = replace(settings or ReaderSettings(), **options)
         Repertoire(self.settings)
-        self._open: dict[tuple[str, ...], VisionReader] = {}
 
     @property
     def grammar(self) -> Grammar | None:
@@ -60,14 +59,14 @@ class Reader:
     @cached_property
     def touch(self) -> TactileReader:
         """Reads height maps and scans."""
-        from recognition.tactile_reader import TactileReader
+        from recognition.senses.touch import TactileReader
 
         return TactileReader(self.settings)
 
     @cached_property
     def vision(self) -> VisionReader:
         """Reads photographs."""
-        from recognition.vision_reader import VisionReader
+        from recognition.senses.camera import VisionReader
 
         return VisionReader(self.settings)
 
@@ -123,53 +122,30 @@ class Reader:
 
     def fuse(self, touch: Reading, vision: Reading) -> Reading:
         """One reading of both senses, whose trace holds both."""
-        from recognition.fuse import fuse
+        from recognition.decision.fuse import fuse
 
         return fuse(touch, vision, self.settings)
-
-    def open_vision(self, expected: str) -> VisionReader:
-        """Reads photographs for verification: any character at as many places as the text has."""
-        from recognition.vision_reader import VisionReader
-
-        text = "".join(expected.split())
-        sets = ("".join(sorted({*ALPHABET, *text})),) * len(text)
-        if sets not in self._open:
-            self._open[sets] = VisionReader(replace(self.settings, format=Grammar(sets=sets)))
-        return self._open[sets]
-
-    def opened(self, vision: Reading, expected: str) -> Reading:
-        """The reading of vision with beliefs that a wrong serial has its place in, as `verify` needs them.
-
-        Where a format limited the reading, the photograph is read anew without it.
-        """
-        lattice, photo = vision.trace.lattice, vision.trace.photo
-        if self.grammar is not None and photo is not None:
-            lattice = self.open_vision(expected).read_photo(photo).trace.lattice
-        return vision.traced(open_lattice=lattice)
 
     def verify(self, reading: Reading, expected: str) -> Reading:
         """The reading with the verdict on an expected text: `reading.trace.verification`.
 
         Args:
-            reading: as read; of a photograph, `opened` for this text, or it will be.
+            reading: as read.
             expected: text that the part should read.
 
         Raises:
             VerifyError: a text that cannot be looked for.
         """
-        from recognition.fuse import fused_lattice
-        from recognition.verified import verified
+        from recognition.decision.fuse import fused_lattice
+        from recognition.decision.verified import verified
 
         touch, vision = reading.touch, reading.vision
-        lattice = touch.trace.lattice if touch is not None else None
+        lattices = [one.trace.open_lattice for one in (touch, vision) if one is not None]
+        lattice = next((own for own in lattices if own is not None), None)
         contradicted = False
-        if vision is not None:
-            if vision.trace.open_lattice is None:
-                vision = self.opened(vision, expected)
-            theirs = vision.traced(lattice=vision.trace.open_lattice)
-            if touch is None or lattice is None:
-                lattice = theirs.trace.lattice
-            elif (both := fused_lattice(touch, theirs, self.settings)) is not None:
+        if touch is not None and vision is not None:
+            both = fused_lattice(touch, vision, openly=True)
+            if both is not None:
                 lattice, contradicted = both[0], bool(both[1])
         return verified(reading, lattice, expected, grammar=self.grammar, contradicted=contradicted)
 

@@ -4,6 +4,7 @@ rows.csv                   the rows as they come; after `finish`, in the order o
 rows.csv.unfinished        what is run, and its hash; locked by the process that writes; gone with `finish`
 rows.csv~                  the table that stood there before the run
 rows.parquet.rows.jsonl    to Parquet nothing can be appended: its rows until `finish`
+rows.csv.second.jsonl      of parts that were read a second time, what came of it; until `finish`
 
      open --> add, add, add --> finish          kill, loss of power: the same `open` takes it up again
 """
@@ -24,6 +25,7 @@ from typing import Any
 
 from glyphs.errors import FileError
 from pipeline.batch.row_files import RowFile, read_rows
+from pipeline.batch.second_readings import SecondReadings
 from pipeline.batch.tables import (
     LINE_FORMS,
     check_output,
@@ -38,8 +40,8 @@ from pipeline.common.records import ReadingRecord
 from pipeline.common.row import Row
 from pipeline.common.run_description import differences, key_of
 
-FORMAT_VERSION = 2
-"""The first had flat JSON lines, and tables without height_px."""
+FORMAT_VERSION = 3
+"""The first had flat JSON lines, and tables without height_px; the second knew no other lines."""
 
 
 class RunJournal:
@@ -69,6 +71,7 @@ class RunJournal:
             self._marker = _locked(self._marker_path, path)
             try:
                 self._rows = self._taken_up()
+                self._second = SecondReadings(_beside(path, ".second.jsonl"), keep=self.resumed)
             except BaseException:
                 if not os.fstat(self._marker.fileno()).st_size:
                     self._marker_path.unlink(missing_ok=True)
@@ -116,13 +119,32 @@ class RunJournal:
         with self._faults_told():
             self._rows.append(record)
 
+    def add_second(self, record: ReadingRecord) -> None:
+        """Keep the second reading of a part; the better of the two counts (`recognition.learning.lot.is_better`).
+
+        Raises:
+            FileError: it cannot be written.
+            ValueError: a record that no table holds.
+        """
+        with self._faults_told():
+            self._second.add(record)
+
+    @property
+    def read_again(self) -> Set[str]:
+        """Names of the parts that were read a second time."""
+        return self._second.names
+
     def rows(self) -> Iterator[Row]:
         """The rows kept so far, streamed: in the order of the file, after `finish` in the order of the parts.
 
         Raises:
             FileError: the file was damaged or replaced meanwhile.
         """
-        return read_rows(self.path) if self._finished else self._rows.rows()
+        return read_rows(self.path) if self._finished else self._second.rows(self._rows.rows())
+
+    def first_rows(self) -> Iterator[Row]:
+        """As `rows` before `finish`, whatever second readings said."""
+        return self._rows.rows()
 
     def finish(self, order: Iterable[str]) -> None:
         """Put the rows in order, those of parts not named last, and end the run.
@@ -138,21 +160,25 @@ class RunJournal:
             self._rows.sync()
             if self._rows_path != self.path:
                 with replacing(self.path) as temporary:
-                    write_parquet(map(record_of_json, self._rows.records(numbers)), temporary)
+                    write_parquet(map(record_of_json, self._records(numbers)), temporary)
                 _sync_names(self.path)  # the table is on the disk before its rows go
                 self._let_replace()
                 self._rows_path.unlink()
-            elif not self._rows.holds_just(numbers):
+            elif self.read_again or not self._rows.holds_just(numbers):
                 with replacing(self.path) as temporary, temporary.open("wb") as table:
                     table.write(self._rows.form.head)
-                    table.writelines(self._rows.records(numbers))
+                    table.writelines(self._records(numbers))
                     self._let_replace()
             _sync_names(self.path)
+            self._second.remove()
             if os.name == "nt":
                 self._marker.close()  # as in _let_replace
             self._marker_path.unlink()  # last: broken off anywhere before, the run is taken up and ended again
         self._finished = True
         self.close()
+
+    def _records(self, numbers: Iterable[int]) -> Iterator[bytes]:
+        return self._second.records(self._rows.records(numbers), self._rows.form)
 
     def _let_replace(self) -> None:
         if os.name == "nt":  # which neither removes nor replaces a file that is open
@@ -167,6 +193,7 @@ class RunJournal:
         try:
             with self._faults_told():
                 self._rows.close()
+                self._second.close()
         finally:
             self._marker.close()
 

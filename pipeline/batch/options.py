@@ -21,6 +21,9 @@ class RunOptions:
         out: Table to write (.csv, .jsonl or .parquet), or the store of a service (sqlite:///FILE, postgresql://...).
             Parts that cannot be read are listed beside it, in NAME.quarantine.csv, which is a manifest.
         evidence: The service's folder of evidence; with a store, pictures of the parts to review are put there.
+        learn_die: Learn the shapes of the lot's own die from the parts that were read surely, read the others again
+            with them, and write them beside the table, as NAME.die.glyphs. Unless given, this is done for a dozen or
+            more height maps and scans where no font and no database is named; not with a store.
         summary: JSON file for the counts, reasons, rate and slowest parts that are printed.
     """
 
@@ -29,6 +32,7 @@ class RunOptions:
     truth: Path | None = None
     out: str | None = None
     evidence: Path | None = None
+    learn_die: bool | None = None
     summary: Path | None = None
 
     @property

@@ -11,6 +11,7 @@ from glyphs.compiling import compiling_shown, part_done
 from pipeline.batch.options import RunOptions
 from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
+from pipeline.batch.second_pass import learns
 from pipeline.batch.setup import absolute, opened, order_for, with_expected
 from pipeline.common.atomic import replacing
 from pipeline.common.row import Row
@@ -60,9 +61,10 @@ def run_batch(
     if executors.cluster is not None:
         parts = absolute(parts)
     order = order_for(settings, options, executors, verify=expected is not None)
+    learning = learns(options, settings, parts)
 
     shown: dict[str, Row] | None = {} if len(parts) <= MOST_SHOWN else None
-    with opened(options, _description(inputs, settings, options)) as run:
+    with opened(options, _description(inputs, settings, options, learning), learns=learning) as run:
         done = len(run.book.done) if run.book is not None else 0
         _print_begun(run, options)
         with Progress() as progress:
@@ -81,11 +83,13 @@ def run_batch(
                     scores.add(row)
 
             run.on_any_row = on_any_row
+            if run.second is not None:
+                run.second.sent = executors.cluster is not None
+                run.second.say, run.second.on_again, run.second.on_row = progress.line, progress.more, on_row
             began = time.monotonic()
             with (
                 compiling_shown(progress.line),
-                progress.steps(),
-                executors.opened(len(parts) - done) as executor,
+                executors.opened(len(parts) if learning else len(parts) - done) as executor,
             ):
                 run.work(parts, order, executor)
                 workers = executor.workers
@@ -102,9 +106,12 @@ def run_batch(
     return _status(run, parts, every=expected is not None)
 
 
-def _description(inputs: Sequence[str], settings: ReadSettings, options: RunOptions) -> dict[str, Any]:
+def _description(
+    inputs: Sequence[str], settings: ReadSettings, options: RunOptions, learning: bool
+) -> dict[str, Any]:
     """What the rows depend on."""
     return {
+        **({"learn_die": True} if learning else {}),
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
         "inputs": [*inputs, *options.manifest],
         "verify": options.verify,
@@ -125,8 +132,14 @@ def _print_done(run: Run, options: RunOptions, *, elapsed_s: float, workers: int
     summary = run.summary
     if summary.parts > 1:
         print("\n".join(summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)))
+    if run.second is not None and run.second.again:
+        print(f"{run.second.again:,} read again with the shapes learned")
     if options.out is not None:
         print(f"wrote {options.out}")
+        if run.second is not None and run.second.learned is not None:
+            print(
+                f"wrote {run.second.database}, the shapes of this lot's die; read more of it with --database"
+            )
     if run.quarantine is not None and summary.errors:
         print(
             f"wrote {run.quarantine.path}, the parts that could not be read; correct their files and give it to read"
@@ -135,6 +148,7 @@ def _print_done(run: Run, options: RunOptions, *, elapsed_s: float, workers: int
         counts = {
             **summary.as_json(),
             "read_now": run.read_now,
+            "read_again": run.second.again if run.second is not None else 0,
             "elapsed_s": round(elapsed_s, 3),
             "workers": workers,
         }

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 import time
 from typing import Any
-
-from pipeline.batch.steps import steps_shown
 
 LINE_EVERY_S = 60.0
 _READING = "reading"
@@ -56,8 +53,14 @@ class Progress:
         if self._bar is not None:
             self._bar.stop()
 
+    def more(self, parts: int) -> None:
+        """So many parts more are to be read."""
+        self._total += parts
+        if self._bar is not None:
+            self._bar.update(self._task, total=self._total)
+
     def step(self, what: str) -> None:
-        """Show, on a terminal, what is being done until the next part is done: "trying font 3 of 5"."""
+        """Show, on a terminal, what is being done until the next part is done: "drawing the report"."""
         if self._bar is not None:
             self._bar.update(self._task, description=what)
 
@@ -67,10 +70,6 @@ class Progress:
             self._bar.console.print(what, markup=False, highlight=False)
         else:
             print(what, file=sys.stderr, flush=True)
-
-    def steps(self) -> contextlib.AbstractContextManager[None]:
-        """Show the steps of every part that this process reads within the block."""
-        return contextlib.nullcontext() if self._bar is None else steps_shown(self.step)
 
     def advance(self, *, failed: bool = False) -> None:
         """One part more is done."""

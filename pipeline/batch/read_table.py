@@ -115,6 +115,7 @@ def _cells(row: Row) -> dict[str, str]:
     return {
         "part": _CONTROL.sub("?", row.part),
         "text": row.text,
+        "lines": _CONTROL.sub("?", row.lines),
         "decision": row.decision or "error",
         "confidence": "" if row.error else f"{row.confidence:.3f}",
         "verdict": row.verdict,

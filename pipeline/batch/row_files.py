@@ -139,6 +139,14 @@ class RowFile:
                     raise self._taken()
                 yield data
 
+    def record_of(self, name: str) -> bytes:
+        """The record of a part whose row is kept.
+
+        Raises:
+            FileError: the file was replaced or shortened meanwhile.
+        """
+        return next(self.records((self._numbers[name],)))
+
     def sync(self) -> None:
         """Have the disk write what it was given.
 

@@ -1,6 +1,7 @@
 """A night's production: many parts, read by an executor, every row on the disk before the next one counts.
 
     listed parts --not done yet--> executor --> store --> table (RunJournal) --> quarantine, summary
+                                                            --> what was not accepted, read again (SecondPass)
 
 Whatever ends the run, the same command goes on where it ended: a part whose row is in the table is not read again. One
 that the store has and the table has not is read again, and the store takes it once.
@@ -24,6 +25,7 @@ from pipeline.workers.executors import Executor, Outcome
 if TYPE_CHECKING:
     from pipeline.batch.journal import RunJournal
     from pipeline.batch.quarantine import Quarantine
+    from pipeline.batch.second_pass import SecondPass
 
 
 class Store(Protocol):
@@ -45,8 +47,10 @@ class Run:
         book: the table on the disk; None: rows go to `on_row` alone.
         quarantine: list of the parts that could not be read.
         store: keeps them as well.
+        second: what has the lot teach itself; needs a book.
         on_row: told of every part that is read now.
-        on_any_row: told of these, and of those that an earlier sitting read.
+        on_any_row: told of these, and of those that an earlier sitting read; with a second pass, of the rows that
+            count in the end.
         summary: of all rows, those of an earlier sitting included.
         read_now: parts read in this sitting.
         finished: whether every part has been.
@@ -55,6 +59,7 @@ class Run:
     book: RunJournal | None = None
     quarantine: Quarantine | None = None
     store: Store | None = None
+    second: SecondPass | None = None
     on_row: Callable[[Row], None] | None = None
     on_any_row: Callable[[Row], None] | None = None
     summary: Summary = field(default_factory=Summary)
@@ -68,11 +73,15 @@ class Run:
             FileError: the table cannot be written.
             ClusterError: the cluster is lost.
         """
-        if self.book is not None:
+        if self.book is not None and self.second is None:
             for row in self.book.rows():
                 self._count(row)
         for outcome in executor.calls(read_listed, order, self.missing(parts)):
             self._take(_read_of(outcome))
+        if self.book is not None and self.second is not None:
+            self.second.work(self.book, parts, order, executor)
+            for row in self.book.rows():
+                self._count(row)
         if self.book is not None:
             self.book.finish(part.name for part in parts)
         self.finished = True
@@ -103,7 +112,8 @@ class Run:
                 self.book.add(record)
         row = Row.of(record)
         self.read_now += 1
-        self._count(row)
+        if self.second is None:
+            self._count(row)
         if self.on_row is not None:
             self.on_row(row)
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,16 +18,19 @@ from pipeline.files.listed import ListedPart
 from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
+    from pipeline.batch.journal import RunJournal
+    from pipeline.batch.second_pass import SecondPass
     from pipeline.reading.expected import Expected
 
 
 @contextmanager
-def opened(options: RunOptions, description: dict[str, Any]) -> Iterator[Run]:
+def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = False) -> Iterator[Run]:
     """A run with its table open, begun or taken up where it was broken off.
 
     Args:
         options: where rows go.
         description: what the answers depend on, in plain JSON values.
+        learns: whether the lot teaches itself.
 
     Raises:
         FileError: the table holds another run, is being written, or cannot be.
@@ -38,7 +42,13 @@ def opened(options: RunOptions, description: dict[str, Any]) -> Iterator[Run]:
     from pipeline.common.run_description import key_of
 
     if options.out is None:
-        yield Run()
+        with tempfile.TemporaryDirectory(prefix="tactile-marks-") if learns else nullcontext() as folder:
+            if folder is None:
+                yield Run()
+                return
+            # the second pass asks what the first one read, however many parts there are
+            with RunJournal.open(Path(folder) / "rows.jsonl", description) as book:
+                yield Run(book, second=_second_pass(book, options))
         return
     table, bad = Path(options.out), Path(options.out).with_suffix(".quarantine.csv")
     if options.store is not None:
@@ -52,10 +62,20 @@ def opened(options: RunOptions, description: dict[str, Any]) -> Iterator[Run]:
         store = None
         if options.store is not None:
             store = stack.enter_context(RunStore(options.store, book.run_id, evidence=options.evidence))
-        run = Run(book, quarantine, store)
+        run = Run(book, quarantine, store, _second_pass(book, options) if learns else None)
         yield run
         if options.store is not None and run.finished:
             table.unlink()
+
+
+def _second_pass(book: RunJournal, options: RunOptions) -> SecondPass:
+    """With its database beside the table; one that an earlier run left there is moved as its table is."""
+    from pipeline.batch.second_pass import SecondPass
+
+    database = book.path.with_suffix(".die.glyphs")
+    if database.exists() and not book.resumed:
+        os.replace(database, database.with_name(database.name + "~"))
+    return SecondPass(database, always=bool(options.learn_die))
 
 
 def order_for(

@@ -17,7 +17,7 @@ _MOST_KINDS = 500
 _SLOWEST = 5
 _NUMBER = re.compile(r"\d+([.,]\d+)*")
 _BETWEEN = re.compile(r"; (?![^()]*\))")  # messages, one of which may have a semicolon in brackets
-_QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
+_QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|“[^”]*”")
 
 
 @dataclass

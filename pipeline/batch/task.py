@@ -15,9 +15,9 @@ from pipeline.files.listed import ListedPart
 from pipeline.reading.as_record import record_of_part
 
 if TYPE_CHECKING:
-    from recognition.grammar import Grammar
+    from recognition.decision.reading import Reading
+    from recognition.language.grammar import Grammar
     from recognition.reader import Reader
-    from recognition.reading import Reading
 
 
 @dataclass(frozen=True)

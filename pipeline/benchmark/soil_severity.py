@@ -41,7 +41,7 @@ from pipeline.benchmark.exam.font_packages import font_file, font_mark
 from pipeline.benchmark.readers.engines import RapidOcr
 from pipeline.benchmark.readers.pictures import heights_picture
 from pipeline.workers.executors import PoolExecutor, ordered_map
-from recognition.ocr_ctc import place_belief
+from recognition.experts.ctc import place_belief
 
 EDITION: Final = "marks-exam-1"
 """Whose fonts are used; never those of a section that is kept out."""

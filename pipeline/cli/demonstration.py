@@ -16,9 +16,9 @@ from pipeline.files.lead_in import calibrate_scan
 from pipeline.files.npz import write_npz
 from pipeline.plots.pictures import SheetPart, overview_figure, same_text, save_figure
 from pipeline.reading.simulated_scan import feel
-from recognition.levelling import level
-from recognition.picture import reading_figure
+from recognition.decision.picture import reading_figure
 from recognition.reader import Reader
+from recognition.views.levelling import level
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan

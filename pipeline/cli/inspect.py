@@ -10,7 +10,7 @@ from pipeline.cli.settings import READING, Config, Reading
 
 if TYPE_CHECKING:
     from pipeline.files.parts import Part
-    from recognition import reading as readings
+    from recognition.decision import reading as readings
 
 
 def inspect(
@@ -37,7 +37,7 @@ def inspect(
         from pipeline.plots.pictures import check_picture, save_figure
         from pipeline.reading.part_reader import Mode, PartReader
         from pipeline.reading.readers import open_reader
-        from recognition.picture import reading_figure
+        from recognition.decision.picture import reading_figure
 
         picture = out if out is not None else Path(f"{file.stem}-inspect.png")
         check_picture(picture)

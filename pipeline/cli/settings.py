@@ -105,7 +105,7 @@ def _give(argument: Argument, name: str, value: Any, source: str) -> None:
     if field.has_tokens:
         return
     for check in argument.hint.model_fields[name].metadata:
-        if isinstance(check, pydantic.BeforeValidator) and isinstance(value, str):
+        if isinstance(check, pydantic.BeforeValidator):
             try:
                 value = check.func(value)  # type: ignore[call-arg]
             except ValueError as error:

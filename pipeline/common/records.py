@@ -36,7 +36,7 @@ class EvidenceKind(StrEnum):
     SCAN = "scan"
     HEIGHT_MAP = "height_map"
     VISION = "sight"
-    """What the camera's reader believed (`pipeline.reading.vision_file`), for a later scan to be fused with."""
+    """What the camera's reader believed: of earlier versions, as is `VISION_EDGES_PICTURE`; not written any more."""
     PHOTO_PICTURE = "photo_picture"
     EDGES_PICTURE = "edges_picture"
     VISION_EDGES_PICTURE = "sight_edges_picture"
@@ -124,6 +124,25 @@ class RivalRecord:
 
 
 @dataclass(frozen=True)
+class LineRecord:
+    """Another line of the part than its serial.
+
+    Attributes:
+        name: as it was asked for; empty of one that nobody has asked for.
+        text: what it reads.
+        confidence: probability that all of it is right, 0 to 1.
+        box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known, and where its place is not.
+        box_px: as box_mm, in the pixels of a photograph whose scale is not known; else None.
+    """
+
+    name: str
+    text: str
+    confidence: float
+    box_mm: Box | None = None
+    box_px: Box | None = None
+
+
+@dataclass(frozen=True)
 class ReadingRecord:
     """One reading of a part, as it is kept and sent: in the store, by the service, and in tables.
 
@@ -150,6 +169,7 @@ class ReadingRecord:
         expected: text that the part should read; empty where none is known.
         verify_probability: that the part bears the text expected; None where none was.
         rivals: other serials with some belief, most first.
+        lines: the part's other lines: those asked for, then those that nobody has asked for.
         program: version of the program that read it.
         settings: hash of the settings that it was read with.
     """
@@ -174,6 +194,7 @@ class ReadingRecord:
     expected: str = ""
     verify_probability: float | None = None
     rivals: tuple[RivalRecord, ...] = ()
+    lines: tuple[LineRecord, ...] = ()
     program: str = ""
     settings: str = ""
 

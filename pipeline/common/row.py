@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.common.records import CharacterRecord, ReadingRecord
+from pipeline.common.records import CharacterRecord, LineRecord, ReadingRecord
 
 WORTH_SHOWING = 0.01
 """Least probability of an alternative that a row names."""
 _UNGRADED = "?"
 _ACTIONS = ("clean", "clean first", "re-strike", "scan again")
-"""In this order; those of `recognition.grade.Action`."""
+"""In this order; those of `recognition.decision.grade.Action`."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ class Row:
         grades: of every character, a letter each; "?" where too little was scanned.
         action: what to do about the mark and where, as "clean 3 5, re-strike 7"; empty where nothing is.
         height_px: character height in pixels, of a photograph whose scale is not known; else None.
+        lines: the part's other lines, as "lot=LOT77;date=12/26"; one that nobody has asked for has no name: "SN8".
     """
 
     part: str
@@ -76,6 +77,7 @@ class Row:
     grades: str = ""
     action: str = ""
     height_px: float | None = None
+    lines: str = ""
 
     @classmethod
     def of(cls, record: ReadingRecord) -> Row:
@@ -110,6 +112,7 @@ class Row:
             grades=grades,
             action=action_text(places),
             height_px=_rounded(record.height_px, 1),
+            lines=lines_text(record.lines),
         )
 
 
@@ -119,6 +122,11 @@ def depths_text(places: Sequence[CharacterRecord]) -> str:
         f"{c.char} ?" if c.depth_min_mm is None else f"{c.char} {c.depth_min_mm:.3f}/{c.depth_mean_mm:.3f}"
         for c in places
     )
+
+
+def lines_text(lines: Sequence[LineRecord]) -> str:
+    """Other lines of a part: "lot=LOT77;date=12/26"; a text alone where nobody has asked for it."""
+    return ";".join(f"{line.name}={line.text}" if line.name else line.text for line in lines)
 
 
 def alternatives_text(places: Sequence[CharacterRecord]) -> str:

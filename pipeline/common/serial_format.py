@@ -9,7 +9,7 @@ from pathlib import Path
 from glyphs.errors import FileError, require_file
 from glyphs.fonts.serials import FormatError
 from pipeline.common.settings import ReadSettings, SettingsError
-from recognition.grammar import Grammar
+from recognition.language.grammar import Grammar
 
 _MAX_FILE_BYTES = 20_000_000
 _COMMENT = re.compile(r"(^|\s)#.*")

@@ -7,7 +7,9 @@ reference in the documentation (`pipeline.cli.settings`). A library user builds 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable
+import json
+import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -95,8 +97,53 @@ def _one(value: Any) -> Any:
     return (value,) if isinstance(value, str) else value
 
 
+def _by_name(value: Any) -> Any:
+    if isinstance(value, str) and value.lstrip().startswith("{"):
+        value = json.loads(value)
+    if not isinstance(value, Mapping):
+        return _one(value)
+    for name, written in value.items():
+        if not isinstance(written, str):
+            raise ValueError(
+                f"line {name} is {written!r}; write its format as text, a region in a layout file"
+            )
+    return tuple(f"{name}={written}" for name, written in value.items())
+
+
+def check_line_name(name: str) -> str:
+    """The name of a line.
+
+    Raises:
+        ValueError: it cannot be one.
+    """
+    if not _LINE_NAME.fullmatch(name):
+        raise ValueError(f"{name!r} is no name of a line; write letters, digits, _ and -")
+    return name
+
+
+def named_line(text: str) -> tuple[str, str]:
+    """Name and format of a line, out of "lot=AAA99".
+
+    Raises:
+        ValueError: it has no name, or no format.
+    """
+    name, sign, written = (piece.strip() for piece in text.partition("="))
+    if not (sign and written):
+        raise ValueError(f"{text!r} is no line; write NAME=FORMAT, such as lot=AAA99")
+    return check_line_name(name), written
+
+
+def _lines(value: tuple[str, ...]) -> tuple[str, ...]:
+    names = [named_line(text)[0] for text in value]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"two lines are called {name}; give each a name of its own")
+    _formats(tuple(named_line(text)[1] for text in value))
+    return value
+
+
 def _formats(value: tuple[str, ...]) -> tuple[str, ...]:
-    from recognition.grammar import Grammar
+    from recognition.language.grammar import Grammar
 
     for text in value:
         Grammar.parse(text)
@@ -104,7 +151,7 @@ def _formats(value: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _checks(value: tuple[str, ...]) -> tuple[str, ...]:
-    from recognition.check_digits import CheckDigit
+    from recognition.language.check_digits import CheckDigit
 
     for text in value:
         CheckDigit.parse(text)
@@ -117,12 +164,20 @@ def _characters(value: str) -> str:
     return value
 
 
+def _experts(value: tuple[str, ...]) -> tuple[str, ...]:
+    from recognition.senses.settings import ReaderSettings
+
+    # a flag's several names come as one text
+    return ReaderSettings(experts=tuple(name.strip() for item in value for name in item.split(","))).experts
+
+
 def _rule(value: str) -> str:
-    from recognition.depth_rules import depth_rule
+    from recognition.decision.depth_rules import depth_rule
 
     return depth_rule(value).name
 
 
+_LINE_NAME = re.compile(r"\w[\w-]*")
 Names = Annotated[tuple[str, ...], BeforeValidator(_by_commas)]
 """Several, in one text separated by commas."""
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
@@ -135,8 +190,12 @@ class ReadSettings(Settings):
     """What reads: touch (tactile), the camera (vision), both together (fused), or whatever a part has files for
     (auto). Unless given, touch; and the camera for a part that is a photograph only."""
     font: Names = ()
-    """Built-in font or TTF/OTF file; may be repeated. Unless given, every built-in font is tried, which takes
-    longer."""
+    """Built-in font or TTF/OTF file; may be repeated. Any font is read; the shapes of one that is named are compared
+    with the marks, too."""
+    experts: Annotated[Names, AfterValidator(_experts)] = ()
+    """Who has a say, separated by commas: own (the network that comes with this program: any font, touch and
+    photographs), print (RapidOCR, with the extra vision: touch and photographs), templates (the shapes of the fonts
+    that are named, and of the die that a lot has taught, as touch feels them: touch only). All of them unless given."""
     format: Annotated[tuple[str, ...], BeforeValidator(_one), AfterValidator(_formats)] = ()
     """What serials look like; may be repeated, all must hold. Such as AA999999 (A letter, 9 digit, * either, any
     other character itself), re:EXPRESSION, sets:AB,0-9,... (the characters of each place), vin, or check:RULE;
@@ -148,6 +207,12 @@ class ReadSettings(Settings):
     be repeated."""
     exclude: Annotated[str, AfterValidator(_characters)] = ""
     """Characters that no serial has, such as IOQ, except where the format names them."""
+    line: Annotated[tuple[str, ...], BeforeValidator(_by_name), AfterValidator(_lines)] = ()
+    """Another line that stands on the part, as NAME=FORMAT, such as lot=AAA99; may be repeated. A part without it goes
+    to review. In the file also a table, [line] with lot = "AAA99"; in the environment also JSON, {"lot": "AAA99"}."""
+    layout: Path | None = None
+    """TOML file of other lines that stand on the part, with the regions where they do: [lines.lot] with format =
+    "AAA99" and region = [left, top, right, bottom], shares from 0 to 1."""
     height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
     """Character height in mm; measured unless given."""
     fidelity: Literal["pointwise", "contact"] = "contact"

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from glyphs.errors import FileError
 from pipeline.common.atomic import check_writable, replacing
-from recognition.panels import edge_panel, height_panel
+from recognition.decision.panels import edge_panel, height_panel
 
 if TYPE_CHECKING:
-    from recognition.reading import Reading
+    from recognition.decision.reading import Reading
 
 _SUFFIXES = (".png", ".svg", ".pdf")
 

@@ -10,7 +10,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.files.parts import Part, key_and_kind
 
 if TYPE_CHECKING:
-    from recognition.reading import Reading
+    from recognition.decision.reading import Reading
 
 
 def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings: Any) -> Reading:

@@ -9,16 +9,24 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from glyphs.errors import MarksError, fault_of
-from pipeline.common.records import Box, CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
+from pipeline.common.records import (
+    Box,
+    CandidateRecord,
+    CharacterRecord,
+    LineRecord,
+    ReadingRecord,
+    RivalRecord,
+)
 from pipeline.common.row import WORTH_SHOWING
 from pipeline.common.run_description import key_of
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 
 if TYPE_CHECKING:
-    from recognition.grammar import Grammar
-    from recognition.lattice import Lattice
-    from recognition.reading import CharacterReading, Reading
+    from recognition.decision.reading import CharacterReading, OtherLine, Reading
+    from recognition.language.box import Box as Hull
+    from recognition.language.grammar import Grammar
+    from recognition.language.lattice import Lattice
 
 MOST_RIVALS = 3
 
@@ -81,6 +89,7 @@ def reading_record(
         expected="" if verification is None else verification.expected,
         verify_probability=None if verification is None else _share(verification.probability),
         rivals=rivals_of(reading, reading.trace.lattice, grammar),
+        lines=tuple(_line(one, scaled) for one in reading.others),
         program=program_version(),
         settings=key_of(settings.model_dump(mode="json", exclude_defaults=True)),
     )
@@ -94,7 +103,7 @@ def rivals_of(reading: Reading, lattice: Lattice | None, grammar: Grammar | None
         lattice: beliefs of places that the reading was chosen from.
         grammar: what serials may be; None for anything.
     """
-    from recognition.constrained_decoding import choose
+    from recognition.language.constrained_decoding import choose
 
     if lattice is None or lattice.n_places != len(reading.characters):
         lattice = _of_candidates(reading)
@@ -111,7 +120,7 @@ def _of_candidates(reading: Reading) -> Lattice:
     """The beliefs that a reading names."""
     import numpy as np
 
-    from recognition.lattice import Lattice
+    from recognition.language.lattice import Lattice
 
     chars = tuple(sorted({c.char for place in reading.characters for c in place.candidates}))
     belief = np.zeros((len(reading.characters), len(chars)))
@@ -124,15 +133,9 @@ def _of_candidates(reading: Reading) -> Lattice:
 
 
 def _character(character: CharacterReading, scaled: bool) -> CharacterRecord:
-    from recognition.grade import Action
+    from recognition.decision.grade import Action
 
-    corners = character.box
-    box: Box = (
-        _finite(corners.x0_mm),
-        _finite(corners.y0_mm),
-        _finite(corners.x1_mm),
-        _finite(corners.y1_mm),
-    )
+    box = _corners(character.box)
     state, grade, depth = character.state, character.grade, character.depth
     return CharacterRecord(
         candidates=tuple(
@@ -147,6 +150,21 @@ def _character(character: CharacterReading, scaled: bool) -> CharacterRecord:
         depth_min_mm=None if depth is None else _finite(depth.min_mm),
         depth_mean_mm=None if depth is None else _finite(depth.mean_mm),
     )
+
+
+def _line(line: OtherLine, scaled: bool) -> LineRecord:
+    box = None if line.box is None else _corners(line.box)
+    return LineRecord(
+        line.name,
+        line.text,
+        _share(line.confidence),
+        box_mm=box if scaled else None,
+        box_px=None if scaled else box,
+    )
+
+
+def _corners(box: Hull) -> Box:
+    return (_finite(box.x0_mm), _finite(box.y0_mm), _finite(box.x1_mm), _finite(box.y1_mm))
 
 
 def _share(value: float) -> float:

@@ -10,21 +10,21 @@ matter, and the same part twice is enrolled once.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
 from glyphs.stamping.database import DatabaseError, Exemplar, GlyphDatabase, load_database, save_database
-from recognition.exemplars import Cut, ExemplarError
+from recognition.learning.exemplars import Cut, ExemplarError
 
 if TYPE_CHECKING:
     from glyphs.fonts.glyph import Font
     from pipeline.common.settings import ReadSettings
-    from recognition.learned_shapes import Learned
-    from recognition.templates import TemplateCache
+    from recognition.learning.learned_shapes import Learned
 
 MOST_EXEMPLARS = 30
 """Of one character in one font; the eldest go first: a die wears."""
@@ -60,6 +60,10 @@ class Refused:
     why: str
 
 
+_Named = tuple[ReviewedPart, str]
+_Cuts = tuple[Cut, ...] | Refused
+
+
 @dataclass(frozen=True)
 class EnrolReport:
     """What an enrolment did.
@@ -76,6 +80,7 @@ class EnrolReport:
         trusted: whether that one is so near that they are no guesses.
         like: the known font that comes nearest to it.
         likeness: mean correlation with that one's shapes, changed to come near.
+        agreement: share of exemplars that agree with their siblings (`recognition.learning.lot.agreement`).
     """
 
     font: str
@@ -89,6 +94,7 @@ class EnrolReport:
     trusted: bool
     like: str
     likeness: float
+    agreement: float = 1.0
 
     def describe(self) -> str:
         """A few lines for a person."""
@@ -116,8 +122,9 @@ def enrol(
     *,
     font: str,
     settings: ReadSettings,
+    vouching: bool = True,
     now: datetime | None = None,
-    on_part: Callable[[str], None] | None = None,
+    each: Callable[[Callable[[_Named], _Cuts], Sequence[_Named]], Iterable[_Cuts]] = map,
 ) -> EnrolReport:
     """Take the characters of reviewed parts into a database, and make a font of them.
 
@@ -129,11 +136,13 @@ def enrol(
         database: glyph database.
         font: name of the font to be learned; a new one, or one learned before.
         settings: fonts, character height.
+        vouching: whether the nearest known font may vouch for characters with few exemplars: see `learn_font`.
         now: time of enrolment.
-        on_part: told the name of every part before it is felt.
+        each: calls a function with every part and gives the results in order, as `map` does.
 
     Raises:
         DatabaseError: a database that cannot be read or written, or `font` is a font that was not learned.
+        ExemplarError: exemplars of which no font can be made.
         FontError: a font of the settings that cannot be loaded.
     """
     held = _opened(database, settings)
@@ -146,35 +155,35 @@ def enrol(
     fonts = tuple(held.fonts.values())
     when = (now or datetime.now(UTC)).isoformat(timespec="seconds")
     exemplars = list(held.exemplars)
+    before = {(e.evidence, e.note) for e in exemplars if e.font_name == font}
+    named = [(part, "".join(part.text.split()), _sha256(part)) for part in parts]
+    fresh = [(part, text) for part, text, sha in named if isinstance(sha, str) and (sha, text) not in before]
+    made = iter(each(partial(_cuts, settings), fresh))
     enrolled: list[tuple[str, str]] = []
     known: list[str] = []
     refused: list[Refused] = []
-    cache = _cache()
-    for part in parts:
-        if on_part is not None:
-            on_part(part.name)
-        text = "".join(part.text.split())
-        try:
-            evidence = _sha256(part)
-            before = [e for e in exemplars if (e.font_name, e.evidence) == (font, evidence)]
-            if before and before[0].note == text:
-                known.append(part.name)
-                continue
-            cuts = _cuts(part, text, fonts, cache, settings)
-        except MarksError as error:
-            refused.append(Refused(part.name, str(error)))
+    for part, text, sha in named:
+        if isinstance(sha, Refused):
+            refused.append(sha)
+            continue
+        cuts = () if (sha, text) in before else next(made)
+        if isinstance(cuts, Refused):
+            refused.append(cuts)
+            continue
+        if not cuts or any((e.font_name, e.evidence, e.note) == (font, sha, text) for e in exemplars):
+            known.append(part.name)
             continue
         # reviewed anew: what was taken under the other text was wrong
-        exemplars = [e for e in exemplars if (e.font_name, e.evidence) != (font, evidence)]
-        exemplars += [_exemplar(c, font, text, part.name, evidence, when) for c in cuts]
+        exemplars = [e for e in exemplars if (e.font_name, e.evidence) != (font, sha)]
+        exemplars += [_exemplar(c, font, text, part.name, sha, when) for c in cuts]
         enrolled.append((part.name, "".join(c.char for c in cuts)))
     exemplars = _youngest(exemplars, font)
     own = [e for e in exemplars if e.font_name == font]
     bases = tuple(f for f in fonts if f.name not in learned_names) or fonts
-    learned = _learn(font, own, bases) if own else None
+    learned = _learn(font, own, bases, vouching=vouching) if own else None
     if learned is not None and (enrolled or font not in held.fonts):
-        made = {**held.fonts, font: learned.font}
-        save_database(replace(held, fonts=made, exemplars=tuple(exemplars)), database)
+        all_fonts = {**held.fonts, font: learned.font}
+        save_database(replace(held, fonts=all_fonts, exemplars=tuple(exemplars)), database)
     return _report(font, enrolled, known, refused, own, learned)
 
 
@@ -187,43 +196,44 @@ def _opened(database: Path, settings: ReadSettings) -> GlyphDatabase:
     return GlyphDatabase({f.name: f for f in fonts})
 
 
-def _cache() -> TemplateCache:
-    from recognition.templates import TemplateCache
-
-    return TemplateCache()
-
-
-def _sha256(part: ReviewedPart) -> str:
+def _sha256(part: ReviewedPart) -> str | Refused:
     path = part.scan or part.height_map
     if path is None:
-        raise ExemplarError("it has no scan and no height map", hint="only scanned parts can be enrolled")
+        error = ExemplarError("it has no scan and no height map", hint="only scanned parts can be enrolled")
+        return Refused(part.name, str(error))
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
-        raise FileError(path, f"cannot be read ({error.strerror})", "check the name") from error
+        problem = FileError(path, f"cannot be read ({error.strerror})", "check the name")
+        return Refused(part.name, str(problem))
 
 
-def _cuts(
-    part: ReviewedPart, text: str, fonts: Sequence[Font], cache: TemplateCache, settings: ReadSettings
-) -> tuple[Cut, ...]:
+def _cuts(settings: ReadSettings, named: _Named) -> _Cuts:
+    """The characters of a part that bears a text, or why there are none."""
+    part, text = named
+    try:
+        return _felt(part, text, settings)
+    except MarksError as error:
+        return Refused(part.name, str(error))
+
+
+def _felt(part: ReviewedPart, text: str, settings: ReadSettings) -> tuple[Cut, ...]:
     """The characters of a part; ExemplarError where there are none."""
     from pipeline.files.npz import read_soil
     from pipeline.files.touch_file import read_height_map, read_scan
     from pipeline.files.units import Unit
-    from recognition.tactile_part import cut_height_map, cut_scan
+    from recognition.learning.tactile_part import cut_height_map, cut_scan
 
     if part.scan is not None:
-        cuts = cut_scan(read_scan(part.scan), text, fonts, cache=cache, height_mm=settings.height_mm)
+        cuts = cut_scan(read_scan(part.scan), text, height_mm=settings.height_mm)
     else:
         assert part.height_map is not None
         soil = read_soil(part.height_map) if part.height_map.suffix.lower() == ".npz" else None
         cuts = cut_height_map(
             read_height_map(part.height_map, unit=Unit(settings.unit)),
             text,
-            fonts,
             soil=soil,
-            cache=cache,
             height_mm=settings.height_mm,
         )
     if not cuts:
@@ -260,13 +270,13 @@ def _youngest(exemplars: Sequence[Exemplar], font: str) -> list[Exemplar]:
     return kept[::-1]
 
 
-def _learn(font: str, own: Sequence[Exemplar], bases: Sequence[Font]) -> Learned | None:
-    from recognition.learned_shapes import learn_font
+def _learn(font: str, own: Sequence[Exemplar], bases: Sequence[Font], *, vouching: bool) -> Learned | None:
+    from recognition.learning.learned_shapes import learn_font
 
     taught = [(e.char, e.relief) for e in own if e.relief is not None]
     if not taught:
         return None
-    return learn_font(font, [c for c, _ in taught], [r for _, r in taught], known=bases)
+    return learn_font(font, [c for c, _ in taught], [r for _, r in taught], known=bases, vouching=vouching)
 
 
 def _report(
@@ -277,6 +287,8 @@ def _report(
     own: Sequence[Exemplar],
     learned: Learned | None,
 ) -> EnrolReport:
+    from recognition.learning.lot import agreement
+
     taught = [e for e in own if e.relief is not None]
     aside = () if learned is None else learned.set_aside
     used = {} if learned is None else learned.used
@@ -295,4 +307,5 @@ def _report(
         trusted=learned is not None and learned.trusted,
         like="" if learned is None else learned.hand.font.name,
         likeness=0.0 if learned is None else learned.hand.likeness,
+        agreement=agreement([e.char for e in taught], used),
     )

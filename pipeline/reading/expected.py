@@ -13,7 +13,7 @@ from pipeline.common.settings import SettingsError
 from pipeline.files.truth import load_truth
 
 if TYPE_CHECKING:
-    from recognition.grammar import Grammar
+    from recognition.language.grammar import Grammar
 
 
 @dataclass(frozen=True)

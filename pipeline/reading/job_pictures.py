@@ -7,7 +7,7 @@ can be drawn over it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from pipeline.common.records import EvidenceKind
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap
-    from recognition.reading import Reading
+    from recognition.decision.reading import Reading
 
 MOST_PIXELS_A_SIDE = 1600
 LEAST_EDGE_PIXELS = 900
@@ -28,7 +28,7 @@ LEAST_EDGE_PIXELS = 900
 QUALITY = 88
 _STRONGEST_PERCENT = 99.0
 _SAMPLED = 200_000
-_NOT_FELT, _BLIND = 225, 128
+_NOT_FELT = 225
 _BLUE, _WHITE, _RED = (27, 78, 145), (252, 252, 252), (160, 24, 38)
 
 
@@ -49,21 +49,16 @@ class MadeFile:
     meta: Mapping[str, float] = field(default_factory=dict)
 
 
-def pictures_of(reading: Reading, folder: Path) -> list[MadeFile]:
-    """Of a part: its photograph, the edge map of touch, the edges of the photograph, as far as it has them."""
-    vision, touch = reading.vision, reading.touch
-    photo = vision.trace.photo if vision is not None else None
-    made = [photo_picture(photo, folder)] if photo is not None else []
-    made += edges_picture(touch.trace.edge_map if touch is not None else None, folder)
-    if vision is not None and photo is not None:
-        place = vision.trace.place
-        made += vision_edges_picture(photo, place.height_mm if place is not None else 0.0, folder)
-    return made
+def pictures_of(reading: Reading, folder: Path, *, photo: bool = True) -> list[MadeFile]:
+    """Of a part: its photograph, if wanted, and the edge map of touch, as far as it has them."""
+    taken, touch = reading.trace.photo, reading.touch
+    made = [photo_picture(taken, folder)] if photo and taken is not None else []
+    return made + edges_picture(touch.trace.edge_map if touch is not None else None, folder)
 
 
 def photo_picture(photo: Photo, folder: Path) -> MadeFile:
     """The photograph, upright, in its own frame."""
-    from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
+    from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
     pixels = photo.pixels[..., ::-1] if photo.pixels.ndim == 3 else photo.pixels
     return _written(
@@ -93,49 +88,6 @@ def edges_picture(edges: EdgeMap | None, folder: Path) -> list[MadeFile]:
             origin_mm=edges.origin_mm,
             pitch_mm=edges.pitch_mm,
             least=LEAST_EDGE_PIXELS,
-        )
-    ]
-
-
-def vision_edges_picture(photo: Photo, height_mm: float, folder: Path) -> list[MadeFile]:
-    """How strong the photograph's edges are at the scale of the characters, in its own frame; grey where it is blind.
-
-    As `recognition.vision_edges` has them before it evens them out, which shows nothing to an eye.
-
-    Args:
-        photo: as read.
-        height_mm: of the characters; 0 where no line was found, and there is no picture then.
-        folder: for the picture.
-    """
-    from glyphs.opencv import cv2
-    from recognition.vision_edges import DARK, SCALE_HEIGHTS, clipped
-    from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
-
-    if height_mm <= 0.0:
-        return []
-    pitch, small = photo_pitch_mm(photo), photo
-    width, height = _size(photo.shape, MOST_PIXELS_A_SIDE)
-    if width < photo.shape[1]:
-        pixels = cv2.resize(photo.pixels, (width, height), interpolation=cv2.INTER_AREA)
-        small = replace(photo, pixels=np.asarray(pixels, dtype=np.uint8))
-    scale = max(0.7, SCALE_HEIGHTS * height_mm / (pitch * photo.shape[1] / width))
-    table = np.log(np.arange(256, dtype=np.float32) / np.float32(255.0) + np.float32(DARK))
-    log = table[small.pixels if small.pixels.ndim == 2 else small.pixels[..., 1]]
-    log = np.asarray(cv2.GaussianBlur(log, (0, 0), scale))
-    size = cv2.magnitude(cv2.Sobel(log, cv2.CV_32F, 1, 0), cv2.Sobel(log, cv2.CV_32F, 0, 1))
-    blind = clipped(small)
-    top = max(_strongest(np.asarray(size), ~blind), 1e-6)
-    index = np.clip(size * np.float32(255.0 / top), 0.0, 255.0).astype(np.uint8)
-    colours = np.asarray(cv2.applyColorMap(index, cv2.COLORMAP_MAGMA), dtype=np.uint8)
-    colours[blind] = _BLIND
-    return [
-        _written(
-            folder / "sight_edges.jpg",
-            EvidenceKind.VISION_EDGES_PICTURE,
-            colours,
-            origin_mm=photo_origin_mm(photo),
-            pitch_mm=pitch,
-            was=photo.shape,
         )
     ]
 
@@ -171,15 +123,14 @@ def _written(
     origin_mm: tuple[float, float],
     pitch_mm: float,
     least: int = 0,
-    was: tuple[int, int] | None = None,
 ) -> MadeFile:
-    """Write a picture, smaller or larger where it must be; `was`: (rows, cols) whose pitch and origin are given."""
+    """Write a picture, smaller or larger where it must be."""
     from glyphs.opencv import cv2
 
-    shape = was if was is not None else (pixels.shape[0], pixels.shape[1])
+    shape = (pixels.shape[0], pixels.shape[1])
     width, height = _size(shape, MOST_PIXELS_A_SIDE, least)
-    if (width, height) != (pixels.shape[1], pixels.shape[0]):
-        how = cv2.INTER_AREA if width < pixels.shape[1] else cv2.INTER_LINEAR
+    if (height, width) != shape:
+        how = cv2.INTER_AREA if width < shape[1] else cv2.INTER_LINEAR
         pixels = cv2.resize(pixels, (width, height), interpolation=how)
     done, encoded = cv2.imencode(".jpg", np.ascontiguousarray(pixels), (cv2.IMWRITE_JPEG_QUALITY, QUALITY))
     if not done:

@@ -3,7 +3,7 @@
 photo                    -> vision           and a plan for touch where the camera is unsure
 scan or height map       -> tactile
 photo + scan (map)       -> vision, fused
-vision + scan (map)      -> fused            vision: the reading of a photograph, kept by an earlier job
+earlier photo + scan (map) -> fused          the photograph of an earlier job
 
 Whatever is wrong with a file is a `FileError` that calls the file as its sender did: paths of the server are
 nobody's business.
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FaultError, FileError, MarksError, fault_of
-from pipeline.common.records import EvidenceKind, PartState, ReadingRecord, ScanPlanRecord
+from pipeline.common.records import PartState, ReadingRecord, ScanPlanRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
 from pipeline.files.parts import Part
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pipeline.reading.job_pictures import MadeFile
 
 _log = logging.getLogger(__name__)
-_FIELDS = {"scan": "scan", "height_map": "height map", "photo": "photo", "vision": "vision"}
+_FIELDS = {"scan": "scan", "height_map": "height map", "photo": "photo", "earlier_photo": "photo"}
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Job:
         photo: photograph.
         scan: recording (HDF5).
         height_map: surface; the suffix of its name says its format.
-        vision: what an earlier job kept of the camera's reading (`pipeline.reading.vision_file`).
+        earlier_photo: photograph of an earlier job, which has given its reading and its picture: fused with touch.
         part_name: what the line calls the part.
         expected: text it should read; empty where none is.
         database: glyph database to read with; the settings' unless given.
@@ -53,7 +53,7 @@ class Job:
     photo: Path | None = None
     scan: Path | None = None
     height_map: Path | None = None
-    vision: Path | None = None
+    earlier_photo: Path | None = None
     part_name: str = ""
     expected: str = ""
     database: Path | None = None
@@ -107,21 +107,20 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
 
     Raises:
         FileError: a file that cannot be used; or an expected text or a database, named so.
-        ValueError: a job without any file to read, or beliefs of an earlier one without touch.
+        ValueError: a job without any file to read, or an earlier one's photograph without touch.
     """
     from pipeline.files.units import Unit
     from pipeline.reading.as_record import reading_record
-    from pipeline.reading.job_pictures import MadeFile, pictures_of
+    from pipeline.reading.job_pictures import pictures_of
     from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
     from pipeline.reading.scan_plan import plan_of
     from pipeline.reading.triage import state_after, why_touch
-    from pipeline.reading.vision_file import KeptVision, load_vision, save_vision
 
     tactile = job.scan is not None or job.height_map is not None
-    if not tactile and (job.photo is None or job.vision is not None):
+    if not tactile and (job.photo is None or job.earlier_photo is not None):
         raise ValueError(
-            "a job has a photo, a scan or a height map; a kept reading of vision goes with one of the latter"
+            "a job has a photo, a scan or a height map; an earlier photo goes with one of the latter"
         )
     if job.database is not None:
         settings = settings.model_copy(update={"database": job.database})
@@ -130,30 +129,24 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
     started, expected = time.perf_counter(), job.expected.strip()
     with _sender_names(job, job.names_by_path()):
         # a format is known by the suffix that the sender gave the file
-        part = Part(
-            job.name, job.height_map and _with_suffix(job), job.scan, None if job.vision else job.photo
-        )
+        part = Part(job.name, job.height_map and _with_suffix(job), job.scan, job.photo or job.earlier_photo)
         mode = Mode.FUSED if tactile and part.photo else None
         parts = PartReader(reader, mode=mode, unit=Unit(settings.unit), limits=limits)
-        earlier = load_vision(job.vision) if job.vision is not None else None
-        found = parts.unverified(part, expected=expected, earlier=earlier)
+        found = parts.unverified(part, expected=expected)
         readings = [parts.verified(found, expected)]
-        if part.photo is not None and found.trace.vision is not None:
+        if job.photo is not None and found.trace.vision is not None:
             readings.insert(0, parts.verified(found.trace.vision, expected))
         took = [math.fsum(r.seconds.values()) for r in readings[:-1]] + [time.perf_counter() - started]
         records = tuple(
             reading_record(r, settings, reader.grammar, part=job.name, seconds=s)
             for r, s in zip(readings, took, strict=True)
         )
-        made = pictures_of(readings[-1], job.folder)
+        made = tuple(pictures_of(readings[-1], job.folder, photo=job.photo is not None))
         photo = found.trace.photo
         if tactile or photo is None or state_after(records[-1]) is not PartState.TOUCH_NEEDED:
-            return Done(records, tuple(made))
+            return Done(records, made)
         plan = plan_of(found, photo, settings, field_mm=limits.stage_field_mm, reason=why_touch(records[-1]))
-        path = job.folder / "sight.npz"
-        save_vision(path, KeptVision.of(found, expected=expected))
-        made.append(MadeFile(EvidenceKind.VISION, path, "application/octet-stream"))
-        return Done(records, tuple(made), plan)
+        return Done(records, made, plan)
 
 
 def _with_suffix(job: Job) -> Path:
@@ -189,7 +182,7 @@ def _sender_names(job: Job, names: Mapping[Path, str]) -> Iterator[None]:
     Raises:
         FileError: anything did.
     """
-    from recognition.verify import VerifyError
+    from recognition.decision.verify import VerifyError
 
     name = next(iter(names.values()), "part")
     try:

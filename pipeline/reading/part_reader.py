@@ -34,9 +34,8 @@ if TYPE_CHECKING:
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from pipeline.files.listed import ListedPart
-    from pipeline.reading.vision_file import KeptVision
+    from recognition.decision.reading import Reading
     from recognition.reader import Reader
-    from recognition.reading import Reading
 
 
 class Mode(StrEnum):
@@ -104,13 +103,12 @@ class PartReader:
         """
         return self.verified(self.unverified(part, expected=expected), expected)
 
-    def unverified(self, part: Part, *, expected: str = "", earlier: KeptVision | None = None) -> Reading:
+    def unverified(self, part: Part, *, expected: str = "") -> Reading:
         """As `read`, without the verdict.
 
         Args:
             part: its files.
             expected: text that `verified` shall be asked for.
-            earlier: what the camera's reader made of a photograph that is not at hand any more.
 
         Raises:
             FileError: a file of the part cannot be used.
@@ -130,13 +128,7 @@ class PartReader:
                 note = f"read by touch alone: {problem}"
         touch = self._touch(part) if Sense.TOUCH in senses else None
         surface = touch.trace.height_map if touch is not None else None
-        vision = None
-        if photo is not None:
-            vision = self._vision(part, photo, surface, expected)
-        elif earlier is not None:
-            from pipeline.reading.vision_file import over
-
-            vision = over(earlier, surface).vision_for(expected)
+        vision = self._vision(part, photo, surface) if photo is not None else None
         if touch is None or vision is None:
             reading = touch or vision
             assert reading is not None
@@ -151,12 +143,11 @@ class PartReader:
         """
         return self.reader.verify(reading, expected) if expected else reading
 
-    def _vision(self, part: Part, photo: Photo, surface: HeightMap | None, expected: str) -> Reading:
+    def _vision(self, part: Part, photo: Photo, surface: HeightMap | None) -> Reading:
         from recognition.reader import centred
 
         with _about(part.photo):
-            vision = self.reader.vision.read_photo(photo if surface is None else centred(photo, surface))
-            return self.reader.opened(vision, expected) if expected else vision
+            return self.reader.vision.read_photo(photo if surface is None else centred(photo, surface))
 
     def _touch(self, part: Part) -> Reading:
         """A recorded scan goes before a height map."""
@@ -183,7 +174,7 @@ class PartReader:
     def _check_expected(self, part: Part, expected: str) -> None:
         grammar = self.reader.grammar
         if expected and grammar is not None and (broken := grammar.objections(expected)):
-            from recognition.verify import VerifyError
+            from recognition.decision.verify import VerifyError
 
             where = f"text expected of {part.name}"
             raise VerifyError(

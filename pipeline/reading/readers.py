@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from glyphs.fonts.glyph import Font
+from pipeline.common.other_lines import other_lines
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import ReadSettings
-from recognition.depth_rules import DepthRule, depth_rule, least_depth
+from recognition.decision.depth_rules import DepthRule, depth_rule, least_depth
+from recognition.experts import generic
 from recognition.reader import Reader
 from whisker_array.simulation.traces import Fidelity
 
@@ -19,10 +21,13 @@ def open_reader(settings: ReadSettings) -> Reader:
     fonts or font files as without one.
 
     Raises:
-        FileError: a lexicon that cannot be used.
+        FileError: a lexicon or layout that cannot be used.
+        EngineMissingError: an expert that is not installed.
         SettingsError: settings that contradict each other.
         ValueError: a font that cannot be used or lacks what the format needs, a database that cannot be used.
     """
+    if "print" in settings.experts:
+        generic.check_installed()
     given = {key: getattr(settings, key) for key in ("accept_confidence", "accept_margin")}
     thresholds: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     return Reader(
@@ -31,6 +36,8 @@ def open_reader(settings: ReadSettings) -> Reader:
         height_mm=settings.height_mm,
         fidelity=Fidelity(settings.fidelity),
         depth_rules=_depth_rules(settings),
+        experts=settings.experts,
+        lines=other_lines(settings),
         **thresholds,
     )
 

@@ -24,7 +24,7 @@ from pipeline.common.records import ScanPlanRecord
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
     from pipeline.common.settings import ReadSettings
-    from recognition.reading import Reading
+    from recognition.decision.reading import Reading
     from whisker_array.whisker.array import RasterPlan
 
 MARGIN_ALONG_HEIGHTS, MARGIN_ACROSS_HEIGHTS = 2.5, 1.0
@@ -61,7 +61,7 @@ def plan_of(
         field_mm: width and height that the stage can feel.
         reason: why touch is needed.
     """
-    from recognition.vision_frame import photo_middle_mm
+    from recognition.views.photo_frame import photo_middle_mm
     from whisker_array.whisker.array import default_plan
     from whisker_array.whisker.touch import default_touch
 
@@ -88,21 +88,21 @@ def plan_of(
 
 def _around(vision: Reading | None, photo: Photo, settings: ReadSettings) -> _Line:
     """The line and its margin, within the picture."""
-    from recognition.vision_frame import photo_middle_mm, photo_origin_mm
+    from recognition.views.photo_frame import photo_middle_mm, photo_origin_mm
 
     left, top = photo_origin_mm(photo)
     middle = photo_middle_mm(photo)
     right, bottom = 2.0 * middle[0] - left, 2.0 * middle[1] - top
-    place = vision.trace.place if vision is not None else None
-    if place is None or vision is None:
+    line = vision.trace.line if vision is not None else None
+    if line is None or vision is None:
         return _Line((left, top, right, bottom), settings.height_mm or USUAL_HEIGHT_MM)
-    height = settings.height_mm or float(f"{place.height_mm:.3g}")
+    height = settings.height_mm or float(f"{line.height_mm:.3g}")
     if _mean_belief(vision) < TRUSTED_SHARE:
         return _Line((left, top, right, bottom), min(height, _most_height_mm(bottom - top)))
-    corners = place.corners()
-    x0, y0 = (float(v) for v in corners.min(axis=0))
-    x1, y1 = (float(v) for v in corners.max(axis=0))
-    turn = math.radians(place.rotation_deg)
+    half = 0.5 * line.height_mm
+    x0, y0 = (float(v) - half for v in line.centre_mm.min(axis=0))
+    x1, y1 = (float(v) + half for v in line.centre_mm.max(axis=0))
+    turn = math.radians(line.turned_deg)
     along, across = MARGIN_ALONG_HEIGHTS * height, MARGIN_ACROSS_HEIGHTS * height
     # the greater margin lies along the line, however it is turned
     wide = max(across, abs(math.cos(turn)) * along)

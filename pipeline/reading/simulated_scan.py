@@ -10,8 +10,9 @@ import numpy as np
 from glyphs.errors import MarksError
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from recognition.levelling import level
+from recognition.decision.reading import Decision
 from recognition.reader import Reader
+from recognition.views.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
@@ -30,7 +31,7 @@ def find_height_mm(height_map: HeightMap, *, soil: Soil | None = None) -> float:
         MarksError: nothing to be read.
     """
     reading = Reader().read(height_map, soil=soil)
-    if not reading.characters:
+    if not reading.characters or reading.decision is Decision.REJECT:
         raise MarksError("no characters were found, so the scale is unknown", hint="give --height-mm")
     return float(f"{reading.height_mm:.3g}")
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["Client", "ServiceError"]
 
 T = TypeVar("T")
-Which = Literal["photo", "edges", "sight-edges", "boxes"]
+Which = Literal["photo", "edges", "boxes"]
 
 
 class Client:

@@ -214,18 +214,13 @@ class PartService:
         self, part: PartRecord, scan: Upload, idempotency: IdempotencyKey | None
     ) -> PartRecord:
         records = await self._stored(self.store.evidence, part.id)
-        before: dict[EvidenceKind, Path] = {}
-        for record in records:
-            if not record.gone and record.kind in (EvidenceKind.VISION, EvidenceKind.PHOTO):
-                before[record.kind] = self.evidence.path(record.sha256)
-        by_camera = before if EvidenceKind.VISION in before else {}
+        photos = [e for e in records if e.kind is EvidenceKind.PHOTO and not e.gone]
         done, kept = await self.jobs.read(
             {"scan": scan},
             name=part.name,
             expected=part.expected,
             database=part.database,
-            vision=by_camera.get(EvidenceKind.VISION),
-            photo=by_camera.get(EvidenceKind.PHOTO) if part.expected else None,
+            earlier_photo=self.evidence.path(photos[-1].sha256) if photos else None,
         )
         read = await self._stored(
             self.store.add_readings,

@@ -74,8 +74,7 @@ class ReadingJobs:
         name: str,
         expected: str,
         database: str,
-        vision: Path | None = None,
-        photo: Path | None = None,
+        earlier_photo: Path | None = None,
     ) -> tuple[Done, list[EvidenceRecord]]:
         """Read the files in a worker; keep them and what was made of them.
 
@@ -84,8 +83,7 @@ class ReadingJobs:
             name: what the line calls the part.
             expected: text that it should read.
             database: name of the glyph database.
-            vision: the camera's reading from before, as it was kept.
-            photo: the photograph from before.
+            earlier_photo: the photograph from before.
 
         Raises:
             Problem: files that cannot be used, no room in the queue, a worker that was lost, a full disk.
@@ -96,10 +94,10 @@ class ReadingJobs:
             paths = {kind: upload.path for kind, upload in raw.items()}
             job = Job(
                 folder=folder,
-                photo=paths.get(EvidenceKind.PHOTO, photo),
+                photo=paths.get(EvidenceKind.PHOTO),
                 scan=paths.get(EvidenceKind.SCAN),
                 height_map=paths.get(EvidenceKind.HEIGHT_MAP),
-                vision=vision,
+                earlier_photo=earlier_photo,
                 part_name=name,
                 expected=expected,
                 database=self._databases(database),

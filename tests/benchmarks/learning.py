@@ -26,9 +26,9 @@ from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, make_part
 from pipeline.reading.enrolment import ReviewedPart, enrol
+from recognition.decision.reading import Decision
 from recognition.reader import Reader
-from recognition.reader_settings import ReaderSettings
-from recognition.reading import Decision
+from recognition.senses.settings import ReaderSettings
 
 FORMAT = "AA999999"
 HELD_OUT = 1000

@@ -22,9 +22,9 @@ from glyphs.stamping.stamp import StampedPart, stamp_line
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.reading.simulated_scan import feel
+from recognition.decision.reading import Reading
 from recognition.reader import Reader
-from recognition.reader_settings import ReaderSettings
-from recognition.reading import Reading
+from recognition.senses.settings import ReaderSettings
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain

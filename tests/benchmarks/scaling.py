@@ -33,8 +33,9 @@ from glyphs.fonts.glyph import Font, FontError, Glyph
 from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
 from pipeline.files.synth import SynthSpec, make_part
 from pipeline.reading.simulated_scan import feel
+from recognition.language.remainders import ALPHANUMERIC
 from recognition.reader import Reader
-from recognition.reader_settings import ALPHABET, ReaderSettings
+from recognition.senses.settings import ReaderSettings
 from whisker_array.scan.recording import save_scan
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.array import default_plan
@@ -198,7 +199,7 @@ def plotting_fonts() -> list[Font]:
             font = load_font(str(file))
         except FontError:
             continue  # symbols only
-        if set(ALPHABET) <= set(font.glyphs) and font.name not in {f.name for f in found}:
+        if set(ALPHANUMERIC) <= set(font.glyphs) and font.name not in {f.name for f in found}:
             found.append(font)
     return found
 
@@ -215,7 +216,7 @@ def varied(font: Font, name: str, shear: float, width: float) -> Font:
             advance=glyph.advance * width,
         )
 
-    glyphs = {char: changed(font.glyphs[char]) for char in ALPHABET}
+    glyphs = {char: changed(font.glyphs[char]) for char in ALPHANUMERIC}
     return Font(
         f"{font.name}, {name}", glyphs, font.stroke_ratio, f"{font.name}, {name}, for this measurement"
     )

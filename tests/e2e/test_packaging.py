@@ -185,7 +185,7 @@ import jinja2
 from pathlib import Path
 from pipeline.benchmark.report import writing as report
 from pipeline.benchmark.trials.run import Benchmark
-from recognition.reader_settings import ReaderSettings
+from recognition.senses.settings import ReaderSettings
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
 from pipeline.service.pages.assets import Assets

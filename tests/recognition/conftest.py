@@ -10,12 +10,18 @@ import pytest
 
 from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
-from glyphs.stamping.die import default_die
+from glyphs.stamping.die import Face, default_die
 from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
 from glyphs.surface.maps import EdgeMap
+from recognition.experts.templates.placed_line import PlacedLine, TouchedPart
+from recognition.experts.templates.predicted import (
+    TemplateCache,
+    TemplateSet,
+    predict_templates,
+    template_key,
+)
 from recognition.reader import Reader
-from recognition.reader_settings import ReaderSettings
-from recognition.templates import TemplateSet, predict_templates, template_key
+from recognition.senses.settings import ReaderSettings
 from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.scan import trace_scan
 from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan
@@ -81,6 +87,32 @@ def calm_edges(calm_part: StampedPart, touch: Touch) -> EdgeMap:
 
 
 @pytest.fixture(scope="session")
+def place_line(gothic: Font, touch: Touch) -> Callable[..., PlacedLine]:
+    """Lines whose characters are believed where they were stamped, by the part and its edge map."""
+    cache = TemplateCache()
+
+    def place(
+        part: StampedPart,
+        edges: EdgeMap,
+        *,
+        text: str | None = None,
+        chars: str = CHARS,
+        height_mm: float = HEIGHT_MM,
+        face: Face = Face.FLAT,
+        raised: bool = False,
+    ) -> PlacedLine:
+        touched = TouchedPart(edges, touch, cache, chars=chars)
+        templates = touched.templates(gothic, height_mm=height_mm, rotation_deg=0.0, face=face, raised=raised)
+        boxes = np.array([b for b, c in zip(part.boxes_mm, part.text, strict=True) if c != " "])
+        image = touched.image(0.0)
+        u_mm, v_mm = image.from_plate(0.5 * (boxes[:, :2] + boxes[:, 2:])).T
+        believed = [templates.chars.index(c) for c in (text or part.text).replace(" ", "")]
+        return PlacedLine(gothic, face, raised, height_mm, image, templates, np.array(believed), u_mm, v_mm)
+
+    return place
+
+
+@pytest.fixture(scope="session")
 def templates(gothic: Font, touch: Touch) -> TemplateSet:
     """Sunk, upright templates of CHARS."""
     return predict_templates(gothic, CHARS, template_key(gothic, touch, ALL_DIRECTIONS, height_mm=HEIGHT_MM))
@@ -88,7 +120,7 @@ def templates(gothic: Font, touch: Touch) -> TemplateSet:
 
 @pytest.fixture(scope="session")
 def reader() -> Callable[..., Reader]:
-    """Readers by their settings, kept with their templates; of gothic unless told otherwise."""
+    """Readers by their settings, kept with their templates; of gothic unless another is named."""
 
     @cache
     def made(options: tuple) -> Reader:

@@ -28,15 +28,16 @@ from recognition import (
     Reading,
     ReadingFlag,
     ReadingTrace,
+    TextLine,
     Verification,
 )
-from recognition.check_digits import CheckDigit
-from recognition.confusions import state_of
-from recognition.constrained_decoding import choose
-from recognition.depth_rules import depth_rule
-from recognition.grade import Action, MarkGrade, Parameter
-from recognition.verify import verify
-from recognition.vision_frame import LinePlace
+from recognition.decision.depth_rules import depth_rule
+from recognition.decision.grade import Action, MarkGrade, Parameter
+from recognition.decision.verify import verify
+from recognition.language.check_digits import CheckDigit
+from recognition.language.confusions import state_of
+from recognition.language.constrained_decoding import choose
+from recognition.views.view import heights_view
 
 LONGEST = 200
 TEXT = "KX40725<&>"
@@ -100,7 +101,8 @@ def values() -> list[object]:
         Grammar(sets=("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789",) * 20),
         CheckDigit("luhn"),
         depth_rule("27CFR478.92"),
-        LinePlace((4.0, 5.0), 7.0, 5.0, 1.5),
+        TextLine.straight(4.0, 5.0, length_mm=7.0, height_mm=5.0, turned_deg=1.5),
+        heights_view(HeightMap(np.zeros((40, 80), np.float32), 0.1)),
         Box(0.1234567891234, 0.0, 1.0, 1.0),
     ]
 

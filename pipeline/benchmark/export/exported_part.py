@@ -150,7 +150,7 @@ class _Writer:
         return self.folder / path
 
     def _photo(self) -> None:
-        from recognition.vision_frame import photo_origin_mm, photo_pitch_mm
+        from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
         photo, path = self.senses.photo, f"photos/{self.specimen.part}.png"
         write_photo(self._at(path), photo)

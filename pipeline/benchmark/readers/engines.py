@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.benchmark.readers.mode import ModeUnavailableError
+from recognition.experts import generic
 
 _HINT = 'install it with: pip install "tactile-marks[peers]"'
 _TESSERACT_HEIGHT = 60
@@ -62,23 +63,6 @@ def _to_height(picture: NDArray[np.uint8], height: int) -> NDArray[np.uint8]:
     return np.asarray(resized, dtype=np.uint8)
 
 
-@cache
-def _rapid_session() -> tuple[Any, tuple[str, ...]]:
-    """The recognition network that the package carries, and what its classes mean: blank first."""
-    package = Path(str(_imported("rapidocr", "RapidOCR").__file__)).parent
-    runtime = _imported("onnxruntime", "onnxruntime")
-    models = sorted((package / "models").glob("*_rec_*.onnx"))
-    if not models:
-        raise ModeUnavailableError(
-            f"rapidocr carries no recognition network in {package / 'models'}", hint=_HINT
-        )
-    options = runtime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    session = runtime.InferenceSession(str(models[-1]), options, providers=["CPUExecutionProvider"])
-    characters = session.get_modelmeta().custom_metadata_map["character"].splitlines()
-    return session, ("", *characters, " ")
-
-
 class RapidOcr:
     """RapidOCR's recognition network.
 
@@ -90,7 +74,10 @@ class RapidOcr:
     """
 
     def __init__(self, chars: str) -> None:
-        self._session, self.classes = _rapid_session()
+        if not generic.is_installed():
+            raise ModeUnavailableError("RapidOCR is not installed", hint=_HINT)
+        self._session, codes = generic.engine()
+        self.classes = ("", *sorted(codes, key=codes.__getitem__))
         self._allowed = np.array([not c or c in chars for c in self.classes])
 
     def beliefs(self, picture: NDArray[np.uint8]) -> NDArray[np.floating]:

@@ -46,7 +46,7 @@ def feel_part(specimen: Specimen) -> FeltMaps:
         MapError: a surface that cannot be scanned.
     """
     from pipeline.reading.simulated_scan import feel
-    from recognition.tactile_reader import relief_of
+    from recognition.views.view import relief_of
     from whisker_array.estimation.edges import edge_map
     from whisker_array.whisker.array import default_plan
 

@@ -18,8 +18,8 @@ from whisker_array.whisker.array import RasterPlan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
+    from recognition.decision.reading import Reading
     from recognition.reader import Reader
-    from recognition.reading import Reading
     from whisker_array.scan.scan import Scan
 
 

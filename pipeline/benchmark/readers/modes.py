@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
+from pipeline.benchmark.readers.experts import EXPERT_MODES, ExpertMode
 from pipeline.benchmark.readers.mode import ModeReader, PartReadings
 from pipeline.benchmark.readers.own_reader import OwnMode
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
+    from recognition.decision.reading import Reading
     from recognition.reader import Reader
-    from recognition.reading import Reading
 
 
 class TactileMode:
@@ -78,6 +80,12 @@ PEERS: dict[str, Callable[[Reader], ModeReader]] = {
 """Programs of others on the same parts, by name."""
 
 
+EXPERTS: dict[str, Callable[[Reader], ModeReader]] = {
+    name: partial(ExpertMode, name) for name in EXPERT_MODES
+}
+"""Every expert of the project's own modes by itself, by name."""
+
+
 def open_mode(name: str, reader: Reader) -> ModeReader:
     """The mode of that name, or the reader of one's own, `module:function`.
 
@@ -85,7 +93,7 @@ def open_mode(name: str, reader: Reader) -> ModeReader:
         ModeUnavailableError: it cannot run here.
         SettingsError: no such mode, or a font or format it cannot use.
     """
-    makers = {**MODES, **PEERS}
+    makers = {**MODES, **EXPERTS, **PEERS}
     if ":" in name:
         return OwnMode(name, reader.settings)
     if name not in makers:

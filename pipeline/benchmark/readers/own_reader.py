@@ -21,8 +21,8 @@ from pipeline.benchmark.readers.pictures import PICTURES
 from pipeline.common.settings import SettingsError
 
 if TYPE_CHECKING:
-    from recognition.reader_settings import ReaderSettings
-    from recognition.reading import Reading
+    from recognition.decision.reading import Reading
+    from recognition.senses.settings import ReaderSettings
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from pipeline.benchmark.readers.mode import ModeReader, PartReadings
 from pipeline.benchmark.readers.pictures import PICTURES
 
 if TYPE_CHECKING:
-    from recognition.reading import Reading
+    from recognition.decision.reading import Reading
 
 ACCEPTED_FROM = 0.9
 """Product of the confidences in the characters from which a reading counts as accepted, if it fits the format."""
@@ -52,8 +52,8 @@ class _Peer:
 
 def reading_of(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
     """What a peer read, as a reading: accepted where it fits the format and the peer is sure, or says so itself."""
-    from recognition.box import Box as PlateBox
-    from recognition.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+    from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+    from recognition.language.box import Box as PlateBox
 
     line = [(char, min(1.0, max(0.0, sure))) for char, sure in line if not char.isspace()]
     nowhere = PlateBox(0.0, 0.0, 0.0, 0.0)

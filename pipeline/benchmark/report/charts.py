@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter, PercentFormatter
 from numpy.typing import NDArray
 
 from pipeline.benchmark.analysis.groups import Cell, Group
+from pipeline.benchmark.readers.experts import EXPERT_MODES
 from pipeline.common.shares import Share
 
 _STYLES = (
@@ -25,6 +26,7 @@ _ORDER = (
     "tactile",
     "vision",
     "fused",
+    *EXPERT_MODES,
     "rapidocr photo",
     "rapidocr edges",
     "rapidocr relief",

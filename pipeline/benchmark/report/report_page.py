@@ -11,7 +11,7 @@ from pipeline.benchmark.analysis.bounds import parts_without_wrong
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, Group
 from pipeline.benchmark.analysis.statistics import Statistics
 from pipeline.benchmark.analysis.targets import WRONG_LIMIT, Verdict, at_most
-from pipeline.benchmark.readers.modes import PEERS
+from pipeline.benchmark.readers.modes import EXPERTS, PEERS
 from pipeline.benchmark.readers.peers import ACCEPTED_FROM
 from pipeline.benchmark.report import charts as report_pictures
 from pipeline.benchmark.report import curves as report_curves
@@ -66,6 +66,7 @@ def report_page(
         wrong=[(g, *at_most(g.accepted_wrong, WRONG_LIMIT)) for g in _sorted(found.by_mode)],
         wrong_limit=WRONG_LIMIT,
         wrong_needs=parts_without_wrong(WRONG_LIMIT),
+        experts=[m for m in modes if m in EXPERTS],
         peers=[m for m in modes if m in PEERS],
         peer_accepts=ACCEPTED_FROM,
         verdicts=judged,
@@ -145,7 +146,9 @@ def _confusions(groups: Sequence[Group]) -> Iterator[tuple[str, str, list[tuple[
         mistakes = group.confused.mistakes()
         total = sum(n for *_, n in mistakes)
         picture = ""
-        if mode not in PEERS and group.confused.counts.size:  # there is none where every part failed
+        if (
+            mode not in {*EXPERTS, *PEERS} and group.confused.counts.size
+        ):  # there is none where every part failed
             title = f"{mode}: {total} mistakes in {group.characters.total} characters"
             picture = inlined(report_curves.confusion_figure(group.confused, title))
         yield mode, picture, mistakes[:_MOST_MISTAKES], total

@@ -21,7 +21,7 @@ from pipeline.benchmark.report.charts import inlined
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark, reader_for
 from pipeline.common.alignment import align
-from recognition.panels import edge_panel, height_panel
+from recognition.decision.panels import edge_panel, height_panel
 
 SHOWN = 12
 _OWN_MODES = ("fused", "tactile", "vision")

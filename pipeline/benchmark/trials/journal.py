@@ -21,7 +21,7 @@ from pipeline.common.atomic import replacing
 from pipeline.common.run_description import differences, in_short, key_of
 
 if TYPE_CHECKING:
-    from recognition.reading import Reading
+    from recognition.decision.reading import Reading
 
 TRIALS_FILE = "trials.jsonl"
 FORMAT_VERSION = 3

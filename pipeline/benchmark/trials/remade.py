@@ -12,7 +12,7 @@ from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.common.settings import SettingsError
 from pipeline.files.synth import MAX_PARTS
-from recognition.reader_settings import ReaderSettings
+from recognition.senses.settings import ReaderSettings
 from whisker_array.simulation.traces import Fidelity
 
 

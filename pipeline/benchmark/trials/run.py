@@ -24,7 +24,7 @@ from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
 from pipeline.workers.executors import Executor, InlineExecutor
 from recognition.reader import Reader
-from recognition.reader_settings import ReaderSettings
+from recognition.senses.settings import ReaderSettings
 
 KEPT_READERS = 12
 """Of one worker. A design of many fonts and heights has a reader for each, and its templates take about 0.1 GB."""

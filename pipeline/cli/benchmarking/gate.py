@@ -48,7 +48,7 @@ def gate(
         from pipeline.benchmark.exam.editions import design_named
         from pipeline.benchmark.trials.run import Benchmark, run_benchmark
         from pipeline.workers.options import ExecutorOptions
-        from recognition.reader_settings import ReaderSettings
+        from recognition.senses.settings import ReaderSettings
 
         modes = MODES + CAMERA_MODES if camera else MODES
         benchmark = Benchmark(DesignedParts(design_named(EDITION)), modes, ReaderSettings())

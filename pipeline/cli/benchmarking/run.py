@@ -33,6 +33,11 @@ app.command(
 )
 app.command("pipeline.cli.benchmarking.score:score", name="score", help="Score anybody's answers to an exam.")
 app.command(
+    "pipeline.cli.benchmarking.lot:lot",
+    name="lot",
+    help="Show what a lot of an unknown die gains by teaching itself.",
+)
+app.command(
     "pipeline.cli.benchmarking.compare:compare", name="compare", help="Show what a change did, part by part."
 )
 
@@ -52,6 +57,7 @@ def benchmark(
     seed: int | None = None,
     jobs: int = 1,
     cluster: str | None = None,
+    experts_apart: Annotated[bool, Parameter(negative="")] = False,
     peers: Annotated[bool, Parameter(negative="")] = False,
     reader: Annotated[list[str] | None, Parameter(negative="")] = None,
     height_mm: float | None = None,
@@ -98,6 +104,9 @@ def benchmark(
         Worker processes.
     cluster
         Address of a Dask scheduler (tcp://HOST:8786), whose workers try the parts instead. Needs the extra cluster.
+    experts_apart
+        Show beside each mode what every one of its experts would read alone: "tactile own", "tactile templates" and
+        their like, which --mode takes, too.
     peers
         Let RapidOCR and Tesseract read the line as photographed, as felt (edges, relief) and as it is (ideal), for
         comparison (extra peers).
@@ -144,11 +153,12 @@ def benchmark(
         from pipeline.benchmark.exam.editions import design_named
         from pipeline.benchmark.exam.folder_parts import FolderParts
         from pipeline.benchmark.exam.specimens import Parts
+        from pipeline.benchmark.readers.experts import experts_in
         from pipeline.benchmark.readers.modes import PEERS
         from pipeline.benchmark.report.page import check_report
         from pipeline.benchmark.trials.run import Benchmark
         from pipeline.cli.benchmarking.result import print_result
-        from recognition.reader_settings import ReaderSettings
+        from recognition.senses.settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 
         check_report()
@@ -179,7 +189,8 @@ def benchmark(
                 )
             )
         named = listed(mode) + tuple(reader or ())
-        chosen = named + tuple(peer for peer in PEERS if peers and peer not in named)
+        added = (*(experts_in(named) if experts_apart else ()), *(PEERS if peers else ()))
+        chosen = named + tuple(mode for mode in added if mode not in named)
         written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
     print_result(written)
     return 0

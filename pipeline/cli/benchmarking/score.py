@@ -65,7 +65,7 @@ def score(
         from pipeline.benchmark.report.writing import command_line, write_report
         from pipeline.benchmark.trials.answers import TruthParts, designed_items, load_answers
         from pipeline.benchmark.trials.run import Benchmark
-        from recognition.reader_settings import ReaderSettings
+        from recognition.senses.settings import ReaderSettings
 
         source: TruthParts | DesignedParts
         if truth is not None:
@@ -80,7 +80,7 @@ def score(
         }
         for reader, answers in read.items():
             _say_gaps(reader, answers)
-        _print_scores([answers.trials for answers in read.values()])
+        print_scores([answers.trials for answers in read.values()])
         if out is not None:
             out.mkdir(parents=True, exist_ok=True)
             # part by part, as a run has them
@@ -105,7 +105,8 @@ def _say_gaps(reader: str, answers: Answers) -> None:
             )
 
 
-def _print_scores(read: Sequence[Sequence[Trial]]) -> None:
+def print_scores(read: Sequence[Sequence[Trial]]) -> None:
+    """A line a reader, and each but the first beside the first; trials of the same parts, none without any."""
     from pipeline.benchmark.analysis.confusion import characters_right
     from pipeline.benchmark.analysis.pairs import compare_characters, mcnemar
     from pipeline.common.shares import share

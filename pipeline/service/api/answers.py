@@ -33,9 +33,8 @@ _PROBLEMS = {
 PICTURES = {
     "photo": EvidenceKind.PHOTO_PICTURE,
     "edges": EvidenceKind.EDGES_PICTURE,
-    "sight-edges": EvidenceKind.VISION_EDGES_PICTURE,
 }
-PictureName = Literal["photo", "edges", "sight-edges", "boxes"]
+PictureName = Literal["photo", "edges", "boxes"]
 
 
 @dataclass(frozen=True)

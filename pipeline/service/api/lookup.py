@@ -90,7 +90,7 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
     @router.get(
         "/parts/{part_id}/pictures/{picture}",
         response_class=Response,
-        summary="A picture of a part: as photographed, as scanned, the camera's edges, or with the characters' boxes",
+        summary="A picture of a part: as photographed, as scanned, or with the characters' boxes",
         responses={200: {"content": {"image/*": {}}}, **problems(401, 403, 404, 422)},
     )
     def picture(part_id: PartId, picture: PictureName, caller: Caller = Reads) -> Any:

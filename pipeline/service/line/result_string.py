@@ -14,10 +14,23 @@ from string import Formatter
 
 from glyphs.errors import MarksError
 from pipeline.common.records import PartRecord
+from pipeline.common.row import lines_text
 from pipeline.service.line.trigger import decision_of, is_hidden
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
-TEXT_FIELDS = ("name", "decision", "text", "source", "id", "state", "verdict", "expected", "font", "database")
+TEXT_FIELDS = (
+    "name",
+    "decision",
+    "text",
+    "source",
+    "id",
+    "state",
+    "verdict",
+    "expected",
+    "font",
+    "database",
+    "lines",
+)
 NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
 _SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
 _LONGEST = 500
@@ -103,6 +116,7 @@ def _values(part: PartRecord) -> dict[str, str | float]:
         "expected": part.expected,
         "font": reading.font if reading else "",
         "database": part.database,
+        "lines": lines_text(reading.lines) if reading else "",
         "confidence": reading.confidence if reading else 0.0,
         "height_mm": (reading.height_mm or 0.0) if reading else 0.0,
         "rotation_deg": reading.rotation_deg if reading else 0.0,

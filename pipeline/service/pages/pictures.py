@@ -62,7 +62,7 @@ class PictureView:
     """A picture as the page shows it.
 
     Attributes:
-        which: photo, edges or sight-edges.
+        which: photo or edges.
         title: for its head.
         href: address; empty where there is none to be shown.
         note: why there is none, or what to know about it; empty where there is nothing.
@@ -104,7 +104,7 @@ def picture_pair(
     *,
     low_margin: float = LOW_MARGIN,
 ) -> tuple[PictureView, PictureView]:
-    """The photograph and the tactile edge map; before touch, the camera's edge map in its place."""
+    """The photograph and the tactile edge map."""
     by_camera = _last(readings, ("vision",))
     photo = _view(
         part, by_camera, _record(evidence, EvidenceKind.PHOTO_PICTURE), folder,
@@ -113,12 +113,6 @@ def picture_pair(
     )  # fmt: skip
     by_touch = _last(readings, _TOUCH)
     edges = _record(evidence, EvidenceKind.EDGES_PICTURE)
-    vision_edges = _record(evidence, EvidenceKind.VISION_EDGES_PICTURE)
-    if edges is None and by_touch is None and vision_edges is not None:
-        return photo, _view(
-            part, by_camera, vision_edges, folder,
-            which="sight-edges", title="Camera’s edge map (not scanned yet)", missing="", low_margin=low_margin,
-        )  # fmt: skip
     missing = (
         "This part has not been scanned yet." if by_touch is None else "No edge map was kept of this part."
     )

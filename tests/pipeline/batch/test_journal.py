@@ -28,7 +28,7 @@ from pipeline.batch.journal import RunJournal
 from pipeline.batch.row_files import read_rows
 from pipeline.batch.tables import LINE_FORMS, MOST_TEXT, record_of_json, write_records
 from pipeline.common.file_lock import lock
-from pipeline.common.records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
+from pipeline.common.records import CandidateRecord, CharacterRecord, LineRecord, ReadingRecord, RivalRecord
 from pipeline.common.row import Row
 
 SUFFIXES = (".csv", ".jsonl", ".parquet")
@@ -81,6 +81,7 @@ def any_record(text: st.SearchStrategy[str]) -> st.SearchStrategy[ReadingRecord]
         raised=st.booleans(),
         verify_probability=NUMBER_OR_NONE,
         rivals=st.lists(st.builds(RivalRecord, text, NUMBERS), max_size=2).map(tuple),
+        lines=st.lists(st.builds(LineRecord, text, text, NUMBERS, box, box), max_size=2).map(tuple),
     )
 
 
@@ -565,7 +566,7 @@ def test_a_run_that_ends_while_the_next_begins_does_not_share_its_lock(
             RunJournal.open(table, RUN)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"format_version": 2}', "\x00\x00"])
+@pytest.mark.parametrize("text", ["{", "[]", '{"format_version": 3}', "\x00\x00"])
 def test_a_damaged_marker_costs_no_row(text: str, table: Path) -> None:
     begun(table, rows_of(2))
     marker = table.with_name(table.name + ".unfinished")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import logging
 import sys
 
 import pytest
@@ -41,24 +40,8 @@ def test_a_terminal_shows_the_step_of_a_single_part_too(total: int, monkeypatch:
     monkeypatch.setenv("TERM", "xterm")
     with Progress() as progress:
         progress.start(total)
-        progress.step("trying [font] 3 of 5")
+        progress.step("drawing the [report]")
         progress._bar.refresh()
         progress.advance()
-    assert "trying [font] 3 of 5" in terminal.getvalue()
+    assert "drawing the [report]" in terminal.getvalue()
     assert ("0/3" in terminal.getvalue()) == (total == 3)
-
-
-def test_fonts_are_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "stderr", Terminal())
-    monkeypatch.setenv("TERM", "xterm")
-    shown: list[str] = []
-    monkeypatch.setattr(Progress, "step", lambda _, what: shown.append(what))
-    with Progress() as progress:
-        progress.start(1)
-        with progress.steps():
-            logging.getLogger("recognition.lines").debug("trying font %d of %d", 1, 5)
-    assert shown == ["trying font 1 of 5"]
-    assert not logging.getLogger("recognition").handlers
-    with Progress() as progress, progress.steps():  # nobody watches
-        logging.getLogger("recognition.lines").debug("trying font %d of %d", 2, 5)
-    assert len(shown) == 1

@@ -14,9 +14,9 @@ from pipeline.batch.read_table import notes, print_table, table_lines
 from pipeline.cli.read import read
 from pipeline.common.row import Row
 from pipeline.files.npz import write_npz
-from recognition.box import Box
-from recognition.lattice import Lattice
-from recognition.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.language.box import Box
+from recognition.language.lattice import Lattice
 
 PLAIN = Row("a", "AB12", "accept", 0.98, "tactile", 1.0, rivals="A812 0.012", depth_min_mm=0.2)
 DOUBT = Row(
@@ -52,6 +52,13 @@ def test_a_column_without_a_value_is_left_out() -> None:
     assert "depth" not in table_lines([PHOTO], width=None)[0]
     assert "grade" not in table_lines([PLAIN], width=None)[0]
     assert "grade" in table_lines([PLAIN, DOUBT], width=None)[0]
+
+
+def test_other_lines_have_a_column_of_their_own() -> None:
+    head, line, _ = table_lines([replace(PLAIN, lines="lot=LOT77;date=12/26"), BROKEN], width=80)[:3]
+    assert head.split()[:3] == ["part", "text", "lines"]
+    assert line.split()[:3] == ["a", "AB12", "lot=LOT77;date=12/26"]
+    assert "lines" not in table_lines([PLAIN], width=None)[0]
 
 
 def test_doubts_stand_below_their_row() -> None:
@@ -129,7 +136,7 @@ class FakeReader:
 @pytest.fixture
 def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("recognition.tactile_reader.TactileReader", FakeReader)
+    monkeypatch.setattr("recognition.senses.touch.TactileReader", FakeReader)
     folder = tmp_path / "parts"
     folder.mkdir()
     for name, height in (("a", 0.0), ("b", 1.0)):

@@ -94,3 +94,8 @@ def test_memory_does_not_grow_with_the_rows() -> None:
     assert add(20_000, 2_000) < 100_000
     assert summary.errors == sum(summary.faults.values()) == 22_000
     assert len(summary.lines(elapsed_s=1.0, read_now=1, workers=1)) <= MOST_REASONS + 8
+
+
+def test_texts_of_other_lines_are_one_reason() -> None:
+    rows = [Row(str(k), "A", "review", flags=f"another line reads “LOT{k}”") for k in range(3)]
+    assert list(counted(*rows).reasons.values()) == [3]

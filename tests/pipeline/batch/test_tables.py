@@ -12,7 +12,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.batch.tables import check_output, record_of_json, write_records
-from pipeline.common.records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
+from pipeline.common.records import CandidateRecord, CharacterRecord, LineRecord, ReadingRecord, RivalRecord
 
 PLACE = CharacterRecord(
     (CandidateRecord("8", 0.9, 0.8), CandidateRecord("B", 0.08)),
@@ -42,6 +42,7 @@ RECORDS = [
         expected="B",
         verify_probability=0.0004,
         rivals=(RivalRecord("B", 0.08),),
+        lines=(LineRecord("lot", "LOT77", 0.97, (1.0, 9.0, 20.0, 12.0)), LineRecord("", "12/26", 0.9)),
         program="1.2",
         settings="0123456789abcdef",
     ),
@@ -66,6 +67,7 @@ def test_csv_is_flat_and_holds_the_stated_columns_first(tmp_path: Path) -> None:
         ("refuted", "0.0004", "1:mismatch 8/B", "clean 1"),
         ("", "", "", ""),
     ]
+    assert [r["lines"] for r in table] == ["lot=LOT77;12/26", ""]
 
 
 def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
@@ -92,6 +94,16 @@ def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
         }
     ]
     assert told["rivals"] == [{"text": "B", "probability": 0.08}]
+    assert told["lines"] == [
+        {
+            "name": "lot",
+            "text": "LOT77",
+            "confidence": 0.97,
+            "box_mm": [1.0, 9.0, 20.0, 12.0],
+            "box_px": None,
+        },
+        {"name": "", "text": "12/26", "confidence": 0.9, "box_mm": None, "box_px": None},
+    ]
     assert (told["at"], told["program"], told["settings"]) == (
         "2026-11-21T09:30:00+00:00",
         "1.2",
@@ -101,6 +113,7 @@ def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
     assert table.column_names == list(told)
     parquet = table.to_pylist()[0]
     assert parquet["characters"] == told["characters"]
+    assert parquet["lines"] == told["lines"]
     assert parquet["at"] == RECORDS[0].at
 
 

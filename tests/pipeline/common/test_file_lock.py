@@ -68,7 +68,9 @@ def test_every_module_can_be_imported_elsewhere(tmp_path: Path) -> None:
     done = elsewhere(
         "for name in sys.argv[1:]:\n"
         "    try:\n        importlib.import_module(name)\n"
-        "    except Exception as error:\n        print(name, repr(error))\n",
+        "    except Exception as error:\n"
+        "        if getattr(error, 'name', '') not in ('torch', 'onnx'):\n"  # of the extra train
+        "            print(name, repr(error))\n",
         *names,
         folder=tmp_path,
     )

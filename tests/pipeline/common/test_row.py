@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.common.records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
+from pipeline.common.records import CandidateRecord, CharacterRecord, LineRecord, ReadingRecord, RivalRecord
 from pipeline.common.row import _ACTIONS, Row
-from recognition.grade import Action
+from recognition.decision.grade import Action
 
 
 def row(*places: CharacterRecord, source: str = "tactile", **more: Any) -> Row:
@@ -64,3 +64,9 @@ def test_a_height_is_in_mm_or_in_pixels() -> None:
 
 def test_rivals_stand_with_their_probability() -> None:
     assert row(rivals=(RivalRecord("KB", 0.0214), RivalRecord("KX", 0.01))).rivals == "KB 0.021, KX 0.010"
+
+
+def test_other_lines_stand_by_name() -> None:
+    lines = (LineRecord("lot", "LOT77", 0.99), LineRecord("date", "12/26", 0.5), LineRecord("", "SN8", 0.9))
+    assert row(lines=lines).lines == "lot=LOT77;date=12/26;SN8"
+    assert row().lines == ""

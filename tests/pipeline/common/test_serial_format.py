@@ -9,7 +9,7 @@ import pytest
 from glyphs.errors import FileError
 from pipeline.common.serial_format import read_lexicon, serial_format
 from pipeline.common.settings import ReadSettings, SettingsError
-from recognition.grammar import Grammar
+from recognition.language.grammar import Grammar
 
 
 @pytest.fixture(autouse=True)

@@ -6,9 +6,10 @@ import pytest
 from pydantic import ValidationError
 
 import pipeline
+from glyphs.errors import MarksError
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.reading.readers import open_reader
-from recognition.reader_settings import ReaderSettings
+from recognition.senses.settings import ReaderSettings
 
 
 def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,13 +51,23 @@ def test_the_readers_are_told_grammar_and_thresholds() -> None:
     assert open_reader(ReadSettings()).settings.grammar is None
 
 
-def test_vision_that_verifies_knows_the_length_only() -> None:
-    readers = open_reader(ReadSettings(format=("AA99",), font=("gothic",)))
-    vision = readers.open_vision("AB 12")
-    assert readers.open_vision("XY99") is vision
-    assert vision.places is not None
-    assert len(vision.places) == 4
-    assert all("Q" in place and "7" in place for place in vision.places)
+def test_the_readers_are_told_who_has_a_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    reader = open_reader(ReadSettings(experts="own, templates"))
+    assert reader.settings.experts == ("own", "templates")
+    assert reader.touch.lines.experts == {"own", "templates"}
+    with pytest.raises(
+        MarksError, match="no photograph is read by templates; add one of the experts own, print"
+    ):
+        _ = open_reader(ReadSettings(experts=("templates",))).vision
+    monkeypatch.setattr("recognition.experts.generic.is_installed", lambda: False)
+    with pytest.raises(MarksError, match=r"tactile-marks\[vision\]"):
+        open_reader(ReadSettings(experts=("print",)))
+    assert open_reader(ReadSettings()).settings.experts == ()
+
+
+def test_an_expert_that_there_is_not_is_refused() -> None:
+    with pytest.raises(SettingsError, match="there is no expert nose; there are own, print, templates"):
+        ReadSettings.of(experts="own,nose")
 
 
 def test_one_call_says_which_setting_there_is_not() -> None:

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.plots.pictures import SheetPart, overview_figure, same_text, save_figure
-from recognition.panels import moment_image
-from recognition.picture import reading_figure
-from recognition.reading import (
+from recognition.decision.panels import moment_image
+from recognition.decision.picture import reading_figure
+from recognition.decision.reading import (
     Box,
     Candidate,
     CharacterReading,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,19 +14,27 @@ import x3pio
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
-from pipeline.common.records import ReadingRecord
+from pipeline.common.records import LineRecord, ReadingRecord
 from pipeline.common.row import Row
 from pipeline.common.run_description import key_of
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 from pipeline.files.npz import write_npz
 from pipeline.files.parts import Part, discover
-from pipeline.reading.as_record import record_of_part, rivals_of
+from pipeline.reading.as_record import reading_record, record_of_part, rivals_of
 from pipeline.reading.part_reader import PartReader
-from recognition.box import Box
-from recognition.grammar import Grammar
-from recognition.lattice import Lattice
-from recognition.reading import Candidate, CharacterReading, Decision, MarkDepth, Reading, ReadingFlag
+from recognition.decision.reading import (
+    Candidate,
+    CharacterReading,
+    Decision,
+    MarkDepth,
+    OtherLine,
+    Reading,
+    ReadingFlag,
+)
+from recognition.language.box import Box
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 
@@ -121,6 +130,18 @@ def test_a_row_tells_the_reading(tmp_path: Path) -> None:
     assert abs((datetime.now(UTC) - record.at).total_seconds()) < 60.0
     assert record.program == program_version()
     assert record.settings == key_of({"format": ["99"]})
+
+
+def test_other_lines_stand_in_the_record() -> None:
+    others = (OtherLine("lot", "LOT77", 0.98, BOX), OtherLine("", "12/26", 1.2))
+    read = replace(reading("11"), others=others)
+    made = reading_record(read, ReadSettings(), None, part="p", seconds=0.1)
+    assert made.lines == (
+        LineRecord("lot", "LOT77", 0.98, (0.0, 0.0, 1.0, 1.0)),
+        LineRecord("", "12/26", 1.0),
+    )
+    (lot, _) = reading_record(replace(read, unit="px"), ReadSettings(), None, part="p", seconds=0.1).lines
+    assert (lot.box_mm, lot.box_px) == (None, (0.0, 0.0, 1.0, 1.0))
 
 
 def test_a_format_met_with_either_row_first_is_tried_both_ways(tmp_path: Path) -> None:

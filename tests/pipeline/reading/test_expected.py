@@ -9,7 +9,7 @@ import pytest
 from glyphs.errors import FileError
 from pipeline.common.settings import SettingsError
 from pipeline.reading.expected import Expected, load_expected
-from recognition.grammar import Grammar
+from recognition.language.grammar import Grammar
 
 
 def test_one_text_for_all_or_a_table(tmp_path: Path) -> None:

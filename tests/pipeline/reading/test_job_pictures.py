@@ -14,7 +14,6 @@ from pipeline.reading.job_pictures import (
     MadeFile,
     edges_picture,
     photo_picture,
-    vision_edges_picture,
 )
 
 DIRECTIONS = (TraceDirection.FORWARD_X, TraceDirection.FORWARD_Y)
@@ -83,19 +82,7 @@ def test_edges_picture_is_blue_below_and_red_above_the_land(tmp_path: Path) -> N
     assert image[5, 5].min() > 240, "land is white"
 
 
-def test_vision_edges_picture_shows_where_brightness_changes(tmp_path: Path) -> None:
-    shape = (100, 300)
-    pixels = np.full(shape, 100, dtype=np.uint8)
-    pixels[:, 150:] = 200
-    (made,) = vision_edges_picture(Photo(pixels, pitch_mm=0.05), 5.0, tmp_path)
-    assert made.kind is EvidenceKind.VISION_EDGES_PICTURE
-    bright = cv2.imread(str(made.path)).sum(axis=2).mean(axis=0)
-    x = made.meta["x0_mm"] + made.meta["mm_per_pixel"] * float(np.argmax(bright))
-    assert x == pytest.approx(0.05 * 149.5, abs=0.1)
-
-
 def test_no_edges_no_picture(tmp_path: Path) -> None:
     assert edges_picture(None, tmp_path) == []
-    assert vision_edges_picture(Photo(np.zeros((20, 20), dtype=np.uint8)), 0.0, tmp_path) == []
     nothing = EdgeMap(np.zeros((1, 9, 9), np.float32), DIRECTIONS[:1], np.zeros((9, 9), np.bool_), 0.1)
     assert len(edges_picture(nothing, tmp_path)) == 1

@@ -45,10 +45,10 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
 
 
 @pytest.fixture(scope="module")
-def unsure(parts: Parts, tmp_path_factory: pytest.TempPathFactory) -> tuple[Done, Path]:
-    """What a job makes of a photograph that is not sure enough, and its folder."""
+def unsure(parts: Parts, tmp_path_factory: pytest.TempPathFactory) -> Done:
+    """What a job makes of a photograph that is not sure enough."""
     folder = tmp_path_factory.mktemp("unsure")
-    return read_job(Job(folder, photo=parts.photo, expected=parts.text), UNSURE, LIMITS), folder
+    return read_job(Job(folder, photo=parts.photo, expected=parts.text), UNSURE, LIMITS)
 
 
 @pytest.fixture
@@ -73,15 +73,14 @@ def test_sure_photograph_is_accepted_without_touch(parts: Parts, folder: Path) -
     (reading,) = done.readings
     assert (reading.source, reading.text, reading.decision) == ("vision", parts.text, "accept")
     assert done.plan is None
-    assert kinds(done) == [EvidenceKind.PHOTO_PICTURE, EvidenceKind.VISION_EDGES_PICTURE]
+    assert kinds(done) == [EvidenceKind.PHOTO_PICTURE]
     assert all(made.path.is_file() and made.path.parent == folder for made in done.made)
     assert reading.seconds > 0.0
 
 
-def test_unsure_photograph_asks_for_touch_around_the_line(parts: Parts, unsure: tuple[Done, Path]) -> None:
-    done, _ = unsure
+def test_unsure_photograph_asks_for_touch_around_the_line(parts: Parts, unsure: Done) -> None:
+    done = unsure
     assert done.plan is not None
-    assert kinds(done)[-1] is EvidenceKind.VISION
     x0, y0, x1, y1 = done.plan.region_mm
     boxes = np.array([c.box_mm for c in done.readings[0].characters])
     assert x0 <= boxes[:, 0].min()
@@ -95,13 +94,13 @@ def test_unsure_photograph_asks_for_touch_around_the_line(parts: Parts, unsure: 
     assert parts.text in done.plan.reason
 
 
-def test_scan_of_the_plan_is_fused_with_what_was_seen(
-    parts: Parts, unsure: tuple[Done, Path], folder: Path
+def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
+    parts: Parts, unsure: Done, folder: Path
 ) -> None:
-    done, kept = unsure
+    done = unsure
     assert done.plan is not None
     scan = SimulatedStage(parts.folder).feel(ScanOrder("part", done.plan), folder)
-    later = read_job(Job(folder, scan=scan, vision=kept / "sight.npz", expected=parts.text), SETTINGS, LIMITS)
+    later = read_job(Job(folder, scan=scan, earlier_photo=parts.photo, expected=parts.text), SETTINGS, LIMITS)
     (reading,) = later.readings
     assert (reading.source, reading.text, reading.decision) == ("fused", parts.text, "accept")
     assert reading.verdict == "confirmed"
@@ -111,11 +110,9 @@ def test_scan_of_the_plan_is_fused_with_what_was_seen(
     assert kinds(later) == [EvidenceKind.EDGES_PICTURE]
 
 
-def test_height_map_after_the_photograph_is_fused_in_its_own_frame(
-    parts: Parts, unsure: tuple[Done, Path], folder: Path
-) -> None:
-    _, kept = unsure
-    later = read_job(Job(folder, height_map=parts.map, vision=kept / "sight.npz"), SETTINGS, LIMITS)
+def test_height_map_after_the_photograph_is_fused_in_its_own_frame(parts: Parts, folder: Path) -> None:
+    later = read_job(Job(folder, height_map=parts.map, earlier_photo=parts.photo), SETTINGS, LIMITS)
+    assert len(later.readings) == 1
     assert later.readings[0].source == "fused"
     assert later.readings[0].text == parts.text
 
@@ -126,11 +123,7 @@ def test_photo_and_height_map_give_two_readings_in_the_plate_frame(parts: Parts,
     assert (seen.source, both.source) == ("vision", "fused")
     assert seen.text == both.text == parts.text
     assert np.abs(middle(seen) - middle(both)).max() < FRAMES_AGREE_MM
-    assert kinds(done) == [
-        EvidenceKind.PHOTO_PICTURE,
-        EvidenceKind.EDGES_PICTURE,
-        EvidenceKind.VISION_EDGES_PICTURE,
-    ]
+    assert kinds(done) == [EvidenceKind.PHOTO_PICTURE, EvidenceKind.EDGES_PICTURE]
     assert done.plan is None
 
 
@@ -145,9 +138,8 @@ def test_height_map_alone_is_read_by_touch_under_the_name_its_sender_gave(
     assert any("expected" in message for message in reading.messages)
 
 
-def test_results_can_be_pickled(unsure: tuple[Done, Path]) -> None:
-    done, _ = unsure
-    assert pickle.loads(pickle.dumps(done)) == done
+def test_results_can_be_pickled(unsure: Done) -> None:
+    assert pickle.loads(pickle.dumps(unsure)) == unsure
     job = Job(Path("a"), photo=Path("b"), names={"photo": "c"})
     assert pickle.loads(pickle.dumps(job)) == job
 
@@ -199,8 +191,8 @@ def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Pat
 def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="a job has"):
         read_job(Job(tmp_path), SETTINGS, LIMITS)
-    with pytest.raises(ValueError, match="a kept reading of vision goes with"):
-        read_job(Job(tmp_path, photo=tmp_path / "a", vision=tmp_path / "b"), SETTINGS, LIMITS)
+    with pytest.raises(ValueError, match="an earlier photo goes with"):
+        read_job(Job(tmp_path, earlier_photo=tmp_path / "b"), SETTINGS, LIMITS)
 
 
 def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: Path, tmp_path: Path) -> None:
@@ -248,10 +240,9 @@ def test_a_line_hardly_seen_is_felt_with_the_whole_picture(parts: Parts) -> None
     )
 
 
-def test_scan_beyond_the_limit_is_refused(parts: Parts, unsure: tuple[Done, Path], folder: Path) -> None:
-    done, _ = unsure
-    assert done.plan is not None
-    scan = SimulatedStage(parts.folder, noise=False).feel(ScanOrder("part", done.plan), folder)
+def test_scan_beyond_the_limit_is_refused(parts: Parts, unsure: Done, folder: Path) -> None:
+    assert unsure.plan is not None
+    scan = SimulatedStage(parts.folder, noise=False).feel(ScanOrder("part", unsure.plan), folder)
     with pytest.raises(FileError, match="over the limit"):
         read_job(Job(folder, scan=scan), SETTINGS, replace(LIMITS, max_scan_samples=10_000))
 

@@ -22,8 +22,8 @@ from pipeline.files.limits import Limits
 from pipeline.files.listed import ListedPart
 from pipeline.files.synth import SynthSpec, write_part
 from pipeline.reading.jobs import Job, read_job
-from recognition.photo_sizes import SIZES
-from recognition.reader_settings import ReaderSettings
+from recognition.senses.photo_sizes import SIZES
+from recognition.senses.settings import ReaderSettings
 
 SETTINGS = ReadSettings(font=("gothic",), format=("AA99",))
 FEW_PIXELS = 150_000
@@ -41,7 +41,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Path]]
     photo = pipeline.read_photo(stem.with_suffix(".png"))
     assert photo.shape[0] * photo.shape[1] > 1.5 * FEW_PIXELS, "or there is but one size to read it at"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("recognition.photo_sizes.SIZES", (FEW_PIXELS, SIZES[-1]))
+        patch.setattr("recognition.senses.photo_sizes.SIZES", (FEW_PIXELS, SIZES[-1]))
         yield {"photo": stem.with_suffix(".png"), "height_map": stem.with_suffix(".npz")}
 
 

@@ -80,7 +80,7 @@ def test_a_clean_part_is_accepted_on_the_cameras_word(client: TestClient, parts:
     assert part["plan"] is None
     assert part["reading"]["source"] == "vision"
     assert client.get(part["links"]["self"]).json() == part
-    for picture in ("photo", "sight-edges", "boxes"):
+    for picture in ("photo", "boxes"):
         assert client.get(part["links"][picture]).headers["content-type"].startswith("image/")
     assert client.get(part["links"]["edges"]).status_code == 404  # nothing was felt
 

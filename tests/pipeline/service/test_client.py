@@ -182,7 +182,7 @@ def test_every_call_gives_records(fresh: tuple[Service, str], photo: Path) -> No
         assert client.touch(ID) == PART
         assert client.verify("KX407251", photo).expected == "KX407251"
         assert client.parts(state=PartState.ACCEPTED, text="KX", before=ID, limit=7) == (PART,)
-        assert client.picture(ID, "sight-edges") == b"\x89PNG sight-edges"
+        assert client.picture(ID, "edges") == b"\x89PNG edges"
         reviewed = client.review(
             ID, action=ReviewAction.CORRECT, text="KX407252", who="Anna", before="KX407251"
         )

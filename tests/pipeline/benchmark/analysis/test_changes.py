@@ -15,7 +15,7 @@ from pipeline.benchmark.trials.journal import Trial, TrialJournal
 from pipeline.benchmark.trials.remade import remade
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
-from recognition.reader_settings import ReaderSettings
+from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
 
 PARTS = designed_parts(parts=3, severities=(0.3, 0.6), given=("format", "font,format"))

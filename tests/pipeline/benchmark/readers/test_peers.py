@@ -13,9 +13,9 @@ from pipeline.benchmark.readers import engines, peers, pictures
 from pipeline.benchmark.readers.felt import feel_part
 from pipeline.benchmark.readers.mode import ModeUnavailableError, PartReadings
 from pipeline.benchmark.readers.modes import open_mode
+from recognition.decision.reading import Decision, ReadingFlag
 from recognition.reader import Reader
-from recognition.reader_settings import ReaderSettings
-from recognition.reading import Decision, ReadingFlag
+from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
 
 CLASSES = ("", "A", "B")
@@ -114,8 +114,8 @@ def test_a_missing_engine_names_the_extra(engine: str, monkeypatch: pytest.Monke
     def gone(name: str) -> None:
         raise ImportError(name)
 
+    monkeypatch.setattr("recognition.experts.generic.is_installed", lambda: False)
     monkeypatch.setattr(engines.importlib, "import_module", gone)
-    engines._rapid_session.cache_clear()
     engines._tesseract_api.cache_clear()
     with pytest.raises(ModeUnavailableError, match=r"not installed; .*tactile-marks\[peers\]"):
         open_mode(f"{engine} photo", Reader(ReaderSettings()))

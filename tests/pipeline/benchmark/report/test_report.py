@@ -21,7 +21,7 @@ from pipeline.benchmark.report.worst_parts import WorstPart, draw_worst, marked,
 from pipeline.benchmark.trials.journal import ReadCharacter, Trial
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
-from recognition.reader_settings import ReaderSettings
+from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
 
 SECTIONS = (

@@ -23,10 +23,10 @@ from pipeline.benchmark.trials.run import Benchmark, run_benchmark
 from pipeline.common.run_description import key_of
 from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import PoolExecutor
-from recognition.box import Box
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.language.box import Box
 from recognition.reader import Reader
-from recognition.reader_settings import ReaderSettings
-from recognition.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
 from whisker_array.simulation.traces import Fidelity
 

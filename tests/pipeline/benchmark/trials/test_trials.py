@@ -11,7 +11,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.benchmark.trials.journal import FORMAT_VERSION, Trial, TrialJournal, answer_of
-from recognition.reading import Decision, Reading, ReadingFlag
+from recognition.decision.reading import Decision, Reading, ReadingFlag
 
 DESCRIPTION = {"seed": 1}
 TRIAL = Trial(

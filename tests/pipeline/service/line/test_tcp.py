@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.common.records import PartRecord, PartState
+from pipeline.common.records import LineRecord, PartRecord, PartState, ReadingRecord
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString, ResultStringError
 from pipeline.service.line.tcp import TcpLimits, TcpPort
 from pipeline.service.line.trigger import LineDecision, decision_of, in_words, is_hidden
@@ -266,6 +266,9 @@ def test_the_format_is_the_integrators() -> None:
     assert ResultString("{text}").of(part()) == "KX407251"
     assert ResultString("S={text} C={confidence:06.2f}").of(part()) == "S=KX407251 C=001.00"
     assert ResultString("{{{text}}}{verdict}").of(part()) == "{KX407251}"
+    lines = (LineRecord("lot", "LOT77", 0.9), LineRecord("", "12/26", 0.9))
+    read = ReadingRecord("fused", "KX407251", "accept", 0.9, lines=lines)
+    assert ResultString("{text} {lines}").of(part(reading=read)) == "KX407251 lot=LOT77;12/26"
     assert ResultString(DEFAULT_FORMAT).of(part(reading=None)).split(";")[3:5] == ["0.000", ""]
 
 

@@ -22,6 +22,7 @@ from pipeline.common.records import (
     CharacterRecord,
     EvidenceKind,
     EvidenceRecord,
+    LineRecord,
     PartRecord,
     PartState,
     ReadingRecord,
@@ -248,19 +249,19 @@ def test_boxes_that_cannot_be_drawn_are_left_out(shop: Shop) -> None:
     assert "scale is not known" in scaleless.note
 
 
-def test_before_touch_the_cameras_edges_are_shown_and_what_touch_is_asked_for(shop: Shop) -> None:
-    edges = shop.keep(EvidenceKind.VISION_EDGES_PICTURE, b"edges")
+def test_before_touch_the_photograph_is_shown_and_what_touch_is_asked_for(shop: Shop) -> None:
+    photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
     part_id = new_part_id()
     plan = ScanPlanRecord(
         (1.0, 2.0, 41.5, 12.0), (0, 180), 3, 0.05, 0.02, 40.0, 0.3, 12.5, 5.0, "unsure of <K>"
     )
     shop.store.add_part(
-        part_id=part_id, name="P", state=PartState.TOUCH_NEEDED, evidence=(edges,), plan=plan,
+        part_id=part_id, name="P", state=PartState.TOUCH_NEEDED, evidence=(photo,), plan=plan,
         readings=(reading("KX", source="vision"),),
     )  # fmt: skip
     page = shop.client.get(f"/parts/{part_id}").text
-    assert f"/v1/parts/{part_id}/pictures/sight-edges" in page
-    assert "not scanned yet" in page
+    assert f"/v1/parts/{part_id}/pictures/photo" in page
+    assert "not been scanned yet" in page
     assert "unsure of &lt;K&gt;" in page
     assert "0°, 180°" in page
     assert "12.5 s" in page
@@ -366,6 +367,18 @@ def test_texts_are_shown_as_they_are_everywhere(shop: Shop, text: str) -> None:
         assert "style=" not in page.text  # the policy forbids it
     shown = re.sub(r"<[^>]*>", "", shop.client.get(f"/parts/{part_id}").text)
     assert html.unescape(shown).count(text) >= 3  # name, reading, review
+
+
+def test_other_lines_are_shown_by_name(shop: Shop) -> None:
+    lines = (LineRecord("lot", "LOT<77", 0.987), LineRecord("", "12/26", 0.9))
+    part_id = shop.add(readings=(reading("KX407251", lines=lines),))
+    for address in (f"/review/{part_id}", f"/parts/{part_id}"):
+        page = shop.client.get(address).text
+        assert page.count('class="lines"') == 1
+        words = html.unescape(re.sub(r"<[^>]*>", "", page))
+        assert "lot LOT<77 0.987" in words
+        assert "another line 12/26 0.900" in words
+    assert 'class="lines"' not in shop.client.get(f"/review/{shop.add()}").text
 
 
 def test_parts_without_reading_or_characters_have_pages(shop: Shop) -> None:

@@ -1,0 +1,1 @@
+"""What several experts believe, made one."""

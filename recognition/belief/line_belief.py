@@ -1,0 +1,198 @@
+"""What several experts believe of one line, made one: how many places, and what stands at each.
+
+    Steps of each look --places of the format--> posteriors --mean of an expert's looks--> one lattice an expert
+    lattices --product, each to a power--> the lattice that the format decides on
+
+Looks of one expert are much alike: their logarithms are averaged. Experts differ, and their agreement counts: the
+powers add up to more than 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from recognition.belief.weights import ExpertWeights
+from recognition.experts.ctc import PlaceBelief
+from recognition.experts.steps import Steps
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+
+Floats = NDArray[np.float64]
+NEAR_STEPS = 1.0
+"""Beside a place's middle, or its spread, where its character must show."""
+MOST_COUNTS = 3
+"""Looks of an expert by which characters are counted."""
+MOST_LENGTHS = 6
+"""Of a format, that are tried: those nearest to what is counted."""
+MOST_COUNTED = 32
+"""Characters of a line whose number nobody knows."""
+_LEAST = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class LineBelief:
+    """What is believed of a line.
+
+    Attributes:
+        lattice: over all characters that are looked for, of as many places as the format has; only what it allows.
+        columns: (places,) of the lattice, where each stands on the strip.
+        evidence: log probability of all that the format allows together; 0 where nothing is known.
+        likely: probability that there are so many places; 1 where a format says so.
+        by_expert: lattices of each by itself.
+        heard: what they heard along the line.
+        weights: of the experts.
+    """
+
+    lattice: Lattice
+    columns: Floats
+    evidence: float
+    likely: float
+    by_expert: Mapping[str, Lattice]
+    heard: Mapping[str, Sequence[Steps]]
+    weights: ExpertWeights
+
+    __repr__ = one_line
+
+    @cached_property
+    def openly(self) -> tuple[Lattice, Floats]:
+        """The beliefs in as many places as stand there, of any characters, and their columns."""
+        chars = next(iter(self.heard.values()))[0].chars
+        heard = {name: looks[:1] for name, looks in self.heard.items()}
+        found = _told(heard, (chars,) * max(counted(heard)[0], 1))
+        told = {
+            name: one for name, looks in found.items() if (one := _lattice(heard[name], looks)) is not None
+        }
+        return pooled({name: one for name, (one, _) in told.items()}, self.weights), _mean_columns(told)
+
+    @property
+    def promise(self) -> float:
+        """How much is read how surely: what stands at every place, in nats against a guess."""
+        best = np.maximum(self.lattice.log_belief.max(axis=1, initial=-np.inf), -3.0)
+        return float((best + 1.0).sum()) + max(self.evidence, -50.0) / 4.0
+
+
+def believed(
+    heard: Mapping[str, Sequence[Steps]], grammar: Grammar | None, *, weights: ExpertWeights
+) -> LineBelief | None:
+    """The beliefs of experts that listened along one line; None where they hear nothing.
+
+    Args:
+        heard: what each says of its looks at the line, all over the same characters.
+        grammar: what may stand there.
+        weights: of the experts.
+    """
+    likely = 1.0
+    if grammar is None:
+        chars = next(iter(heard.values()))[0].chars
+        many, likely = counted(heard)
+        found = _told(heard, (chars,) * many)
+    else:
+        found = _best_length(heard, grammar)
+    told = {name: one for name, looks in found.items() if (one := _lattice(heard[name], looks)) is not None}
+    if not told:
+        return None
+    by_expert = MappingProxyType({name: lattice for name, (lattice, _) in told.items()})
+    evidence = 0.0 if grammar is None else _evidence(found)
+    return LineBelief(
+        pooled(by_expert, weights), _mean_columns(told), evidence, likely, by_expert, heard, weights
+    )
+
+
+Told = Mapping[str, Sequence[PlaceBelief | None]]
+
+
+def _told(heard: Mapping[str, Sequence[Steps]], allowed: Sequence[str]) -> Told:
+    """What every look says of so many places."""
+    return {name: [steps.places(allowed) for steps in looks] for name, looks in heard.items()}
+
+
+def _evidence(told: Told) -> float:
+    """Log probability of all that is allowed together: the mean of experts, of looks; -inf where it has no room."""
+    each = [
+        np.mean(logs)
+        for looks in told.values()
+        if (logs := [one.log_evidence for one in looks if one is not None])
+    ]
+    return float(np.mean(each)) if each else -math.inf
+
+
+def _best_length(heard: Mapping[str, Sequence[Steps]], grammar: Grammar) -> Told:
+    """What the looks say of the places of the length that explains most."""
+    lengths = grammar.lengths()
+    if lengths is None or len(lengths) > MOST_LENGTHS:
+        usual, _ = counted(heard)
+        lengths = frozenset(
+            {usual} if lengths is None else sorted(lengths, key=lambda n: abs(n - usual))[:MOST_LENGTHS]
+        )
+    told = [_told(heard, allowed) for n in sorted(lengths) if (allowed := grammar.places(n))]
+    return max(told, key=_evidence, default={})
+
+
+def counted(heard: Mapping[str, Sequence[Steps]]) -> tuple[int, float]:
+    """The likeliest number of characters, and its probability."""
+    total = np.zeros(MOST_COUNTED + 1)
+    for looks in heard.values():
+        logs = [np.maximum(steps.count(), -50.0)[: MOST_COUNTED + 1] for steps in looks[:MOST_COUNTS]]
+        padded = [np.pad(log, (0, total.size - log.size), constant_values=-50.0) for log in logs]
+        total += np.mean(padded, axis=0) / len(heard)
+    many = int(np.argmax(total))
+    return many, float(np.exp(total[many] - np.logaddexp.reduce(total)))
+
+
+def pooled(lattices: Mapping[str, Lattice], weights: ExpertWeights) -> Lattice:
+    """The product of experts' beliefs, each to the power of its weight; a place that any has read is read.
+
+    Args:
+        lattices: of as many places, over the same characters.
+        weights: by expert.
+    """
+    first = next(iter(lattices.values()))
+    reads = {name: np.logaddexp.reduce(own.log_belief, axis=1) for name, own in lattices.items()}
+    shares = {name: own.log_belief - reads[name][:, None] for name, own in lattices.items()}
+    doubt = np.mean([1.0 - np.exp(share.max(axis=1)) for share in shares.values()], axis=0)
+    total = np.zeros(first.log_belief.shape)
+    allowed = np.all([np.isfinite(share) for share in shares.values()], axis=0)
+    for name, share in shares.items():
+        power = weights.powers[name]
+        total += np.maximum(power.sure + power.doubt * doubt, 0.0)[:, None] * np.where(allowed, share, 0.0)
+    total = np.where(allowed, total, -np.inf)
+    total -= np.logaddexp.reduce(total, axis=1)[:, None]
+    slip = np.log(weights.slip / allowed.sum(axis=1) + _LEAST)[:, None]
+    total = np.where(allowed, np.logaddexp(total + math.log1p(-weights.slip), slip), -np.inf)
+    unread = np.min([1.0 - np.exp(np.minimum(read, 0.0)) for read in reads.values()], axis=0)
+    total += np.log(np.maximum(1.0 - unread, _LEAST))[:, None] - np.logaddexp.reduce(total, axis=1)[:, None]
+    return replace(first, log_belief=np.minimum(total, 0.0))
+
+
+def _lattice(looks: Sequence[Steps], told: Sequence[PlaceBelief | None]) -> tuple[Lattice, Floats] | None:
+    """An expert's lattice and where its places stand on the strip: the mean of its looks."""
+    logs, columns, read = [], [], []
+    for steps, found in zip(looks, told, strict=True):
+        if found is None:
+            continue
+        at = np.clip(found.frame, 0, steps.columns.size - 1)
+        columns.append(np.interp(at, np.arange(steps.columns.size), steps.columns))
+        logs.append(found.log_belief)
+        shown = 1.0 - np.exp(steps.log_blank)
+        steps_at = np.arange(shown.size)
+        near = np.abs(steps_at[None] - found.frame[:, None]) <= np.maximum(NEAR_STEPS, found.spread)[:, None]
+        read.append(np.where(near, shown[None], 0.0).max(axis=1).clip(_LEAST, 1.0))
+    if not logs:
+        return None
+    log = np.mean(logs, axis=0)
+    log = log - np.logaddexp.reduce(log, axis=1)[:, None] + np.log(np.mean(read, axis=0))[:, None]
+    return Lattice(tuple(looks[0].chars), np.minimum(log, 0.0)), np.asarray(np.mean(columns, axis=0))
+
+
+def _mean_columns(told: Mapping[str, tuple[Lattice, Floats]]) -> Floats:
+    if not told:
+        return np.zeros(0)
+    return np.asarray(np.mean([columns for _, columns in told.values()], axis=0))

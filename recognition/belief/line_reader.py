@@ -1,0 +1,278 @@
+"""Whatever can be looked at, read: the lines of a view, and what is believed of each.
+
+    view --find_lines--> lines --a look each--> the one that says most --more looks, more experts--> LineBelief
+                            \\--none says much: upside down, run down--/
+
+The format decides which of several lines is meant. What else can be read on the part is kept, for nobody has claimed
+it (`PartLines.others`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from recognition.belief.line_belief import LineBelief, believed, pooled
+from recognition.belief.part_lines import NO_LINES, Judge, LineFormat, PartLines, ReadLine
+from recognition.belief.weights import EXPERTS, weights_of
+from recognition.experts import generic, recogniser
+from recognition.experts.steps import Steps
+from recognition.language.grammar import Grammar
+from recognition.lines.find import find_lines, overlap
+from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.views.view import View
+
+MOST_LINES = 6
+"""That are looked at, most promising first."""
+MOST_COLUMNS = 4000
+"""Of a strip, some 200 characters: what is longer is no line."""
+MOST_TURNED = 3
+"""That are looked at upside down, and running down or up."""
+MOST_BENT = 2
+"""Of these, that are looked at as arcs as well."""
+TURNED_COST = 1.5
+"""Nats that a line must say more than another, to be read upside down, or down the plate."""
+SURE, SOME = 0.7, 0.4
+"""Of what a place may say at most, from which no fainter lines are looked for, and no turned ones."""
+JITTERS = ((0.08, 1.0), (-0.08, 1.0), (0.0, 1.1), (0.0, 0.91))
+"""More looks of our own recogniser at a line: moved down and higher, character heights."""
+MOST_PRINT = 2
+"""Looks of the generic one."""
+AGREED, AGREED_EVIDENCE = 0.99, -1.0
+"""Belief in every place, and log probability of all that the format allows, from which a look each is enough."""
+END_HEIGHTS = 0.55
+"""A character so near a strip's end may have a neighbour beyond."""
+GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
+"""Heights by which a line is made longer where a character stands at its end, and how often."""
+ASKED_EVIDENCE = -4.0
+"""Log probability of all that a format allows, from which a line is the one that was asked for, and no other."""
+OTHER_BELIEF, OTHER_PLACES = 0.8, 3
+"""Mean belief, and places, from which another line on the part is text that nobody has claimed."""
+
+MOST_SCANS = 2
+"""Scales at which a height map is scanned in search of a reading that is accepted."""
+OTHER_SCALE = 1.2
+"""Ratio of heights from which a scan of its own is worth while."""
+
+
+class LineReader:
+    """Reads views; knows the format and the characters that may occur."""
+
+    def __init__(
+        self,
+        grammar: Grammar | None,
+        chars: str,
+        *,
+        height_mm: float | None = None,
+        experts: Sequence[str] = (),
+        lines: Mapping[str, LineFormat] = NO_LINES,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            grammar: what the serial's line may be.
+            chars: all that is looked for.
+            height_mm: of the characters, if known.
+            experts: whose belief counts, of those there are; all unless given.
+            lines: others that stand on the part, by name.
+        """
+        self.lines = lines
+        self.grammar, self.chars, self.height_mm = grammar, chars, height_mm
+        self.experts = frozenset(experts or EXPERTS)
+        self.print_too = "print" in self.experts and generic.is_installed()
+
+    def read(self, view: View, *, about: TextLine | None = None, judge: Judge | None = None) -> PartLines:
+        """The lines of a view.
+
+        Args:
+            view: to be read.
+            about: where the line lies, if that is known.
+            judge: other experts.
+        """
+        seen = self._look(view, [about]) if about is not None else self._seen(view)
+        if not seen:
+            return PartLines(None)
+        best = self._settled(view, seen)
+        belief = self._believed(view, best, self.grammar, judge)
+        if belief is None and "own" not in self.experts:
+            return PartLines(None)  # who was asked has nothing to say
+        main = ReadLine(best.line, belief) if belief is not None else best
+        rest = [one for one in seen if _apart(one, main)]
+        named: dict[str, ReadLine] = {}
+        for name, line in self.lines.items():
+            found = self._named(view, rest, line)
+            if found is not None:
+                named[name] = found
+                rest = [one for one in rest if _apart(one, found)]
+        others: list[ReadLine] = []
+        for one in rest:
+            if _is_text(one) and all(_apart(one, other) for other in others):
+                others.append(one)
+        return PartLines(main, MappingProxyType(named), tuple(others))
+
+    def _named(self, view: View, rest: Sequence[ReadLine], asked: LineFormat) -> ReadLine | None:
+        """The line of these that this format and region mean; None where none does."""
+        weights = weights_of(view.kind)
+        fits = [
+            ReadLine(one.line, belief)
+            for one in rest
+            if asked.covers(one.line, view)
+            and (belief := believed(one.belief.heard, asked.grammar, weights=weights)) is not None
+        ]
+        if not fits:
+            return None
+        best = max(fits, key=_promise)
+        belief = self._believed(view, best, asked.grammar, None) or best.belief
+        return ReadLine(best.line, belief) if belief.evidence > ASKED_EVIDENCE else None
+
+    def glance(self, view: View) -> list[TextLine]:
+        """Lines of a view by a look each, most promising first."""
+        return [one.line for one in self._seen(view)]
+
+    def heights_mm(self, view: View) -> list[float]:
+        """Character heights worth a scan of what a view shows, most promising first."""
+        if self.height_mm:
+            return [self.height_mm]
+        kept: list[float] = []
+        for line in self.glance(view):
+            if all(abs(np.log(line.height_mm / other)) > np.log(OTHER_SCALE) for other in kept):
+                kept.append(line.height_mm)
+        return kept
+
+    def _seen(self, view: View) -> list[ReadLine]:
+        """Lines of a view by a look each; what is less usual is tried where the usual says little."""
+        seen: list[ReadLine] = []
+        tries = (
+            (self._usual, SURE),
+            (self._hidden, SOME),
+            (self._upside_down, SOME),
+            (self._running_down, SOME),
+        )
+        for candidates, enough in tries:
+            seen = _ranked([*seen, *self._look(view, candidates(view, seen))])
+            if _says_much(seen, enough):
+                break
+        return seen
+
+    def _usual(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        found = find_lines(view, height_mm=self.height_mm)
+        bent = [one.bent for one in found[:MOST_BENT] if one.bent is not None]
+        crops = whole_view(view) if self.height_mm is None else []
+        return [*(one.line for one in found[:MOST_LINES]), *bent, *crops]
+
+    def _hidden(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        found = find_lines(view, height_mm=self.height_mm, faint=True)[:MOST_LINES]
+        if self.height_mm is not None:
+            return [one.line for one in found]
+        found += find_lines(view, small=True)[:MOST_LINES]
+        return [*(one.line for one in found), *anywhere(view)]
+
+    def _upside_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        return [one.line.reversed for one in seen[:MOST_TURNED]]
+
+    def _running_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        found = [one.line for one in find_lines(view, height_mm=self.height_mm, down=True)[:MOST_TURNED]]
+        return [*found, *(line.reversed for line in found)]
+
+    def _look(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
+        """One look of our own recogniser at each line, most promising first."""
+        lines = [line for line in lines if line.columns() <= MOST_COLUMNS]
+        if not lines:
+            return []
+        steps = recogniser.steps_of([view.strip(line) for line in lines], chars=self.chars)
+        beliefs = [believed({"own": [one]}, self.grammar, weights=weights_of(view.kind)) for one in steps]
+        return _ranked([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
+
+    def _settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
+        """The best line, moved and grown where that lets it say more."""
+        best = seen[0]
+        if not _says_much([best]):
+            tried = [moved(one.line, *move) for one in seen[:2] for move in MOVES]
+            tried += [line for one in seen[:2] for line in longer(one.line)]
+            best = _ranked([best, *self._look(view, tried)])[0]
+        elif self.grammar is None:
+            # nobody says how long it is: a word may stand beyond a gap
+            best = _ranked([best, *self._look(view, longer(best.line))])[0]
+        for _ in range(MOST_GROWTHS):
+            first, last = _at_ends(best)
+            if not (first or last):
+                break
+            tried = [grown(best.line, first * far, last * far) for far in GROWTHS]
+            looked = self._look(view, tried)
+            if not looked or _promise(looked[0]) <= _promise(best):
+                break
+            best = looked[0]
+        return best
+
+    def _believed(
+        self, view: View, best: ReadLine, grammar: Grammar | None, judge: Judge | None
+    ) -> LineBelief | None:
+        """What all experts believe of a line: of one look each where they are sure of the same, or of several."""
+        heard: dict[str, Sequence[Steps]] = dict(best.belief.heard)
+        pictures = generic.looks_at(view, best.line)[:MOST_PRINT] if self.print_too else []
+        if pictures:
+            heard["print"] = generic.steps_of(pictures[:1], chars=self.chars)
+        belief = believed(heard, grammar, weights=weights_of(view.kind))
+        if belief is None or not _agreed(belief):
+            strips = [view.strip(moved(best.line, down, size)) for down, size in JITTERS]
+            heard["own"] = [*heard["own"], *recogniser.steps_of(strips, chars=self.chars)]
+            if pictures[1:]:
+                heard["print"] = [*heard["print"], *generic.steps_of(pictures[1:], chars=self.chars)]
+            belief = believed(heard, grammar, weights=weights_of(view.kind))
+        if belief is None:
+            return None
+        more = judge(best.line, belief) if judge is not None else {}
+        by_expert = {name: own for name, own in {**belief.by_expert, **more}.items() if name in self.experts}
+        if not by_expert:
+            return None
+        if by_expert.keys() == belief.by_expert.keys():
+            return belief
+        return replace(belief, lattice=pooled(by_expert, belief.weights), by_expert=by_expert)
+
+
+def _apart(one: ReadLine, other: ReadLine) -> bool:
+    return not overlap(one.line, other.line) and not overlap(other.line, one.line)
+
+
+def _is_text(one: ReadLine) -> bool:
+    """Whether a line can be read, whatever it says."""
+    lattice, _ = one.belief.openly
+    best = np.exp(lattice.log_belief.max(axis=1, initial=-np.inf))
+    return lattice.n_places >= OTHER_PLACES and float(best.mean()) > OTHER_BELIEF
+
+
+def _says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
+    """Whether the most promising line says so much of what its places may say."""
+    if not seen:
+        return False
+    belief = seen[0].belief
+    return belief.promise > enough * belief.lattice.n_places and belief.lattice.n_places > 1
+
+
+def _agreed(belief: LineBelief) -> bool:
+    """Whether all experts are sure of the same text."""
+    texts = {tuple(own.log_belief.argmax(axis=1)) for own in belief.by_expert.values()}
+    least = float(np.exp(belief.lattice.log_belief.max(axis=1)).min())
+    return len(texts) == 1 and least > AGREED and belief.evidence > AGREED_EVIDENCE
+
+
+def _ranked(seen: Sequence[ReadLine]) -> list[ReadLine]:
+    return sorted(seen, key=_promise, reverse=True)
+
+
+def _promise(one: ReadLine) -> float:
+    """How much a line says; parts seldom lie turned."""
+    return one.belief.promise - (TURNED_COST if abs(one.line.turned_deg) > 45.0 else 0.0)
+
+
+def _at_ends(one: ReadLine) -> tuple[bool, bool]:
+    """Whether a character stands at the strip's start, and at its end: others may stand beyond."""
+    columns = one.belief.columns
+    if columns.size == 0:
+        return False, False
+    near = (END_HEIGHTS + MARGIN) * HEIGHT_ROWS
+    return float(columns[0]) < near, float(columns[-1]) > one.line.columns() - near

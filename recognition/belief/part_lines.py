@@ -1,0 +1,84 @@
+"""The lines of a part: what is asked for, and what was read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from recognition.belief.line_belief import LineBelief
+from recognition.language.box import Box
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+from recognition.lines.places import boxes_of
+from recognition.views.text_line import TextLine
+from recognition.views.view import View
+
+Judge = Callable[[TextLine, LineBelief], dict[str, Lattice]]
+"""Lattices of other experts, of the places that are believed."""
+
+
+@dataclass(frozen=True)
+class LineFormat:
+    """A line that stands on a part beside its serial.
+
+    Attributes:
+        grammar: what it may be.
+        region: where its middle lies: left, top, right and bottom as shares of the view; anywhere unless given.
+
+    Raises:
+        ValueError: a region that is none.
+    """
+
+    grammar: Grammar
+    region: tuple[float, float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.region is not None:
+            left, top, right, bottom = self.region
+            if not (0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0):
+                raise ValueError(
+                    f"region {self.region} is none; give left, top, right, bottom as shares, 0 to 1"
+                )
+
+    def covers(self, line: TextLine, view: View) -> bool:
+        """Whether a line of a view stands where this one does."""
+        if self.region is None:
+            return True
+        x, y = (line.centre_mm.mean(axis=0) - view.origin_mm) / view.size_mm
+        left, top, right, bottom = self.region
+        return bool(left <= x <= right and top <= y <= bottom)
+
+
+NO_LINES: Mapping[str, LineFormat] = MappingProxyType({})
+
+
+@dataclass(frozen=True, eq=False)
+class ReadLine:
+    """A line and what is believed of it."""
+
+    line: TextLine
+    belief: LineBelief
+
+    def boxes(self) -> tuple[Box, ...]:
+        """Where its characters stand, axis-parallel hulls in the frame of the view."""
+        return boxes_of(self.line, self.belief.columns)
+
+    def open_boxes(self) -> tuple[Box, ...]:
+        """The same of the open lattice."""
+        return boxes_of(self.line, self.belief.openly[1])
+
+
+@dataclass(frozen=True, eq=False)
+class PartLines:
+    """What was read of a view.
+
+    Attributes:
+        main: the line that the format means; None where there is none.
+        named: other lines that were asked for, by name, as far as they were found.
+        others: lines that can be read as well, and that nobody has asked for.
+    """
+
+    main: ReadLine | None
+    named: Mapping[str, ReadLine] = field(default_factory=lambda: MappingProxyType({}))
+    others: tuple[ReadLine, ...] = ()

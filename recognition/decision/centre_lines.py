@@ -1,0 +1,112 @@
+"""Where a character's strokes are deepest: its centre lines, as points about its reference point.
+
+Strokes know their centre lines. Of an outline they are its skeleton, without the branches into corners and serifs,
+where the edge is near.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.fonts.glyph import Font, Glyph, Points, signed_distance
+from glyphs.stamping.die import Face, default_die, die_glyph
+from recognition.experts.templates.predicted import CANONICAL_HEIGHT_MM
+
+STEP_HEIGHTS = 0.025
+"""Distance of points along a stroke: that of the samples, 40 to the height."""
+RIDGE_PITCH_HEIGHTS = 0.02
+RIDGE_SHARE = 0.85
+"""Of the median half width, which a limb must reach: thinner are corners, and serifs too thin for a tip."""
+
+
+@dataclass(frozen=True, eq=False)
+class CentreLine:
+    """Points along the middle of a character's strokes.
+
+    Attributes:
+        points: (n, 2) offsets (u to the right, v down) from the reference point, the middle of the ink's width
+            at half the height; character heights.
+        normals: (n, 2) unit vectors across the stroke.
+        half_width: of the strokes, character heights.
+    """
+
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    half_width: float
+
+
+@lru_cache(maxsize=1024)
+def centre_line(font: Font, char: str, *, face: Face = Face.FLAT, grow: float = 0.0) -> CentreLine:
+    """The centre line of a font's character; n is 0 without ink.
+
+    Half a stroke's width is left out at both ends of a stroke: there dies are rounded, and a character that was
+    placed or sized not quite rightly has no groove.
+
+    Args:
+        font: its letters.
+        char: one of them.
+        face: of the die; a dotted one has points for lines.
+        grow: outline moved outwards by this at the same height, character heights.
+
+    Raises:
+        FontError: the font lacks the character.
+        StampError: dots of an outline.
+    """
+    die = default_die(CANONICAL_HEIGHT_MM, font=font, face=face)
+    shape = die_glyph(font.glyph(char), die, height_mm=CANONICAL_HEIGHT_MM)
+    if not shape.inked:
+        return CentreLine(np.empty((0, 2)), np.empty((0, 2)), 0.0)
+    if shape.contours:
+        points, normals, half = _ridge(shape)
+    else:
+        half = 0.5 * shape.stroke
+        parts = [_along(stroke, trim=half) for stroke in shape.strokes]
+        points, normals = (np.concatenate(part) for part in zip(*parts, strict=True))
+    x0, _, x1, _ = shape.ink_box
+    shrink = 1.0 - 2.0 * grow
+    offsets = (points - (0.5 * (x0 + x1), 0.5)) * (shrink, -shrink)
+    return CentreLine(offsets, normals * (1.0, -1.0), half * shrink + grow)
+
+
+def _along(stroke: Points, *, trim: float) -> tuple[Points, Points]:
+    """Points and normals along a polyline, evenly, its ends trimmed unless it is closed; a dot is one point."""
+    run = np.diff(stroke, axis=0)
+    length = np.hypot(run[:, 0], run[:, 1])
+    run, length = run[length > 0.0], length[length > 0.0]
+    if not length.size:
+        return stroke[:1], np.array([[1.0, 0.0]])
+    corner = np.concatenate([stroke[:1], stroke[0] + np.cumsum(run, axis=0)])
+    at = np.append(0.0, np.cumsum(length))
+    closed = bool(np.hypot(*(stroke[-1] - stroke[0])) < 1e-6)
+    cut = 0.0 if closed else min(trim, 0.5 * float(at[-1]))
+    count = max(1, round((float(at[-1]) - 2.0 * cut) / STEP_HEIGHTS) + 1)
+    where = np.linspace(cut, float(at[-1]) - cut, count)
+    piece = np.clip(np.searchsorted(at, where, side="right") - 1, 0, length.size - 1)
+    points = np.column_stack([np.interp(where, at, corner[:, 0]), np.interp(where, at, corner[:, 1])])
+    ahead = run[piece] / length[piece, None]
+    return points, np.column_stack([-ahead[:, 1], ahead[:, 0]])
+
+
+def _ridge(shape: Glyph) -> tuple[Points, Points, float]:
+    """Skeleton of an outline, its normals and the median half width, cap heights."""
+    from skimage.morphology import skeletonize
+
+    x0, y0, x1, y1 = shape.ink_box
+    x = np.arange(x0, x1 + RIDGE_PITCH_HEIGHTS, RIDGE_PITCH_HEIGHTS)
+    y = np.arange(y0, y1 + RIDGE_PITCH_HEIGHTS, RIDGE_PITCH_HEIGHTS)
+    inside = -signed_distance(shape, x[None, :], y[:, None], stroke=0.0).astype(np.float64)
+    dy, dx = np.gradient(inside, RIDGE_PITCH_HEIGHTS)
+    dxy, dxx = np.gradient(dx, RIDGE_PITCH_HEIGHTS)
+    dyy = np.gradient(dy, RIDGE_PITCH_HEIGHTS, axis=0)
+    ridge = np.asarray(skeletonize(inside > 0.0))  # type: ignore[no-untyped-call,unused-ignore]
+    half = float(np.median(inside[ridge]))
+    ridge &= inside >= RIDGE_SHARE * half
+    row, col = np.nonzero(ridge)
+    # the distance is most curved across the limb: the eigenvector of its Hessian with the lesser eigenvalue
+    along = 0.5 * np.arctan2(2.0 * dxy[ridge], dxx[ridge] - dyy[ridge])
+    normals = np.column_stack([-np.sin(along), np.cos(along)])
+    return np.column_stack([x[col], y[row]]), normals, half

@@ -1,0 +1,235 @@
+r"""How deep each character is struck, by touch: along its strokes' centre lines, from the land beside it.
+
+          land, a plane through the samples beside the character (ink and burr left out)
+    ______/\                   /\______
+             \     depth      /            burr: not land (27 CFR 478.92 measures from the flat surface)
+              \______|_______/
+                     ^ centre line, looked for sideways by a little more than characters are misplaced
+
+Depth is what the ball of the tip reaches, averaged over a sample (a fortieth of the height). Less the truth of
+stamped parts, gothic, 32 characters each, default whisker and ball; micrometres, mean +- standard deviation:
+
+    height, mm      3.2            5.0            7.0            12.7        depth there: 0.14 0.19 0.27 0.40 mm
+    FLAT         +4.5 +- 0.8    +5.9 +- 1.1    +7.9 +- 1.3    +11.2 +- 2.2
+    ROUND        +2.2 +- 0.5    +1.9 +- 0.5    +2.4 +- 0.7     +2.3 +- 0.7
+    SHARP       -10.3 +- 2.2   -18.6 +- 3.4   -27.1 +- 4.7    -58.4 +- 9.8
+
+Nothing of this is corrected. In a V of 45 degrees a ball of radius r stops 0.41 (r - root radius) above the bottom,
+13, 21, 29 and 54 micrometres here: that is the bias, but whether a groove is a V is not known from a reading.
+Such a mark is told too shallow, never too deep. Of a raised SHARP mark the crest is averaged away, a third of it.
+
+Where a recorded scan was felt on a tilted part, moments count against those of the land beside them, so depths are
+as wrong as the lift of the land: h_land / d0. Height maps are levelled before they are felt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.decision.centre_lines import centre_line
+from recognition.decision.depth_sampling import across, deepest, mean_depths, percentile, robust_plane
+from recognition.decision.reading import MarkDepth
+from recognition.experts.templates.placed_line import PlacedLine
+from recognition.experts.templates.refine import Cell
+from whisker_array.estimation.relief import Relief
+
+SHALLOW_PERCENTILE = 10.0
+"""Of the depths along the centre line, which counts as the least: a shallow leg of a character is a quarter or more
+of its line and shows in full, a tenth is as short as a crossing, a stroke's end or a bad sample."""
+DEEP_PERCENTILE = 90.0
+SETTLE_HEIGHTS, SETTLE_STEPS = 0.05, 2
+"""How far a character may lie beside where it was read, either way, and the steps in which that is tried."""
+SETTLE_TURNS_DEG, SETTLE_SIZES = (-3.0, -1.5, 0.0, 1.5, 3.0), (0.96, 0.98, 1.0, 1.02, 1.04)
+"""Turns and sizes tried about those read: cells are turned by 3 degrees or not at all, heights right to 5 percents."""
+SETTLE_EVERY = 3
+"""Points of the centre line, one in so many, that settle where it lies."""
+SIDEWAYS_HEIGHTS = 0.03
+SIDEWAYS_STEPS = 13
+"""How far across a stroke its middle is looked for, either way, and in how many steps."""
+SMOOTHING_POINTS = 5
+"""Points along the stroke over which the middle is looked for together: one bad sample moves nothing."""
+LAND_REACH_HEIGHTS = 0.35
+BURR_REACH_HEIGHTS = 0.1
+"""Land is looked for so far about the character, and taken so far from any ink; burrs are half as wide."""
+PLANE_ROUNDS, PLANE_SAMPLES = 3, 400
+LEAST_LAND = 30
+LEAST_KNOWN = 0.5
+"""Samples of land, and share of the centre line that must have been felt, for a depth to be given."""
+
+
+Points = NDArray[np.float64]
+
+
+def mark_depths(
+    relief: Relief, line: PlacedLine, cells: Sequence[Cell], chars: Sequence[str]
+) -> tuple[MarkDepth | None, ...]:
+    """Depth of each character of a line; None where too little of it or of the land beside it was felt.
+
+    Args:
+        relief: the surface as felt.
+        line: the line read, its height settled.
+        cells: one a character.
+        chars: what each was read as.
+    """
+    field = _Field(relief, raised=line.raised)
+    marks = [
+        _settled(field, _placed(field, line, cell, char), height_mm=line.height_mm)
+        for cell, char in zip(cells, chars, strict=True)
+    ]
+    land = _land(field, marks, height_mm=line.height_mm)
+    return tuple(_depth(field, mark, land, height_mm=line.height_mm) for mark in marks)
+
+
+@dataclass(frozen=True, eq=False)
+class _Mark:
+    """A character's centre line in samples of the field: points (n, 2) and normals as (row, col)."""
+
+    points: Points
+    normals: Points
+    half_width_mm: float
+
+
+class _Field:
+    """The relief as depth into the mark, with a margin of unknown samples."""
+
+    def __init__(self, relief: Relief, *, raised: bool) -> None:
+        felt = relief.height_mm if raised else -relief.height_mm
+        self.depth_mm = np.pad(felt.astype(np.float64), 1, constant_values=np.nan)
+        self.pitch_mm = relief.pitch_mm
+        self.origin_mm = (relief.origin_mm[0] - relief.pitch_mm, relief.origin_mm[1] - relief.pitch_mm)
+
+
+def _placed(field: _Field, line: PlacedLine, cell: Cell, char: str) -> _Mark:
+    """The centre line of a character where it was read."""
+    shape = centre_line(line.font, char, face=line.face)
+    x, y = line.image.plate_from_line(cell.u_mm, cell.v_mm)
+    turn = line.image.rotation_deg + cell.turn_deg
+    across, down = _turned(shape.points * line.height_mm, turn).T
+    row = (y + down - field.origin_mm[1]) / field.pitch_mm
+    col = (x + across - field.origin_mm[0]) / field.pitch_mm
+    return _Mark(
+        np.column_stack([row, col]),
+        _turned(shape.normals, turn)[:, ::-1],
+        shape.half_width * line.height_mm,
+    )
+
+
+def _turned(offsets: Points, angle_deg: float) -> Points:
+    """(n, 2) offsets (right, down) turned from +u towards +v."""
+    return np.asarray(offsets @ _turn(angle_deg))
+
+
+def _settled(field: _Field, mark: _Mark, *, height_mm: float) -> _Mark:
+    """The character moved, turned and sized a little to where its centre line lies deepest as a whole."""
+    if not len(mark.points):
+        return mark
+    middle = mark.points.mean(axis=0)
+    thinned = mark.points[::SETTLE_EVERY] - middle
+    step = SETTLE_HEIGHTS / SETTLE_STEPS * height_mm / field.pitch_mm
+    moves = np.arange(-SETTLE_STEPS, SETTLE_STEPS + 1) * step
+
+    def along(poses: list[Points]) -> NDArray[np.float64]:
+        """(poses, shifts down, shifts right) mean depth; places not felt count as land."""
+        tried = np.stack([thinned @ pose for pose in poses])
+        return np.asarray(mean_depths(field.depth_mm, tried, middle, moves))
+
+    poses = [_turn(angle) for angle in SETTLE_TURNS_DEG]
+    turn = poses[int(np.argmax(along(poses).max(axis=(1, 2))))]
+    poses = [turn * size for size in SETTLE_SIZES]
+    table = along(poses)
+    best, i, j = np.unravel_index(int(np.argmax(table)), table.shape)
+    shift = (
+        moves[i] + step * _vertex(table[best, :, j], int(i)),
+        moves[j] + step * _vertex(table[best, i], int(j)),
+    )
+    points = (mark.points - middle) @ poses[int(best)] + middle + shift
+    return _Mark(points, mark.normals @ turn, mark.half_width_mm)
+
+
+def _turn(angle_deg: float) -> Points:
+    """Matrix that turns row vectors by an angle."""
+    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return np.array([[cos, sin], [-sin, cos]])
+
+
+def _vertex(values: NDArray[np.float64], at: int) -> float:
+    """Where between neighbours the parabola through a maximum has its vertex, in steps."""
+    if not 0 < at < values.size - 1:
+        return 0.0
+    before, here, after = values[at - 1 : at + 2]
+    bend = 2.0 * here - before - after
+    return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0.0 else 0.0
+
+
+def _land(field: _Field, marks: Sequence[_Mark], *, height_mm: float) -> NDArray[np.bool_]:
+    """Samples that were felt and lie clear of every character's ink and burr."""
+    from scipy import ndimage
+
+    bare = np.ones(field.depth_mm.shape, dtype=np.bool_)
+    half = max((mark.half_width_mm for mark in marks), default=0.0)
+    for mark in marks:
+        at = np.clip(np.round(mark.points).astype(np.intp), 0, np.array(bare.shape) - 1)
+        bare[at[:, 0], at[:, 1]] = False
+    clear = (half + BURR_REACH_HEIGHTS * height_mm) / field.pitch_mm
+    return np.asarray((ndimage.distance_transform_edt(bare) > clear) & np.isfinite(field.depth_mm))
+
+
+def _depth(field: _Field, mark: _Mark, land: NDArray[np.bool_], *, height_mm: float) -> MarkDepth | None:
+    n = len(mark.points)
+    if n == 0:
+        return None
+    plane = _plane(field, mark, land, height_mm=height_mm)
+    reach = SIDEWAYS_HEIGHTS * height_mm / field.pitch_mm
+    aside = np.linspace(-reach, reach, SIDEWAYS_STEPS)
+    if plane is None:
+        return None
+    depth = across(field.depth_mm, mark.points, mark.normals, aside, plane)
+    known = np.isfinite(depth).all(axis=0)
+    if known.mean() < LEAST_KNOWN:
+        return None
+    below = deepest(np.ascontiguousarray(depth[:, known]), SMOOTHING_POINTS)
+    low, high = (percentile(below, percent) for percent in (SHALLOW_PERCENTILE, DEEP_PERCENTILE))
+    return MarkDepth(mean_mm=float(below.mean()), min_mm=low, max_mm=high)
+
+
+def _plane(
+    field: _Field, mark: _Mark, land: NDArray[np.bool_], *, height_mm: float
+) -> NDArray[np.float64] | None:
+    """Level and slopes (per sample, along rows and columns) of the land about a character; robust."""
+    reach = LAND_REACH_HEIGHTS * height_mm / field.pitch_mm
+    low = np.maximum(np.floor(mark.points.min(axis=0) - reach).astype(np.intp), 0)
+    high = np.ceil(mark.points.max(axis=0) + reach).astype(np.intp) + 1
+    window = (slice(low[0], max(high[0], 0)), slice(low[1], max(high[1], 0)))
+    row, col = np.nonzero(land[window])
+    if row.size < LEAST_LAND:
+        return None
+    thinned = slice(None, None, -(-row.size // PLANE_SAMPLES))
+    row, col = row[thinned], col[thinned]
+    level = field.depth_mm[window][row, col]
+    middle = mark.points.mean(axis=0)
+    down, right = row + low[0] - middle[0], col + low[1] - middle[1]
+    terms, settled = robust_plane(level, down, right, PLANE_ROUNDS)
+    if not settled:
+        terms = _least_plane(level, down, right)
+    return np.array([terms[0] - terms[1] * middle[0] - terms[2] * middle[1], terms[1], terms[2]])
+
+
+def _least_plane(
+    level: NDArray[np.float64], down: NDArray[np.float64], right: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """As `robust_plane`, with the least slopes of those that do: of land in a line."""
+    design = np.column_stack([np.ones(level.size), down, right])
+    terms = np.array([float(np.median(level)), 0.0, 0.0])
+    for _ in range(PLANE_ROUNDS):
+        residual = level - design @ terms
+        spread = 1.4826 * float(np.median(np.abs(residual)))
+        if spread <= 0.0:
+            break
+        weight = np.clip(1.0 - (residual / (3.0 * spread)) ** 2, 0.0, None) ** 2
+        weighted = design * weight[:, None]
+        terms = np.linalg.lstsq(weighted.T @ design, weighted.T @ level, rcond=None)[0]
+    return terms

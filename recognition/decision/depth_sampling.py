@@ -1,0 +1,105 @@
+"""A map of depths looked up at many places: along lines moved and turned, across strokes, and the plane of its land."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.compiled import kernel
+
+Floats: TypeAlias = NDArray[np.float64]
+
+LEAST_PIVOT = 1e-9
+"""Of the largest element of the normal equations: below, they do not tell all three terms of a plane."""
+
+
+def percentile(values: NDArray[np.floating], percent: float) -> float:
+    """As numpy's, linear between two values, but by one partition: those of large maps take long."""
+    flat = values.ravel()
+    at = percent / 100.0 * (flat.size - 1)
+    k = int(at)
+    parted = np.partition(flat, k)
+    low = float(parted[k])
+    high = float(parted[k + 1 :].min()) if at > k else low
+    return low + (high - low) * (at - k)
+
+
+def bilinear(depth: Floats, row: Floats, col: Floats) -> Floats:
+    """Depth at places, in rows and columns of any shape; they are moved onto the map, and NaN beside what was felt."""
+    row, col = np.clip(row, 0.0, depth.shape[0] - 1.001), np.clip(col, 0.0, depth.shape[1] - 1.001)
+    r, c = row.astype(np.int64), col.astype(np.int64)
+    down, right = row - r, col - c
+    upper = depth[r, c] * (1.0 - right) + depth[r, c + 1] * right
+    lower = depth[r + 1, c] * (1.0 - right) + depth[r + 1, c + 1] * right
+    return np.asarray(upper * (1.0 - down) + lower * down)
+
+
+@kernel()
+def _mean_depths(depth, poses, middle, moves, out):  # type: ignore[no-untyped-def]
+    """As `mean_depths`; looked up like `bilinear`."""
+    n = poses.shape[1]
+    for p in range(poses.shape[0]):
+        for i in range(moves.size):
+            for j in range(moves.size):
+                total = 0.0
+                down, right = middle[0] + moves[i], middle[1] + moves[j]
+                for k in range(n):
+                    row = min(max(poses[p, k, 0] + down, 0.0), depth.shape[0] - 1.001)
+                    col = min(max(poses[p, k, 1] + right, 0.0), depth.shape[1] - 1.001)
+                    r, c = int(row), int(col)
+                    row, col = row - r, col - c
+                    upper = depth[r, c] * (1.0 - col) + depth[r, c + 1] * col
+                    lower = depth[r + 1, c] * (1.0 - col) + depth[r + 1, c + 1] * col
+                    value = upper * (1.0 - row) + lower * row
+                    total += value if abs(value) < np.inf else 0.0
+                out[p, i, j] = total / n
+
+
+def mean_depths(depth: Floats, poses: Floats, middle: Floats, moves: NDArray[np.floating[Any]]) -> Floats:
+    """(poses, moves down, moves right) mean depth of (poses, n, 2) points; places not felt count as land."""
+    out = np.empty((poses.shape[0], moves.size, moves.size))
+    _mean_depths(depth, poses, middle, moves, out)
+    return out
+
+
+def across(depth: Floats, points: Floats, normals: Floats, aside: Floats, plane: Floats) -> Floats:
+    """(aside, n) depth below a plane across a stroke at each of (n, 2) points."""
+    row, col = (points[:, axis] + aside[:, None] * normals[:, axis] for axis in (0, 1))
+    return np.asarray(bilinear(depth, row, col) - plane[0] - (row * plane[1] + col * plane[2]))
+
+
+def deepest(depth: Floats, most_points: int) -> Floats:
+    """(n,) depth where the stroke's middle is, looked for over neighbouring points together."""
+    n = depth.shape[1]
+    window = min(most_points, n)
+    ahead = (window - 1) // 2
+    wide = np.pad(depth, ((0, 0), (window - 1 - ahead, ahead)))
+    total = np.sum([wide[:, j : j + n] for j in range(window)], axis=0)
+    return np.asarray(depth[np.argmax(total, axis=0), np.arange(n)])
+
+
+def robust_plane(level: Floats, row: Floats, col: Floats, rounds: int) -> tuple[Floats, bool]:
+    """Level and slopes of samples at (row, col), by Tukey's weights, which leave out what lies off; if they tell."""
+    terms = [percentile(level, 50.0), 0.0, 0.0]
+    design = np.stack([np.ones(level.size), row, col, level])
+    for _ in range(rounds):
+        residual = level - terms[0] - terms[1] * row - terms[2] * col
+        spread = 1.4826 * percentile(np.abs(residual), 50.0)
+        if spread <= 0.0:
+            break
+        weight = np.maximum(1.0 - (residual / (3.0 * spread)) ** 2, 0.0) ** 2
+        matrix = ((design[:3] * weight) @ design.T).tolist()  # so small that numpy would take longer
+        least = LEAST_PIVOT * max(abs(value) for line in matrix for value in line[:3])
+        for i in range(3):
+            # symmetric and not negative: no rows need change places
+            if not matrix[i][i] > least:
+                return np.array(terms), False
+            for j in range(i + 1, 3):
+                factor = matrix[j][i] / matrix[i][i]
+                matrix[j] = [a - factor * b for a, b in zip(matrix[j], matrix[i], strict=True)]
+        for i in (2, 1, 0):
+            known = sum(matrix[i][j] * terms[j] for j in range(i + 1, 3))
+            terms[i] = (matrix[i][3] - known) / matrix[i][i]
+    return np.array(terms), True

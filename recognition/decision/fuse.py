@@ -1,0 +1,190 @@
+"""Touch and vision read as one.
+
+touch's lattice --+
+                  +--> fuse_lattices --> choose under the grammar --> Reading
+vision's lattice -+
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Protocol
+
+from recognition.belief.fuse_lattices import (
+    VISION_ALONE,
+    Reliability,
+    contradictions,
+    fuse_lattices,
+    tempered,
+)
+from recognition.decision.decide import CHOICE_FLAGS, Thresholds, decided
+from recognition.decision.reading import Decision, OtherLine, Reading, ReadingFlag, ReadingTrace
+from recognition.decision.reading_of_line import characters_of, doubts_of_lines, hull
+from recognition.language.constrained_decoding import Choice, choose
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+
+ALONE_WRONG = 0.02
+"""Share of places at which the camera may be wrong whatever it believes, with no touch to compare it with."""
+
+
+class FusionSettings(Thresholds, Protocol):
+    """What fusing needs of the settings."""
+
+    @property
+    def grammar(self) -> Grammar | None:
+        """What serials may be; None where nothing is known."""
+
+    @property
+    def asked(self) -> Collection[str]:
+        """Names of other lines that should stand on the part."""
+
+
+def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
+    """One reading of both senses; of the one that has read where the other has not.
+
+    Args:
+        touch: the reading of touch.
+        vision: the reading of vision.
+        settings: thresholds, grammar.
+
+    Returns:
+        A reading of source "fused" in the plate frame, whose trace holds both. Accepted by the settings' thresholds,
+        and never where both senses are sure of different characters.
+    """
+    made = _fused(touch, vision, settings)
+    return replace(
+        made, source="fused", trace=ReadingTrace(touch=touch, vision=vision, photo=vision.trace.photo)
+    )
+
+
+def _fused(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
+    own = touch.trace.lattice
+    if own is None or not touch.characters:
+        return _by_vision_alone(touch, vision, settings)
+    found = fused_lattice(touch, vision)
+    if found is None:
+        return replace(touch, notes=(*touch.notes, "the camera has read nothing; read by touch alone"))
+    lattice, contradicted = found
+    choice = choose(lattice, settings.grammar)
+    if not choice.text:
+        return touch
+    return _reading(touch, own, lattice, choice, contradicted, settings, vision)
+
+
+def fused_lattice(
+    touch: Reading, vision: Reading, *, openly: bool = False
+) -> tuple[Lattice, tuple[str, ...]] | None:
+    """The beliefs of both, and where they contradict each other in words; None where vision has nothing to say.
+
+    Both have read the line that the format means, or the only one: as many places are taken for the same ones.
+
+    Args:
+        touch: what touch has read.
+        vision: what the camera has read.
+        openly: the beliefs before the format has its say.
+    """
+    felt, seen = (r.trace.open_lattice if openly else r.trace.lattice for r in (touch, vision))
+    if felt is None or seen is None or felt.n_places != seen.n_places:
+        return None
+    return _joined(felt, replace(seen, boxes=()), VISION_ALONE)
+
+
+def _joined(felt: Lattice, seen: Lattice, reliability: Reliability) -> tuple[Lattice, tuple[str, ...]]:
+    words = tuple(
+        f"place {k + 1}: touch has {ours}, the camera {theirs}"
+        for k, ours, theirs in contradictions(felt, seen, reliability=reliability)
+    )
+    return fuse_lattices(felt, seen, reliability=reliability), words
+
+
+def _reading(
+    tactile: Reading,
+    felt: Lattice,
+    lattice: Lattice,
+    choice: Choice,
+    contradicted: tuple[str, ...],
+    settings: FusionSettings,
+    vision: Reading,
+) -> Reading:
+    """Touch's reading with the beliefs of both."""
+    others, contradicted_lines = _joined_lines(tactile, vision)
+    contradicted += contradicted_lines
+    doubts, doubted = doubts_of_lines(others, settings.asked, settings)
+    own_doubts, own_doubted = doubts_of_lines(tactile.others, settings.asked, settings)
+    notes = tactile.notes if ReadingFlag.CHECK_BLIND not in tactile.flags else ()
+    characters = []
+    boxed = replace(lattice, boxes=felt.boxes)
+    for new, old in zip(characters_of(choice, boxed), tactile.characters, strict=True):
+        # what was measured at a place stays with its character
+        same = old.char == new.char
+        characters.append(replace(new, depth=old.depth, grade=old.grade) if same else new)
+    flags = (tactile.flags & ~(CHOICE_FLAGS | own_doubts)) | doubts
+    if contradicted:
+        flags |= ReadingFlag.SENSES_DISAGREE
+    made = decided(
+        characters,
+        choice.probability,
+        settings,
+        flags=flags,
+        choice=choice,
+        grammar=settings.grammar,
+        notes=(*(note for note in notes if note not in own_doubted), *doubted),
+    )
+    return replace(
+        tactile,
+        characters=made.characters,
+        decision=made.decision,
+        confidence=made.confidence,
+        flags=made.flags,
+        notes=(*made.notes, *contradicted),
+        others=others,
+        seconds=_seconds(tactile, vision),
+    )
+
+
+def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...], tuple[str, ...]]:
+    """Other lines of both, each by who is surer of it, and where they disagree in words."""
+    joined = {(line.name, line.name or line.text): line for line in touch.others}
+    named, words = {line.text for line in (*touch.others, *vision.others) if line.name}, []
+    for line in vision.others:
+        own = joined.get((line.name, line.name or line.text))
+        box = line.box if vision.unit == touch.unit else None
+        if own is not None and own.text != line.text:
+            words.append(f"{line.name}: touch has {own.text}, the camera {line.text}")
+        if own is None or line.confidence > own.confidence:
+            joined[line.name, line.name or line.text] = replace(line, box=box if own is None else own.box)
+    # what one has only read, the other may have read for the line that was asked for
+    return tuple(line for line in joined.values() if line.name or line.text not in named), tuple(words)
+
+
+def _by_vision_alone(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
+    """Vision's reading, doubted as vision is; nothing where it has read nothing either."""
+    seen = vision.trace.lattice
+    if seen is None or not vision.characters:
+        return replace(touch, decision=Decision.REJECT, flags=touch.flags | ReadingFlag.NO_CHARACTERS)
+    lattice = tempered(seen, Reliability(rates=(ALONE_WRONG,)))
+    choice = choose(lattice, settings.grammar)
+    doubts, _ = doubts_of_lines(vision.others, settings.asked, settings)
+    made = decided(
+        characters_of(choice, lattice), choice.probability, settings,
+        flags=(vision.flags & ~CHOICE_FLAGS) | doubts, choice=choice, grammar=settings.grammar,
+        box=hull(lattice.boxes), spaces_after=lattice.spaces_after, others=vision.others,
+    )  # fmt: skip
+    note = "touch has found no characters; read by the camera alone"
+    return replace(
+        made,
+        font=vision.font,
+        height_mm=vision.height_mm,
+        rotation_deg=vision.rotation_deg,
+        unit=vision.unit,
+        notes=tuple(dict.fromkeys((*vision.notes, *made.notes, note))),
+        seconds=_seconds(touch, vision),
+    )
+
+
+def _seconds(touch: Reading, vision: Reading) -> MappingProxyType[str, float]:
+    """What both senses took, step by step."""
+    return MappingProxyType({**touch.seconds, **{f"vision {k}": v for k, v in vision.seconds.items()}})

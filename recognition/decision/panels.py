@@ -1,0 +1,236 @@
+"""The panels of the pictures: one map, or one table of candidates, on one pair of axes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from glyphs.surface.maps import EdgeMap, HeightMap
+    from recognition import CharacterReading, Reading
+    from whisker_array.estimation.relief import Relief
+    from whisker_array.scan.scan import Sweep
+
+BOX_COLOUR = "#e4572e"
+_MOST_PIXELS_A_SIDE = 1600
+_SHOWN_CANDIDATES = 4
+Extent = tuple[float, float, float, float]
+
+
+def _thinned(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    steps = [max(1, -(-n // _MOST_PIXELS_A_SIDE)) for n in values.shape]
+    return values[:: steps[0], :: steps[1]]
+
+
+def _picture(
+    axes: Axes,
+    values: NDArray[np.float32],
+    extent: Extent,
+    *,
+    cmap: str,
+    limits: tuple[float, float],
+    bar: str,
+) -> None:
+    image = axes.imshow(
+        _thinned(values), cmap=cmap, extent=extent, vmin=limits[0], vmax=limits[1], interpolation="nearest"
+    )
+    axes.set_xlabel("x, mm", fontsize=7)
+    axes.set_ylabel("y, mm", fontsize=7)
+    axes.tick_params(labelsize=7)
+    if bar:
+        colours = axes.figure.colorbar(image, ax=axes, fraction=0.025, pad=0.01)
+        colours.ax.tick_params(labelsize=7)
+        colours.set_label(bar, fontsize=7)
+
+
+def _extent(shape: tuple[int, ...], pitch_mm: float, origin_mm: tuple[float, float] = (0.0, 0.0)) -> Extent:
+    """Edges of the pixels for imshow: left, right, bottom, top."""
+    x0, y0 = origin_mm[0] - 0.5 * pitch_mm, origin_mm[1] - 0.5 * pitch_mm
+    return (x0, x0 + shape[1] * pitch_mm, y0 + shape[0] * pitch_mm, y0)
+
+
+def _spread(values: NDArray[np.float32], low: float, high: float) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return (-1.0, 1.0)
+    a, b = (float(v) for v in np.percentile(finite, [low, high]))
+    return (a, b) if b > a else (a - 1e-6, a + 1e-6)
+
+
+def _say(axes: Axes, text: str) -> None:
+    axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
+    axes.set_axis_off()
+
+
+def height_panel(axes: Axes, *, height_map: HeightMap, reading: Reading, colour_bar: bool = True) -> None:
+    """The part's own heights with the characters read."""
+    axes.set_title("height map, levelled", fontsize=9, loc="left")
+    z = height_map.z_mm
+    bar = "mm" if colour_bar else ""
+    extent = _extent(z.shape, height_map.pitch_mm)
+    _picture(axes, z, extent, cmap="cividis", limits=_spread(z, 0.5, 99.5), bar=bar)
+    _boxes(axes, reading)
+
+
+def _boxes(axes: Axes, reading: Reading, *, labelled: bool = True) -> None:
+    top = min(axes.get_ylim())
+    for character in reading.characters:
+        box = character.box
+        width, height = box.x1_mm - box.x0_mm, box.y1_mm - box.y0_mm
+        above = box.y0_mm > top  # else there is no room over the box
+        axes.add_patch(
+            Rectangle((box.x0_mm, box.y0_mm), width, height, fill=False, edgecolor=BOX_COLOUR, linewidth=0.9)
+        )
+        if labelled:
+            axes.annotate(
+                character.char,
+                (box.x0_mm + 0.5 * width, max(box.y0_mm, top)),
+                xytext=(0, 1.5 if above else -3.0),
+                textcoords="offset points",
+                ha="center",
+                va="bottom" if above else "top",
+                color=BOX_COLOUR,
+                fontsize=10,
+                fontweight="bold",
+                path_effects=[withStroke(linewidth=2.0, foreground="white")],
+            )
+
+
+def relief_panel(axes: Axes, *, relief: Relief, reading: Reading, labelled: bool) -> None:
+    """Heights by touch, the depth of every character, and the characters if they are to be named."""
+    depths = ", each character's least and mean depth" if reading.depth_min_mm is not None else ""
+    axes.set_title(f"height by touch{depths}", fontsize=9, loc="left")
+    z = relief.height_mm
+    extent = _extent(z.shape, relief.pitch_mm, relief.origin_mm)
+    _picture(axes, z, extent, cmap="cividis", limits=_spread(z, 0.5, 99.5), bar="mm")
+    _boxes(axes, reading, labelled=labelled)
+    size = min(7.5, 90.0 / max(1, len(reading.characters)))
+    for character in reading.characters:
+        depth, box = character.depth, character.box
+        axes.annotate(
+            "?" if depth is None else f"{depth.min_mm:.3f}\n{depth.mean_mm:.3f}",
+            (0.5 * (box.x0_mm + box.x1_mm), box.y1_mm),
+            xytext=(0, -3.0),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            color="#1b2a41",
+            fontsize=size,
+            bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.0},
+        )
+
+
+def steepness_panel(axes: Axes, *, relief: Relief, reading: Reading) -> None:
+    """How steep the surface is, by touch; the relief has slopes."""
+    known = "assumed" if relief.friction_sd is None else "measured"
+    axes.set_title(
+        f"steepness by touch, |slope|, friction {relief.friction:.3f} {known}", fontsize=9, loc="left"
+    )
+    steep = relief.steepness
+    extent = _extent(steep.shape, relief.pitch_mm, relief.origin_mm)
+    _picture(axes, steep, extent, cmap="magma", limits=(0.0, _spread(steep, 0.5, 99.5)[1]), bar="mm / mm")
+    _boxes(axes, reading, labelled=False)
+
+
+def moment_panel(axes: Axes, *, sweep: Sweep) -> None:
+    """The raw moments of one direction; characters are not shown, the tip lags."""
+    axes.set_title(
+        f"raw moment, traced {int(sweep.plan.direction)}°, {sweep.plan.line_mm.size} lines",
+        fontsize=9,
+        loc="left",
+    )
+    values, extent = moment_image(sweep)
+    _picture(axes, values, extent, cmap="magma", limits=_spread(values, 0.5, 99.5), bar="N mm")
+
+
+def moment_image(sweep: Sweep) -> tuple[NDArray[np.float32], Extent]:
+    """The raw moments of one direction as a picture in the plate frame, and its extent; NaN where flagged."""
+    lines = sweep.plan.line_mm.ravel()
+    order = np.argsort(lines, kind="stable")
+    n = sweep.plan.n_samples
+    moment = np.where(sweep.flags == 0, sweep.moment_n_mm, np.nan).reshape(-1, n)[order]
+    along, lines = sweep.plan.position_mm(), lines[order]
+    felt = np.isfinite(moment).any(axis=1)
+    if felt.any():
+        moment, lines = moment[felt], lines[felt]
+    if sweep.plan.direction.backward:
+        moment, along = moment[:, ::-1], along[::-1]
+    a = (float(along[0]), float(along[-1]))
+    c = (float(lines[0]), float(lines[-1]) if lines[-1] > lines[0] else float(lines[0]) + sweep.plan.step_mm)
+    if sweep.plan.direction.along_x:
+        return moment.astype(np.float32), (*a, c[1], c[0])
+    return moment.T.astype(np.float32), (*c, a[1], a[0])
+
+
+def edge_panel(axes: Axes, *, edges: EdgeMap, layer: int, reading: Reading, colour_bar: bool = True) -> None:
+    """One layer of the edge map."""
+    values = np.where(edges.valid, edges.enhancement[layer], np.nan).astype(np.float32)
+    finite = np.abs(values[np.isfinite(values)])
+    most = max(float(np.percentile(finite, 99.0)) if finite.size else 0.0, 1e-3)
+    axes.set_title(f"edge map, traced {int(edges.directions[layer])}°", fontsize=9, loc="left")
+    extent = _extent(values.shape, edges.pitch_mm, edges.origin_mm)
+    bar = "m / m_land - 1" if colour_bar else ""
+    _picture(axes, values, extent, cmap="RdBu_r", limits=(-most, most), bar=bar)
+    _boxes(axes, reading, labelled=False)
+
+
+def photo_panel(axes: Axes, *, photo: Photo, reading: Reading | None) -> None:
+    """The photograph, with what the camera read; boxes in its own frame."""
+    pitch = photo_pitch_mm(photo)
+    axes.set_title("photograph" + ("" if photo.pitch_mm else ", pixels"), fontsize=9, loc="left")
+    steps = [max(1, -(-n // _MOST_PIXELS_A_SIDE)) for n in photo.shape]
+    pixels = photo.pixels[:: steps[0], :: steps[1]]
+    extent = _extent(photo.shape, pitch, photo_origin_mm(photo))
+    # without limits grey pictures would be stretched from black to white
+    axes.imshow(pixels, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
+    unit = "mm" if photo.pitch_mm else "pixels"
+    axes.set_xlabel(f"x, {unit}", fontsize=7)
+    axes.set_ylabel(f"y, {unit}", fontsize=7)
+    axes.tick_params(labelsize=7)
+    if reading is not None:
+        _boxes(axes, reading)
+
+
+def candidate_panel(axes: Axes, reading: Reading) -> None:
+    """The first candidates of every place and the belief in them; below them state and grade of the mark."""
+    graded = any(c.grade is not None for c in reading.characters)
+    more = ", its state and its mark's grade" if graded else ""
+    axes.set_title(f"candidates of each place and the belief in them{more}", fontsize=9, loc="left")
+    if not reading.characters:
+        _say(axes, "; ".join(reading.messages()) or "no characters found")
+        return
+    for place, character in enumerate(reading.characters):
+        for rank, candidate in enumerate(character.candidates[:_SHOWN_CANDIDATES]):
+            belief = min(1.0, max(0.0, candidate.probability))
+            y = -float(rank)
+            colour = BOX_COLOUR if rank == 0 else "#7a8b99"
+            axes.barh(y, 0.55 * belief, left=place + 0.36, height=0.6, color=colour, alpha=0.75)
+            axes.text(
+                place + 0.3, y, candidate.char, ha="right", va="center", fontsize=12, family="monospace"
+            )
+            axes.text(place + 0.38, y, f"{belief:.3f}", va="center", fontsize=7)
+        axes.text(place + 0.2, -_SHOWN_CANDIDATES + 0.25, _judgement(character), va="top", fontsize=7)
+    axes.set_xlim(-0.1, max(8, len(reading.characters)))
+    judged = any(_judgement(c) for c in reading.characters)
+    axes.set_ylim(-_SHOWN_CANDIDATES + (-0.9 if judged else 0.3), 0.7)
+    axes.set_axis_off()
+
+
+def _judgement(character: CharacterReading) -> str:
+    """State and grade of one place, a line each."""
+    state = character.state
+    lines = (
+        [] if state is None else [f"{state.state.value} {'/'.join(c or '-' for c in state.chars)}".strip()]
+    )
+    if character.grade is not None:
+        why = character.grade.limiting
+        lines.append(f"grade {character.grade.letter}" + (f", {why}" if why else ""))
+    return "\n".join(lines)

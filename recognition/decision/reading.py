@@ -1,0 +1,360 @@
+"""What a reader says of one part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from enum import Flag, StrEnum, auto
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal
+
+from recognition.decision.grade import MarkGrade
+from recognition.language.box import Box
+from recognition.language.confusions import PlaceState
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from glyphs.camera.photo import Photo
+    from glyphs.surface.maps import EdgeMap, HeightMap
+    from recognition.decision.verify import Verification
+    from recognition.language.constrained_decoding import Choice
+    from recognition.language.lattice import Lattice
+    from recognition.views.text_line import TextLine
+    from whisker_array.estimation.relief import Relief
+    from whisker_array.scan.scan import Scan
+
+
+class Decision(StrEnum):
+    """What to do with a reading."""
+
+    ACCEPT = "accept"
+    REVIEW = "review"
+    REJECT = "reject"
+
+
+class ReadingFlag(Flag):
+    """What a person should know about a reading; none set is an untroubled one."""
+
+    NONE = 0
+    NO_CHARACTERS = auto()
+    FORMAT_NOT_MET = auto()
+    LOW_CONFIDENCE = auto()
+    AMBIGUOUS = auto()
+    CONTACT_LOST = auto()
+    JAMMED = auto()
+    OUT_OF_RANGE = auto()
+    DROPOUTS = auto()
+    FOREIGN_SHAPES = auto()
+    UNREAD_MARKS = auto()
+    TOO_SHALLOW = auto()
+    TOO_SMALL = auto()
+    DEPTH_UNKNOWN = auto()
+    FORMAT_OVERRULED = auto()
+    CHECK_BLIND = auto()
+    SEARCH_EXHAUSTED = auto()
+    MISMATCH = auto()
+    SENSES_DISAGREE = auto()
+    LINE_MISSING = auto()
+
+    def messages(self) -> tuple[str, ...]:
+        """The flags in words."""
+        return tuple(text for flag, text in _MESSAGES.items() if flag in self)
+
+
+_MESSAGES = {
+    ReadingFlag.NO_CHARACTERS: "no characters found (check that the serial is in view)",
+    ReadingFlag.FORMAT_NOT_MET: "the marks do not fit the format (check the part and the format)",
+    ReadingFlag.LOW_CONFIDENCE: "low confidence",
+    ReadingFlag.AMBIGUOUS: "two characters are almost equally likely",
+    ReadingFlag.CONTACT_LOST: "the whisker lost contact in places (raise the preload)",
+    ReadingFlag.JAMMED: "the whisker jammed on walls in places (lower k = l2/l1)",
+    ReadingFlag.OUT_OF_RANGE: "the signal left the converter's range in places (lower the gain)",
+    ReadingFlag.DROPOUTS: "parts of the map are missing (measure it again if they hide characters)",
+    ReadingFlag.FOREIGN_SHAPES: "the characters do not match the font (name the right font)",
+    ReadingFlag.UNREAD_MARKS: "there are marks beside the serial (check that all of it was read)",
+    ReadingFlag.TOO_SHALLOW: "the mark is too shallow",
+    ReadingFlag.TOO_SMALL: "the characters are too small",
+    ReadingFlag.DEPTH_UNKNOWN: "the depth of a character could not be measured (scan it again)",
+    ReadingFlag.FORMAT_OVERRULED: "the format changed what was read (compare it with the part)",
+    ReadingFlag.CHECK_BLIND: "the check digit cannot tell the likeliest serials apart (look at the part)",
+    ReadingFlag.SEARCH_EXHAUSTED: "too many possible serials to try them all (look at the part)",
+    ReadingFlag.MISMATCH: "this is not the expected serial (check the part and the order)",
+    ReadingFlag.LINE_MISSING: "a line that was asked for was not found (check the part)",
+    ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
+}
+MEASURE_FLAGS = ReadingFlag.TOO_SHALLOW | ReadingFlag.TOO_SMALL | ReadingFlag.DEPTH_UNKNOWN
+"""What a rule for the mark found; `Reading.notes` says it with numbers."""
+DOUBT_FLAGS = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
+DOUBTED = 0.05
+"""Probability of a second candidate from which a person is asked about it."""
+MOST_DOUBTS = 3
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One answer for one place: the character, how well its template fits (1 is perfectly), its share of belief."""
+
+    char: str
+    score: float
+    probability: float
+
+
+@dataclass(frozen=True)
+class MarkDepth:
+    """How deep a character is struck, or how high a raised one stands, from the land beside it, mm.
+
+    Felt along the strokes' centre lines, see `recognition.decision.depth`; positive either way, negative where the
+    surface runs the wrong way.
+
+    Attributes:
+        mean_mm: over the centre line.
+        min_mm: the shallowest tenth reaches no deeper than this.
+        max_mm: the deepest tenth reaches this.
+    """
+
+    mean_mm: float
+    min_mm: float
+    max_mm: float
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(v) for v in (self.mean_mm, self.min_mm, self.max_mm)):
+            raise ValueError(f"{self} is not finite; a depth that is not known is None")
+        if self.min_mm > self.max_mm:
+            raise ValueError(f"{self} has a least depth above its greatest")
+
+
+@dataclass(frozen=True)
+class CharacterReading:
+    """One place of the line.
+
+    Attributes:
+        candidates: best first, at least one.
+        box: where it stands (axis-parallel hull of the possibly rotated cell), mm.
+        depth: of the mark; None where it could not be felt.
+        state: read, confused, not read or mismatch; None where nobody asked.
+        grade: quality of the mark; None where it was not graded.
+    """
+
+    candidates: tuple[Candidate, ...]
+    box: Box
+    depth: MarkDepth | None = None
+    state: PlaceState | None = None
+    grade: MarkGrade | None = None
+
+    def __repr__(self) -> str:
+        return f"CharacterReading({' '.join(f'{c.char} {c.probability:.3f}' for c in self.candidates)})"
+
+    def __post_init__(self) -> None:
+        if not self.candidates:
+            raise ValueError("a character has at least one candidate")
+
+    @property
+    def char(self) -> str:
+        """The best candidate."""
+        return self.candidates[0].char
+
+    @property
+    def confidence(self) -> float:
+        """Belief in the best candidate, 0 to 1."""
+        return self.candidates[0].probability
+
+    @property
+    def margin(self) -> float:
+        """Belief in the first less belief in the second candidate."""
+        if len(self.candidates) < 2:
+            return self.candidates[0].probability
+        return self.candidates[0].probability - self.candidates[1].probability
+
+
+@dataclass(frozen=True)
+class OtherLine:
+    """Another line of the part.
+
+    Attributes:
+        name: as it was asked for; empty of one that nobody has asked for.
+        text: what it reads.
+        confidence: probability that all of it is right, 0 to 1.
+        box: where it stands; None where that is not known.
+    """
+
+    name: str
+    text: str
+    confidence: float
+    box: Box | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingTrace:
+    """What a reading was made from; what it did not come to is None.
+
+    Attributes:
+        edge_map: what matching worked on: of touch in the plate frame, of vision in the photo frame.
+        lattice: beliefs of the places before the format has its say; None of a fused reading.
+        open_lattice: of vision: beliefs that a wrong serial has its place in; None where nobody asked.
+        choice: what the format made of them; None where the reading rests on correlation alone.
+        scan: the moments.
+        height_map: the levelled height map.
+        relief: heights and slopes by touch.
+        photo: the photograph.
+        line: where the line lies.
+        experts: names of those that had a say, joined by "+".
+        by_expert: the lattice of each by itself.
+        touch: the reading of touch that was fused.
+        vision: the reading of vision that was fused.
+        verification: of the text expected.
+    """
+
+    edge_map: EdgeMap | None = None
+    lattice: Lattice | None = None
+    open_lattice: Lattice | None = None
+    choice: Choice | None = None
+    scan: Scan | None = None
+    height_map: HeightMap | None = None
+    relief: Relief | None = None
+    photo: Photo | None = None
+    line: TextLine | None = None
+    experts: str = ""
+    by_expert: Mapping[str, Lattice] = field(default_factory=lambda: MappingProxyType({}))
+    touch: Reading | None = None
+    vision: Reading | None = None
+    verification: Verification | None = None
+
+    def __repr__(self) -> str:
+        return f"ReadingTrace({', '.join(f.name for f in fields(self) if getattr(self, f.name))})"
+
+
+_NO_TRACE = ReadingTrace()
+Unit = Literal["mm", "px"]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The reading of one part.
+
+    Attributes:
+        characters: left to right as read; empty when none were found.
+        decision: accept, review or reject.
+        confidence: probability that the whole text is right, 0 to 1.
+        flags: what to know about it.
+        font: font whose templates answered best.
+        height_mm: character height found, in `unit`.
+        rotation_deg: of the line, from +x towards +y.
+        raised: raised marks rather than sunk.
+        box: the whole line; None when none was found.
+        source: "tactile", "vision" or "fused".
+        seconds: where the time went, by step.
+        notes: what the rules for the mark found, with numbers: "too shallow for ...".
+        unit: of height and boxes: "px", of the photograph as taken, where its scale is not known.
+        others: the part's other lines.
+        trace: what it was made from.
+    """
+
+    characters: tuple[CharacterReading, ...]
+    decision: Decision
+    confidence: float
+    flags: ReadingFlag = ReadingFlag.NONE
+    font: str = ""
+    height_mm: float = 0.0
+    rotation_deg: float = 0.0
+    raised: bool = False
+    box: Box | None = None
+    source: str = "tactile"
+    spaces_after: frozenset[int] = frozenset()
+    seconds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    notes: tuple[str, ...] = ()
+    unit: Unit = "mm"
+    others: tuple[OtherLine, ...] = ()
+    trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
+
+    @property
+    def touch(self) -> Reading | None:
+        """The reading of touch: this one, or what was fused; None where touch was not asked."""
+        return self if self.source == "tactile" else self.trace.touch
+
+    @property
+    def vision(self) -> Reading | None:
+        """The reading of vision: this one, or what was fused; None where vision was not asked."""
+        return self if self.source == "vision" else self.trace.vision
+
+    @property
+    def scaled(self) -> bool:
+        """Whether lengths are mm, not pixels of a photograph of unknown scale."""
+        return self.unit == "mm"
+
+    def __repr__(self) -> str:
+        return f"Reading({self.text!r}, {self.decision.value}, {self.confidence:.4f}, {self.source})"
+
+    def __str__(self) -> str:
+        """The reading in one line, for people."""
+        if not self.text:
+            return "no characters"
+        facts = [f"“{self.text}”, {self.decision.value}, confidence {self.confidence:.3f}"]
+        facts += [self.font] if self.font else []
+        if self.height_mm:
+            facts.append(f"{self.height_mm:.2f} mm" if self.scaled else f"{self.height_mm:.0f} pixels high")
+            facts += [] if self.touch is None else ["raised" if self.raised else "sunk"]
+            facts.append(f"{self.rotation_deg:+.1f}°")
+        if self.depth_min_mm is not None:
+            facts.append(f"{'standing' if self.raised else 'deep'} {self.depth_min_mm:.3f} mm at least")
+        return ", ".join(facts)
+
+    def _repr_html_(self) -> str:
+        from recognition.decision.reading_html import table_html
+
+        return table_html(str(self), self.characters, self.messages())
+
+    def plot(self, *, title: str = "") -> Figure:
+        """All that is known of the part as a matplotlib figure: what was measured, the boxes, the candidates.
+
+        At the prompt `matplotlib.pyplot.show()` shows it.
+        """
+        import matplotlib.pyplot as plt
+
+        from recognition.decision.picture import reading_figure
+
+        figure = reading_figure(self, title=title, figure=plt.figure())
+        if "inline" in plt.get_backend():
+            plt.close(figure)  # a notebook shows what is returned; it would show an open figure once more
+        return figure
+
+    def traced(self, **fields: Any) -> Reading:
+        """The same reading, with these fields of its trace."""
+        return replace(self, trace=replace(self.trace, **fields))
+
+    @property
+    def depth_min_mm(self) -> float | None:
+        """Least depth of the characters whose depth is known; None without any."""
+        known = [c.depth.min_mm for c in self.characters if c.depth is not None]
+        return min(known, default=None)
+
+    @property
+    def depth_mean_mm(self) -> float | None:
+        """Mean depth of the characters whose depth is known; None without any."""
+        known = [c.depth.mean_mm for c in self.characters if c.depth is not None]
+        return math.fsum(known) / len(known) if known else None
+
+    def messages(self) -> tuple[str, ...]:
+        """What to know about it in words: the flags, and in place of those of the mark's rules the notes."""
+        flags = self.flags & ~MEASURE_FLAGS if self.notes else self.flags
+        doubts = self.doubts() if flags & DOUBT_FLAGS else ""
+        if doubts:
+            return (f"low confidence: {doubts}?", *(flags & ~DOUBT_FLAGS).messages(), *self.notes)
+        return (*flags.messages(), *self.notes)
+
+    def doubts(self) -> str:
+        """The places that are hardest to decide, worst first: "B or 8 at place 2, 1 or I at place 5"."""
+        places = [
+            (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}")
+            for k, c in enumerate(self.characters, start=1)
+            if len(c.candidates) > 1 and c.candidates[1].probability >= DOUBTED
+        ]
+        return ", ".join(text for _, text in sorted(places)[:MOST_DOUBTS])
+
+    @property
+    def text(self) -> str:
+        """The serial; a space where the line has a word gap."""
+        return "".join(
+            c.char + (" " if i in self.spaces_after else "") for i, c in enumerate(self.characters)
+        )

@@ -1,0 +1,161 @@
+"""Beliefs of a line made a reading: what the format chooses, how sure it is, and what to know about it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
+from recognition.decision.decide import LEAST_VALID_MASS, Thresholds, decided
+from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, ReadingFlag
+from recognition.language.box import Box
+from recognition.language.confusions import state_of
+from recognition.language.constrained_decoding import Choice, choose
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+from recognition.views.text_line import HEIGHT_ROWS
+
+CANDIDATES = 5
+LEAST_READ = 0.5
+"""Belief in the surest character below which there is no line at all: land, seen by who looks for characters."""
+WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
+"""Between the middles of neighbours beyond the usual, from which a gap is taken for a space."""
+
+
+def reading_of_line(
+    part: PartLines,
+    settings: Thresholds,
+    *,
+    grammar: Grammar | None,
+    gaps: frozenset[int],
+    flags: ReadingFlag,
+    source: str,
+    asked: Mapping[str, LineFormat] = MappingProxyType({}),
+) -> Reading:
+    """The reading of a part's line, sent to review where a line can be read that nobody has asked for.
+
+    Args:
+        part: its lines.
+        settings: thresholds of acceptance.
+        grammar: what the serial obeys.
+        gaps: places of the format before a word gap.
+        flags: known beforehand.
+        source: the sense.
+        asked: other lines that should stand on the part.
+    """
+    main = part.main
+    if main is None:
+        return replace(decided((), 0.0, settings, flags=flags), source=source)
+    boxes = main.boxes()
+    spaces = gaps if grammar is not None and grammar.format is not None else word_gaps(main.belief.columns)
+    lattice = replace(main.belief.lattice, boxes=boxes, spaces_after=spaces)
+    choice = choose(lattice, grammar)
+    if not choice.text or np.exp(lattice.log_belief.max(initial=-np.inf)) < LEAST_READ:
+        return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
+    if main.belief.evidence < math.log(LEAST_VALID_MASS):
+        flags |= ReadingFlag.FORMAT_OVERRULED
+    others = [_other(name, one, asked[name].grammar) for name, one in part.named.items()]
+    others += [OtherLine("", text_of(one), _likely(one), hull(one.open_boxes())) for one in part.others]
+    doubts, notes = doubts_of_lines(others, asked, settings)
+    flags |= doubts
+    reading = decided(
+        characters_of(choice, lattice),
+        choice.probability * main.belief.likely,
+        settings,
+        flags=flags,
+        choice=choice,
+        grammar=grammar,
+        notes=notes,
+        others=tuple(others),
+        height_mm=main.line.height_mm,
+        rotation_deg=main.line.turned_deg,
+        box=hull(boxes),
+        spaces_after=spaces,
+        source=source,
+    )
+    openly = replace(main.belief.openly[0], boxes=main.open_boxes())
+    by_expert = {name: replace(own, boxes=boxes) for name, own in main.belief.by_expert.items()}
+    return reading.traced(
+        lattice=lattice, open_lattice=openly, choice=choice, line=main.line, by_expert=by_expert,
+        experts="+".join(by_expert),
+    )  # fmt: skip
+
+
+def doubts_of_lines(
+    others: Sequence[OtherLine], asked: Iterable[str], settings: Thresholds
+) -> tuple[ReadingFlag, tuple[str, ...]]:
+    """What is doubtful about a part's other lines, and in words.
+
+    Args:
+        others: that were read.
+        asked: names of those that should stand on the part.
+        settings: thresholds of acceptance.
+    """
+    flags, found = ReadingFlag.NONE, {other.name for other in others}
+    notes = [f"another line reads “{other.text}”" for other in others if not other.name]
+    if notes:
+        flags |= ReadingFlag.UNREAD_MARKS
+    for name in asked:
+        if name not in found:
+            flags |= ReadingFlag.LINE_MISSING
+            notes.append(f"no line was found that {name} may be")
+    for other in others:
+        if other.name and other.confidence < settings.accept_confidence:
+            flags |= ReadingFlag.LOW_CONFIDENCE
+            notes.append(f"low confidence: {other.name} {other.text}?")
+    return flags, tuple(notes)
+
+
+def _other(name: str, one: ReadLine, grammar: Grammar) -> OtherLine:
+    choice = choose(one.belief.lattice, grammar)
+    return OtherLine(name, choice.text, choice.probability, hull(one.boxes()))
+
+
+def characters_of(choice: Choice, lattice: Lattice) -> list[CharacterReading]:
+    """The chosen character first, its rivals as the grammar leaves them."""
+    made = []
+    for k, chosen in enumerate(choice.text):
+        beliefs = choice.place(k)
+        order = [chosen, *(c for c in beliefs if c != chosen)][:CANDIDATES]
+        candidates = tuple(
+            Candidate(c, float(beliefs.get(c, 0.0)), min(1.0, float(beliefs.get(c, 0.0)))) for c in order
+        )
+        made.append(CharacterReading(candidates, lattice.boxes[k], state=state_of(beliefs)))
+    return made
+
+
+def word_gaps(columns: NDArray[np.float64]) -> frozenset[int]:
+    """Places after which a space stands out: wide in itself, and against the line's usual step."""
+    if columns.size < 3:
+        return frozenset()
+    step = np.diff(columns) / HEIGHT_ROWS
+    usual = float(np.median(step))
+    wide = (step > usual + WORD_GAP_HEIGHTS) & (step > WORD_STEP * usual)
+    return frozenset(int(k) for k in np.flatnonzero(wide))
+
+
+def _likely(line: ReadLine) -> float:
+    return float(np.exp(line.belief.openly[0].log_belief.max(axis=1).sum()))
+
+
+def text_of(line: ReadLine) -> str:
+    """What a line reads at first look."""
+    lattice, _ = line.belief.openly
+    return "".join(lattice.chars[k] for k in lattice.log_belief.argmax(axis=1))
+
+
+def hull(boxes: Sequence[Box]) -> Box | None:
+    """Of boxes; None without any."""
+    if not boxes:
+        return None
+    return Box(
+        min(b.x0_mm for b in boxes),
+        min(b.y0_mm for b in boxes),
+        max(b.x1_mm for b in boxes),
+        max(b.y1_mm for b in boxes),
+    )

@@ -1,0 +1,47 @@
+"""What a font that was learned in part may not be trusted with: characters that were never felt.
+
+Where O was never enrolled, its shape is another font's, and the Q that was answers a true O about as well.
+A character is doubted where it is such a guess, or where a guess comes near it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from recognition.decision.reading import Decision, Reading, ReadingFlag
+from recognition.experts.templates.judge import JudgedLine
+
+NEAR_SCORE = 0.05
+"""Correlation by which a guess may fall short and still be meant: where a character that was felt answered instead of
+the guess that stood there, it was by 0.01 or 0.02 (E for F, Q for O)."""
+
+
+def doubted_guesses(reading: Reading, judged: JudgedLine, places: Sequence[str] | None) -> Reading:
+    """The reading, sent to review where a character of it may be one that its font was never taught.
+
+    Args:
+        reading: of the line.
+        judged: the line it was read from, one cell a character.
+        places: characters allowed at each place of a known format, or None.
+    """
+    templates, cells = judged.line.templates, judged.cells
+    glyphs = judged.line.font.glyphs
+    guessed = {c for c in templates.chars if glyphs[c].guessed}
+    if not guessed or len(cells) != len(reading.characters):
+        return reading
+    notes = []
+    for k, (character, cell) in enumerate(zip(reading.characters, cells, strict=True)):
+        best = {char: float(score) for char, score in zip(templates.chars, cell.scores, strict=True)}
+        allowed = set(places[k]) if places is not None and len(places) == len(cells) else set(best)
+        own = best.get(character.char, -1.0)
+        near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > own - NEAR_SCORE]
+        if character.char in guessed:
+            notes.append(f"place {k + 1}: {character.char} was never enrolled in {reading.font}")
+        elif near:
+            notes.append(f"place {k + 1}: {', '.join(near)} was never enrolled in {reading.font}")
+    if not notes:
+        return reading
+    decision = Decision.REVIEW if reading.decision is Decision.ACCEPT else reading.decision
+    flags = reading.flags | ReadingFlag.FOREIGN_SHAPES
+    return replace(reading, decision=decision, flags=flags, notes=(*reading.notes, *notes))

@@ -1,0 +1,267 @@
+"""Whether a part bears the serial that it should: confirmed, refuted, or not to be told.
+
+    place          1     2     3    ...        same    = product of b(e)            every character is the known one
+    expected e     K     7     4               unknown = product of (b(e) + r) - same    none differs, not all read
+    belief b(e)   .99   .98   .01              differs = 1 - product of (b(e) + r)  one is readably another
+    nothing r     .00   .01   .01
+
+A dirty place speaks neither way; one character that is surely another refutes the whole. What else the part may bear
+is not held to any format: a wrong serial may break it. At prior 1/2 the lattice's beliefs are taken as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from glyphs.errors import MarksError
+from glyphs.surface.display import one_line
+from recognition.language.confusions import CharacterState, PlaceState, state_of
+from recognition.language.constrained_decoding import choose
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+
+CONFIRM_PROBABILITY, REFUTE_PROBABILITY = 0.99, 0.99
+"""Probability of "same" from which a serial is confirmed, and of "differs" from which it is refuted."""
+MISSING_COST = math.log(1e-3)
+"""Log-belief that pays for a place or an expected character left over, when their numbers differ."""
+
+
+class VerifyError(MarksError):
+    """An expected text that cannot be looked for."""
+
+
+class Verdict(StrEnum):
+    """Whether the part bears the expected serial."""
+
+    CONFIRMED = "confirmed"
+    REFUTED = "refuted"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class CharacterCheck:
+    """One expected character, or one place that is left over.
+
+    Attributes:
+        expected: the character known to stand there; empty for a place that is left over.
+        place: of the lattice, from 0; None for a character for which no place was found.
+        state: what is known of the place; the state's `char` is the best one.
+        probability: belief in the expected character (of a place left over, in nothing).
+        rival: best other character; empty when none has any belief.
+        rival_probability: belief in it.
+    """
+
+    expected: str
+    place: int | None
+    state: PlaceState
+    probability: float
+    rival: str
+    rival_probability: float
+
+    @property
+    def message(self) -> str:
+        """The finding in words."""
+        if self.place is None:
+            return f"no place was found for {self.expected}"
+        if self.state.state is CharacterState.NOT_READ and self.expected:
+            return f"{self.expected} cannot be made out"
+        return self.state.message
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The verdict and what it rests on.
+
+    Attributes:
+        expected: the text, without blanks.
+        verdict: what to do with it.
+        probability: that the part bears the expected text; 0 if as many characters were not found.
+        refutation: that at least one character is readably another.
+        rival: best other text of as many characters as were found (that the grammar allows, if one is given);
+            empty if none has any belief.
+        log10_odds: of the expected text against that rival, prior included; +inf without a rival.
+        characters: in the order of the text, places left over where they stand.
+        places: characters found.
+    """
+
+    expected: str
+    verdict: Verdict
+    probability: float
+    refutation: float
+    rival: str
+    log10_odds: float
+    characters: tuple[CharacterCheck, ...]
+    places: int
+
+    __repr__ = one_line
+
+    def messages(self) -> tuple[str, ...]:
+        """What is not as expected, in words, with places of the text counted from 1."""
+        said = []
+        if self.places != len(self.expected):
+            said.append(f"{self.places} characters were found where {len(self.expected)} are expected")
+        at = 0
+        for check in self.characters:
+            at += bool(check.expected)
+            if check.state.state is not CharacterState.READ:
+                where = f"place {at}" if check.expected else f"after place {at}" if at else "before place 1"
+                said.append(f"{where}: {check.message}")
+        return tuple(said)
+
+
+def verify(
+    lattice: Lattice,
+    expected: str,
+    *,
+    prior: float = 0.5,
+    grammar: Grammar | None = None,
+    confirm: float = CONFIRM_PROBABILITY,
+    refute: float = REFUTE_PROBABILITY,
+) -> Verification:
+    """Hold the beliefs of a line against the text that it should be.
+
+    The lattice must have been made without knowing the text, of characters among which a wrong one may be: not of
+    the expected ones only.
+
+    Args:
+        lattice: beliefs of places.
+        expected: the text; blanks do not count.
+        prior: belief that the part bears it before it was felt, between 0 and 1.
+        grammar: names the rival; the expected text must be of it.
+        confirm: least probability for CONFIRMED, which also needs every character read as expected or, where
+            it is not clearly read, at least not contradicted.
+        refute: least refutation for REFUTED.
+
+    Raises:
+        VerifyError: an empty text, one that breaks the grammar, one with characters that the lattice was not
+            asked for, a prior or a limit outside its range.
+    """
+    text = "".join(expected.split())
+    _check(lattice, text, prior, grammar, confirm, refute)
+    pairs = _aligned(lattice, text)
+    belief = np.exp(lattice.log_belief)
+    nothing = np.maximum(0.0, 1.0 - belief.sum(axis=1))
+    column = {c: k for k, c in enumerate(lattice.chars)}
+    whole = lattice.n_places == len(text)
+    same, not_other = float(whole), 1.0
+    checks = []
+    for place, char in pairs:
+        if place is None:
+            state = PlaceState(CharacterState.NOT_READ, "", 0.0, expected=char)
+            checks.append(CharacterCheck(char, None, state, 0.0, "", 0.0))
+            continue
+        beliefs = dict(zip(lattice.chars, belief[place].tolist(), strict=True))
+        state = state_of(beliefs, expected=char)
+        known = float(belief[place, column[char]]) if char else float(nothing[place])
+        rival = max((c for c in lattice.chars if c != char), key=lambda c: beliefs[c], default="")
+        against = beliefs.get(rival, 0.0)
+        checks.append(CharacterCheck(char, place, state, known, rival if against else "", against))
+        if char:
+            same *= known
+            not_other *= min(1.0, known + float(nothing[place]))
+    differs = 1.0 - not_other
+    weights = np.array([2.0 * prior * same, 2.0 * (1.0 - prior) * differs, max(0.0, not_other - same)])
+    total = float(weights.sum())
+    probability, refutation = (float(w) / total if total > 0.0 else 0.0 for w in weights[:2])
+    rival_text, odds = _best_rival(lattice, text, prior, grammar, whole)
+    contradicted = any(c.state.state is CharacterState.MISMATCH for c in checks)
+    verdict = Verdict.UNDECIDED
+    if refutation >= refute:
+        verdict = Verdict.REFUTED
+    elif probability >= confirm and whole and not contradicted:
+        verdict = Verdict.CONFIRMED
+    return Verification(
+        expected=text,
+        verdict=verdict,
+        probability=probability,
+        refutation=refutation,
+        rival=rival_text,
+        log10_odds=odds,
+        characters=tuple(checks),
+        places=lattice.n_places,
+    )
+
+
+def _check(
+    lattice: Lattice, text: str, prior: float, grammar: Grammar | None, confirm: float, refute: float
+) -> None:
+    if not text:
+        raise VerifyError("the expected text is empty", hint="give the serial that the part should read")
+    if not 0.0 < prior < 1.0:
+        raise VerifyError(f"prior is {prior}", hint="it lies between 0 and 1, both left out")
+    for name, limit in (("confirm", confirm), ("refute", refute)):
+        if not 0.5 < limit <= 1.0:
+            raise VerifyError(f"{name} is {limit}", hint="it lies above 0.5 and is at most 1")
+    unknown = sorted(set(text) - set(lattice.chars))
+    if unknown and lattice.n_places:
+        raise VerifyError(
+            f"the expected text {text!r} has {' '.join(unknown)}, which was not looked for",
+            hint="read with a font and a format that have it",
+        )
+    if grammar is not None and (broken := grammar.objections(text)):
+        raise VerifyError(
+            f"the expected text {text!r} does not fit the format: {'; '.join(broken)}",
+            hint="correct one of them",
+        )
+
+
+def _best_rival(
+    lattice: Lattice, text: str, prior: float, grammar: Grammar | None, whole: bool
+) -> tuple[str, float]:
+    """The best other text and the odds (log10) of the expected one against it."""
+    choice = choose(lattice, grammar, k=2)
+    named = [(choice.text, choice.probability), *((r.text, r.probability) for r in choice.rivals)]
+    rival = next((t for t, p in named if t and t != text and p > 0.0), "")
+    column = {c: k for k, c in enumerate(lattice.chars)}
+
+    def log_weight(s: str) -> float:
+        return math.fsum(float(lattice.log_belief[k, column[c]]) for k, c in enumerate(s))
+
+    if not whole:
+        return rival, -math.inf if rival else 0.0
+    if not rival:
+        return "", math.inf if lattice.n_places else 0.0
+    odds = log_weight(text) - log_weight(rival) + math.log(prior / (1.0 - prior))
+    return rival, odds / math.log(10.0)
+
+
+def _aligned(lattice: Lattice, text: str) -> list[tuple[int | None, str]]:
+    """Places and expected characters side by side, None and "" where one of them is left over.
+
+    One to one when they are as many; else the order-keeping pairing whose beliefs multiply to most.
+    """
+    n, m = lattice.n_places, len(text)
+    if n == m:
+        return list(enumerate(text))
+    column = {c: k for k, c in enumerate(lattice.chars)}
+    # a pair is never worth less than leaving both over: so few are left over as must be
+    worst = 2.0 * MISSING_COST
+    best = np.full((n + 1, m + 1), -np.inf)
+    best[:, 0] = MISSING_COST * np.arange(n + 1)
+    best[0, :] = MISSING_COST * np.arange(m + 1)
+
+    def paired(i: int, j: int) -> float:
+        return max(worst, float(lattice.log_belief[i, column[text[j]]]))
+
+    for i in range(n):
+        for j in range(m):
+            best[i + 1, j + 1] = max(
+                best[i, j] + paired(i, j), best[i, j + 1] + MISSING_COST, best[i + 1, j] + MISSING_COST
+            )
+    out: list[tuple[int | None, str]] = []
+    i, j = n, m
+    while i or j:
+        if i and j and best[i, j] == best[i - 1, j - 1] + paired(i - 1, j - 1):
+            i, j = i - 1, j - 1
+            out.append((i, text[j]))
+        elif i and (not j or best[i, j] == best[i - 1, j] + MISSING_COST):
+            i -= 1
+            out.append((i, ""))
+        else:
+            j -= 1
+            out.append((None, text[j]))
+    return out[::-1]

@@ -1,0 +1,1 @@
+"""Those who say which character stands where."""

@@ -1,0 +1,62 @@
+"""Our own recogniser: what a small network believes of a line, step by step along it.
+
+It knows no font by name. Its weights, and the card that says what they were made of, lie beside this file; the command
+`python -m recognition.learning.train` makes them again. It learned felt views, height maps and photographs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.experts.steps import Steps
+from recognition.lines.networks import opened
+from recognition.views.view import LAYERS, Layers
+
+CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789abcdefghijklmnopqrstuvwxyz-./#()& "
+"""All that it tells apart; the blank comes before them."""
+STEP_COLUMNS = 2
+"""Columns of a strip to a step."""
+_MULTIPLE = 4
+WEIGHTS = Path(__file__).with_name("recogniser.onnx")
+_CODES = {char: 1 + k for k, char in enumerate(CHARACTERS)}
+
+
+def believed(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
+    """(steps, 1 + CHARACTERS) logarithms of each strip's beliefs, the blank first."""
+    widest = max(s.shape[2] for s in strips)
+    fed = np.zeros((len(strips), LAYERS, strips[0].shape[1], widest + -widest % _MULTIPLE), dtype=np.float32)
+    for row, strip in enumerate(strips):
+        fed[row, :, :, : strip.shape[2]] = strip
+    found = _session().run(None, {"strip": fed})[0]
+    return [f[: -(-s.shape[2] // STEP_COLUMNS)] for f, s in zip(found, strips, strict=True)]
+
+
+def steps_of(strips: Sequence[Layers], *, chars: str) -> list[Steps]:
+    """What is believed along strips as `View.strip` cuts them.
+
+    Small letters that are not asked for count as their capitals, which many a die has for both; what else is not asked
+    for is left out, a space counts as blank.
+    """
+    made = []
+    for log in believed(strips):
+        power = np.exp(log.astype(np.float64))
+        of = np.zeros((power.shape[0], len(chars)))
+        for k, char in enumerate(chars):
+            for own in {char, *([char.lower()] if char.lower() not in chars else [])}:
+                if own in _CODES:
+                    of[:, k] += power[:, _CODES[own]]
+        blank = power[:, 0] + (power[:, _CODES[" "]] if " " not in chars else 0.0)
+        columns = (np.arange(len(power), dtype=np.float64) + 0.5) * STEP_COLUMNS - 0.5
+        made.append(Steps.of(blank, of, chars, columns))
+    return made
+
+
+@cache
+def _session() -> Any:
+    return opened(WEIGHTS)

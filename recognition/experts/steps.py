@@ -1,0 +1,67 @@
+"""What a recogniser of lines says, step by step along a strip, and what that makes of every place.
+
+strip (28 columns to a character height) --recogniser--> Steps --places of the format--> PlaceBelief
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from recognition.experts.ctc import PlaceBelief, count_belief, place_belief
+
+Floats = NDArray[np.float64]
+FLOOR = 1e-6
+"""Probability that a step leaves to everything: no character is ruled out by one network."""
+
+SHOWN = math.log(1e-4)
+"""Logarithm of the belief that a character reaches at some step, or it is taken to stand nowhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Beliefs along a line.
+
+    Attributes:
+        log_blank: (steps,) natural logarithms: no new character.
+        log_chars: (steps, C) of each of `chars`.
+        chars: which.
+        columns: (steps,) of the strip, where each step's middle lies.
+    """
+
+    log_blank: Floats
+    log_chars: Floats
+    chars: str
+    columns: Floats
+
+    __repr__ = one_line
+
+    @classmethod
+    def of(cls, blank: Floats, shares: Floats, chars: str, columns: Floats) -> Steps:
+        """Of probabilities, (steps,) and (steps, C)."""
+        return cls(np.log(blank + FLOOR), np.log(shares + FLOOR), chars, columns)
+
+    def places(self, allowed: Sequence[str]) -> PlaceBelief | None:
+        """Posteriors of so many places, each of which may bear these characters; None where they have no room."""
+        if not allowed:
+            return None
+        table = np.array([[c in place for c in self.chars] for place in allowed], dtype=np.bool_)
+        # most characters show nowhere along the line; sums over them are much work for nothing
+        shown = self.log_chars.max(axis=0) > SHOWN
+        shown |= (table & ~(table & shown).any(axis=1, keepdims=True)).any(axis=0)
+        found = place_belief(self.log_blank, self.log_chars[:, shown], table[:, shown])
+        if found is None:
+            return None
+        log = np.where(table, math.log(FLOOR), -np.inf)
+        log[:, shown] = np.where(table[:, shown], np.maximum(found.log_belief, math.log(FLOOR)), -np.inf)
+        return replace(found, log_belief=log - np.logaddexp.reduce(log, axis=1, keepdims=True))
+
+    def count(self) -> Floats:
+        """(n,) log posterior of the number of characters, from 0."""
+        shown = self.log_chars.max(axis=0) > SHOWN
+        return count_belief(self.log_blank, self.log_chars[:, shown if shown.any() else slice(0, 1)])

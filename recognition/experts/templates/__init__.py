@@ -1,0 +1,1 @@
+"""The expert who knows shapes: templates predicted by the physics of touch."""

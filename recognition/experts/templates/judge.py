@@ -1,0 +1,198 @@
+"""The judge who knows shapes: templates predicted by the physics of touch, at places that others have found.
+
+    line, its places, a font --> PlacedLine --every template in every cell--> correlations \
+                                            \\--what dirt has left of it-----> evidence      > Lattice
+
+Nothing is searched for: the places are known, and each character answers there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.die import Face
+from glyphs.surface.maps import TraceDirection
+from recognition.experts.templates.calibrate import Scored, lattice_of, residual_of
+from recognition.experts.templates.evidence import LineEvidence, line_evidence
+from recognition.experts.templates.place_evidence import PlaceEvidence
+from recognition.experts.templates.placed_line import PlacedLine, TouchedPart
+from recognition.experts.templates.refine import Cell, guessed_cells, refine_line
+from recognition.language.lattice import Lattice
+from recognition.lines.places import places_mm
+from recognition.views.text_line import TextLine
+
+MOST_SAG_HEIGHTS = 0.3
+"""A line that bends more is no line to templates, which all stand upright along it."""
+SAME_PLACE_HEIGHTS = 0.3
+"""A correlation counts for a place if it was taken no further away."""
+FEWEST_TURN = 4
+"""Characters that tell how their line turns."""
+RAISED_SCORE = 0.7
+"""Mean correlation of sunk marks below which raised ones are tried."""
+_SLIGHT = 1e-6
+OWN_SCORE = 0.75
+"""Mean correlation of what was read with a font that nobody named, from which it has a say."""
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedLine:
+    """A line as a font's templates have it.
+
+    Attributes:
+        line: font, polarity, where characters stand.
+        cells: one a place.
+        score: mean correlation of the characters believed with their templates.
+        lattice: what the templates believe; None where they have no say.
+    """
+
+    line: PlacedLine
+    cells: tuple[Cell, ...]
+    score: float
+    lattice: Lattice | None
+
+    @property
+    def rotation_deg(self) -> float:
+        """Of the line, by where its characters were found."""
+        if len(self.cells) < FEWEST_TURN:
+            return self.line.image.rotation_deg
+        slope = np.polyfit([c.u_mm for c in self.cells], [c.v_mm for c in self.cells], 1)[0]
+        return self.line.image.rotation_deg + math.degrees(math.atan(float(slope)))
+
+
+def judged(
+    part: TouchedPart,
+    fonts: Sequence[Font],
+    line: TextLine,
+    lattice: Lattice,
+    columns: NDArray[np.float64],
+    *,
+    named: bool,
+    gaps: frozenset[int] = frozenset(),
+) -> JudgedLine | None:
+    """The line as the font has it that suits it best; None where it is bent, or no font has its characters.
+
+    Args:
+        part: as it was felt.
+        fonts: to choose from.
+        line: where the characters stand.
+        lattice: what others believe of it.
+        columns: of its strip, where the places stand.
+        named: somebody says that it is one of these fonts.
+        gaps: places of the format before a word gap.
+    """
+    if _sag(line) > MOST_SAG_HEIGHTS * line.height_mm or columns.size == 0:
+        return None
+    text = [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)]
+    tried = _tried(part, fonts, line, columns, text, raised=False)
+    if max((score for score, _ in tried), default=0.0) < RAISED_SCORE:
+        tried += _tried(part, fonts, line, columns, text, raised=True)
+    if not tried:
+        return None
+    score, placed = max(tried, key=lambda one: one[0])
+    if not named and score < OWN_SCORE:
+        return JudgedLine(placed, guessed_cells(placed, part.edges.directions), score, None)
+    settled, cells = refine_line(placed, part.edges.directions)
+    return JudgedLine(settled, cells, score, _lattice(settled, cells, part.edges.directions, lattice, gaps))
+
+
+def _tried(
+    part: TouchedPart,
+    fonts: Sequence[Font],
+    line: TextLine,
+    columns: NDArray[np.float64],
+    text: Sequence[str],
+    *,
+    raised: bool,
+) -> list[tuple[float, PlacedLine]]:
+    """How well the characters believed suit each font and face: mean correlations."""
+    tried = []
+    for font in fonts:
+        for face in (Face.FLAT, Face.DOTTED) if font.stroke_ratio > 0.0 else (Face.FLAT,):
+            placed = _placed(part, font, face, line, columns, text, raised=raised)
+            if placed is not None:
+                tried.append(
+                    (
+                        float(
+                            np.mean([c.scores.max() for c in guessed_cells(placed, part.edges.directions)])
+                        ),
+                        placed,
+                    )
+                )
+    return tried
+
+
+def _sag(line: TextLine) -> float:
+    a, b = line.centre_mm[0], line.centre_mm[-1]
+    along = (b - a) / np.linalg.norm(b - a)
+    return float(np.abs((line.centre_mm - a) @ np.array([-along[1], along[0]])).max())
+
+
+def _placed(
+    part: TouchedPart,
+    font: Font,
+    face: Face,
+    line: TextLine,
+    columns: NDArray[np.float64],
+    text: Sequence[str],
+    *,
+    raised: bool,
+) -> PlacedLine | None:
+    """The characters believed where they are believed to stand; None where the font has none of them."""
+    turn = line.turned_deg
+    templates = part.templates(font, height_mm=line.height_mm, rotation_deg=turn, face=face, raised=raised)
+    if not any(char in templates.chars for char in text) or not templates.patches.any():
+        return None  # nothing to compare with, or a touch that would feel nothing of it
+    image = part.image(turn)
+    u_mm, v_mm = image.from_plate(places_mm(line, columns)).T
+    template = np.array(
+        [templates.chars.index(c) if c in templates.chars else 0 for c in text], dtype=np.int64
+    )
+    return PlacedLine(font, face, raised, line.height_mm, image, templates, template, u_mm, v_mm)
+
+
+def _lattice(
+    line: PlacedLine,
+    cells: Sequence[Cell],
+    directions: tuple[TraceDirection, ...],
+    lattice: Lattice,
+    gaps: frozenset[int],
+) -> Lattice | None:
+    """What correlations and, where it counts as many places, evidence make of the places believed."""
+    allowed = np.isfinite(lattice.log_belief)
+    places = ["".join(c for c, may in zip(lattice.chars, row, strict=True) if may) for row in allowed]
+    evidence = line_evidence(line, cells, directions, places=places, gaps=gaps)
+    scored = [_scored(cell, _near(evidence, cell, line.height_mm)) for cell in cells]
+    own = lattice_of(line.templates.chars, scored)
+    log = np.full(lattice.log_belief.shape, -np.inf)
+    for k, char in enumerate(own.chars):
+        if char in lattice.chars:
+            log[:, lattice.chars.index(char)] = own.log_belief[:, k]
+    # of what the font has not got it says nothing: as likely as its least likely one
+    lacking = ~np.isfinite(log) & allowed
+    least = np.where(np.isfinite(log), log, np.inf).min(axis=1, keepdims=True)
+    log = np.where(lacking, least, np.where(allowed, log, -np.inf))
+    total = np.logaddexp.reduce(log, axis=1)
+    if not np.isfinite(total).all():
+        return None
+    return replace(lattice, log_belief=np.minimum(log - np.maximum(total, 0.0)[:, None], 0.0))
+
+
+def _near(evidence: LineEvidence | None, cell: Cell, height_mm: float) -> PlaceEvidence | None:
+    if evidence is None:
+        return None
+    close = [p for p in evidence.places if abs(p.u_mm - cell.u_mm) < SAME_PLACE_HEIGHTS * height_mm]
+    return min(close, key=lambda p: abs(p.u_mm - cell.u_mm), default=None)
+
+
+def _scored(cell: Cell, place: PlaceEvidence | None) -> Scored:
+    residual = residual_of(cell.scores)
+    if place is None:
+        share = np.clip(cell.scores, 0.0, 1.0)  # as good as evidence of its share, and no more
+        return Scored(evidence=share * _SLIGHT, residual=residual, ideal=np.full(residual.size, _SLIGHT))
+    return Scored(evidence=place.evidence, residual=residual, ideal=place.ideal)

@@ -1,0 +1,225 @@
+"""Check digits as machines that run along with the text, so that they can be asked inside a search.
+
+Every rule known here keeps a remainder and changes it character by character; the text is good if the remainder
+ends at one value. `stdnum:NAME` asks python-stdnum whether a whole text is good, and cannot be asked earlier.
+
+    rule              text                                              source
+    vin               17 of A-Z 0-9 without I O Q, ninth 0-9 or X       49 CFR 565.15, ISO 3779
+    luhn              figures                                           ISO/IEC 7812-1 annex B
+    gs1               figures (GTIN-8, -12, -13, -14, SSCC)             GS1 General Specifications 7.9
+    iso7064mod11_2    figures, the last may be X                        ISO 7064 pure systems
+    iso7064mod37_2    A-Z 0-9, the last may be *
+    iso7064mod97_10   A-Z 0-9, the last two are figures
+    iso7064mod11_10   figures                                           ISO 7064 hybrid systems
+    iso7064mod37_36   A-Z 0-9
+    stdnum:NAME       whatever stdnum.NAME.validate takes               python-stdnum
+
+`luhn@3-8` looks at places 3 to 8 only, `luhn@3-` from place 3 to the end.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.fonts.serials import FormatError
+from recognition.language.remainders import REMAINDERS, Remainder
+
+CHECK_DIGITS = (*REMAINDERS, "stdnum:NAME")
+"""The rules known by name."""
+_FORM = re.compile(r"(?P<name>[^@]+)(?:@(?P<first>\d+)-(?P<last>\d*))?")
+
+
+@dataclass(frozen=True)
+class CheckDigit:
+    """A rule, and the places it looks at; a machine for `recognition.language.automaton`.
+
+    Attributes:
+        name: one of `CHECK_DIGITS`.
+        first_place: counted from 1.
+        last_place: counted from 1; None for the last of the text.
+
+    Raises:
+        FormatError: a name that is not known, python-stdnum missing, places that run backwards.
+    """
+
+    name: str
+    first_place: int = 1
+    last_place: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.name.startswith("stdnum:"):
+            _stdnum_module(self.name)
+        elif self.name not in REMAINDERS:
+            raise FormatError(
+                f"unknown check digit {self.name!r}",
+                hint=f"known are {', '.join(CHECK_DIGITS)} (NAME: a module of python-stdnum, such as imei)",
+            )
+        if self.first_place < 1 or (self.last_place is not None and self.last_place < self.first_place):
+            raise FormatError(f"{self} looks at no place", hint=f"places count from 1: {self.name}@3-8")
+
+    @classmethod
+    def parse(cls, text: str) -> CheckDigit:
+        """From a text such as `vin`, `ISO 7064 mod 37-2`, `luhn@3-8` or `stdnum:imei`.
+
+        Raises:
+            FormatError: as the class.
+        """
+        match = _FORM.fullmatch(text.strip())
+        if match is None:
+            raise FormatError(
+                f"{text!r} is not a check digit", hint=f"write {', '.join(CHECK_DIGITS)} or luhn@3-8"
+            )
+        name = match["name"].strip().lower()
+        if not name.startswith("stdnum:"):
+            plain = re.sub(r"[^a-z0-9]", "", name)
+            name = {re.sub(r"[^a-z0-9]", "", known): known for known in REMAINDERS}.get(plain, name)
+        last = int(match["last"]) if match["last"] else None
+        return cls(name, int(match["first"] or 1), last)
+
+    def __str__(self) -> str:
+        """As `parse` reads it."""
+        if (self.first_place, self.last_place) == (1, None):
+            return self.name
+        return f"{self.name}@{self.first_place}-{self.last_place or ''}"
+
+    @property
+    def remainder(self) -> Remainder | None:
+        """The rule; None for one that can only be asked about a whole text."""
+        return REMAINDERS.get(self.name)
+
+    @property
+    def alphabet(self) -> str:
+        """Characters that the rule knows; none where that is not known."""
+        return self.remainder.alphabet if self.remainder is not None else ""
+
+    @property
+    def length(self) -> int | None:
+        """Places of the text, where the rule fixes them."""
+        if self.remainder is None or self.remainder.length is None or self.last_place is not None:
+            return None
+        return self.first_place - 1 + self.remainder.length
+
+    def holds(self, text: str) -> bool:
+        """Whether the text, without blanks, is good."""
+        part = text[self.first_place - 1 : self.last_place]
+        rule = self.remainder
+        if rule is None:
+            return bool(_stdnum_module(self.name).is_valid(part))
+        if len(part) < rule.least_places or rule.length not in (None, len(part)):
+            return False
+        held = rule.first
+        for place, char in enumerate(part):
+            to = rule.step(char, place, len(part)) if char in rule.alphabet else None
+            if to is None:
+                return False
+            held = int(to[held])
+        return held == rule.good
+
+    def start(self, n_places: int) -> int:
+        """See `automaton.Machine`."""
+        return self._rule().first
+
+    def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
+        """See `automaton.Machine`."""
+        return _table(self, place, n_places, chars)
+
+    def accepts(self, n_places: int) -> NDArray[np.bool_]:
+        """See `automaton.Machine`."""
+        rule, looked_at = self._rule(), self._looked_at(n_places)
+        good = np.zeros(rule.modulus, dtype=bool)
+        if looked_at >= rule.least_places and rule.length in (None, looked_at):
+            good[rule.good] = True
+        return good
+
+    def _looked_at(self, n_places: int) -> int:
+        last = n_places if self.last_place is None else self.last_place
+        return max(0, last - self.first_place + 1) if last <= n_places else 0
+
+    def _rule(self) -> Remainder:
+        rule = self.remainder
+        if rule is None:
+            raise FormatError(f"{self} can only be asked about a whole text")
+        return rule
+
+
+@lru_cache(maxsize=512)
+def _table(check: CheckDigit, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
+    rule = check._rule()
+    looked_at = check._looked_at(n_places)
+    inside = place - (check.first_place - 1)
+    if not 0 <= inside < looked_at:
+        return np.repeat(np.arange(rule.modulus)[:, None], len(chars), axis=1)
+    table = np.full((rule.modulus, len(chars)), -1, dtype=np.int64)
+    if rule.length in (None, looked_at):
+        for k, char in enumerate(chars):
+            to = rule.step(char, inside, looked_at) if char in rule.alphabet else None
+            if to is not None:
+                table[:, k] = to
+    return table
+
+
+@lru_cache(maxsize=16)
+def _stdnum_module(name: str) -> ModuleType:
+    module = name.removeprefix("stdnum:")
+    if not re.fullmatch(r"[a-z0-9_]+(\.[a-z0-9_]+)*", module):
+        raise FormatError(
+            f"{module!r} is not a module of python-stdnum", hint="write stdnum:imei or stdnum:us.ssn"
+        )
+    try:
+        importlib.import_module("stdnum")
+    except ImportError as error:
+        raise FormatError(
+            f"the check digit {name} needs python-stdnum: pip install 'tactile-marks[checkdigits]'"
+        ) from error
+    try:
+        found = importlib.import_module(f"stdnum.{module}")
+    except ImportError as error:
+        raise FormatError(
+            f"python-stdnum has no {module!r}", hint="its modules stand in its documentation"
+        ) from error
+    if not hasattr(found, "is_valid"):
+        raise FormatError(f"stdnum.{module} checks no numbers", hint="name one that has is_valid()")
+    return found
+
+
+@dataclass(frozen=True)
+class BlindPair:
+    """Two characters that a check digit cannot tell apart at some places (counted from 1)."""
+
+    one: str
+    other: str
+    places: tuple[int, ...]
+
+
+def blind_pairs(check: CheckDigit, allowed: Sequence[str]) -> tuple[BlindPair, ...]:
+    """The pairs that may be taken for each other without the check digit noticing; worked out, not listed.
+
+    Args:
+        check: the rule.
+        allowed: the characters that may stand at each place.
+
+    Raises:
+        FormatError: a rule that can only be asked about a whole text.
+    """
+    check._rule()
+    chars = tuple(sorted(set("".join(allowed))))
+    places: dict[tuple[str, str], list[int]] = {}
+    for place, here in enumerate(allowed):
+        table = check.table(place, len(allowed), chars)
+        alike: dict[bytes, list[str]] = {}
+        for k, char in enumerate(chars):
+            if char in here and (table[:, k] >= 0).all():
+                alike.setdefault(table[:, k].tobytes(), []).append(char)
+        for group in alike.values():
+            for i, one in enumerate(group):
+                for other in group[i + 1 :]:
+                    places.setdefault((one, other), []).append(place + 1)
+    return tuple(BlindPair(a, b, tuple(where)) for (a, b), where in sorted(places.items()))

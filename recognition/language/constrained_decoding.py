@@ -1,0 +1,289 @@
+"""The best serial that its format allows, and how sure it is: beliefs of places, and a grammar, to a choice.
+
+    lattice: 8 0.6  B 0.3 | 5 0.7  S 0.2 | ...        grammar: format, check digit ...
+    b_i(c): belief in c at place i                    a_i: sum of b_i over the characters that some allowed
+    r_i = 1 - sum of b_i: "no character"                   string of this length has at place i
+
+    w(s) = product of b_i(s_i)                        belief in a string
+    Z    = sum of w over all allowed strings          the serial is read whole
+    N    = product of (a_i + r_i) - product of a_i    at least one place bears no character
+    probability of s = w(s) / (Z + N)
+
+The best *allowed* string is found, not the best string checked afterwards, and Z is exact: see `automaton`. N is
+exact for formats and sets; elsewhere it is an upper bound, for what stands at the other places is held to the
+places' characters only. Strings that are not allowed count for nothing: the format is taken for certain. How far
+the lattice believes in it is the valid mass, Z: where it is small something else was read than the format allows.
+The reward that a string deserves for being one of few (a check digit holds by chance in one of 37) is left out, on
+the safe side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import Flag, auto
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from recognition.language.check_digits import blind_pairs
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+
+MOST_TESTS = 2_000
+"""Strings that are asked one by one of a check digit that can only be asked so, before the search is given up."""
+RESOLVED = 1e-4
+"""Share of belief in strings not yet asked at which that search may end."""
+WORTH_WARNING = 0.01
+"""Belief in a character that the check digit cannot tell from the one read, from which a person is warned."""
+ROUNDING = 1e-12
+"""A place's beliefs sum to 1 to within this."""
+
+
+class ChoiceFlag(Flag):
+    """What to know about a choice."""
+
+    NONE = 0
+    NOTHING_ALLOWED = auto()
+    WRONG_LENGTH = auto()
+    OVERRULED = auto()
+    EXHAUSTED = auto()
+
+    def messages(self) -> tuple[str, ...]:
+        """The flags in words."""
+        return tuple(text for flag, text in _MESSAGES.items() if flag in self)
+
+
+_MESSAGES = {
+    ChoiceFlag.NOTHING_ALLOWED: "no serial of this format fits what was read",
+    ChoiceFlag.WRONG_LENGTH: "the format has no serial of this length",
+    ChoiceFlag.OVERRULED: "the format changed what was read",
+    ChoiceFlag.EXHAUSTED: "too many possible serials to try them all",
+}
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another allowed string and its probability."""
+
+    text: str
+    probability: float
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """What a lattice says under a grammar; texts are without blanks, a character a place.
+
+    Attributes:
+        text: the best allowed string; empty when there is none.
+        probability: w / (Z + N), see the module. With an opaque check digit, a lower bound: what was not asked
+            counts against it.
+        rivals: the next best, best first.
+        chars: (C,) characters.
+        places: (places, C) belief in each character at each place under the grammar: its share of Z, times
+            a_i / (a_i + r_i). What is missing to 1 in a row is "no character", or not known.
+        valid_mass: Z, what the lattice alone believes of all allowed strings together (an upper bound with an
+            opaque check digit).
+        raw_text: best string without any grammar.
+        raw_probability: the lattice's belief in it.
+        flags: what to know.
+        tested: strings asked of an opaque check digit.
+        unresolved: share of Z + N in strings that were not asked.
+    """
+
+    text: str
+    probability: float
+    rivals: tuple[Rival, ...]
+    chars: tuple[str, ...]
+    places: NDArray[np.float64]
+    valid_mass: float
+    raw_text: str
+    raw_probability: float
+    flags: ChoiceFlag = ChoiceFlag.NONE
+    tested: int = 0
+    unresolved: float = 0.0
+
+    __repr__ = one_line
+
+    @property
+    def margin(self) -> float:
+        """Probability of the first less that of the second string."""
+        return self.probability - (self.rivals[0].probability if self.rivals else 0.0)
+
+    @property
+    def overruled(self) -> tuple[int, ...]:
+        """Places (from 0) where the chosen character is not the one that answers best by itself."""
+        return tuple(k for k, (a, b) in enumerate(zip(self.text, self.raw_text, strict=False)) if a != b)
+
+    def place(self, k: int) -> dict[str, float]:
+        """Belief in each character at a place, best first; those without any are left out."""
+        order = np.argsort(-self.places[k], kind="stable")
+        return {self.chars[c]: float(self.places[k, c]) for c in order if self.places[k, c] > 0.0}
+
+
+def choose(
+    lattice: Lattice, grammar: Grammar | None = None, *, k: int = 5, most_tests: int = MOST_TESTS
+) -> Choice:
+    """The best strings that the grammar allows, with their probabilities.
+
+    Args:
+        lattice: beliefs of places.
+        grammar: None allows every string of the lattice's characters.
+        k: how many strings to name, the best among them.
+        most_tests: bounds the work with an opaque check digit; `ChoiceFlag.EXHAUSTED` tells when it ended there.
+
+    Raises:
+        ValueError: k or most_tests below 1.
+    """
+    if k < 1 or most_tests < 1:
+        raise ValueError(f"k is {k} and most_tests is {most_tests}; both are at least 1")
+    log, chars, n = lattice.log_belief, lattice.chars, lattice.n_places
+    raw = log.argmax(axis=1) if chars else np.zeros(0, dtype=np.int64)
+    raw_text = "".join(chars[c] for c in raw)
+    raw_probability = math.exp(min(0.0, float(log[np.arange(raw.size), raw].sum()))) if raw.size else 0.0
+    grammar = grammar if grammar is not None else Grammar(alphabet="".join(chars))
+    strings = grammar.strings(n, chars) if n and chars else None
+    log_z = strings.log_mass(log) if strings is not None else -math.inf
+    if strings is None or log_z == -math.inf:
+        lengths = grammar.lengths()
+        wrong = n > 0 and lengths is not None and n not in lengths
+        flags = ChoiceFlag.NOTHING_ALLOWED | (ChoiceFlag.WRONG_LENGTH if wrong else ChoiceFlag.NONE)
+        return Choice("", 0.0, (), chars, np.zeros(log.shape), 0.0, raw_text, raw_probability, flags)
+    inside = np.array([[c in place for c in chars] for place in strings.places()])
+    log_allowed = np.logaddexp.reduce(np.where(inside, log, -math.inf), axis=1)
+    nothing = _nothing(log)
+    log_n = _log_with_holes(log_allowed, nothing)
+    log_d = float(np.logaddexp(log_z, log_n))
+    flags, asked, unresolved = ChoiceFlag.NONE, _Asked(), 0.0
+    if grammar.opaque and grammar.lexicon is None:
+        asked = _ask(strings.best(log), log_z, log_d, grammar, lattice, most_tests)
+        found = asked.found[:k]
+        of_z = asked.good + asked.left
+        unresolved = asked.left * math.exp(log_z - log_d)
+        log_d = float(np.logaddexp(log_z + _log(of_z), log_n))
+        share = asked.by_place / max(of_z, 1e-300)
+        if asked.gave_up:
+            flags |= ChoiceFlag.EXHAUSTED
+        if not found:
+            flags |= ChoiceFlag.NOTHING_ALLOWED
+        log_z += _log(of_z)
+    else:
+        found = list(islice(strings.best(log), k))
+        share = np.exp(strings.log_marginals(log) - log_z)
+    if found and found[0][0] != raw_text:
+        flags |= ChoiceFlag.OVERRULED
+    named = [Rival(text, math.exp(min(0.0, weight - log_d))) for text, weight in found]
+    best = named[0] if named else Rival("", 0.0)
+    return Choice(
+        text=best.text,
+        probability=best.probability,
+        rivals=tuple(named[1:]),
+        chars=chars,
+        places=np.minimum(share, 1.0) * np.exp(log_allowed - _log_added(log_allowed, nothing))[:, None],
+        valid_mass=min(1.0, math.exp(log_z)),
+        raw_text=raw_text,
+        raw_probability=raw_probability,
+        flags=flags,
+        tested=asked.tested,
+        unresolved=unresolved,
+    )
+
+
+@dataclass
+class _Asked:
+    """Strings asked one by one; masses as shares of Z.
+
+    `good` is the mass of those found good, `left` of those not asked, `by_place` of the good ones by place.
+    """
+
+    found: list[tuple[str, float]] = field(default_factory=list)
+    by_place: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+    good: float = 0.0
+    left: float = 0.0
+    tested: int = 0
+    gave_up: bool = False
+
+
+def _ask(
+    strings: Iterator[tuple[str, float]],
+    log_z: float,
+    log_d: float,
+    grammar: Grammar,
+    lattice: Lattice,
+    most_tests: int,
+) -> _Asked:
+    """Ask string by string, best first, until what is left cannot matter."""
+    number = {c: i for i, c in enumerate(lattice.chars)}
+    asked = _Asked(by_place=np.zeros(lattice.log_belief.shape), left=1.0)
+    for text, weight in strings:
+        if asked.tested >= most_tests:
+            asked.gave_up = True
+            return asked
+        share = math.exp(weight - log_z)
+        asked.tested += 1
+        # sums of shares are right to some 1e-12: less than that is never taken for nothing
+        asked.left = max(asked.left - share, 1e-12)
+        if all(check.holds(text) for check in grammar.opaque):
+            asked.found.append((text, weight))
+            asked.good += share
+            asked.by_place[np.arange(len(text)), [number[c] for c in text]] += share
+        beside = asked.good + math.exp(log_d - log_z) - 1.0
+        if asked.found and asked.left <= RESOLVED * (asked.left + beside):
+            return asked
+    asked.left = 0.0
+    return asked
+
+
+def _nothing(log: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What each place's beliefs leave over. They sum to 1 to some 1e-16 only: so little is no belief in nothing."""
+    left = 1.0 - np.exp(log).sum(axis=1)
+    return np.where(left > ROUNDING, left, 0.0)
+
+
+def _log_added(log_allowed: NDArray[np.float64], nothing: NDArray[np.float64]) -> NDArray[np.float64]:
+    """log(a + r)."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.logaddexp(log_allowed, np.log(nothing)))
+
+
+def _log_with_holes(log_allowed: NDArray[np.float64], nothing: NDArray[np.float64]) -> float:
+    """Logarithm of N."""
+    whole = float(log_allowed.sum())
+    more = float(_log_added(log_allowed, nothing).sum()) - whole
+    # log(exp(more) - 1), good for small and large
+    return whole + more + math.log(-math.expm1(-more)) if more > 0.0 else -math.inf
+
+
+def _log(value: float) -> float:
+    return math.log(value) if value > 0.0 else -math.inf
+
+
+def blind_warnings(choice: Choice, grammar: Grammar, *, least: float = WORTH_WARNING) -> tuple[str, ...]:
+    """A sentence for each character read that no check digit tells from another one that is believed in.
+
+    Args:
+        choice: what was chosen.
+        grammar: it was chosen under; without check digits there is nothing to warn of.
+        least: belief in the other character from which it is named.
+    """
+    rules = [check for check in grammar.checks if check.remainder is not None]
+    if not choice.text or not rules:
+        return ()
+    beliefs = [choice.place(k) for k in range(len(choice.text))]
+    allowed = ["".join(belief) for belief in beliefs]
+    blind = [
+        {(pair.one, pair.other, place) for pair in blind_pairs(rule, allowed) for place in pair.places}
+        for rule in rules
+    ]
+    names = " and ".join(str(rule) for rule in rules)
+    return tuple(
+        f"place {k}: {char} may be {other} ({believed:.0%}), which the check digit {names} cannot tell apart"
+        for k, (char, belief) in enumerate(zip(choice.text, beliefs, strict=True), start=1)
+        for other, believed in belief.items()
+        if other != char
+        and believed >= least
+        and all((min(char, other), max(char, other), k) in pairs for pairs in blind)
+    )

@@ -1,0 +1,113 @@
+"""Formats of serials as text, for settings and the command line.
+
+More than one may be given, and all must hold:
+
+    AA999999, mask:AA 9999   A letter, 9 digit, * either, others themselves, a blank is a word gap
+    re:[A-Z]{2}\\d{4,6}       regular expression for the whole serial without blanks
+    sets:AB,0-9,0-9          characters a place; \\ takes the next one as it is
+    vin                      17 characters with the check digit of 49 CFR 565.15
+    check:luhn               nothing but a check digit
+    ...+check=RULE           as well, see `recognition.language.check_digits`
+    ...+exclude=IOQ          these characters nowhere, but where a mask: writes them itself
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from glyphs.fonts.serials import FormatError
+from recognition.language.check_digits import CheckDigit
+from recognition.language.remainders import DIGITS, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
+
+
+@dataclass(frozen=True)
+class FormatParts:
+    """The parts that the texts give; see `recognition.language.grammar.Grammar`."""
+
+    format: str | None
+    expression: str | None
+    sets: tuple[str, ...] | None
+    checks: tuple[CheckDigit, ...]
+    exclude: str
+
+
+def parts_of(texts: Iterable[str]) -> FormatParts:
+    """The parts that several texts give together.
+
+    Raises:
+        FormatError: a text that cannot be understood, or two of one kind.
+    """
+    given: dict[str, str] = {}
+    checks: list[CheckDigit] = []
+    exclude = ""
+    for text in texts:
+        body, options = _options(text)
+        kind, rest = _kind(body)
+        if kind == "vin":
+            checks.append(CheckDigit("vin"))
+        if kind == "check":
+            checks.append(CheckDigit.parse(rest))
+        elif (slot := "sets" if kind == "vin" else kind) in given:
+            raise FormatError(f"the format has two of {slot}", hint="give each kind once")
+        else:
+            given[slot] = rest
+        checks.extend(CheckDigit.parse(value) for key, value in options if key == "check")
+        exclude += "".join(value for key, value in options if key == "exclude")
+    sets = _sets(given["sets"]) if "sets" in given else None
+    return FormatParts(given.get("mask"), given.get("re"), sets, tuple(checks), exclude)
+
+
+_OPTION = re.compile(r"(?P<body>.*)\+(?P<key>check|exclude)=(?P<value>[^+]+)", re.DOTALL)
+
+
+def _options(text: str) -> tuple[str, list[tuple[str, str]]]:
+    """What stands before the `+check=` and `+exclude=` at the end, and these."""
+    options = []
+    while (match := _OPTION.fullmatch(text)) is not None:
+        text = match["body"]
+        options.append((match["key"], match["value"].strip()))
+    return text, options[::-1]
+
+
+def _kind(body: str) -> tuple[str, str]:
+    """What kind of format a text gives, and what follows the colon."""
+    kind, colon, rest = body.partition(":")
+    if body == "vin":
+        return "vin", ",".join(
+            DIGITS + "X" if k == VIN_CHECK_PLACE else VIN_CHARACTERS for k in range(VIN_LENGTH)
+        )
+    if not colon or kind not in ("mask", "re", "sets", "check"):
+        if not body:
+            raise FormatError(
+                "the format is empty", hint="write for example AA999999, or re:, sets:, vin or check:"
+            )
+        return "mask", body
+    if not rest:
+        raise FormatError(f"nothing follows {body!r}", hint="write what the serial must be, or leave it out")
+    return kind, rest
+
+
+def _sets(text: str) -> tuple[str, ...]:
+    r"""`AB,0-9,\,` -> ("AB", "0123456789", ",")."""
+    sets, here = [], ""
+    tokens = re.findall(r"\\.|[^\\]-[^\\,]|.", text)
+    for token in tokens:
+        if token == ",":
+            sets.append(here)
+            here = ""
+        elif len(token) == 3:
+            if token[0] > token[2]:
+                raise FormatError(f"the range {token} in {text!r} runs backwards", hint="turn it round")
+            here += "".join(chr(k) for k in range(ord(token[0]), ord(token[2]) + 1))
+        else:
+            here += token[-1]
+    sets.append(here)
+    for k, chars in enumerate(sets, start=1):
+        if not chars or not chars.isprintable() or " " in chars:
+            raise FormatError(
+                f"place {k} of {text!r} has no character, or a blank",
+                hint="write one set a place with commas between",
+            )
+    return tuple("".join(dict.fromkeys(chars)) for chars in sets)

@@ -1,0 +1,250 @@
+"""What a serial may be: masks, expressions, sets a place, lexicons and check digits, alone or together.
+
+As text: see `recognition.language.format_text`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.fonts.serials import FormatError, allowed_characters
+from recognition.language.automaton import Automaton, Machine, Strings, WordList, coded, unrolled
+from recognition.language.check_digits import CheckDigit
+from recognition.language.expression import MOST_PLACES, expression_machine
+from recognition.language.expression_tree import expression_tree
+from recognition.language.format_text import parts_of
+from recognition.language.remainders import ALPHANUMERIC
+
+MOST_WORDS = 100_000
+
+
+@dataclass(frozen=True)
+class Grammar:
+    """All that is known of a serial before it is read; what is None or empty limits nothing.
+
+    Attributes:
+        format: as `glyphs.fonts.serials.allowed_characters`; blanks are word gaps.
+        expression: regular expression that the serial without blanks must match as a whole.
+        sets: characters at each place.
+        lexicon: the serials that there are; blanks in them do not count.
+        checks: check digits that must hold.
+        exclude: characters that stand nowhere, except where the format writes them themselves.
+        alphabet: characters that stand where nothing else says so (`.` in an expression).
+
+    Raises:
+        FormatError: a part that cannot be used, or parts that no serial meets together.
+    """
+
+    format: str | None = None
+    expression: str | None = None
+    sets: tuple[str, ...] | None = None
+    lexicon: frozenset[str] | None = None
+    checks: tuple[CheckDigit, ...] = ()
+    exclude: str = ""
+    alphabet: str = ALPHANUMERIC
+
+    def __post_init__(self) -> None:
+        if self.lexicon is not None:
+            words = frozenset("".join(word.split()) for word in self.lexicon) - {""}
+            if not words or len(words) > MOST_WORDS:
+                raise FormatError(f"the lexicon has {len(words)} serials", hint=f"give 1 to {MOST_WORDS}")
+            object.__setattr__(self, "lexicon", words)
+        lengths = self.lengths()
+        if lengths is None or any(not self.strings(n).empty for n in sorted(lengths)):
+            return
+        raise FormatError(
+            f"no serial meets {self}",
+            hint=(
+                "see that its parts agree in length and characters (serials have at most "
+                f"{MOST_PLACES} characters; an expression says nothing of blanks, mask: does)"
+            ),
+        )
+
+    @classmethod
+    def parse(cls, *texts: str, lexicon: Iterable[str] | None = None) -> Grammar:
+        """From texts as in `recognition.language.format_text`; all of them must hold.
+
+        Raises:
+            FormatError: a text that cannot be understood, or two of one kind.
+        """
+        parts = parts_of(texts)
+        words = None if lexicon is None else frozenset(lexicon)
+        return cls(
+            format=parts.format,
+            expression=parts.expression,
+            sets=parts.sets,
+            lexicon=words,
+            checks=parts.checks,
+            exclude=parts.exclude,
+        )
+
+    def __repr__(self) -> str:
+        text = str(self)
+        return f"Grammar({text[:157] + '...' * (len(text) > 157)!r})"
+
+    def __str__(self) -> str:
+        """The parts, about as `parse` reads them."""
+        parts = [
+            f"mask:{self.format}" if self.format is not None else "",
+            f"re:{self.expression}" if self.expression is not None else "",
+            f"sets:{','.join(self.sets)}" if self.sets is not None else "",
+            f"lexicon of {len(self.lexicon)}" if self.lexicon is not None else "",
+            *(f"check={check}" for check in self.checks),
+            f"exclude={self.exclude}" if self.exclude else "",
+        ]
+        return " + ".join(part for part in parts if part) or "any serial"
+
+    @property
+    def gaps(self) -> frozenset[int]:
+        """Places that the format has a word gap after."""
+        inked = [k for k, c in enumerate(self.format or "") if c != " "]
+        return frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
+
+    @property
+    def characters(self) -> tuple[str, ...]:
+        """Every character that may stand somewhere, sorted; a superset."""
+        return _characters(self)
+
+    @property
+    def opaque(self) -> tuple[CheckDigit, ...]:
+        """Check digits that can only be asked about whole texts."""
+        return tuple(check for check in self.checks if check.remainder is None)
+
+    def lengths(self) -> frozenset[int] | None:
+        """How many characters, without blanks, a serial may have; None where nothing limits it.
+
+        A superset, of lengths up to `expression.MOST_PLACES`.
+        """
+        limits: list[frozenset[int]] = []
+        if self.format is not None:
+            limits.append(frozenset({sum(c != " " for c in self.format)} - {0}))
+        if self.sets is not None:
+            limits.append(frozenset({len(self.sets)} - {0}))
+        if self.lexicon is not None:
+            limits.append(frozenset(len(word) for word in self.lexicon))
+        if self.expression is not None:
+            limits.append(expression_machine(self.expression, self.characters).lengths() - {0})
+        limits.extend(frozenset({check.length}) for check in self.checks if check.length is not None)
+        if not limits:
+            return None
+        return frozenset(n for n in frozenset.intersection(*limits) if n <= MOST_PLACES)
+
+    def places(self, n_places: int) -> tuple[str, ...] | None:
+        """The characters at each place of the serials of a length; None where there is no such serial.
+
+        A superset where a check digit can only be asked about whole texts.
+        """
+        strings = self.strings(n_places)
+        return None if strings.empty else strings.places()
+
+    def strings(self, n_places: int, chars: tuple[str, ...] | None = None) -> Strings:
+        """The serials of a length, of these characters only (all that the grammar knows unless given).
+
+        With a lexicon `opaque` check digits are seen to, without one they are not.
+        """
+        return _strings(self, n_places, self.characters if chars is None else chars)
+
+    def allows(self, text: str) -> bool:
+        """Whether a text, blanks or not, is a serial of this format."""
+        return not self.objections(text)
+
+    def objections(self, text: str) -> tuple[str, ...]:
+        """What speaks against a text: one clause for each part of the format that it breaks."""
+        plain = "".join(text.split())
+        broken = []
+        if self.lexicon is not None and plain not in self.lexicon:
+            broken.append("it is not in the lexicon")
+        for part in self._parts():
+            if not _accepted(part, plain):
+                broken.append(f"it does not fit {part}")
+        broken.extend(f"the check digit {check} is wrong" for check in self.checks if not check.holds(plain))
+        return tuple(broken)
+
+    def _parts(self) -> list[Grammar]:
+        """A grammar for each part but lexicon and check digits."""
+        bare = Grammar(exclude=self.exclude, alphabet="".join(self.characters))
+        parts = []
+        if self.format is not None:
+            parts.append(replace(bare, format=self.format))
+        if self.expression is not None:
+            parts.append(replace(bare, expression=self.expression, alphabet=self.alphabet))
+        if self.sets is not None:
+            parts.append(replace(bare, sets=self.sets))
+        return parts or ([bare] if self.lexicon is None else [])
+
+
+def _accepted(part: Grammar, text: str) -> bool:
+    """Whether a grammar without lexicon and check digits has this text."""
+    if not text or not set(text) <= set(part.characters):
+        return False
+    strings = part.strings(len(text))
+    codes = coded([text], part.characters)
+    return not isinstance(strings, Automaton) or bool(strings.accepted(codes)[0])
+
+
+@dataclass(frozen=True)
+class _SetsMachine:
+    """One state; the characters allowed at each place."""
+
+    allowed: tuple[str, ...]
+
+    def start(self, n_places: int) -> int:
+        return 0
+
+    def table(self, place: int, n_places: int, chars: tuple[str, ...]) -> NDArray[np.int64]:
+        return np.array([[0 if c in self.allowed[place] else -1 for c in chars]], dtype=np.int64)
+
+    def accepts(self, n_places: int) -> NDArray[np.bool_]:
+        return np.ones(1, dtype=bool)
+
+
+@lru_cache(maxsize=128)
+def _characters(grammar: Grammar) -> tuple[str, ...]:
+    known = set(grammar.alphabet)
+    if grammar.format is not None:
+        known.update(*allowed_characters(grammar.format))
+    if grammar.expression is not None:
+        known |= expression_tree(grammar.expression).written()
+    known.update(*(grammar.sets or ()), *(grammar.lexicon or ()))
+    known.update(*(check.alphabet for check in grammar.checks))
+    return tuple(sorted(known - {" "}))
+
+
+@lru_cache(maxsize=128)
+def _strings(grammar: Grammar, n_places: int, chars: tuple[str, ...]) -> Strings:
+    machines: list[Machine] = [c for c in grammar.checks if c.remainder is not None]
+    if grammar.format is not None:
+        every = allowed_characters(grammar.format, exclude=grammar.exclude)
+        machines.append(_SetsMachine(_as_long([p for p in every if p != " "], n_places)))
+    elif grammar.exclude:
+        kept = "".join(c for c in chars if c not in grammar.exclude)
+        machines.append(_SetsMachine((kept,) * n_places))
+    if grammar.sets is not None:
+        machines.append(_SetsMachine(_as_long(grammar.sets, n_places)))
+    if grammar.expression is not None:
+        machines.append(expression_machine(grammar.expression, chars))
+    if grammar.format is None and grammar.sets is None and grammar.expression is None:
+        known = "".join(_characters(grammar))
+        machines.append(_SetsMachine((known,) * n_places))
+    automaton = unrolled(machines, n_places, chars)
+    if grammar.lexicon is None:
+        return automaton
+    known_chars = set(chars)
+    words = sorted(w for w in grammar.lexicon if len(w) == n_places and known_chars.issuperset(w))
+    kept_words = (
+        (w for w, good in zip(words, automaton.accepted(coded(words, chars)), strict=True) if good)
+        if words
+        else ()
+    )
+    return WordList(chars, tuple(w for w in kept_words if all(check.holds(w) for check in grammar.opaque)))
+
+
+def _as_long(sets: Iterable[str], n_places: int) -> tuple[str, ...]:
+    """The sets if there is one a place; else nothing is allowed anywhere."""
+    sets = tuple(sets)
+    return sets if len(sets) == n_places else ("",) * n_places

@@ -1,0 +1,52 @@
+"""What is believed of every place of a line, before a grammar has its say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from recognition.language.box import Box
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Posteriors of the characters that may stand at each place.
+
+    Attributes:
+        chars: (C,) characters, each once.
+        log_belief: (places, C) natural logarithms; the probabilities of a row sum to at most 1, what is left is
+            the belief that nothing readable stands there. -inf is impossible.
+        boxes: where each place lies, as far as known; empty or one a place.
+        spaces_after: places followed by a word gap.
+
+    Raises:
+        ValueError: shapes that do not agree, a character twice, probabilities above 1 or not numbers.
+    """
+
+    chars: tuple[str, ...]
+    log_belief: NDArray[np.float64]
+    boxes: tuple[Box, ...] = ()
+    spaces_after: frozenset[int] = frozenset()
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        log = np.array(self.log_belief, dtype=np.float64)
+        if log.ndim != 2 or log.shape[1] != len(self.chars):
+            raise ValueError(f"log_belief {log.shape} does not fit {len(self.chars)} characters")
+        if len(set(self.chars)) != len(self.chars):
+            raise ValueError("a character stands twice in the lattice")
+        if np.isnan(log).any() or (np.exp(log).sum(axis=1) > 1.0 + 1e-6).any():
+            raise ValueError("beliefs must be numbers whose probabilities sum to at most 1 at every place")
+        if self.boxes and len(self.boxes) != log.shape[0]:
+            raise ValueError(f"{len(self.boxes)} boxes for {log.shape[0]} places")
+        log.flags.writeable = False
+        object.__setattr__(self, "log_belief", log)
+
+    @property
+    def n_places(self) -> int:
+        """Places of the line."""
+        return int(self.log_belief.shape[0])

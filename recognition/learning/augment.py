@@ -1,0 +1,129 @@
+"""What may happen to a strip beyond what parts and scans were drawn with: of no model at all.
+
+Strips are cut again at another place, size, slant and bend; lines of a scan are missing, directions left out, spots
+covered or piled up; brightness turned round.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+from torch.nn import functional as f
+
+from recognition.views.text_line import HEIGHT_ROWS, ROWS
+from recognition.views.view import EDGES, GREY, HEIGHTS, KNOWN
+
+_UP = 0.2  # preload of the default touch, character heights: lift by it doubles the moment
+
+
+def augmented(tall: Tensor, columns: Tensor, *, rng: torch.Generator, easy: bool = False) -> Tensor:
+    """Strips of ROWS out of taller ones.
+
+    Args:
+        tall: (n, LAYERS, rows, columns) float32, each filled from the left.
+        columns: (n,) how many of them are its own.
+        rng: the only source of randomness.
+        easy: only cut again, for a beginner.
+
+    Returns:
+        (n, LAYERS, ROWS, columns'), columns' a multiple of four.
+    """
+    strips = _cut_again(tall, columns, rng, easy=easy)
+    return strips if easy else noisy(strips, rng=rng)
+
+
+def noisy(strips: Tensor, *, rng: torch.Generator) -> Tensor:
+    """What a strip or a view may suffer where it is, (n, LAYERS, rows, columns)."""
+    n = strips.shape[0]
+    felt = (strips[:, EDGES:KNOWN].abs().amax(dim=(1, 2, 3)) > 0).float()
+    strips = _piled_up(strips, felt, rng)
+    strips = _left_out(strips, felt, rng)
+    grey = strips[:, GREY]
+    seen = (grey.amax(dim=(1, 2), keepdim=True) > 0).float() * strips[:, KNOWN]
+    turned = (torch.rand(n, 1, 1, generator=rng) < 0.5).float()
+    power = torch.exp(0.4 * torch.randn(n, 1, 1, generator=rng))
+    grey = grey.clamp(0.0, 1.0) ** power
+    strips[:, GREY] = (turned * (1.0 - grey) + (1.0 - turned) * grey) * seen
+    # noise on all layers there are
+    size = torch.exp(torch.randn(n, 1, 1, 1, generator=rng) - 1.0)
+    noise = torch.randn(strips[:, :KNOWN].shape, generator=rng) * size
+    there = (strips[:, :KNOWN].abs().amax(dim=(2, 3), keepdim=True) > 0).float()
+    spread = torch.tensor([0.004, 0.02, 0.03, 0.03, 0.03, 0.03]).reshape(1, -1, 1, 1)
+    strips[:, :KNOWN] += noise * spread * there * strips[:, KNOWN:]
+    return strips
+
+
+def _cut_again(tall: Tensor, columns: Tensor, rng: torch.Generator, *, easy: bool) -> Tensor:
+    n, _, rows, wide = tall.shape
+
+    def draw(spread: float, *, normal: bool = True) -> Tensor:
+        if easy:
+            return torch.zeros(n, 1, 1)
+        drawn = torch.randn(n, 1, 1, generator=rng) if normal else 2 * torch.rand(n, 1, 1, generator=rng) - 1
+        return spread * drawn
+
+    size = torch.exp(draw(0.08))
+    wider = torch.exp(draw(0.14)) * size
+    before = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS  # of the file's margin cut off
+    after = (0.4 + draw(0.36, normal=False)) * HEIGHT_ROWS
+    own = columns.reshape(n, 1, 1).float()
+    needed = ((own - before - after) / wider).clamp(min=16.0)
+    out = int(math.ceil(float(needed.max()) / 48) * 48)  # few shapes: kernels are made for each
+    v = (torch.arange(ROWS).float() + 0.5 - ROWS / 2).reshape(1, ROWS, 1)
+    u = (torch.arange(out).float() + 0.5).reshape(1, 1, out)
+    along = u / needed - 0.5
+    bend = draw(0.06) * HEIGHT_ROWS * (4 * along * along - 0.5) + torch.tan(draw(0.02)) * (u - needed / 2)
+    down = v * size + bend + draw(0.06) * HEIGHT_ROWS
+    right = before + u * wider + draw(0.12) * v
+    # a few pixels of smooth displacement
+    shift = torch.randn(n, 2, 4, 12, generator=rng) * draw(0.6).abs().unsqueeze(1)
+    shift = f.interpolate(shift, size=(ROWS, out), mode="bicubic", align_corners=True)
+    y = (down + shift[:, 0] + rows / 2) * 2 / rows - 1
+    x = (right + shift[:, 1]) * 2 / wide - 1
+    strips = f.grid_sample(tall, torch.stack([x, y], dim=-1), mode="bilinear", align_corners=False)
+    return strips * ((u < needed) & (right < own)).float().unsqueeze(1)
+
+
+def _left_out(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
+    """Directions, the heights or the edges, lines of the scan, and spots of which nothing is known."""
+    n, _, rows, columns = strips.shape
+
+    def happens(share: float, *shape: int) -> Tensor:
+        return (torch.rand(n, *shape, 1, 1, generator=rng) < share).float()
+
+    kept = torch.ones(n, 4, 1, 1)
+    kept *= 1 - happens(0.3, 1) * happens(0.4, 4)
+    kept *= 1 - happens(0.15, 1)  # heights alone, as of an instrument
+    strips[:, EDGES:KNOWN] *= kept
+    none = (kept.amax(dim=1, keepdim=True) == 0).float()
+    strips[:, HEIGHTS : HEIGHTS + 1] *= 1 - happens(0.12, 1) * (1 - none) * felt.reshape(n, 1, 1, 1)
+    missing = happens(0.1, 1) * (torch.rand(n, 1, rows, 1, generator=rng) < 0.12).float()
+    spots = torch.randn(n, 1, 6, max(4, columns // 8), generator=rng)
+    spots = f.interpolate(spots, size=(rows, columns), mode="bilinear")
+    hidden = happens(0.25, 1) * (spots > 1.0 + torch.rand(n, 1, 1, 1, generator=rng)).float()
+    known = (1 - missing) * (1 - hidden)
+    return strips * known
+
+
+def _piled_up(strips: Tensor, felt: Tensor, rng: torch.Generator) -> Tensor:
+    """Lumps, pits and scratches in the heights, and the edges that they would have."""
+    n, _, rows, columns = strips.shape
+    fine = int(torch.randint(2, 7, (1,), generator=rng))
+    lumps = torch.randn(n, 1, max(2, rows // fine), max(4, columns // fine), generator=rng)
+    lumps = f.interpolate(lumps, size=(rows, columns), mode="bicubic", align_corners=False)
+    least = 1.2 * torch.rand(n, 1, 1, 1, generator=rng) + 0.3
+    size = torch.exp(0.8 * torch.randn(n, 1, 1, 1, generator=rng)) * 0.02
+    sign = torch.where(torch.rand(n, 1, 1, 1, generator=rng) < 0.7, 1.0, -1.0)
+    happens = (torch.rand(n, 1, 1, 1, generator=rng) < 0.35).float()
+    pile = happens * sign * size * (lumps - least).clamp(min=0.0) * strips[:, KNOWN:]
+    there = (strips[:, HEIGHTS : HEIGHTS + 1].abs().amax(dim=(2, 3), keepdim=True) > 0).float()
+    strips[:, HEIGHTS : HEIGHTS + 1] += pile * there
+    dx = f.pad(pile[..., 2:] - pile[..., :-2], (1, 1)) * HEIGHT_ROWS / 2
+    dy = f.pad(pile[:, :, 2:] - pile[:, :, :-2], (0, 0, 1, 1)) * HEIGHT_ROWS / 2
+    lift = pile / _UP
+    edges = torch.cat([lift + 0.7 * dx, lift + 0.7 * dy, lift - 0.7 * dx, lift - 0.7 * dy], dim=1)
+    have = (strips[:, EDGES:KNOWN].abs().amax(dim=(2, 3), keepdim=True) > 0).float()
+    strips[:, EDGES:KNOWN] += edges.clamp(-3, 3) * have * strips[:, KNOWN:] * felt.reshape(n, 1, 1, 1)
+    return strips

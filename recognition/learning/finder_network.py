@@ -1,0 +1,57 @@
+"""The network that finds lines: of a view at one scale it says whether each cell lies in the middle of a line.
+
+view (LAYERS, rows, columns), characters about FINDER_ROWS high -> cells of CELL x CELL pixels, FINDINGS of each:
+
+0  middle      logit: within a quarter of a height of a line's middle
+1  height      of its characters, logarithm (base 2) over FINDER_ROWS
+2  turned      of the line there, radians from +x towards +y
+3  down        from the cell to the line's middle, character heights
+"""
+
+from __future__ import annotations
+
+from torch import Tensor, nn
+
+from recognition.learning.network import Conv, Drawn
+from recognition.views.view import LAYERS
+
+FINDER_ROWS = 12
+CELL = 4
+FINDINGS = 4
+_DILATIONS = (1, 2, 4, 1, 2)
+
+
+class _Far(nn.Module):
+    def __init__(self, channels: int, dilation: int) -> None:
+        super().__init__()
+        self.conv = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, padding=dilation, dilation=dilation, bias=False),
+            nn.BatchNorm2d(channels),
+            nn.ReLU(inplace=True),
+        )
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.conv(x)
+
+
+class Finder(nn.Module):
+    """Findings of every cell."""
+
+    def __init__(self, *, width: int = 48) -> None:
+        super().__init__()
+        self.drawn = Drawn(FINDER_ROWS)
+        self.body = nn.Sequential(
+            Conv(LAYERS, width // 2, 5, stride=2),
+            Conv(width // 2, width, 3, stride=2),
+            *(_Far(width, dilation) for dilation in _DILATIONS),
+        )
+        self.head = nn.Conv2d(width, FINDINGS, 1)
+
+    def forward(self, view: Tensor) -> Tensor:
+        """(n, LAYERS, rows, columns), multiples of CELL, to (n, FINDINGS, rows / CELL, columns / CELL)."""
+        return self.read(self.drawn(view))
+
+    def read(self, drawn: Tensor) -> Tensor:
+        """The same, of a view that is drawn."""
+        found: Tensor = self.head(self.body(drawn)).float()
+        return found

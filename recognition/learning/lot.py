@@ -1,0 +1,97 @@
+"""What a lot teaches itself: parts of one die that were read surely give the shapes by which the others are read again.
+
+    first readings --teachers--> parts to enrol --learn_font--> a font --second readings--> better, or as they were
+
+Readings are chosen by what they say, never by when they came: the order of the parts makes no difference.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
+
+from recognition.learning.learned_shapes import FEWEST_SIBLINGS
+
+FEWEST_PARTS = 12
+"""From which on a lot is worth teaching: of fewer hardly a character stands on three that were read surely."""
+MOST_TEACHERS, EXEMPLARS_EACH = 40, 6
+"""Parts that are enrolled at most, and exemplars of a character beyond which no part is enrolled for its sake."""
+LEAST_AGREEMENT = 0.7
+"""Share of the exemplars that must agree with their siblings, or the parts are not of one die: blows of one die
+agree in nine of ten and more, of two dies each set aside the other's."""
+_MOST_LOOKED_AT = 2000
+
+
+class ReadText(Protocol):
+    """What is known of a part that was read: a record or a row of it."""
+
+    @property
+    def part(self) -> str:
+        """Its name."""
+
+    @property
+    def text(self) -> str:
+        """As read."""
+
+    @property
+    def decision(self) -> str:
+        """Accept, review or reject; empty with an error."""
+
+    @property
+    def confidence(self) -> float:
+        """That the text is right, 0 to 1."""
+
+    @property
+    def error(self) -> str:
+        """Why there is no reading; empty where there is one."""
+
+
+def teachers(readings: Iterable[ReadText]) -> dict[str, str]:
+    """Parts whose characters the lot learns from, and their texts, by name.
+
+    Those that were accepted, surest first, as long as each brings a character of which there are few.
+
+    Args:
+        readings: of the lot, in any order.
+    """
+    sure = (one for one in readings if one.decision == "accept" and not one.error)
+    chosen: dict[str, str] = {}
+    found: Counter[str] = Counter()
+    for one in heapq.nsmallest(_MOST_LOOKED_AT, sure, key=lambda one: (-one.confidence, one.part)):
+        if len(chosen) == MOST_TEACHERS:
+            break
+        text = "".join(one.text.split())
+        if any(found[char] < EXEMPLARS_EACH for char in text):
+            chosen[one.part] = text
+            found.update(text)
+    return dict(sorted(chosen.items()))
+
+
+def needs_another(reading: ReadText) -> bool:
+    """Whether a part is to be read again: what was accepted stays, and what cannot be read stays so."""
+    return reading.decision != "accept" and not reading.error
+
+
+def is_better(second: ReadText, first: ReadText) -> bool:
+    """Whether a part's second reading takes the place of its first.
+
+    It does where it is accepted, or surer of the same text; never where the first was accepted.
+    """
+    if not needs_another(first) or second.error:
+        return False
+    return second.decision == "accept" or (second.text == first.text and second.confidence > first.confidence)
+
+
+def agreement(chars: Sequence[str], used: Mapping[str, Sequence[int]]) -> float:
+    """Share of the exemplars that agree with their siblings; 1 where none has enough of them.
+
+    Args:
+        chars: what each exemplar is.
+        used: by character, indices of those that agree (`recognition.learning.learned_shapes.Learned.used`).
+    """
+    many = {char: n for char, n in Counter(chars).items() if n >= FEWEST_SIBLINGS}
+    if not many:
+        return 1.0
+    return sum(len(used.get(char, ())) for char in many) / sum(many.values())

@@ -1,0 +1,78 @@
+"""The characters of a whole part whose text is known: felt as the reader feels it, then cut out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap
+from recognition.belief.line_reader import MOST_SCANS, LineReader
+from recognition.language.remainders import ALPHANUMERIC
+from recognition.learning.exemplars import Cut, ExemplarError, cut_line
+from recognition.views.levelling import level
+from recognition.views.view import heights_view, relief_of
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import default_touch
+
+GOOD_SCORE = 0.7
+"""Belief a character from which no other scale is tried."""
+
+
+def cut_scan(
+    scan: Scan,
+    text: str,
+    *,
+    height_mm: float | None = None,
+) -> tuple[Cut, ...]:
+    """The characters of a recorded scan; see `cut_line`.
+
+    Raises:
+        ExemplarError: as `cut_line`, or the scan gives no heights.
+        MapError: a scan that makes no edge map.
+    """
+    edges = edge_map(scan)
+    relief = relief_of(scan, edges)
+    if relief is None:
+        raise ExemplarError(
+            "the scan gives no heights", hint="record it with the default whisker, all directions"
+        )
+    return cut_line(edges, relief, text, height_mm=height_mm)
+
+
+def cut_height_map(
+    height_map: HeightMap,
+    text: str,
+    *,
+    soil: Soil | None = None,
+    height_mm: float | None = None,
+) -> tuple[Cut, ...]:
+    """The characters of a height map, scanned with the virtual array as for reading; see `cut_line`.
+
+    Raises:
+        ExemplarError: as `cut_line`, or no characters to be seen.
+        MapError: a map that cannot be scanned, a soil on another grid.
+    """
+    levelled = level(height_map)
+    heights = LineReader(None, ALPHANUMERIC, height_mm=height_mm).heights_mm(heights_view(levelled))[
+        :MOST_SCANS
+    ]
+    best: tuple[float, tuple[Cut, ...]] | None = None
+    problem: ExemplarError | None = None
+    for height in heights:
+        plan = default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height)
+        scan = trace_scan(levelled, touch=default_touch(height), plan=plan, soil=soil)
+        try:
+            cuts = cut_scan(scan, text, height_mm=height_mm)
+        except ExemplarError as error:
+            problem = problem or error
+            continue
+        mean = float(np.mean([cut.score for cut in cuts])) if cuts else 0.0
+        if best is None or mean > best[0]:
+            best = (mean, cuts)
+        if mean > GOOD_SCORE:
+            break
+    if best is None:
+        raise problem or ExemplarError("no characters found", hint="look at the part, or give its height")
+    return best[1]

@@ -1,0 +1,241 @@
+"""Train the finder of lines, and write it as ONNX."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional as f
+
+from recognition.learning.augment import noisy
+from recognition.learning.finder_network import CELL, FINDER_ROWS, FINDINGS, Finder
+from recognition.learning.training_views import VIEW_ROWS, TrainingView, read_views
+from recognition.views.view import HEIGHTS, LAYERS
+
+WINDOW = (72, 224)
+"""Rows and columns that are shown at once."""
+BATCH = 24
+_MIDDLE, _BESIDE = 0.25, 0.42
+"""Of a height: cells so near to a line's middle belong to it, those up to there are not judged."""
+_FITS, _LEAST = 0.45, 0.75
+"""Octaves: lines whose height is so near to the scale's are to be found, those beyond are not; between, either."""
+_MOST_RATE = 2e-3
+_HELD, _REPORT_S = 240, 90.0
+"""Views that a report is measured on, and seconds from one to the next."""
+
+
+def shown(
+    view: TrainingView, rng: np.random.Generator, *, plain: bool = False
+) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
+    """A window of a view at a scale and turn drawn at random, (2, *WINDOW) x and y in it; and its truth.
+
+    Returns:
+        Places x, y of the window's pixels in the view, and (2 + FINDINGS, rows, columns) of the cells: whether they are
+        judged, whether their other findings are, and the findings; octaves of its scale over the true one.
+    """
+    octaves = 0.0 if plain else rng.uniform(-1.0, 1.0)
+    zoom = VIEW_ROWS / (FINDER_ROWS * 2.0**octaves)  # pixels of the view to one of the window
+    turn = 0.0 if plain else rng.normal(0.0, 0.08)
+    rows, columns = WINDOW
+    h, w = view.layers.shape[1:]
+    middle = np.array([w / 2, h / 2])
+    if not plain:
+        middle += rng.uniform(-0.5, 0.5, 2) * np.maximum(
+            [w - 0.6 * columns * zoom, h - 0.6 * rows * zoom], 0.3 * h
+        )
+    cos, sin = np.cos(turn) * zoom, np.sin(turn) * zoom
+
+    def placed(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+        du, dv = u - (columns - 1) / 2, v - (rows - 1) / 2
+        return np.stack([middle[0] + cos * du - sin * dv, middle[1] + sin * du + cos * dv])
+
+    v, u = np.meshgrid(np.arange(rows, dtype=float), np.arange(columns, dtype=float), indexing="ij")
+    cv, cu = np.meshgrid(
+        np.arange(CELL / 2 - 0.5, rows, CELL), np.arange(CELL / 2 - 0.5, columns, CELL), indexing="ij"
+    )
+    return placed(u, v).astype(np.float32), _truth(view, placed(cu, cv), octaves, turn), octaves
+
+
+def _truth(
+    view: TrainingView, cells: NDArray[np.float64], octaves: float, turn: float
+) -> NDArray[np.float32]:
+    found = np.zeros((2 + FINDINGS, *cells.shape[1:]), dtype=np.float32)
+    found[0] = 1.0
+    nearest = np.full(cells.shape[1:], np.inf)
+    for line in view.lines:
+        points = _dense(line.astype(np.float64))
+        along = np.gradient(points, axis=0)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        away = cells[:, None] - points.T[:, :, None, None]
+        k = (away**2).sum(axis=0).argmin(axis=0)
+        own = np.take_along_axis(away, k[None, None], axis=1)[:, 0]
+        right, down = along[k, 0], along[k, 1]
+        beyond = np.abs(own[0] * right + own[1] * down) / VIEW_ROWS
+        off = -(-own[0] * down + own[1] * right) / VIEW_ROWS  # from the cell down to the middle
+        far = np.maximum(np.abs(off), np.where(beyond > 0.15, 9.0, 0.0))
+        mine = far < nearest
+        nearest = np.where(mine, far, nearest)
+        angle = np.arctan2(down, right) - turn
+        found[3] = np.where(mine, octaves, found[3])
+        found[4] = np.where(mine, (angle + np.pi) % (2 * np.pi) - np.pi, found[4])
+        found[5] = np.where(mine, off, found[5])
+        # next to a line's ends nothing is judged
+        found[0] = np.where((np.abs(off) < _BESIDE) & (beyond > 0.1) & (beyond < 0.4), 0.0, found[0])
+    near = nearest < _MIDDLE
+    found[2] = near
+    found[0] = np.where((nearest >= _MIDDLE) & (nearest < _BESIDE), 0.0, found[0])
+    if abs(octaves) > _LEAST:
+        found[2] = 0.0
+    elif abs(octaves) > _FITS:
+        found[0] = np.where(nearest < _BESIDE, 0.0, found[0])
+    found[1] = near & (abs(octaves) <= _LEAST)
+    return found
+
+
+def _dense(line: NDArray[np.float64]) -> NDArray[np.float64]:
+    lengths = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
+    at = np.linspace(0.0, lengths[-1], max(8, int(lengths[-1] / 3)))
+    return np.stack([np.interp(at, lengths, line[:, k]) for k in (0, 1)], axis=1)
+
+
+def _batch(
+    views: list[TrainingView], rng: np.random.Generator, draw: torch.Generator, *, plain: bool = False
+) -> tuple[Tensor, Tensor]:
+    strips, truths = [], []
+    for view in views:
+        places, truth, octaves = shown(view, rng, plain=plain)
+        layers = torch.from_numpy(view.layers.astype(np.float32))[None]
+        h, w = layers.shape[2:]
+        grid = torch.from_numpy(
+            np.stack([(places[0] + 0.5) * 2 / w - 1, (places[1] + 0.5) * 2 / h - 1], axis=-1)
+        )
+        window = f.grid_sample(layers, grid[None], mode="bilinear", align_corners=False)
+        window[:, HEIGHTS] *= 2.0**octaves
+        strips.append(window)
+        truths.append(torch.from_numpy(truth))
+    batch = torch.cat(strips)
+    return (batch if plain else noisy(batch, rng=draw)), torch.stack(truths)
+
+
+def loss_of(found: Tensor, truth: Tensor) -> Tensor:
+    """Of the middle where it is judged, and of the rest on the lines."""
+    judged, on = truth[:, 0], truth[:, 1]
+    middle = (
+        f.binary_cross_entropy_with_logits(found[:, 0], truth[:, 2], weight=judged, reduction="sum")
+        / judged.sum()
+    )
+    off = ((found[:, 1:] - truth[:, 3:]).abs() * torch.tensor([1.0, 2.0, 1.5]).reshape(1, 3, 1, 1)).sum(dim=1)
+    return 4 * middle + (off * on).sum() / on.sum().clamp(min=1.0)
+
+
+@torch.no_grad()
+def measured(network: Finder, views: list[TrainingView]) -> dict[str, float]:
+    """On plain views: shares of cells judged rightly, and mean errors on the lines."""
+    network.eval()
+    rng, draw = np.random.default_rng(0), torch.Generator()
+    hit = missed = false = 0.0
+    off = torch.zeros(3)
+    count = 0.0
+    for first in range(0, len(views), BATCH):
+        x, truth = _batch(views[first : first + BATCH], rng, draw, plain=True)
+        found = network(x)
+        middle, judged = found[:, 0] > 0, truth[:, 0] > 0
+        true = truth[:, 2] > 0
+        hit += float((middle & true & judged).sum())
+        missed += float((~middle & true & judged).sum())
+        false += float((middle & ~true & judged).sum())
+        on = truth[:, 1:2]
+        off += ((found[:, 1:] - truth[:, 3:]).abs() * on).sum(dim=(0, 2, 3))
+        count += float(on.sum())
+    network.train()
+    return {
+        "found": hit / (hit + missed),
+        "right": hit / max(hit + false, 1),
+        **dict(zip(("octaves", "radians", "down"), (off / count).tolist(), strict=True)),
+    }
+
+
+def train(folder: Path, held_out: Path, *, minutes: float, seed: int, out: Path, log: Path) -> None:
+    """Train on the views of a folder.
+
+    Args:
+        folder: of views to learn from.
+        held_out: of views of fonts held out, to measure on.
+        minutes: by the clock.
+        seed: of weights, windows and what happens to them.
+        out: ONNX file; the weights as torch has them lie beside it.
+        log: a line of JSON a report is added to it.
+    """
+    torch.manual_seed(seed)
+    torch.set_flush_denormal(True)
+    rng, draw = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
+    network = Finder().to(memory_format=torch.channels_last)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=_MOST_RATE, weight_decay=0.01)
+    views, held = read_views(sorted(folder.glob("*.npz"))), read_views(sorted(held_out.glob("*.npz")))[:_HELD]
+    begun = last = time.monotonic()
+    losses: list[float] = []
+    while (share := (time.monotonic() - begun) / (60 * minutes)) < 1.0:
+        for group in optimiser.param_groups:
+            group["lr"] = _MOST_RATE * min(share / 0.03, 0.5 * (1 + np.cos(np.pi * share)))
+        chosen = [views[i] for i in rng.integers(len(views), size=BATCH)]
+        losses.append(_step(network, optimiser, *_batch(chosen, rng, draw)))
+        if time.monotonic() - last > _REPORT_S:
+            last = time.monotonic()
+            line = {"minutes": round((last - begun) / 60, 1), "views": BATCH * len(losses), "of": len(views)}
+            loss = {"loss": float(np.mean(losses[-100:]))}
+            _report(log, {**line, **loss, **measured(network, held)})
+    _report(log, {"last": measured(network, held), "views": BATCH * len(losses)})
+    torch.save(network.state_dict(), out.with_suffix(".pt"))
+    export(network, out)
+
+
+def _step(network: Finder, optimiser: torch.optim.Optimizer, views: Tensor, truth: Tensor) -> float:
+    """Learn from a batch; its loss."""
+    with torch.no_grad():
+        drawn = network.drawn(views).to(memory_format=torch.channels_last)
+    with torch.autocast("cpu", torch.bfloat16):
+        found = network.read(drawn)
+    loss = loss_of(found, truth)
+    optimiser.zero_grad()
+    loss.backward()
+    optimiser.step()
+    return float(loss.item())
+
+
+def _report(log: Path, line: dict[str, Any]) -> None:
+    with log.open("a") as stream:
+        stream.write(json.dumps(line) + "\n")
+
+
+def export(network: Finder, out: Path) -> None:
+    """Write ONNX for any number of views of any size."""
+    network.eval().to(memory_format=torch.contiguous_format)
+    axes = {0: "n", 2: "rows", 3: "columns"}
+    torch.onnx.export(
+        network, (torch.zeros(1, LAYERS, 64, 160),), str(out), input_names=["view"], output_names=["found"],
+        dynamic_axes={"view": axes, "found": axes}, dynamo=False,
+    )  # fmt: skip
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Train as the command line says."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    for name in ("--views", "--held-out", "--out", "--log"):
+        asked.add_argument(name, type=Path, required=True)
+    asked.add_argument("--minutes", type=float, default=25.0)
+    asked.add_argument("--seed", type=int, default=0)
+    given = asked.parse_args(arguments)
+    torch.set_num_threads(2)
+    train(given.views, given.held_out, minutes=given.minutes, seed=given.seed, out=given.out, log=given.log)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""Fonts to learn from: files of installed packages, less those that the exam keeps out.
+
+None stands in this tree. `docs` names the Debian packages that the weights in the tree were trained on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from zlib import crc32
+
+from glyphs.errors import MarksError
+from glyphs.fonts.glyph import Font, Glyph
+from glyphs.fonts.outlines import SERIAL_CHARACTERS, load_font
+
+KEPT_OUT = (
+    "manrope", "hanken", "caladea", "cambo", "sourceserif", "sourcesans", "fredoka", "amatic",
+    "cmb", "cmex", "cmmi", "cmr", "cmss", "cmsy", "cmti", "cmtt", "cmu", "computermodern",
+    "lmroman", "lmmono", "lmsans", "latinmodern", "osifont", "ospdin", "opendin",
+)  # fmt: skip
+"""Families, as `family` writes them, that begin so are never learned from: the exam keeps them out."""
+HELD_OUT_SHARE = 0.1
+"""Of the families: never trained on, so that accuracy is told of fonts that were not seen."""
+MOST_OF_A_FAMILY = 8
+_NOT_LETTERS = re.compile(
+    r"symbol|dingbat|emoji|math|icons?|braille|ornament|initial|border|music|chess|barcode|dseg|lastresort|smallcap|^alfa|^ellen|^elleb|d050000l|abogado|ocrb[ef]$|wasn_t|solidemirage|abecedario|ecolier|caps\b",
+    re.I,
+)
+
+
+@dataclass(frozen=True)
+class TrainingFonts:
+    """Fonts, divided by family.
+
+    Attributes:
+        seen: to learn from.
+        held_out: to be measured on.
+    """
+
+    seen: tuple[Path, ...]
+    held_out: tuple[Path, ...]
+
+
+def family(path: Path) -> str:
+    """The family's name as far as the file's tells: lower case, without style and punctuation."""
+    return re.sub(r"[^a-z0-9]", "", re.split(r"[-_]|(?<=[a-z])(?=[A-Z][a-z]+$)", path.stem)[0].lower())
+
+
+def kept_out(path: Path) -> bool:
+    """Whether the exam keeps this family out."""
+    whole = re.sub(r"[^a-z0-9]", "", path.stem.lower())
+    return whole.startswith(KEPT_OUT)
+
+
+def find_fonts(folders: Iterable[Path]) -> TrainingFonts:
+    """All fonts in folders that have A-Z and 0-9 and may be learned from, a file of a name once.
+
+    Raises:
+        MarksError: there is none.
+    """
+    found: dict[str, list[Path]] = {}
+    names: set[str] = set()
+    files = {f for folder in folders for kind in ("ttf", "otf") for f in folder.rglob(f"*.{kind}")}
+    for path in sorted(files, key=lambda p: (p.stem.lower(), str(p))):
+        if path.stem.lower() in names or kept_out(path) or _NOT_LETTERS.search(path.stem):
+            continue
+        if _has_serials(path):
+            names.add(path.stem.lower())
+            found.setdefault(family(path), []).append(path)
+    if not found:
+        raise MarksError(
+            "there are no fonts to learn from", hint="name folders of TrueType or OpenType files"
+        )
+    kept = {name: files[:: max(1, -(-len(files) // MOST_OF_A_FAMILY))] for name, files in found.items()}
+    # by their first letters: eurof55 and eurof56 are one hand
+    held = {name for name in kept if crc32(name[:4].encode()) % 1000 < 1000 * HELD_OUT_SHARE}
+    return TrainingFonts(
+        tuple(f for name, files in kept.items() if name not in held for f in files),
+        tuple(f for name, files in kept.items() if name in held for f in files),
+    )
+
+
+def _has_serials(path: Path) -> bool:
+    try:
+        font = load_font(path)
+        drawn = [font.glyph(char) for char in SERIAL_CHARACTERS]
+    except (MarksError, ValueError, OSError):
+        return False
+    return all(glyph.contours for glyph in drawn)
+
+
+def has_small_letters(font: Font) -> bool:
+    """Whether the small letters are letters of their own, not capitals again."""
+    try:
+        return all(_top(font.glyph(char)) < 0.93 for char in "aceosxz")
+    except MarksError:
+        return False
+
+
+def _top(glyph: Glyph) -> float:
+    return max((float(c[:, 1].max()) for c in glyph.contours + glyph.strokes), default=9.0)

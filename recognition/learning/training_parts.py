@@ -1,0 +1,172 @@
+"""Parts to learn from, each of them drawn at random: font, text, die, plate, hand, soil, and how it is felt.
+
+Nothing here knows of the exam's parts: its kept-out soils are not in `SOILS_LEARNED`, its kept-out fonts not among
+`recognition.learning.training_fonts`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from glyphs.camera.photo import Photo
+from glyphs.errors import MarksError
+from glyphs.fonts.glyph import Font
+from glyphs.fonts.outlines import BUILTIN_FONTS, load_font
+from glyphs.part import Part, stamp
+from glyphs.stamping.dies import DIES
+from glyphs.stamping.layouts import Layout
+from glyphs.stamping.plates import PLATES
+from recognition.experts.recogniser import CHARACTERS
+from recognition.learning.training_fonts import has_small_letters
+from recognition.views.levelling import level
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
+from whisker_array.whisker.touch import Touch, default_touch
+
+SOILS_LEARNED = ("workshop", "caked", "rust", "paint", "wear", "casting")
+_CAPITALS, _FIGURES, _SMALL, _SIGNS = CHARACTERS[:26], CHARACTERS[26:36], CHARACTERS[36:62], CHARACTERS[62:69]
+_PRACTICES = ("press", "hand")
+_BUILTIN, _DOTTED = 0.2, 0.6
+"""Share of parts of built-in fonts, whose strokes alone can be dotted, and of those that are."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingPart:
+    """A part, felt and photographed.
+
+    Attributes:
+        part: what was stamped, and what lies on it.
+        font: its file or name.
+        height_mm: of the characters.
+        layout: how its lines lie.
+        scan: by a plan drawn at random, for a character height that may be mistaken.
+        photo: under a light drawn at random; None where none was taken.
+    """
+
+    part: Part
+    font: str
+    height_mm: float
+    layout: Layout
+    scan: Scan
+    photo: Photo | None
+
+
+def draw_text(font: Font, rng: np.random.Generator) -> str:
+    """A text that a font has: serials, words and numbers with signs between them, 2 to 12 characters."""
+    have = set(font.glyphs)
+    small = has_small_letters(font)
+    length = int(rng.integers(3, 12))
+    kind = rng.random()
+    if kind < 0.5:
+        pool = _CAPITALS + _FIGURES
+    elif kind < 0.65:
+        pool = _FIGURES
+    elif kind < 0.75:
+        pool = _CAPITALS
+    else:
+        pool = _CAPITALS + _FIGURES + (_SMALL if small else "")
+    chars = [str(c) for c in rng.choice(list(pool), length)]
+    if rng.random() < 0.35:
+        for _ in range(int(rng.integers(1, 4))):
+            at = int(rng.integers(1, len(chars)))
+            chars.insert(at, str(rng.choice(list(_SIGNS + "   "))))
+    text = " ".join("".join(c for c in chars if c == " " or _has(font, c, have)).split())
+    if not any(c in _CAPITALS + _FIGURES for c in text):
+        text += str(rng.choice(list(_CAPITALS)))
+    return text
+
+
+def _has(font: Font, char: str, have: set[str]) -> bool:
+    if char not in have:
+        return False
+    try:
+        font.glyph(char)
+    except MarksError:
+        return False
+    return True
+
+
+def draw_part(
+    fonts: Sequence[Path], rng: np.random.Generator, *, soils: Sequence[str] = SOILS_LEARNED
+) -> TrainingPart:
+    """Stamp, soil, feel and photograph a part.
+
+    Raises:
+        MarksError: what was drawn cannot be; draw again.
+    """
+    builtin = rng.random() < _BUILTIN
+    name = str(rng.choice(BUILTIN_FONTS)) if builtin else str(fonts[int(rng.integers(len(fonts)))])
+    font = load_font(name)
+    text = draw_text(font, rng)
+    height_mm = float(np.exp(rng.uniform(np.log(2.0), np.log(12.0))))
+    dies = [die for die in DIES if die != "dotted"]
+    die = "dotted" if builtin and rng.random() < _DOTTED else str(rng.choice(dies))
+    severity = 0.0 if rng.random() < 0.12 else float(rng.uniform(0.1, 1.0))
+    many = 2 if rng.random() < 0.15 else 1
+    layout = _draw_layout(font, text, height_mm, rng)
+    part = stamp(
+        text,
+        font=name,
+        height_mm=height_mm,
+        pitch_mm=height_mm / float(rng.uniform(50.0, 75.0)),
+        die=die,
+        plate=str(rng.choice(list(PLATES))),
+        practice=str(rng.choice(_PRACTICES)),
+        layout=layout,
+        raised=bool(rng.random() < 0.15),
+        dirt=severity,
+        soil=[str(s) for s in rng.choice(soils, many, replace=False)],
+        seed=int(rng.integers(2**31)),
+    )  # fmt: skip
+    scan = _felt(part, rng)
+    photo = part.photograph(pixel_mm=height_mm / float(np.exp(rng.uniform(np.log(18.0), np.log(50.0)))))
+    return TrainingPart(part, name, height_mm, layout, scan, photo)
+
+
+def _draw_layout(font: Font, text: str, height_mm: float, rng: np.random.Generator) -> Layout:
+    turned_deg = float(rng.normal(0.0, 2.0))
+    kind = rng.random()
+    if kind < 0.12:
+        side = 1.0 if rng.random() < 0.5 else -1.0
+        radius_mm = max(5.0 * height_mm, float(rng.uniform(0.55, 1.5)) * height_mm * len(text))
+        return Layout(turned_deg=turned_deg, radius_mm=side * radius_mm)
+    if kind < 0.3:
+        return Layout(
+            turned_deg=turned_deg,
+            other_text=draw_text(font, rng)[: len(text)].strip() or "7",
+            other_above=bool(rng.random() < 0.5),
+            gap=float(rng.uniform(0.2, 0.8)),
+        )
+    return Layout(turned_deg=turned_deg)
+
+
+def _felt(part: Part, rng: np.random.Generator) -> Scan:
+    surface = level(part.height_map)
+    believed_mm = part.height_mm * float(np.exp(rng.normal(0.0, 0.2)))
+    touch = _touch(believed_mm, rng)
+    lines = 40 if rng.random() < 0.5 else int(np.exp(rng.uniform(np.log(10.0), np.log(40.0))))
+    count = 4 if rng.random() < 0.6 else int(rng.integers(1, 4))
+    directions = tuple(ALL_DIRECTIONS[i] for i in sorted(rng.permutation(len(ALL_DIRECTIONS))[:count]))
+    pitch_mm = believed_mm / lines
+    plan = RasterPlan(
+        array=WhiskerArray(n_whiskers=8, pitch_mm=pitch_mm * max(1, lines // 2)),
+        region_mm=(0.0, 0.0, *surface.size_mm),
+        line_pitch_mm=pitch_mm,
+        sample_pitch_mm=pitch_mm / 2,
+        directions=directions,
+        speed_mm_s=20.0,
+        lead_mm=0.3 * believed_mm,
+    )
+    fidelity = Fidelity.POINTWISE if rng.random() < 0.15 else Fidelity.CONTACT
+    return trace_scan(surface, touch=touch, plan=plan, fidelity=fidelity, soil=part.soil)
+
+
+def _touch(height_mm: float, rng: np.random.Generator) -> Touch:
+    touch = default_touch(height_mm)
+    worn = 1.0 if rng.random() < 0.6 else float(rng.uniform(1.0, 2.5))
+    return replace(touch, tip_radius_mm=touch.tip_radius_mm * worn)

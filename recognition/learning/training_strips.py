@@ -1,0 +1,146 @@
+"""Strips to learn from, in files: what was felt and seen of a part's line, and what stands on it.
+
+    part --lines_of--> TextLine --View.strip--> strips --write_strips--> NUMBER.npz
+
+A file holds strips side by side, taller than the recogniser's, so that training may cut them otherwise.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.stamping.blow import Box
+from recognition.learning.training_parts import TrainingPart
+from recognition.views.curves import arc_through, straight_through
+from recognition.views.text_line import TextLine
+from recognition.views.view import View, ViewKind, felt_view, heights_view, photo_view, relief_of
+from whisker_array.estimation.edges import edge_map
+
+TALL_ROWS = 64
+WIDE_MARGIN = 0.8
+"""Of land before and after the line in a file, character heights."""
+_MEASURED_SHARE = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingStrip:
+    """A strip and its truth.
+
+    Attributes:
+        layers: (LAYERS, TALL_ROWS, columns) float16, as `recognition.views.view` has them.
+        text: what stands there.
+        source: "felt", "photo" or "heights".
+        font: file name.
+        soils: joined by +.
+        severity: of the soil.
+        directions: that were felt.
+    """
+
+    layers: NDArray[np.float16]
+    text: str
+    source: str
+    font: str
+    soils: str
+    severity: float
+    directions: int = 0
+
+
+def lines_of(made: TrainingPart) -> list[tuple[TextLine, str]]:
+    """The lines of a part and what they say, the one of its text first, by the boxes of the characters."""
+    stamped = made.part.stamped
+    lines = [(stamped.text, stamped.boxes_mm), (stamped.other_text, stamped.other_boxes_mm)]
+    return [(_line(text, boxes, made), text) for text, boxes in lines if text.strip()]
+
+
+def _line(text: str, boxes_mm: Sequence[Box], made: TrainingPart) -> TextLine:
+    boxes = [(c, b) for c, b in zip(text, boxes_mm, strict=True) if c != " "]
+    middles = np.array([((b[0] + b[2]) / 2, (b[1] + b[3]) / 2) for _, b in boxes])
+    # of what is as high as a line, the middle is half way up
+    full = np.array([c.isdigit() or c.isupper() for c, _ in boxes])
+    if not full.any():
+        full[:] = True
+    first, last = boxes[0][1], boxes[-1][1]
+    before, after = (first[2] - first[0]) / 2, (last[2] - last[0]) / 2
+    if np.isinf(made.layout.radius_mm):
+        turn = np.radians(made.layout.turned_deg)
+        along, down = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+        level = np.median(middles[full] @ down)
+        ends = np.array([middles[0] @ along - before, middles[-1] @ along + after])
+        return TextLine(ends[:, None] * along + level * down, made.height_mm)
+    wide = np.linalg.norm(middles[full][[0, 0, -1, -1]] - middles[[0, 0, -1, -1]], axis=1)
+    before, after = before + float(wide[0]), after + float(wide[-1])
+    curve = arc_through(middles[full], height=made.height_mm, before=before, after=after)
+    if curve is None:
+        curve = straight_through(middles[full], before=before, after=after)
+    return TextLine(curve, made.height_mm)
+
+
+def views_of(made: TrainingPart) -> list[View]:
+    """What is felt of a part, what is seen, and what an instrument measures.
+
+    Raises:
+        MapError: nothing was felt.
+    """
+    edges = edge_map(made.scan)
+    views = [felt_view(edges, relief_of(made.scan, edges))]
+    if made.photo is not None:
+        width, height = made.part.height_map.size_mm
+        views.append(
+            photo_view(replace(made.photo, centre_mm=made.photo.centre_mm or (width / 2, height / 2)))
+        )
+    return [*views, heights_view(made.part.height_map)]
+
+
+def strips_of(made: TrainingPart, rng: np.random.Generator) -> list[TrainingStrip]:
+    """What is felt and seen of a part's line; now and then what an instrument measures.
+
+    Raises:
+        MapError: nothing was felt.
+    """
+    soiling = made.part.soiling
+    return [
+        TrainingStrip(
+            layers=view.strip(line, rows=TALL_ROWS, margin=WIDE_MARGIN).astype(np.float16),
+            text=text,
+            source=str(view.kind),
+            font=Path(made.font).name,
+            soils="+".join(soiling.soils),
+            severity=soiling.severity,
+            directions=len(made.scan.sweeps) if view.kind is ViewKind.FELT else 0,
+        )
+        for view in views_of(made)
+        for line, text in lines_of(made)
+        if view.kind is not ViewKind.HEIGHTS or rng.random() < _MEASURED_SHARE
+    ]
+
+
+def write_strips(path: Path, strips: Sequence[TrainingStrip]) -> None:
+    """Write strips side by side into one .npz."""
+    truth = [
+        {"text": s.text, "source": s.source, "font": s.font, "soils": s.soils, "severity": s.severity,
+         "directions": s.directions, "columns": s.layers.shape[2]}
+        for s in strips
+    ]  # fmt: skip
+    np.savez(
+        path, layers=np.concatenate([s.layers for s in strips], axis=2), truth=np.array(json.dumps(truth))
+    )
+
+
+def read_strips(paths: Iterable[Path]) -> list[TrainingStrip]:
+    """Read the strips of files."""
+    strips = []
+    for path in paths:
+        with np.load(path) as file:
+            layers, truth = file["layers"], json.loads(str(file["truth"]))
+        at = 0
+        for one in truth:
+            columns = one.pop("columns")
+            strips.append(TrainingStrip(layers[:, :, at : at + columns], **one))
+            at += columns
+    return strips

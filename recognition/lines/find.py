@@ -1,0 +1,215 @@
+"""Where lines of text are in a view: a network looks at it at several scales, its cells are joined to lines.
+
+view --at several scales--> findings of cells --joined--> lines --best of those that overlap--> lines
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from glyphs.surface.display import one_line
+from recognition.lines.networks import opened
+from recognition.views.curves import arc_through, straight_through
+from recognition.views.resample import resampled
+from recognition.views.text_line import TextLine
+from recognition.views.view import EDGES, HEIGHTS, KNOWN, View
+
+WEIGHTS = Path(__file__).with_name("finder.onnx")
+FINDER_ROWS, CELL = 12, 4
+"""Pixels to a character's height that the network knows, and to a cell."""
+_OCTAVES = 0.7
+"""Between two scales."""
+_TALLEST, _LOW, _LOWEST = 0.95, 0.13, 0.03
+"""Characters looked for, of the view's smaller side: the usual ones down to the second, small ones to the third."""
+_LEAST_PIXELS = 6.0
+_MIDDLE, _FAINT = 0.5, 0.2
+"""Belief that a cell lies in the middle of a line, from which it does; of faint lines."""
+_GAP = 1.2
+"""Land within a line, character heights, that does not end it."""
+_LEAST_CELLS = 3
+_NOMINAL = 1.08
+"""Ratio of heights that a known one may be off by."""
+_ALIKE, _PARALLEL_DEG, _LEVEL, _BROKEN = 0.25, 10.0, 0.4, 6.0
+"""Pieces of one line: logarithm of their heights' ratio, degrees between them, heights that their middles lie apart
+across the line, and heights of the gap between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundLine:
+    """A line that may be there.
+
+    Attributes:
+        line: where, if it is straight.
+        bent: where, if it follows an arc; None where that is much the same.
+        score: sum of what its cells believe, in character heights along it; the longer and surer, the more.
+    """
+
+    line: TextLine
+    score: float
+    bent: TextLine | None = None
+
+    __repr__ = one_line
+
+
+def find_lines(
+    view: View,
+    *,
+    height_mm: float | None = None,
+    small: bool = False,
+    faint: bool = False,
+    down: bool = False,
+) -> list[FoundLine]:
+    """The lines of a view, most promising first.
+
+    Args:
+        view: as it lies; lines that run within some 30 degrees of level are found.
+        height_mm: of the characters, if known.
+        small: look for characters that are small beside the view instead.
+        faint: take less for a line.
+        down: look for lines that run down instead.
+    """
+    if down:
+        return [
+            replace(one, line=_back(one.line, view), bent=None if one.bent is None else _back(one.bent, view))
+            for one in find_lines(_turned(view), height_mm=height_mm)
+        ]
+    found: list[FoundLine] = []
+    for scale_mm in _scales(view, height_mm, small=small):
+        found += _at_scale(view, scale_mm, _FAINT if faint else _MIDDLE)
+    if height_mm is not None:
+        found = [
+            replace(one, line=_as_high(one.line, height_mm), bent=one.bent and _as_high(one.bent, height_mm))
+            for one in found
+        ]
+    found.sort(key=lambda one: -one.score)
+    kept: list[FoundLine] = []
+    for one in found:
+        if not any(overlap(one.line, other.line) for other in kept):
+            kept.append(one)
+    whole = [
+        made
+        for k, one in enumerate(kept)
+        for other in kept[k + 1 :]
+        if (made := _joined(one, other)) is not None
+    ]
+    return sorted([*kept, *whole], key=lambda one: -one.score)
+
+
+def _as_high(line: TextLine, height_mm: float) -> TextLine:
+    """The line no further from the height that is known than marks are struck."""
+    return TextLine(
+        line.centre_mm, float(np.clip(line.height_mm, height_mm / _NOMINAL, height_mm * _NOMINAL))
+    )
+
+
+def _joined(one: FoundLine, other: FoundLine) -> FoundLine | None:
+    """Two pieces of a line that dirt has broken in the middle; None where they are not."""
+    a, b = one.line, other.line
+    height = 0.5 * (a.height_mm + b.height_mm)
+    if abs(math.log(a.height_mm / b.height_mm)) > _ALIKE or abs(a.turned_deg - b.turned_deg) > _PARALLEL_DEG:
+        return None
+    along = (a if a.length_mm > b.length_mm else b).centre_mm
+    along = (along[-1] - along[0]) / np.linalg.norm(along[-1] - along[0])
+    ends = np.concatenate([a.centre_mm[[0, -1]], b.centre_mm[[0, -1]]])
+    u, v = ends @ along, ends @ np.array([-along[1], along[0]])
+    gap = max(u[2] - u[1], u[0] - u[3])
+    if gap > _BROKEN * height or abs(v[:2].mean() - v[2:].mean()) > _LEVEL * height:
+        return None
+    straight = straight_through(ends[np.argsort(u)], before=0.0, after=0.0)
+    return FoundLine(TextLine(straight, height), one.score + other.score)
+
+
+def _scales(view: View, height_mm: float | None, *, small: bool) -> list[float]:
+    if height_mm is not None:
+        return [height_mm * 2.0 ** (-_OCTAVES * k) for k in (1.0, 0.5, 0.0)]
+    side = min(view.size_mm)
+    least = _LEAST_PIXELS * view.pitch_mm
+    low, high = (max(share * side, least) for share in ((_LOWEST, _LOW) if small else (_LOW, _TALLEST)))
+    if small and high <= low * 1.01:
+        return []
+    count = max(1, math.ceil(math.log2(high / low) / _OCTAVES))
+    return [high * 2.0 ** (-_OCTAVES * (k + 0.5)) for k in range(count)]
+
+
+def _at_scale(view: View, scale_mm: float, least: float) -> list[FoundLine]:
+    pitch_mm = scale_mm / FINDER_ROWS
+    layers = resampled(view, pitch_mm)
+    layers[HEIGHTS] /= scale_mm
+    rows, columns = layers.shape[1:]
+    fed = np.pad(layers, ((0, 0), (0, -rows % CELL), (0, -columns % CELL)))
+    found = _session().run(None, {"view": fed[None]})[0][0]
+    belief = 1.0 / (1.0 + np.exp(-found[0]))
+    # words of a line are one: cells a gap apart are joined
+    reach = max(1, round(_GAP * FINDER_ROWS / CELL / 2))
+    joined = ndimage.binary_dilation(belief > least, np.ones((1, 2 * reach + 1), dtype=bool))
+    labels, count = ndimage.label(joined, np.ones((3, 3)))
+    lines = []
+    for label in range(1, count + 1):
+        v, u = np.nonzero((labels == label) & (belief > least))
+        if u.size >= _LEAST_CELLS:
+            lines.append(_line(u, v, found[:, v, u], belief[v, u], pitch_mm, view))
+    return lines
+
+
+def _line(
+    u: NDArray[np.intp], v: NDArray[np.intp], found: NDArray[np.float32], belief: NDArray[np.float32],
+    pitch_mm: float, view: View,
+) -> FoundLine:  # fmt: skip
+    height_mm = float(FINDER_ROWS * pitch_mm * 2.0 ** np.median(found[1]))
+    turned = float(np.median(found[2]))
+    down = found[3] * height_mm
+    x = (u * CELL + CELL / 2 - 0.5) * pitch_mm + view.origin_mm[0] - down * math.sin(turned)
+    y = (v * CELL + CELL / 2 - 0.5) * pitch_mm + view.origin_mm[1] + down * math.cos(turned)
+    along = x * math.cos(turned) + y * math.sin(turned)
+    order = np.argsort(along)
+    # a point a cell's length along the line, the mean of what its cells say
+    bins = ((along[order] - along[order[0]]) / (CELL * pitch_mm)).astype(np.intp)
+    weight = np.bincount(bins, belief[order])
+    some = weight > 0.0
+    points = np.stack(
+        [np.bincount(bins, (values * belief)[order])[some] / weight[some] for values in (x, y)], axis=1
+    )
+    half = CELL * pitch_mm / 2
+    straight = TextLine(straight_through(points, before=half, after=half), height_mm)
+    arc = arc_through(points, height=height_mm, before=half, after=half)
+    score = float(belief.sum()) * (CELL * pitch_mm / height_mm) ** 2
+    return FoundLine(straight, score, None if arc is None else TextLine(arc, height_mm))
+
+
+def overlap(one: TextLine, other: TextLine) -> bool:
+    """Whether two lines are the same ink: half of the one lies within the other's band."""
+    points = one.centre_mm[[0, -1]].mean(axis=0) + np.linspace(-0.45, 0.45, 15)[:, None] * (
+        one.centre_mm[-1] - one.centre_mm[0]
+    )
+    a, b = other.centre_mm[0], other.centre_mm[-1]
+    along = (b - a) / np.linalg.norm(b - a)
+    off = points - a
+    u, v = off @ along, off @ np.array([-along[1], along[0]])
+    inside = (u > 0.0) & (u < np.linalg.norm(b - a)) & (np.abs(v) < 0.6 * max(one.height_mm, other.height_mm))
+    return bool(inside.mean() > 0.5)
+
+
+def _turned(view: View) -> View:
+    """The view of the part turned a quarter against the clock, from an origin of 0: lines that ran down run level."""
+    layers = np.rot90(view.layers, axes=(1, 2)).copy()
+    layers[EDGES:KNOWN] = np.roll(layers[EDGES:KNOWN], -1, axis=0)
+    return View(view.kind, layers, view.pitch_mm)
+
+
+def _back(line: TextLine, view: View) -> TextLine:
+    """A line of the turned view where it lies on the view itself."""
+    x, y = line.centre_mm.T
+    return TextLine(np.stack([view.size_mm[0] - y, x], axis=1) + view.origin_mm, line.height_mm)
+
+
+@cache
+def _session() -> Any:
+    return opened(WEIGHTS)

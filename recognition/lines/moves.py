@@ -1,0 +1,78 @@
+"""Lines near one that was found: moved, turned, made longer; and those of a view that shows nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from recognition.views.text_line import TextLine
+from recognition.views.view import View
+
+MOVES = (
+    (0.0, 0.8, 0.0),
+    (0.0, 1.25, 0.0),
+    (0.2, 1.0, 0.0),
+    (-0.2, 1.0, 0.0),
+    (0.0, 1.0, 5.0),
+    (0.0, 1.0, -5.0),
+)
+"""Tried where a line says little, down, higher and turned (degrees): the finder may have mistaken it."""
+LONGER = ((1.5, 0.0), (0.0, 1.5), (1.5, 1.5), (3.0, 0.0), (0.0, 3.0))
+"""Heights before and after by which a line is made longer that says little."""
+CROPS = (0.85, 0.62)
+"""Of a view's height: what characters may have that fill it, a line cut out by somebody else."""
+BLIND = ((0.5, 0.5), (0.38, 0.5), (0.28, 0.5), (0.28, 0.3), (0.28, 0.7))
+"""Where a line may stand that dirt hides from who finds lines: its height and middle, of the view's height."""
+
+
+def moved(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -> TextLine:
+    """Moved down by a share of its height, as much higher, and turned about its middle."""
+    along = line.centre_mm[-1] - line.centre_mm[0]
+    along = along / np.linalg.norm(along)
+    moved = line.centre_mm + down * line.height_mm * np.array([-along[1], along[0]])
+    if turn_deg:
+        cos, sin = math.cos(math.radians(turn_deg)), math.sin(math.radians(turn_deg))
+        middle = 0.5 * (moved[0] + moved[-1])
+        moved = middle + (moved - middle) @ np.array([[cos, sin], [-sin, cos]])
+    return TextLine(moved, line.height_mm * size)
+
+
+def whole_view(view: View) -> list[TextLine]:
+    """The lines of a view which is cut close about one."""
+    return _across(view, [(share, 0.5) for share in CROPS])
+
+
+def anywhere(view: View) -> list[TextLine]:
+    """Lines right across a view in which none was found."""
+    return _across(view, BLIND)
+
+
+def _across(view: View, places: Sequence[tuple[float, float]]) -> list[TextLine]:
+    """Lines from left to right: each of a height and at a middle that are shares of the view's height."""
+    width, height = view.size_mm
+    if width < 0.5 * height:
+        return []
+    x, y = view.origin_mm
+    return [
+        TextLine.straight(x, y + middle * height, length_mm=width, height_mm=share * height)
+        for share, middle in places
+    ]
+
+
+def longer(line: TextLine) -> list[TextLine]:
+    """The line longer at either end or both: dirt hides characters from who finds lines."""
+    return [grown(line, before, after) for before, after in LONGER]
+
+
+def grown(line: TextLine, before: float, after: float) -> TextLine:
+    """The line gone on straight beyond its ends, by so many character heights."""
+    points, height = line.centre_mm, line.height_mm
+    first, last = points[0] - points[1], points[-1] - points[-2]
+    made = [points]
+    if before > 0.0:
+        made.insert(0, (points[0] + before * height * first / np.linalg.norm(first))[None])
+    if after > 0.0:
+        made.append((points[-1] + after * height * last / np.linalg.norm(last))[None])
+    return TextLine(np.concatenate(made), height)

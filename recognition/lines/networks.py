@@ -1,0 +1,20 @@
+"""Networks opened for one thread that does not spin while it waits: on a shared machine that would cost others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+THREADS = 1
+"""Of every network; a reader's processes run side by side."""
+
+
+def opened(path: Path) -> Any:
+    """The session of an ONNX file, on the processor."""
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = THREADS
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.log_severity_level = 4
+    return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])

@@ -1,0 +1,38 @@
+"""Where the characters of a line stand, from the columns of its strip."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.language.box import Box
+from recognition.views.text_line import HEIGHT_ROWS, ROWS, TextLine
+
+_WIDEST = 0.42
+"""Of a box to either side, character heights."""
+
+
+def places_mm(line: TextLine, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(places, 2) middles of characters that stand at these columns of the line's strip."""
+    return line.places_mm(columns, np.full(columns.size, 0.5 * (ROWS - 1)))
+
+
+def boxes_of(line: TextLine, columns: NDArray[np.float64]) -> tuple[Box, ...]:
+    """Boxes about characters: half way to their neighbours, the line's height."""
+    if columns.size == 0:
+        return ()
+    columns = np.maximum.accumulate(columns)
+    most = _WIDEST * HEIGHT_ROWS
+    apart = np.diff(columns) / 2
+    left = np.minimum(np.r_[most, apart], most)
+    right = np.minimum(np.r_[apart, most], most)
+    middle, half = 0.5 * (ROWS - 1), 0.5 * HEIGHT_ROWS
+    corners = [
+        line.places_mm(columns + side, np.full(columns.size, middle + up * half))
+        for side in (-left, right)
+        for up in (-1.0, 1.0)
+    ]
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    return tuple(
+        Box(float(a[0]), float(a[1]), float(b[0]), float(b[1])) for a, b in zip(low, high, strict=True)
+    )

@@ -1,0 +1,1 @@
+"""Readers by one sense: touch, camera."""

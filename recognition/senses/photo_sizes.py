@@ -1,0 +1,60 @@
+"""At how many pixels a photograph is read: no more than the characters need, for the time grows with them.
+
+12 million --> 0.6 million: characters 25 pixels high --> 4 million: 65 pixels, read
+           \\-> 0.6 million: 90 pixels, read
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from glyphs.camera.photo import Photo
+from recognition.decision.reading import Reading
+from recognition.views.photo_frame import photo_middle_mm, photo_pitch_mm
+
+SIZES = (600_000, 4_000_000)
+"""Pixels at which a photograph is read, one after the other, until its characters are high enough."""
+ENOUGH_ROWS = 60
+"""Of pixels in a character, beyond which more of them tell hardly more."""
+_HARDLY_LARGER = 1.5
+
+
+def read_at_sizes(photo: Photo, read: Callable[[Photo], Reading]) -> Reading:
+    """The reading at the first size at which the line found has enough pixels."""
+    for small in _sizes(photo):
+        seen = read(small)
+        line = seen.trace.line
+        if line is not None and _rows(small, line.height_mm) >= ENOUGH_ROWS:
+            break
+    return seen
+
+
+def shrunk(photo: Photo, pixels: int) -> Photo:
+    """The photograph with about so many pixels, in the same frame; itself if it has fewer."""
+    from glyphs.opencv import cv2
+
+    rows, cols = photo.shape
+    scale = (pixels / (rows * cols)) ** 0.5
+    if scale >= 1.0:
+        return photo
+    size = (max(8, round(cols * scale)), max(8, round(rows * scale)))
+    made = np.asarray(cv2.resize(photo.pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    # the rims stay where they are: the first pixel's middle does not, and with it the frame's origin
+    pitch = photo_pitch_mm(photo) * cols / size[0]
+    size_of_pixels = {"shrunk": pitch} if photo.pitch_mm is None else {"pitch_mm": pitch}
+    return replace(photo, pixels=made, centre_mm=photo_middle_mm(photo), **size_of_pixels)
+
+
+def _sizes(photo: Photo) -> Iterator[Photo]:
+    rows, cols = photo.shape
+    for size in SIZES[:-1]:
+        if rows * cols > _HARDLY_LARGER * size:
+            yield shrunk(photo, size)
+    yield shrunk(photo, SIZES[-1])
+
+
+def _rows(photo: Photo, height_mm: float) -> float:
+    return height_mm / photo_pitch_mm(photo)

@@ -1,0 +1,153 @@
+"""How to read: the settings of a reader, and the characters that they let stand on a part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypedDict
+
+import numpy as np
+
+from glyphs.fonts.glyph import Font, FontError
+from glyphs.fonts.outlines import load_font
+from glyphs.fonts.serials import FormatError
+from glyphs.surface.display import one_line
+from recognition.belief.part_lines import LineFormat
+from recognition.belief.weights import EXPERTS
+from recognition.decision.depth_rules import DepthRule
+from recognition.language.grammar import Grammar
+from recognition.language.remainders import ALPHANUMERIC
+from whisker_array.simulation.traces import Fidelity
+
+STAND_INS = ("gothic", "futuram", "timesr")
+"""Built-in fonts that stand for one that nobody named: depths are measured along their strokes."""
+
+
+class ReaderOptions(TypedDict, total=False):
+    """The fields of `ReaderSettings`, as keywords of a reader."""
+
+    fonts: Sequence[str | Font]
+    format: str | Grammar | None
+    height_mm: float | None
+    fidelity: Fidelity
+    accept_confidence: float
+    accept_margin: float
+    depth_rules: tuple[DepthRule, ...]
+    experts: tuple[str, ...]
+    lines: Mapping[str, str | LineFormat]
+
+
+@dataclass(frozen=True)
+class ReaderSettings:
+    """How to read.
+
+    Attributes:
+        fonts: fonts, names of built-in fonts, paths of TTF/OTF files, if any is known: their templates have a say.
+        format: of the serial (`A` letter, `9` digit, `*` either, others themselves; blanks are word gaps), or a
+            grammar; None where nothing is known.
+        height_mm: character height, if known.
+        fidelity: how the virtual array feels a height map.
+        accept_confidence: readings at least so sure, and with every margin above `accept_margin`, are accepted.
+        accept_margin: least lead of the first over the second candidate for acceptance.
+        depth_rules: what the mark must meet; a mark that does not is flagged, read all the same.
+        experts: who has a say, of `EXPERTS`; empty for all there are.
+        lines: other lines that stand on the part, by name: their formats, and where they stand.
+
+    Raises:
+        FormatError: a format that no serial meets.
+        ValueError: a number out of range.
+    """
+
+    fonts: Sequence[str | Font] = ()
+    format: str | Grammar | None = None
+    height_mm: float | None = None
+    fidelity: Fidelity = Fidelity.CONTACT
+    accept_confidence: float = 0.9
+    accept_margin: float = 0.3
+    depth_rules: tuple[DepthRule, ...] = ()
+    experts: tuple[str, ...] = ()
+    lines: Mapping[str, str | LineFormat] | tuple[tuple[str, str | LineFormat], ...] = ()
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        fonts = (self.fonts,) if isinstance(self.fonts, str) else tuple(self.fonts)
+        object.__setattr__(self, "fonts", fonts)
+        if self.height_mm is not None and not (np.isfinite(self.height_mm) and self.height_mm > 0.0):
+            raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
+        for name in ("accept_confidence", "accept_margin"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} is {getattr(self, name)}; it lies between 0 and 1")
+        # pairs, so that settings can be keys
+        object.__setattr__(self, "lines", tuple(dict(self.lines).items()))
+        experts = (self.experts,) if isinstance(self.experts, str) else tuple(self.experts)
+        object.__setattr__(self, "experts", experts)
+        unknown = sorted({*experts} - {*EXPERTS})
+        if unknown:
+            raise ValueError(f"there is no expert {', '.join(unknown)}; there are {', '.join(EXPERTS)}")
+        _ = self.grammar, self.asked
+
+    @cached_property
+    def asked(self) -> Mapping[str, LineFormat]:
+        """The other lines, understood."""
+        return {
+            name: LineFormat(Grammar.parse(one)) if isinstance(one, str) else one
+            for name, one in dict(self.lines).items()
+        }
+
+    @cached_property
+    def grammar(self) -> Grammar | None:
+        """What serials may be; None where nothing is known."""
+        if not isinstance(self.format, str):
+            return self.format
+        if not self.format.strip():
+            raise FormatError(
+                f"the format {self.format!r} is blank",
+                hint="write one character a position: A, 9, * or itself",
+            )
+        return Grammar(format=self.format)
+
+
+class Repertoire:
+    """The fonts of a reader, and the characters that it looks for at each place.
+
+    Attributes:
+        fonts: loaded; of those that nobody named, a few that stand for them.
+        grammar: what serials may be.
+        places: characters at each place; None where their number is open.
+        gaps: places followed by a word gap.
+        chars: all that is looked for.
+    """
+
+    def __init__(self, settings: ReaderSettings) -> None:
+        """Load the fonts.
+
+        Raises:
+            FontError: a font that cannot be loaded, or that lacks what the format needs.
+        """
+        named = settings.fonts or STAND_INS
+        self.fonts = tuple(font if isinstance(font, Font) else load_font(font) for font in named)
+        self.grammar = settings.grammar
+        self.places: tuple[str, ...] | None = None
+        self.gaps: frozenset[int] = frozenset()
+        others = {char for line in settings.asked.values() for char in line.grammar.characters}
+        self.chars = "".join(sorted({*ALPHANUMERIC, *others}))
+        if self.grammar is None:
+            return
+        # characters that the format forbids are looked for as well: where one stands, it is not passed over
+        self.chars = "".join(sorted({*self.chars, *self.grammar.characters}))
+        lengths = self.grammar.lengths()
+        if lengths is None or len(lengths) != 1:
+            return
+        self.places = self.grammar.places(next(iter(lengths)))
+        self.gaps = self.grammar.gaps
+        if self.places is None:
+            return
+        lacks = {f: next((p for p in self.places if not set(p) & set(f.glyphs)), "") for f in self.fonts}
+        for font in self.fonts:
+            if lacks[font] and settings.fonts:
+                raise FontError(
+                    f"font {font.name!r} has no {lacks[font]!r}, which the format "
+                    f"{settings.format if isinstance(settings.format, str) else 'given'!r} needs"
+                )

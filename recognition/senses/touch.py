@@ -1,0 +1,217 @@
+"""The reader by touch: how a scan becomes a reading.
+
+height map --lines seen on it: their height--> scan
+scan --edge_map, relief--> felt view --LineReader--> line and beliefs --templates judge, format--> Reading
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import EdgeMap, HeightMap, MapError
+from recognition.belief.line_belief import LineBelief
+from recognition.belief.line_reader import MOST_SCANS, LineReader
+from recognition.belief.part_lines import PartLines
+from recognition.decision.depth import mark_depths
+from recognition.decision.depth_rules import judged_by
+from recognition.decision.grading import graded
+from recognition.decision.reading import Decision, Reading, ReadingFlag, ReadingTrace
+from recognition.decision.reading_of_line import reading_of_line
+from recognition.decision.unseen_glyphs import doubted_guesses
+from recognition.experts.templates.judge import JudgedLine, judged
+from recognition.experts.templates.placed_line import TouchedPart
+from recognition.experts.templates.predicted import TemplateCache
+from recognition.language.lattice import Lattice
+from recognition.senses.settings import ReaderSettings, Repertoire
+from recognition.senses.step_timer import StepTimer
+from recognition.views.levelling import level
+from recognition.views.text_line import TextLine
+from recognition.views.view import felt_view, heights_view, relief_of
+from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.relief import Relief
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import Touch, default_touch
+
+
+class TactileReader:
+    """Reads parts by touch, one after the other; keeps fonts and predicted templates between them."""
+
+    def __init__(self, settings: ReaderSettings | None = None) -> None:
+        """Load the fonts.
+
+        Raises:
+            FontError: a font that cannot be loaded, or that lacks what the format needs.
+        """
+        self.settings = settings if settings is not None else ReaderSettings()
+        repertoire = Repertoire(self.settings)
+        self.chars, self.grammar = repertoire.chars, repertoire.grammar
+        self.places, self.gaps = repertoire.places, repertoire.gaps
+        self.fonts, self.named = repertoire.fonts, bool(self.settings.fonts)
+        self.lines = LineReader(
+            self.grammar,
+            self.chars,
+            height_mm=self.settings.height_mm,
+            experts=self.settings.experts,
+            lines=self.settings.asked,
+        )
+        self.cache = TemplateCache()
+
+    def read_height_map(
+        self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = ""
+    ) -> Reading:
+        """Mount, scan with the virtual array at the scale of the characters, and read.
+
+        Args:
+            height_map: the part's surface, the top of what lies on it.
+            soil: dirt into which the tip sinks, and the part's friction, if known.
+            part_id: what the part is called.
+
+        Raises:
+            MapError: a map that cannot be scanned, a soil on another grid.
+        """
+        timer = StepTimer()
+        with timer.step("mount"):
+            levelled = level(height_map)
+            heights = self.lines.heights_mm(heights_view(levelled))
+        best: Reading | None = None
+        for height in heights[:MOST_SCANS]:
+            with timer.step("scan"):
+                scan = trace_scan(
+                    levelled,
+                    touch=default_touch(height),
+                    plan=default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height),
+                    fidelity=self.settings.fidelity,
+                    part_id=part_id,
+                    soil=soil,
+                )
+            tried = self._read(scan, timer).traced(height_map=levelled)
+            if best is None or tried.confidence > best.confidence:
+                best = tried
+            if best.decision is Decision.ACCEPT:
+                break
+        return best if best is not None else _nothing(timer, height_map=levelled)
+
+    def read_scan(self, scan: Scan) -> Reading:
+        """Read a recorded or simulated scan."""
+        return self._read(scan, StepTimer())
+
+    def _read(self, scan: Scan, timer: StepTimer) -> Reading:
+        with timer.step("edge map"):
+            try:
+                edges = edge_map(scan)
+            except MapError:
+                return _nothing(timer, _scan_flags(scan), scan=scan)
+        with timer.step("relief"):
+            relief = relief_of(scan, edges)
+        found = self.read_edge_map(edges, scan.touch, relief=relief, timer=timer, flags=_scan_flags(scan))
+        return found.traced(scan=scan)
+
+    def read_edge_map(
+        self,
+        edges: EdgeMap,
+        touch: Touch,
+        *,
+        relief: Relief | None = None,
+        timer: StepTimer | None = None,
+        flags: ReadingFlag = ReadingFlag.NONE,
+    ) -> Reading:
+        """Read an edge map of the given touch. Without a relief the reading has no depths."""
+        timer = timer if timer is not None else StepTimer()
+        shapes = _Shapes(self, edges, touch)
+        with timer.step("read"):
+            part = self.lines.read(felt_view(edges, relief), judge=shapes)
+        reading = self._answer(part, flags)
+        if shapes.judged is not None and reading.characters:
+            with timer.step("measure"):
+                reading = self._measured(reading, shapes.judged, edges, relief)
+        return replace(reading, seconds=MappingProxyType(dict(timer.seconds))).traced(
+            edge_map=edges, relief=relief
+        )
+
+    def _answer(self, part: PartLines, flags: ReadingFlag) -> Reading:
+        return reading_of_line(
+            part,
+            self.settings,
+            grammar=self.grammar,
+            gaps=self.gaps,
+            flags=flags,
+            source="tactile",
+            asked=self.settings.asked,
+        )
+
+    def _measured(
+        self, reading: Reading, shapes: JudgedLine, edges: EdgeMap, relief: Relief | None
+    ) -> Reading:
+        """The reading with what is measured along the strokes of a font that suits it."""
+        line, chars = shapes.line, [c.char for c in reading.characters]
+        if len(shapes.cells) != len(chars):
+            return reading
+        if relief is not None and all(c in line.templates.chars for c in chars):
+            depths = mark_depths(relief, line, shapes.cells, chars)
+            characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
+            reading = replace(reading, characters=characters)
+        reading = replace(reading, raised=line.raised)
+        if shapes.lattice is not None:
+            settled = replace(
+                reading, font=line.templates.font, height_mm=line.height_mm, rotation_deg=shapes.rotation_deg
+            )
+            reading = doubted_guesses(settled, shapes, self.places)
+        reading = judged_by(reading, self.settings.depth_rules)
+        return graded(reading, shapes, edges.directions)
+
+
+class _Shapes:
+    """Asks the templates once the places of a line are known, and keeps what they have found."""
+
+    def __init__(self, reader: TactileReader, edges: EdgeMap, touch: Touch) -> None:
+        self.reader = reader
+        self.part = TouchedPart(edges, touch, reader.cache, chars=reader.chars)
+        self.judged: JudgedLine | None = None
+
+    def __call__(self, line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
+        reader = self.reader
+        found = judged(
+            self.part,
+            reader.fonts,
+            line,
+            belief.lattice,
+            belief.columns,
+            named=reader.named,
+            gaps=reader.gaps,
+        )
+        self.judged = found
+        return {} if found is None or found.lattice is None else {"templates": found.lattice}
+
+
+def _scan_flags(scan: Scan) -> ReadingFlag:
+    """Flags of the samples that are common enough (0.5 %) to matter."""
+    table = (
+        (SampleFlag.CONTACT_LOST, ReadingFlag.CONTACT_LOST),
+        (SampleFlag.JAMMED, ReadingFlag.JAMMED),
+        (SampleFlag.OUT_OF_RANGE, ReadingFlag.OUT_OF_RANGE),
+        (SampleFlag.DROPOUT, ReadingFlag.DROPOUTS),
+    )
+    flags = ReadingFlag.NONE
+    for sample, reading in table:
+        bad = sum(int(np.count_nonzero(s.flags & np.uint8(sample))) for s in scan.sweeps)
+        if bad > 0.005 * scan.n_samples:
+            flags |= reading
+    return flags
+
+
+def _nothing(timer: StepTimer, flags: ReadingFlag = ReadingFlag.NONE, **trace: Any) -> Reading:
+    return Reading(
+        characters=(),
+        decision=Decision.REJECT,
+        confidence=0.0,
+        flags=flags | ReadingFlag.NO_CHARACTERS,
+        seconds=MappingProxyType(dict(timer.seconds)),
+        trace=ReadingTrace(**trace),
+    )

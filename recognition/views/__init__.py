@@ -1,0 +1,1 @@
+"""Whatever can be looked at, on one grid."""

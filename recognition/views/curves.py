@@ -1,0 +1,71 @@
+"""The curve that a line of text follows, through what is known of its characters: straight, or an arc of a circle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float64]
+
+_LEAST_SAG = 0.04
+"""Of the height: an arc that bends less is a straight line."""
+_ARC_POINTS = 33
+
+
+def straight_through(points: Points, *, before: float, after: float) -> Points:
+    """(2, 2) ends of the straight line that fits best.
+
+    Args:
+        points: (n, 2) middles of characters or of parts of the line, in the order of reading, one at least.
+        before: how far the line goes on before the first point.
+        after: and after the last.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    if len(points) < 2:
+        return np.array([points[0] - (before, 0.0), points[0] + (after, 0.0)])
+    middle, along, u, _ = _axes(points)
+    ends = np.array([u[0] - before, u[-1] + after])
+    return np.asarray(middle + ends[:, None] * along)
+
+
+def arc_through(points: Points, *, height: float, before: float, after: float) -> Points | None:
+    """(n, 2) along the arc of a circle that fits best; None where it hardly bends, or the points are too few.
+
+    Args:
+        points, before, after: as of `straight_through`.
+        height: of the characters, in the same unit.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    if len(points) < 4:
+        return None
+    middle, along, u, v = _axes(points)
+    arc = _arc(u, v, height=height, before=before, after=after)
+    if arc is None:
+        return None
+    across = np.array([-along[1], along[0]])
+    return np.asarray(middle + arc[:, :1] * along + arc[:, 1:] * across)
+
+
+def _axes(points: Points) -> tuple[Points, Points, Points, Points]:
+    """The points' middle, their main direction, and where they lie along it and down from it."""
+    middle = points.mean(axis=0)
+    _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
+    along = axes[0] if axes[0] @ (points[-1] - points[0]) >= 0.0 else -axes[0]
+    return middle, along, (points - middle) @ along, (points - middle) @ np.array([-along[1], along[0]])
+
+
+def _arc(
+    u: NDArray[np.float64], v: NDArray[np.float64], *, height: float, before: float, after: float
+) -> Points | None:
+    """Along the circle nearest the points (Kasa's fit), or None where that is hardly bent."""
+    terms = np.stack([u, v, np.ones_like(u)], axis=1)
+    (a, b, c), *_ = np.linalg.lstsq(terms, -(u * u + v * v), rcond=None)
+    centre = np.array([-a / 2, -b / 2])
+    radius = np.sqrt(max(centre @ centre - c, 0.0))
+    half = (u.max() - u.min()) / 2
+    if not radius > half or radius - np.sqrt(radius * radius - half * half) < _LEAST_SAG * height:
+        return None
+    side = 1.0 if centre[1] > 0.0 else -1.0  # the middle of the circle lies below the text, or above
+    angles = np.arctan2((u - centre[0]), side * (centre[1] - v))
+    ends = np.linspace(angles[0] - before / radius, angles[-1] + after / radius, _ARC_POINTS)
+    return np.stack([centre[0] + radius * np.sin(ends), centre[1] - side * radius * np.cos(ends)], axis=1)

@@ -1,0 +1,126 @@
+"""Where a line of text stands on a part: along a curve, for serials go round badges and shafts, too.
+
+   .--- A  B  C ---.           centre_mm: points of the curve half way up the characters
+.-'    ^ height_mm  '-.        in the order of reading; down is 90 degrees clockwise of along
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+
+Points = NDArray[np.float64]
+
+ROWS = 40
+"""Of a strip."""
+HEIGHT_ROWS = 28
+"""Of them, the height of a character."""
+MARGIN = 0.4
+"""Of a strip before and after its line, character heights."""
+
+
+@dataclass(frozen=True, eq=False)
+class TextLine:
+    """A line of text.
+
+    Attributes:
+        centre_mm: (n, 2) points x, y of the frame of the view, two at least, from the first character's left edge to
+            the last one's right.
+        height_mm: of the characters.
+
+    Raises:
+        ValueError: fewer than two points, points that are not finite, a curve or height of no length.
+    """
+
+    centre_mm: Points
+    height_mm: float
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        points = np.array(self.centre_mm, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or points.shape[0] < 2 or not np.isfinite(points).all():
+            raise ValueError(
+                f"the centre of a line is {points.shape}: (n, 2) finite points are needed, two at least"
+            )
+        if not (math.isfinite(self.height_mm) and self.height_mm > 0.0):
+            raise ValueError(f"height_mm is {self.height_mm}; a character height is a positive number of mm")
+        if np.linalg.norm(np.diff(points, axis=0), axis=1).sum() <= 0.0:
+            raise ValueError("the centre of a line has no length")
+        points.flags.writeable = False
+        object.__setattr__(self, "centre_mm", points)
+
+    @classmethod
+    def straight(
+        cls, x_mm: float, y_mm: float, *, length_mm: float, height_mm: float, turned_deg: float = 0.0
+    ) -> TextLine:
+        """A straight line from its start, half way up, turned from +x towards +y (clockwise as seen)."""
+        turn = math.radians(turned_deg)
+        end = (x_mm + length_mm * math.cos(turn), y_mm + length_mm * math.sin(turn))
+        return cls(np.array([(x_mm, y_mm), end]), height_mm)
+
+    @property
+    def length_mm(self) -> float:
+        """Along the curve."""
+        return float(np.linalg.norm(np.diff(self.centre_mm, axis=0), axis=1).sum())
+
+    @property
+    def turned_deg(self) -> float:
+        """From its start to its end, from +x towards +y."""
+        across, down = self.centre_mm[-1] - self.centre_mm[0]
+        return math.degrees(math.atan2(down, across))
+
+    @property
+    def reversed(self) -> TextLine:
+        """The same line of a part that lies upside down."""
+        return TextLine(self.centre_mm[::-1], self.height_mm)
+
+    def columns(self, *, margin: float = MARGIN) -> int:
+        """Of its strip."""
+        return max(8, math.ceil((self.length_mm / self.height_mm + 2 * margin) * HEIGHT_ROWS))
+
+    def grid_mm(
+        self, columns: Points, rows: Points, *, margin: float = MARGIN, of_rows: float = ROWS
+    ) -> Points:
+        """(rows, columns, 2) x, y of the places of its strip, given in pixels from the middle of its first one.
+
+        Args:
+            columns: (columns,) along the line; a curve goes on straight beyond its ends.
+            rows: (rows,) down.
+            margin: of the strip, character heights.
+            of_rows: that the strip has.
+        """
+        on, down = self._frames(columns, margin)
+        far = (np.asarray(rows, dtype=np.float64) + 0.5 - of_rows / 2) * (self.height_mm / HEIGHT_ROWS)
+        return np.asarray(on + far[:, None, None] * down)
+
+    def places_mm(
+        self, columns: Points, rows: Points, *, margin: float = MARGIN, of_rows: float = ROWS
+    ) -> Points:
+        """(n, 2) x, y of places of its strip, as `grid_mm`, of n columns and n rows."""
+        on, down = self._frames(columns, margin)
+        far = (np.asarray(rows, dtype=np.float64) + 0.5 - of_rows / 2) * (self.height_mm / HEIGHT_ROWS)
+        return np.asarray(on + far[..., None] * down)
+
+    def _frames(self, columns: Points, margin: float) -> tuple[Points, Points]:
+        """(n, 2) places on the curve, and the directions down from them."""
+        along = (
+            np.asarray(columns, dtype=np.float64) + 0.5
+        ) * self.height_mm / HEIGHT_ROWS - margin * self.height_mm
+        points = self.centre_mm
+        pieces = np.diff(points, axis=0)
+        lengths = np.linalg.norm(pieces, axis=1)
+        points, pieces = points[np.r_[True, lengths > 0.0]], pieces[lengths > 0.0]
+        lengths = lengths[lengths > 0.0]
+        starts = np.r_[0.0, np.cumsum(lengths)]
+        at = np.clip(np.searchsorted(starts, along, side="right") - 1, 0, lengths.size - 1)
+        on = points[at] + (pieces[at] / lengths[at, None]) * (along - starts[at])[..., None]
+        # the direction turns evenly from the middle of a piece to the middle of the next
+        angles = np.unwrap(np.arctan2(pieces[:, 1], pieces[:, 0]))
+        turn = np.interp(along, starts[:-1] + lengths / 2, angles)
+        return on, np.stack([-np.sin(turn), np.cos(turn)], axis=-1)

@@ -1,0 +1,162 @@
+"""Whatever of a part can be looked at, on one grid: what was felt, what a camera saw, what an instrument measured.
+
+    scan ------------> felt_view     heights, edges of each direction \
+    height map ------> heights_view  heights                           > View --strip(line)--> (LAYERS, ROWS, columns)
+    photograph ------> photo_view    brightness                       /
+
+    layer 0      heights over the land, mm (of a strip: character heights)
+    layer 1      brightness, 0 to 1
+    layers 2..5  edge enhancement, a layer a direction
+    layer 6      1 where anything is known
+
+What a view has not, and what it does not know, is 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.camera.photo import Photo
+from glyphs.errors import MarksError
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
+from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
+from recognition.views.text_line import MARGIN, ROWS, TextLine
+from whisker_array.estimation.profiled import estimate_relief
+from whisker_array.estimation.relief import Relief, relief_from_edges
+from whisker_array.scan.scan import Scan
+
+Layers = NDArray[np.float32]
+
+HEIGHTS, GREY, EDGES, KNOWN = 0, 1, 2, 6
+LAYERS = 7
+DIRECTIONS = (
+    TraceDirection.FORWARD_X,
+    TraceDirection.FORWARD_Y,
+    TraceDirection.BACK_X,
+    TraceDirection.BACK_Y,
+)
+"""Of the edge layers."""
+_MOST_EDGE = 8.0
+
+
+class ViewKind(StrEnum):
+    """Where a view comes from."""
+
+    FELT = "felt"
+    HEIGHTS = "heights"
+    PHOTO = "photo"
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Something to look at.
+
+    Attributes:
+        kind: where it comes from.
+        layers: (LAYERS, rows, columns) float32, read-only, finite.
+        pitch_mm: of the grid; of a photograph of unknown scale 1, and millimetres are pixels.
+        origin_mm: x, y of the first pixel.
+
+    Raises:
+        ValueError: another number of layers, values not finite, a pitch that is not positive.
+    """
+
+    kind: ViewKind
+    layers: Layers
+    pitch_mm: float
+    origin_mm: tuple[float, float] = (0.0, 0.0)
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        layers = np.asarray(self.layers, dtype=np.float32)
+        if layers.ndim != 3 or layers.shape[0] != LAYERS:
+            raise ValueError(f"a view has {LAYERS} layers of rows and columns, not {layers.shape}")
+        if not np.isfinite(layers).all():
+            raise ValueError("a view is finite; what is not known is 0, and 0 in the last layer")
+        if not (np.isfinite(self.pitch_mm) and self.pitch_mm > 0.0):
+            raise ValueError(f"pitch_mm is {self.pitch_mm}; it must be positive")
+        layers.flags.writeable = False
+        object.__setattr__(self, "layers", layers)
+
+    @property
+    def size_mm(self) -> tuple[float, float]:
+        """Width and height."""
+        rows, columns = self.layers.shape[1:]
+        return (columns - 1) * self.pitch_mm, (rows - 1) * self.pitch_mm
+
+    def strip(
+        self, line: TextLine, *, rows: float = ROWS, margin: float = MARGIN, zoom: float = 1.0
+    ) -> Layers:
+        """A line straightened, its characters of one size.
+
+        Args:
+            line: where it lies.
+            rows: shown, of which the line's middle is the middle.
+            margin: of land before and after it, character heights.
+            zoom: pixels for one of a usual strip.
+
+        Returns:
+            (LAYERS, rows * zoom, columns), heights in character heights.
+        """
+        from glyphs.opencv import cv2
+
+        rows, columns = round(rows * zoom), round(line.columns(margin=margin) * zoom)
+        u, v = ((np.arange(n, dtype=np.float64) + 0.5) / zoom - 0.5 for n in (columns, rows))
+        places = line.grid_mm(u, v, margin=margin, of_rows=rows / zoom)
+        x, y = (((places[..., k] - self.origin_mm[k]) / self.pitch_mm).astype(np.float32) for k in (0, 1))
+        strip = np.zeros((LAYERS, rows, columns), dtype=np.float32)
+        quarters = round(line.turned_deg / 90.0)
+        for layer in np.flatnonzero(self.layers.any(axis=(1, 2))):
+            shown = cv2.remap(self.layers[layer], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+            # forward along a line that runs down is the plate's forward y
+            strip[EDGES + (layer - EDGES - quarters) % 4 if EDGES <= layer < KNOWN else layer] = shown
+        known = strip[KNOWN] > 0.999  # what lies next to the unknown is made of it
+        strip *= known
+        strip[HEIGHTS] /= line.height_mm
+        return strip
+
+
+def felt_view(edges: EdgeMap, relief: Relief | None) -> View:
+    """What was felt of a part; without its heights where friction or whisker tell none."""
+    layers = np.zeros((LAYERS, *edges.shape), dtype=np.float32)
+    for direction, layer in zip(edges.directions, edges.enhancement, strict=True):
+        layers[EDGES + DIRECTIONS.index(direction)] = np.clip(layer, -_MOST_EDGE, _MOST_EDGE)
+    known = edges.valid
+    if relief is not None:
+        known = known & np.isfinite(relief.height_mm)
+        layers[HEIGHTS] = np.nan_to_num(relief.height_mm)
+    layers *= known
+    layers[KNOWN] = known
+    return View(ViewKind.FELT, layers, edges.pitch_mm, edges.origin_mm)
+
+
+def relief_of(scan: Scan, edges: EdgeMap) -> Relief | None:
+    """The surface as felt; None where friction or whisker tell no heights."""
+    try:
+        if scan.others or any(s.plan.pushed for s in scan.sweeps):
+            return estimate_relief(scan, edges)
+        return relief_from_edges(edges, scan.touch)
+    except MarksError:
+        return None
+
+
+def heights_view(surface: HeightMap) -> View:
+    """What an instrument measured."""
+    layers = np.zeros((LAYERS, *surface.shape), dtype=np.float32)
+    layers[KNOWN] = np.isfinite(surface.z_mm)
+    layers[HEIGHTS] = np.nan_to_num(surface.z_mm)
+    return View(ViewKind.HEIGHTS, layers, surface.pitch_mm)
+
+
+def photo_view(photo: Photo) -> View:
+    """What a camera saw, in grey, in the photo frame."""
+    layers = np.zeros((LAYERS, *photo.shape), dtype=np.float32)
+    layers[GREY] = photo.grey()
+    layers[KNOWN] = 1.0
+    return View(ViewKind.PHOTO, layers, photo_pitch_mm(photo), photo_origin_mm(photo))

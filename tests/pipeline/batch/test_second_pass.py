@@ -1,0 +1,318 @@
+"""A lot teaches itself: what the second pass reads, what it changes, and how a run goes on that broke off in it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.batch.journal import RunJournal
+from pipeline.batch.options import RunOptions
+from pipeline.batch.row_files import read_rows
+from pipeline.batch.run import Run
+from pipeline.batch.second_pass import SecondPass, learns
+from pipeline.batch.setup import opened
+from pipeline.batch.task import ReadPart, RunOrder
+from pipeline.common.records import ReadingRecord
+from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.files.listed import ListedPart
+from pipeline.reading.enrolment import EnrolReport, ReviewedPart
+from pipeline.workers.executors import Outcome
+from recognition.learning.exemplars import ExemplarError
+
+ORDER = RunOrder(ReadSettings(format=("A9",)))
+PARTS = [ListedPart(f"p{k:02d}", height_map=f"/lot/p{k:02d}.npz") for k in range(14)]
+TEXTS = {part.name: f"{'ABC'[k % 3]}{k % 2}" for k, part in enumerate(PARTS)}
+UNSURE = {"p03", "p05", "p08", "p11"}
+
+
+def record(
+    name: str, text: str, decision: str = "accept", confidence: float = 0.95, **more: Any
+) -> ReadingRecord:
+    return ReadingRecord("tactile", text, decision, confidence, part=name, **more)
+
+
+def first_reading(name: str) -> ReadingRecord:
+    return record(name, TEXTS[name], "review", 0.5) if name in UNSURE else record(name, TEXTS[name])
+
+
+SECOND = {
+    "p03": record("p03", "C9", font="lot-die"),  # accepted: taken, whatever it says
+    "p05": record("p05", TEXTS["p05"], "review", 0.8, font="lot-die"),  # surer of the same
+    "p08": record("p08", "C9", "review", 0.85, font="lot-die"),  # another text, not accepted
+    "p11": ReadingRecord.failed("p11", "p11.npz: its worker is lost"),
+}
+CHANGED = {"p03": ("C9", "accept"), "p05": (TEXTS["p05"], "review")}
+
+
+class FakeExecutor:
+    """Reads nothing; answers by the fonts of the order, and breaks off after some."""
+
+    workers = 2
+
+    def __init__(self, *, breaks_after: int = 99) -> None:
+        self.breaks_after, self.read = breaks_after, list[tuple[str, tuple[str, ...]]]()
+
+    def calls(
+        self, function: Callable[[Any, Any], Any], order: RunOrder, tasks: Iterable[ListedPart]
+    ) -> Iterator[Outcome[Any, Any]]:
+        for part in tasks:
+            if len(self.read) == self.breaks_after:
+                raise KeyboardInterrupt
+            self.read.append((part.name, order.settings.font))
+            answer = SECOND[part.name] if order.settings.font else first_reading(part.name)
+            yield Outcome(part, ReadPart(part, answer))
+
+    @property
+    def again(self) -> list[str]:
+        return [name for name, font in self.read if font]
+
+
+REPORT = EnrolReport("lot-die", (("p00", "A0"),), (), (), (), 20, "AB", "Z", False, "gothic", 0.8)
+
+
+@pytest.fixture
+def enrolled(monkeypatch: pytest.MonkeyPatch) -> list[list[ReviewedPart]]:
+    """The parts of each enrolment."""
+    calls: list[list[ReviewedPart]] = []
+
+    def enrol(parts: Sequence[ReviewedPart], database: Path, *, vouching: bool, **_: Any) -> EnrolReport:
+        assert not vouching
+        calls.append(list(parts))
+        database.write_bytes(b"shapes")
+        return REPORT
+
+    monkeypatch.setattr("pipeline.reading.enrolment.enrol", enrol)
+    return calls
+
+
+def run_of(book: RunJournal, **more: Any) -> Run:
+    return Run(book, second=SecondPass(book.path.with_suffix(".die.glyphs"), say=lambda _: None, **more))
+
+
+def rows_of(path: Path) -> dict[str, tuple[str, str]]:
+    return {row.part: (row.text, row.decision) for row in read_rows(path)}
+
+
+EXPECTED = {
+    part.name: CHANGED.get(part.name, (TEXTS[part.name], first_reading(part.name).decision)) for part in PARTS
+}
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".parquet"])
+def test_what_was_not_accepted_is_read_again_and_the_better_counts(
+    suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
+) -> None:
+    path, executor = tmp_path / f"rows{suffix}", FakeExecutor()
+    with RunJournal.open(path, {}) as book:
+        run = run_of(book)
+        run.work(PARTS, ORDER, executor)
+    assert executor.again == sorted(UNSURE)
+    assert executor.read[-1][1] == ("lot-die",)
+    assert rows_of(path) == EXPECTED
+    assert [*rows_of(path)] == [part.name for part in PARTS]
+    assert {p.name for p in enrolled[0]} == {p.name for p in PARTS} - UNSURE
+    # the counts are of the rows in the table
+    assert (run.summary.decisions["accept"], run.summary.decisions["review"]) == (11, 3)
+    assert (run.read_now, run.second.again if run.second else 0) == (14, 4)
+    # and nothing stays beside the table but what was learned
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([path.name, "rows.die.glyphs"])
+
+
+def test_the_order_of_the_parts_makes_no_difference(
+    tmp_path: Path, enrolled: list[list[ReviewedPart]]
+) -> None:
+    for k, parts in enumerate((PARTS, PARTS[::-1], PARTS[5:] + PARTS[:5])):
+        with RunJournal.open(tmp_path / f"{k}.csv", {}) as book:
+            run_of(book).work(parts, ORDER, FakeExecutor())
+        assert rows_of(tmp_path / f"{k}.csv") == EXPECTED
+    assert enrolled[0] == enrolled[1] == enrolled[2]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_run_broken_off_in_the_second_pass_goes_on_there(
+    suffix: str, tmp_path: Path, enrolled: list[list[ReviewedPart]]
+) -> None:
+    path = tmp_path / f"rows{suffix}"
+    executors = [FakeExecutor(breaks_after=9), FakeExecutor(breaks_after=7), FakeExecutor(breaks_after=1)]
+    for executor in executors:
+        with RunJournal.open(path, {}) as book, pytest.raises(KeyboardInterrupt):
+            run_of(book).work(PARTS, ORDER, executor)
+    with RunJournal.open(path, {}) as book:
+        last = FakeExecutor()
+        run = run_of(book)
+        run.work(PARTS, ORDER, last)
+    # each part once in either pass
+    assert [len(e.read) for e in executors] == [9, 7, 1]
+    assert [e.again for e in (*executors, last)] == [[], ["p03", "p05"], ["p08"], ["p11"]]
+    assert len(last.read) == 1
+    assert rows_of(path) == EXPECTED
+    assert run.summary.parts == 14
+    # taught by the same parts each time, not by what the second pass accepted
+    assert enrolled[0] == enrolled[1] == enrolled[2]
+
+
+def test_a_run_that_breaks_off_as_it_ends_is_ended(
+    tmp_path: Path, enrolled: list[list[ReviewedPart]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "rows.csv"
+    with RunJournal.open(path, {}) as book, monkeypatch.context() as patched:
+        patched.setattr("pipeline.batch.second_readings.SecondReadings.remove", _broken)
+        with pytest.raises(KeyboardInterrupt):
+            run_of(book).work(PARTS, ORDER, FakeExecutor())
+    with RunJournal.open(path, {}) as book:
+        executor = FakeExecutor()
+        run_of(book).work(PARTS, ORDER, executor)
+    assert executor.read == []
+    assert rows_of(path) == EXPECTED
+    assert not list(tmp_path.glob("*.jsonl"))
+
+
+def _broken(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("report", "words"),
+    [
+        (replace(REPORT, agreement=0.5), "do not look like one die's (only 50% of their characters agree)"),
+        (replace(REPORT, exemplars=0), "too few of its parts were read surely"),
+        (ExemplarError("no character has 3 exemplars that agree"), "no character has 3 exemplars"),
+    ],
+)
+def test_a_lot_that_teaches_nothing_keeps_its_first_readings(
+    report: EnrolReport | Exception, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def enrol(parts: Sequence[ReviewedPart], database: Path, **_: Any) -> EnrolReport:
+        database.write_bytes(b"shapes")
+        if isinstance(report, Exception):
+            database.unlink()
+            raise report
+        return report
+
+    monkeypatch.setattr("pipeline.reading.enrolment.enrol", enrol)
+    said: list[str] = []
+    executor = FakeExecutor()
+    with RunJournal.open(tmp_path / "rows.csv", {}) as book:
+        run = run_of(book)
+        assert run.second is not None
+        run.second.say = said.append
+        run.work(PARTS, ORDER, executor)
+    assert executor.again == []
+    assert rows_of(tmp_path / "rows.csv") == {
+        name: (TEXTS[name], first_reading(name).decision) for name in TEXTS
+    }
+    assert words in said[0]
+    assert [p.name for p in tmp_path.iterdir()] == ["rows.csv"]
+
+
+def test_parts_with_a_font_of_their_own_or_without_touch_neither_teach_nor_learn(
+    tmp_path: Path, enrolled: list[list[ReviewedPart]]
+) -> None:
+    parts = [*PARTS]
+    parts[0] = replace(parts[0], font="gothic")
+    parts[1] = replace(parts[1], height_map="", photo="/lot/p01.png")
+    parts[2] = replace(parts[2], height_map="", scan="s3://lot/p02.h5")  # far away: may learn, cannot teach
+    parts[3] = replace(parts[3], font="gothic")  # unsure
+    executor = FakeExecutor()
+    with RunJournal.open(tmp_path / "rows.csv", {}) as book:
+        run_of(book).work(parts, ORDER, executor)
+    assert executor.again == sorted(UNSURE - {"p03"})
+    assert {p.name for p in enrolled[0]}.isdisjoint({"p00", "p01", "p02", "p03"})
+
+
+def test_where_all_are_accepted_shapes_are_learned_only_if_asked_for(
+    tmp_path: Path, enrolled: list[list[ReviewedPart]]
+) -> None:
+    sure = [part for part in PARTS if part.name not in UNSURE]
+    for always, calls in ((False, 0), (True, 1)):
+        with RunJournal.open(tmp_path / "rows.csv", {}) as book:
+            run_of(book, always=always).work(sure, ORDER, FakeExecutor())
+        assert len(enrolled) == calls
+
+
+# ---------------------------------------------------------------------------------------------------- when it happens
+
+
+@pytest.mark.parametrize(
+    ("options", "settings", "parts", "answer"),
+    [
+        ({}, {}, PARTS, True),
+        ({}, {}, PARTS[:11], False),
+        ({"learn_die": True}, {}, PARTS[:3], True),
+        ({"learn_die": False}, {}, PARTS, False),
+        ({}, {"font": ("gothic",)}, PARTS, False),
+        ({}, {"database": Path("press.glyphs")}, PARTS, False),
+        ({}, {"mode": "vision"}, PARTS, False),
+        ({}, {"experts": ("own", "print")}, PARTS, False),
+        ({}, {"experts": ("own", "templates")}, PARTS, True),
+        ({"out": "sqlite:///parts.db"}, {}, PARTS, False),
+        ({}, {}, [replace(part, height_map="", photo="a.png") for part in PARTS], False),
+        ({}, {}, [replace(part, font="gothic") for part in PARTS], False),
+    ],
+)
+def test_a_felt_lot_of_an_unknown_die_teaches_itself_unless_it_is_small(
+    options: dict[str, Any], settings: dict[str, Any], parts: Sequence[ListedPart], answer: bool
+) -> None:
+    assert learns(RunOptions(**options), ReadSettings(**settings), parts) is answer
+
+
+@pytest.mark.parametrize(
+    ("out", "settings", "words"),
+    [
+        (None, {"font": ("gothic",)}, "whose font nobody knows"),
+        (None, {"mode": "vision"}, "learns by touch"),
+        (None, {"experts": ("own",)}, "asks the expert templates"),
+        ("sqlite:///parts.db", {}, "goes with a table"),
+    ],
+)
+def test_asked_for_where_it_cannot_be_it_says_why(
+    out: str | None, settings: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(SettingsError, match=words):
+        learns(RunOptions(out=out, learn_die=True), ReadSettings(**settings), PARTS)
+
+
+def test_what_an_earlier_run_learned_is_moved_as_its_table_is(tmp_path: Path) -> None:
+    database = tmp_path / "rows.die.glyphs"
+    database.write_bytes(b"of the lot before")
+    options = RunOptions(out=str(tmp_path / "rows.csv"))
+    with opened(options, {}, learns=True) as run:
+        assert run.second is not None
+        assert run.second.database == database
+        assert not database.exists()
+        assert (tmp_path / "rows.die.glyphs~").read_bytes() == b"of the lot before"
+        assert run.book is not None
+        run.book.add(first_reading("p00"))
+        database.write_bytes(b"of this lot")
+    with opened(options, {}, learns=True):
+        assert database.read_bytes() == b"of this lot"
+
+
+def test_without_a_table_a_lot_teaches_itself_all_the_same(enrolled: list[list[ReviewedPart]]) -> None:
+    told: dict[str, str] = {}
+    with opened(RunOptions(), {}, learns=True) as run:
+        run.on_any_row = lambda row: told.update({row.part: row.text})
+        assert run.second is not None
+        run.second.say = lambda _: None
+        run.work(PARTS, ORDER, FakeExecutor())
+        assert run.second.database.exists()
+    assert told == {name: text for name, (text, _) in EXPECTED.items()}
+    assert not run.second.database.exists()
+
+
+def test_csv_rows_of_a_second_reading_are_whole(tmp_path: Path, enrolled: list[list[ReviewedPart]]) -> None:
+    with RunJournal.open(tmp_path / "rows.csv", {}) as book:
+        run_of(book).work(PARTS, ORDER, FakeExecutor())
+    with (tmp_path / "rows.csv").open(newline="") as stream:
+        fonts = {row["part"]: row["font"] for row in csv.DictReader(stream)}
+    assert {name for name, font in fonts.items() if font} == set(CHANGED)
+    with RunJournal.open(tmp_path / "rows.jsonl", {}) as book:
+        run_of(book).work(PARTS, ORDER, FakeExecutor())
+    lines = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text().splitlines()]
+    assert {line["part"] for line in lines if line["font"]} == set(CHANGED)

@@ -1,0 +1,68 @@
+"""Lines of whole views: the format picks the one that is meant, and what lies upside down is read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from glyphs import stamp
+from glyphs.stamping.layouts import Layout
+from glyphs.surface.maps import HeightMap
+from recognition.belief.line_reader import LineReader
+from recognition.belief.part_lines import LineFormat
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+from recognition.language.remainders import ALPHANUMERIC
+from recognition.views.levelling import level
+from recognition.views.view import heights_view
+
+PART = level(
+    stamp(
+        "KXB4071", font="gothic", height_mm=5.0, pitch_mm=5.0 / 60, seed=1,
+        layout=Layout(other_text="2938174", gap=0.8),
+    ).height_map
+)  # fmt: skip
+
+
+def text_of(belief: Lattice) -> str:
+    return "".join(belief.chars[k] for k in belief.log_belief.argmax(axis=1))
+
+
+@pytest.mark.parametrize(
+    ("format", "meant", "other"), [("AAA9999", "KXB4071", "2938174"), ("9999999", "2938174", "KXB4071")]
+)
+def test_the_format_picks_the_line_and_the_other_is_reported(format: str, meant: str, other: str) -> None:
+    part = LineReader(Grammar(format=format), ALPHANUMERIC).read(heights_view(PART))
+    assert part.main is not None
+    assert text_of(part.main.belief.lattice) == meant
+    assert [text_of(one.belief.openly[0]) for one in part.others] == [other]
+
+
+UPPER, LOWER = (0.0, 0.0, 1.0, 0.5), (0.0, 0.5, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("asked", "region", "named"),
+    [
+        ("9999999", None, "2938174"),
+        ("9999999", LOWER, "2938174"),
+        ("9999999", UPPER, ""),
+        ("999", None, ""),  # of another line's seven no three are taken for it
+        ("AAAAAAA", None, ""),
+    ],
+)
+def test_another_line_is_named_where_it_reads_and_stands_as_asked(
+    asked: str, region: tuple[float, float, float, float] | None, named: str
+) -> None:
+    lines = {"lot": LineFormat(Grammar(format=asked), region)}
+    part = LineReader(Grammar(format="AAA9999"), ALPHANUMERIC, lines=lines).read(heights_view(PART))
+    assert [text_of(one.belief.lattice) for one in part.named.values()] == ([named] if named else [])
+    assert [text_of(one.belief.openly[0]) for one in part.others] == ([] if named else ["2938174"])
+
+
+def test_what_lies_upside_down_is_read() -> None:
+    over = HeightMap(np.rot90(stamp("KXB4071", font="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
+    part = LineReader(Grammar(format="AAA9999"), ALPHANUMERIC).read(heights_view(level(over)))
+    assert part.main is not None
+    assert text_of(part.main.belief.lattice) == "KXB4071"
+    assert abs(part.main.line.turned_deg) == pytest.approx(180.0, abs=5.0)

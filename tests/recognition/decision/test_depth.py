@@ -1,0 +1,285 @@
+"""Depth of marks: against the stamped height map, on reliefs that touch felt and on reliefs made up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from glyphs.fonts.glyph import Font
+from glyphs.stamping.die import Face, default_die
+from glyphs.stamping.stamp import StampedPart, StampingVariation, stamp_line
+from glyphs.surface.maps import HeightMap
+from recognition.decision.depth import mark_depths
+from recognition.decision.reading import MarkDepth
+from recognition.experts.templates.frames import LineImage
+from recognition.experts.templates.placed_line import PlacedLine
+from recognition.experts.templates.predicted import TemplateSet
+from recognition.experts.templates.refine import Cell
+from recognition.views.levelling import level
+from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.relief import Relief, Route, relief_from_edges
+from whisker_array.scan.scan import trace_scan
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import default_touch
+
+TEXT = "KR804217"
+FELT_BIAS = {
+    # of the depth: floors three samples wide are averaged with their walls, whose moment is not linear in the slope
+    Face.FLAT: (-0.01, 0.05),
+    Face.ROUND: (-0.02, 0.03),
+    # the ball stops 0.41 of its radius above a V, and the raster averages over a sample: never too deep
+    Face.SHARP: (-0.22, -0.04),
+}
+FELT_SD, LEAST_TO_MEAN = {Face.FLAT: 0.02, Face.ROUND: 0.02, Face.SHARP: 0.04}, 0.08
+"""Of the depth: its error between characters of one part, and how far the least of one depth falls below its mean.
+Of a V slanting lines are averaged over more of its width than straight ones."""
+SAMPLED_MM = 0.004
+"""What bilinear samples, 40 to the height, lose of a relief of 0.2 mm that is known exactly."""
+
+
+def stamped(
+    text: str = TEXT,
+    *,
+    font: Font,
+    height_mm: float = 5.0,
+    face: Face = Face.FLAT,
+    raised: bool = False,
+    burr_mm: float = 0.0,
+    depth_fraction: float = 0.12,
+) -> StampedPart:
+    """A part whose characters differ in depth and in nothing else, each of one depth all along."""
+    die = replace(default_die(height_mm, font=font, face=face), burr_height_mm=burr_mm)
+    return stamp_line(
+        text,
+        font,
+        die,
+        height_mm=height_mm,
+        pitch_mm=height_mm / 80,
+        variation=replace(StampingVariation.none(), depth_fraction=depth_fraction),
+        raised=raised,
+        rng=np.random.default_rng(7),
+    )
+
+
+def true_depth_mm(part: StampedPart, *, raised: bool = False) -> np.ndarray:
+    """Deepest of each character's box: its floor, or the bottom of its V."""
+    z, pitch = part.height_map.z_mm, part.height_map.pitch_mm
+    found = []
+    for x0, y0, x1, y1 in part.boxes_mm:
+        inside = z[int(y0 / pitch) : int(y1 / pitch) + 2, int(x0 / pitch) : int(x1 / pitch) + 2]
+        found.append(inside.max() if raised else -inside.min())
+    return np.array(found)
+
+
+def line_of(
+    part: StampedPart,
+    font: Font,
+    *,
+    face: Face,
+    raised: bool = False,
+    off_mm: float = 0.0,
+    turn_deg: float = 0.0,
+) -> tuple[PlacedLine, list[Cell]]:
+    """The line as it would be read, every character in the middle of its box or beside it."""
+    image = LineImage(np.zeros((1, 3, 3), dtype=np.float32), 0.1, 0.1, (0.0, 0.0), 0.0, (0.0, 0.0))
+    chars = tuple(sorted(set(part.text)))
+    templates = TemplateSet(
+        font.name, chars, np.zeros((len(chars), 1, 3, 3), np.float32), np.full(len(chars), 0.3)
+    )
+    cells = [
+        Cell(
+            np.zeros(len(chars)),
+            0.5 * (x0 + x1) + off_mm,
+            0.5 * (y0 + y1) - off_mm,
+            turn_deg,
+            0.5 * (x1 - x0),
+        )
+        for x0, y0, x1, y1 in part.boxes_mm
+    ]
+    template = np.array([chars.index(c) for c in part.text])
+    u_mm, v_mm = (np.array([getattr(c, name) for c in cells]) for name in ("u_mm", "v_mm"))
+    return PlacedLine(font, face, raised, part.height_mm, image, templates, template, u_mm, v_mm), cells
+
+
+def depths_of(
+    relief: Relief, part: StampedPart, font: Font, *, face: Face = Face.FLAT, **options: float
+) -> tuple[MarkDepth | None, ...]:
+    line, cells = line_of(part, font, face=face, **options)  # type: ignore[arg-type]
+    return mark_depths(relief, line, cells, part.text)
+
+
+def known(depths: tuple[MarkDepth | None, ...]) -> np.ndarray:
+    """(n, 3) least, mean and greatest."""
+    return np.array([(d.min_mm, d.mean_mm, d.max_mm) for d in depths if d is not None])
+
+
+def felt(height_map: HeightMap, height_mm: float) -> Relief:
+    touch = default_touch(height_mm)
+    plan = default_plan((0.0, 0.0, *height_map.size_mm), character_height_mm=height_mm)
+    return relief_from_edges(edge_map(trace_scan(height_map, touch=touch, plan=plan)), touch)
+
+
+def exact(height_map: HeightMap, height_mm: float) -> Relief:
+    """The relief itself, 40 samples to the height, as an ideal touch would give it."""
+    pitch = height_mm / 40
+    rows, cols = (int(size / pitch) for size in height_map.size_mm[::-1])
+    y, x = np.mgrid[0:rows, 0:cols] * (pitch / height_map.pitch_mm)
+    z = ndimage.map_coordinates(height_map.z_mm, [y, x], order=1).astype(np.float32)
+    return Relief(z, None, None, pitch, (0.0, 0.0), 0.2, None, Route.FLOORS)
+
+
+@pytest.fixture(scope="module")
+def flat(gothic: Font) -> tuple[StampedPart, Relief]:
+    part = stamped(font=gothic)
+    return part, exact(part.height_map, 5.0)
+
+
+# ------------------------------------------------------------------------------------------------------- felt
+
+
+@pytest.mark.parametrize("height_mm", [3.2, 5.0, 12.7])
+@pytest.mark.parametrize("face", [Face.FLAT, Face.ROUND, Face.SHARP])
+def test_the_depth_felt_is_that_of_the_height_map(face: Face, height_mm: float, gothic: Font) -> None:
+    part = stamped("K804217", font=gothic, face=face, height_mm=height_mm)
+    found = known(depths_of(felt(part.height_map, height_mm), part, gothic, face=face))
+    truth = true_depth_mm(part)
+    error = (found - truth[:, None]) / truth[:, None]
+    low, high = FELT_BIAS[face]
+    assert low < error[:, 1].mean() < high
+    assert error[:, 1].std() < FELT_SD[face]
+    # all of a stroke is as deep here, so the least is not far from the mean
+    assert np.all(found[:, 0] <= found[:, 1])
+    assert np.abs(error[:, 0] - error[:, 1]).max() < LEAST_TO_MEAN
+
+
+def test_a_tilt_of_the_part_is_no_depth(gothic: Font) -> None:
+    part = stamped("K7B1", font=gothic)
+    rows, cols = part.height_map.shape
+    y, x = np.mgrid[0:rows, 0:cols] * part.height_map.pitch_mm
+    slope = np.tan(np.radians(0.5))
+    plane = slope * (x - x.mean()) - slope * (y - y.mean())
+    tilted = HeightMap(part.height_map.z_mm + plane, part.height_map.pitch_mm)
+    straight = known(depths_of(felt(level(part.height_map), 5.0), part, gothic))[:, :2]
+    # mounted level, as a height map is before it is felt; the plane is 44 micrometres over one character
+    mounted = known(depths_of(felt(level(tilted), 5.0), part, gothic))[:, :2]
+    np.testing.assert_allclose(mounted, straight, atol=0.003)
+    # felt as it lies: moments count against the land's, so depths grow as the lift of the land d0 + h_land does
+    lift = 1.0 + np.abs(plane).max() / default_touch(5.0).preload_mm
+    lying = known(depths_of(felt(tilted, 5.0), part, gothic))[:, :2]
+    assert np.all(np.abs(lying - straight) < (lift - 1.0) * straight + 0.003)
+
+
+def test_raised_marks_have_a_height(gothic: Font) -> None:
+    part = stamped("K7B1", font=gothic, raised=True)
+    found = known(depths_of(felt(part.height_map, 5.0), part, gothic, raised=True))
+    truth = true_depth_mm(part, raised=True)
+    np.testing.assert_allclose(found[:, 1], truth, rtol=0.06)
+
+
+# ---------------------------------------------------------------------------------------------------- made up
+
+
+@pytest.mark.parametrize(
+    ("off_mm", "turn_deg"), [(0.0, 0.0), (0.2, 0.0), (-0.2, 0.0), (0.1, 1.5), (0.0, -2.0)]
+)
+def test_a_character_read_a_little_beside_its_place(
+    off_mm: float, turn_deg: float, flat: tuple[StampedPart, Relief], gothic: Font
+) -> None:
+    part, relief = flat
+    found = known(depths_of(relief, part, gothic, off_mm=off_mm, turn_deg=turn_deg))
+    np.testing.assert_allclose(found[:, 1], true_depth_mm(part), atol=SAMPLED_MM)
+    np.testing.assert_allclose(found[:, 0], true_depth_mm(part), atol=2.0 * SAMPLED_MM)
+
+
+def test_a_burr_is_no_land(gothic: Font) -> None:
+    part = stamped("K7B1", font=gothic, burr_mm=0.04)
+    found = known(depths_of(exact(part.height_map, 5.0), part, gothic))
+    np.testing.assert_allclose(found[:, 1], true_depth_mm(part), atol=SAMPLED_MM)
+
+
+def shallower(part: StampedPart, which: int, *, floor_mm: float, below: float = 0.0) -> HeightMap:
+    """The part with one character struck less deep by the same die, or only its part below a share of its box."""
+    z, pitch = part.height_map.z_mm.copy(), part.height_map.pitch_mm
+    x0, y0, x1, y1 = part.boxes_mm[which]
+    y0 += below * (y1 - y0)
+    cell = (slice(int(y0 / pitch) - 1, int(y1 / pitch) + 3), slice(int(x0 / pitch) - 1, int(x1 / pitch) + 3))
+    lifted = z[cell] - z[cell].min() - floor_mm
+    z[cell] = np.minimum(lifted, 0.0)
+    return HeightMap(z, pitch)
+
+
+def test_one_shallow_character_among_deep_ones(gothic: Font) -> None:
+    part = stamped(font=gothic)
+    found = known(depths_of(felt(shallower(part, 2, floor_mm=0.05), 5.0), part, gothic))
+    assert found[2, 1] == pytest.approx(0.05, abs=0.008)
+    assert found[2, 0] == pytest.approx(0.05, abs=0.012)
+    assert np.delete(found, 2, axis=0)[:, 0].min() > 0.12
+
+
+def test_a_shallow_leg_counts(gothic: Font) -> None:
+    part = stamped("K74", font=gothic, depth_fraction=0.0)
+    relief = exact(shallower(part, 1, floor_mm=0.06, below=0.6), 5.0)
+    leg = known(depths_of(relief, part, gothic))[1]
+    full = float(true_depth_mm(part)[1])
+    assert leg[0] == pytest.approx(0.06, abs=2.0 * SAMPLED_MM)
+    assert leg[2] == pytest.approx(full, abs=SAMPLED_MM)
+    assert 0.06 < leg[1] < full
+
+
+def test_a_neighbour_does_not_count(flat: tuple[StampedPart, Relief], gothic: Font) -> None:
+    part, relief = flat
+    alone = replace(relief, height_mm=relief.height_mm.copy())
+    x0, _, x1, _ = part.boxes_mm[6]  # the 1, between 2 and 7
+    x = relief.pitch_mm * np.arange(relief.height_mm.shape[1])
+    alone.height_mm[:, (x < x0 - 0.1) | (x > x1 + 0.1)] = 0.0
+    both = known(depths_of(relief, part, gothic))[6], depths_of(alone, part, gothic)[6]
+    assert both[1] is not None
+    assert both[0][1] == pytest.approx(both[1].mean_mm, abs=1e-3)
+
+
+def test_bad_samples_do_not_decide(flat: tuple[StampedPart, Relief], gothic: Font) -> None:
+    part, relief = flat
+    z = relief.height_mm.copy()
+    bad = np.random.default_rng(3).random(z.shape) < 0.01
+    z[bad] = np.nan
+    holed = known(depths_of(replace(relief, height_mm=z), part, gothic))
+    np.testing.assert_allclose(holed, known(depths_of(relief, part, gothic)), atol=0.003)
+
+
+@pytest.mark.parametrize("kept", ["no strokes", "no land"])
+def test_what_was_not_felt_is_not_known(kept: str, flat: tuple[StampedPart, Relief], gothic: Font) -> None:
+    part, relief = flat
+    z = relief.height_mm.copy()
+    cols = z.shape[1] // 2
+    if kept == "no strokes":
+        z[:, :cols][z[:, :cols] < -0.02] = np.nan
+    else:
+        z[:, :cols][z[:, :cols] > -0.02] = np.nan
+    found = depths_of(replace(relief, height_mm=z), part, gothic)
+    assert found[0] is None
+    assert found[1] is None
+    assert found[-1] is not None
+
+
+@given(
+    offset=st.floats(-0.5, 0.5), gain=st.floats(0.2, 3.0), slope=st.floats(-0.02, 0.02), raised=st.booleans()
+)
+@settings(max_examples=15, deadline=None)
+def test_depth_is_linear_in_height_and_free_of_level_and_slope(
+    offset: float, gain: float, slope: float, raised: bool
+) -> None:
+    from glyphs.fonts.outlines import load_font
+
+    font = load_font("gothic")
+    part = stamped("K7", font=font)
+    plain = exact(part.height_map, 5.0)
+    x = np.arange(plain.height_mm.shape[1]) * plain.pitch_mm
+    z = (gain * plain.height_mm + offset + slope * x[None, :]) * (-1.0 if raised else 1.0)
+    found = known(depths_of(replace(plain, height_mm=z.astype(np.float32)), part, font, raised=raised))
+    # where the middle of a stroke is looked for the slope of the plate may choose another place of the same floor
+    np.testing.assert_allclose(found, gain * known(depths_of(plain, part, font)), atol=2e-3 * gain + 5e-4)

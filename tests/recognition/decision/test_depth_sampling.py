@@ -1,0 +1,104 @@
+"""Look-ups of depth against scipy's, and the plane of the land against least squares written out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from recognition.decision.depth_sampling import across, bilinear, deepest, mean_depths, robust_plane
+
+DOUBLE = 1e-9
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds)
+def test_look_ups_are_bilinear(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    depth = rng.normal(size=(9, 14))
+    row, col = rng.uniform(0, 7.9, 20), rng.uniform(0, 12.9, 20)
+    expected = ndimage.map_coordinates(depth, [row, col], order=1)
+    np.testing.assert_allclose(bilinear(depth, row, col), expected, atol=DOUBLE)
+
+
+def test_places_off_the_map_are_moved_onto_its_rim() -> None:
+    depth = np.arange(20.0).reshape(4, 5)
+    depth[1, 1] = np.nan
+    found = bilinear(depth, np.array([-3.0, 9.0, 0.5]), np.array([2.0, 9.0, 0.5]))
+    np.testing.assert_allclose(found, [2.0, 19.0, np.nan], atol=0.01)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seeds)
+def test_mean_depths_count_the_unfelt_as_land(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    depth = rng.normal(size=(20, 30))
+    depth[rng.random(depth.shape) < 0.05] = np.nan
+    poses, moves = rng.uniform(-4, 4, (3, 11, 2)), np.array([-1.5, 0.0, 1.5])
+    middle = np.array([9.0, 14.0])
+    found = mean_depths(depth, poses, middle, moves)
+    for p, i, j in np.ndindex(3, 3, 3):
+        at = poses[p] + middle + (moves[i], moves[j])
+        seen = ndimage.map_coordinates(depth, at.T, order=1)
+        assert found[p, i, j] == pytest.approx(np.nan_to_num(seen).mean(), abs=DOUBLE)
+
+
+@settings(max_examples=10, deadline=None)
+@given(seeds, st.integers(1, 12))
+def test_the_deepest_is_looked_for_over_neighbours(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, aside = rng.uniform(3, 16, (n, 2)), np.linspace(-1.0, 1.0, 7)
+    angle = rng.uniform(0, np.pi, n)
+    normals = np.column_stack([np.sin(angle), np.cos(angle)])
+    depth, plane = rng.normal(size=(20, 20)), np.array([0.1, 0.02, -0.03])
+    places = points + aside[:, None, None] * normals
+    expected = ndimage.map_coordinates(depth, places.reshape(-1, 2).T, order=1).reshape(7, n)
+    expected = expected - plane[0] - places @ plane[1:]
+    found = across(depth, points, normals, aside, plane)
+    np.testing.assert_allclose(found, expected, atol=DOUBLE)
+    smooth = np.stack([np.convolve(row, np.ones(min(5, n)), mode="same") for row in expected])
+    below = expected[np.argmax(smooth, axis=0), np.arange(n)]
+    np.testing.assert_allclose(deepest(found, 5), below, atol=DOUBLE)
+
+
+def weighted_least_squares(level: np.ndarray, row: np.ndarray, col: np.ndarray, rounds: int) -> np.ndarray:
+    design = np.column_stack([np.ones(level.size), row, col])
+    terms = np.array([np.median(level), 0.0, 0.0])
+    for _ in range(rounds):
+        residual = level - design @ terms
+        spread = 1.4826 * np.median(np.abs(residual))
+        weight = np.clip(1.0 - (residual / (3.0 * spread)) ** 2, 0.0, None) ** 2
+        root = np.sqrt(weight)
+        terms = np.linalg.lstsq(design * root[:, None], level * root, rcond=None)[0]
+    return terms
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds)
+def test_the_plane_is_that_of_weighted_least_squares(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    row, col = rng.uniform(-30, 30, 200), rng.uniform(-30, 30, 200)
+    level = 0.3 + 0.01 * row - 0.02 * col + rng.normal(0, 0.01, 200)
+    level[:20] += 1.0
+    terms, told = robust_plane(level, row, col, 3)
+    assert told
+    np.testing.assert_allclose(terms, weighted_least_squares(level, row, col, 3), atol=DOUBLE)
+    # a tenth of the samples lies off by a hundred times the noise, and moves nothing
+    np.testing.assert_allclose(terms, (0.3, 0.01, -0.02), atol=0.005)
+
+
+def test_land_in_a_line_tells_no_plane() -> None:
+    col = np.linspace(-10, 10, 50)
+    level = 0.1 * col + np.random.default_rng(1).normal(0, 0.01, 50)
+    assert not robust_plane(level, np.zeros(50), col, 3)[1]
+    assert not robust_plane(level, 2.0 * col, col, 3)[1]
+
+
+def test_an_even_land_is_its_level() -> None:
+    terms, told = robust_plane(np.full(40, 0.7), np.arange(40.0), np.zeros(40), 3)
+    assert told
+    assert terms == pytest.approx((0.7, 0.0, 0.0))

@@ -1,0 +1,324 @@
+"""Both senses as one: against Bayes by hand, and what must never happen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from recognition.belief.fuse_lattices import (
+    VISION_ALONE,
+    Reliability,
+    aligned,
+    contradictions,
+    fuse_lattices,
+    tempered,
+)
+from recognition.decision.decide import DOUBTS, decided
+from recognition.decision.fuse import fuse
+from recognition.decision.reading import Decision, OtherLine, Reading, ReadingFlag
+from recognition.decision.reading_of_line import characters_of, doubts_of_lines
+from recognition.language.box import Box
+from recognition.language.constrained_decoding import choose
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+from recognition.senses.settings import ReaderSettings
+
+CHARS = tuple("ABC12")
+PLAIN = Reliability()
+EXACT = 1e-9
+"""Relative: a handful of products in another order."""
+SETTINGS = ReaderSettings(format="AA9999")
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+
+
+def boxes(n: int, *, first: float = 0.0, step: float = 4.0) -> tuple[Box, ...]:
+    return tuple(Box(first + step * k, 0.0, first + step * k + 3.0, 5.0) for k in range(n))
+
+
+def lattice(
+    belief: NDArray[np.float64], where: tuple[Box, ...] = (), chars: tuple[str, ...] = CHARS
+) -> Lattice:
+    with np.errstate(divide="ignore"):
+        return Lattice(chars, np.log(belief), where)
+
+
+def of_text(text: str, sure: float | list[float], *, rival: str = "", where: tuple[Box, ...] = ()) -> Lattice:
+    """Beliefs in a text; what is left goes to the rival's characters, or to all alike."""
+    shares = [sure] * len(text) if isinstance(sure, float) else sure
+    out = np.zeros((len(text), len(LETTERS)))
+    for k, (char, share) in enumerate(zip(text, shares, strict=True)):
+        left = 1.0 - share
+        if rival and rival[k] != char:
+            out[k, LETTERS.index(rival[k])] += 0.9 * left
+            left *= 0.1
+        out[k] += left / len(LETTERS)
+        out[k, LETTERS.index(char)] += share
+    return lattice(out, where, tuple(LETTERS))
+
+
+def as_reading(
+    beliefs: Lattice,
+    settings: ReaderSettings,
+    *,
+    grammar: Grammar | None = None,
+    flags: ReadingFlag = ReadingFlag.NONE,
+    source: str = "vision",
+) -> Reading:
+    """The reading that these beliefs make."""
+    placed = beliefs if beliefs.boxes else replace(beliefs, boxes=boxes(beliefs.n_places))
+    choice = choose(placed, grammar)
+    characters = characters_of(choice, placed)
+    return decided(
+        characters, choice.probability, settings, flags=flags, choice=choice, grammar=grammar, source=source
+    ).traced(lattice=placed)
+
+
+def touch(beliefs: Lattice | None, flags: ReadingFlag = ReadingFlag.NONE) -> Reading:
+    if beliefs is None:
+        return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS)
+    return as_reading(beliefs, SETTINGS, flags=flags, source="tactile")
+
+
+def vision(beliefs: Lattice | None) -> Reading:
+    if beliefs is None:
+        return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS, source="vision")
+    return as_reading(beliefs, SETTINGS)
+
+
+@st.composite
+def lattices(draw: st.DrawFn, places: int = 3) -> Lattice:
+    rows = draw(
+        st.lists(
+            st.lists(st.floats(0.01, 1.0), min_size=len(CHARS) + 1, max_size=len(CHARS) + 1),
+            min_size=places,
+            max_size=places,
+        )
+    )
+    belief = np.array(rows)
+    return lattice((belief / belief.sum(axis=1, keepdims=True))[:, :-1])
+
+
+@settings(deadline=None, max_examples=60)
+@given(lattices(), lattices())
+def test_bayes_by_hand(one: Lattice, other: Lattice) -> None:
+    """A sense looked with the probability r, and is a uniform guess otherwise."""
+    both = np.exp(fuse_lattices(one, other, reliability=PLAIN).log_belief)
+    for k in range(3):
+        a, b = np.exp(one.log_belief[k]), np.exp(other.log_belief[k])
+        p = (a + (1 - a.sum()) / a.size) * (b + (1 - b.sum()) / b.size)
+        read = 1.0 - (1.0 - a.sum()) * (1.0 - b.sum())
+        np.testing.assert_allclose(both[k], read * p / p.sum(), rtol=EXACT)
+
+
+@settings(deadline=None, max_examples=60)
+@given(lattices(), lattices())
+def test_plain_fusion_knows_no_order(one: Lattice, other: Lattice) -> None:
+    a = fuse_lattices(one, other, reliability=PLAIN).log_belief
+    np.testing.assert_allclose(a, fuse_lattices(other, one, reliability=PLAIN).log_belief, rtol=EXACT)
+
+
+@settings(deadline=None, max_examples=60)
+@given(lattices(), lattices())
+def test_beliefs_stay_beliefs_and_touch_stands_unless_overruled_for_sure(
+    one: Lattice, other: Lattice
+) -> None:
+    both = np.exp(fuse_lattices(one, other).log_belief)
+    assert (both.sum(axis=1) <= 1.0 + EXACT).all()
+    for k in range(3):
+        # of characters that touch believes in alike, sight may choose
+        best = one.log_belief[k] >= one.log_belief[k].max() - EXACT
+        share = both[k] / both[k].sum()
+        assert (
+            share[best].max() >= share.max() * (1.0 - EXACT) or share.max() >= VISION_ALONE.convincing - EXACT
+        )
+
+
+@settings(deadline=None, max_examples=40)
+@given(lattices())
+def test_a_sense_that_read_nothing_says_nothing(one: Lattice) -> None:
+    blank = lattice(np.full((3, len(CHARS)), 1e-12))
+    uniform = lattice(np.full((3, len(CHARS)), 1.0 / len(CHARS)))
+    share = np.exp(one.log_belief - np.logaddexp.reduce(one.log_belief, axis=1)[:, None])
+    for other in (blank, lattice(np.full((4, len(CHARS)), 0.2))):
+        np.testing.assert_allclose(fuse_lattices(one, other).log_belief.argmax(1), share.argmax(1))
+    # what is believed of the characters does not change, nor that nothing stands there
+    looked = one.log_belief.copy()
+    total = np.exp(np.logaddexp.reduce(looked, axis=1))
+    spread = np.exp(looked) + ((1.0 - total) / len(CHARS))[:, None]
+    np.testing.assert_allclose(
+        np.exp(fuse_lattices(one, blank).log_belief), total[:, None] * spread, rtol=1e-6
+    )
+    np.testing.assert_allclose(np.exp(fuse_lattices(one, uniform).log_belief).argmax(1), share.argmax(1))
+
+
+def test_the_rate_of_errors_is_learned_from_the_other_places() -> None:
+    """The same belief of sight at the last place counts for more where sight was right before."""
+    touch = of_text("AB123", [0.99, 0.99, 0.99, 0.99, 0.4], rival="AB128")
+    right = of_text("AB128", 0.99)
+    wrong = of_text("ZX908", 0.99)
+    at = LETTERS.index("8")
+    with_right = np.exp(fuse_lattices(touch, right).log_belief[4, at])
+    with_wrong = np.exp(fuse_lattices(touch, wrong).log_belief[4, at])
+    odds_right, odds_wrong = (p / (1.0 - p) for p in (with_right, with_wrong))
+    # four places right or wrong: rates of 2 % or 90 % are then the likely ones
+    assert odds_right > 4.0 * odds_wrong
+
+
+def test_places_are_aligned_by_boxes() -> None:
+    touch = of_text("AB1234", 0.9, where=boxes(6))
+    # the camera has lost the first and sees a bolt behind the last
+    vision = of_text("B12347", 0.9, where=boxes(6, first=4.3))
+    assert aligned(touch, vision) == [None, 0, 1, 2, 3, 4]
+    assert choose(fuse_lattices(touch, vision), Grammar(format="AA9999")).text == "AB1234"
+    assert aligned(touch, of_text("B1", 0.9, where=boxes(2, first=4.3))) == [None, 0, 1, None, None, None]
+    assert aligned(touch, of_text("B1", 0.9)) == [None] * 6
+    assert aligned(touch, of_text("AB1234", 0.9)) == list(range(6))
+    with pytest.raises(ValueError, match="2 boxes for 6 places"):
+        fuse_lattices(touch, vision, vision_boxes=boxes(2))
+
+
+def test_what_the_format_kept_from_vision_is_not_held_against_touch() -> None:
+    touch = lattice(np.array([[0.6, 0.1, 0.1, 0.1, 0.1]]))
+    figures = lattice(np.array([[0.0, 0.0, 0.0, 0.9, 0.1]]))
+    both = fuse_lattices(touch, figures, reliability=PLAIN)
+    odds = np.exp(both.log_belief[0, 0] - both.log_belief[0, 3])
+    # 0.9 of two figures is 1.8 times what it would be unseen
+    np.testing.assert_allclose(odds, 0.6 / (0.1 * 1.8), rtol=EXACT)
+
+
+def test_tempered_beliefs_are_less_sure() -> None:
+    one = of_text("AB1234", 0.99)
+    less = tempered(one, VISION_ALONE)
+    np.testing.assert_array_equal(less.log_belief.argmax(1), one.log_belief.argmax(1))
+    assert (less.log_belief.max(1) < one.log_belief.max(1)).all()
+
+
+def test_reliability_is_checked() -> None:
+    for wrong in ({"power": -1.0}, {"rates": ()}, {"rates": (1.2,)}, {"convincing": 2.0}):
+        with pytest.raises(ValueError, match="out of range"):
+            Reliability(**wrong)  # type: ignore[arg-type]
+
+
+def test_both_doubtful_of_the_same_are_sure_together() -> None:
+    doubtful = touch(of_text("AB1234", [0.99, 0.99, 0.8, 0.99, 0.99, 0.99], rival="AB7234"))
+    read = fuse(doubtful, vision(of_text("AB1234", 0.97)), SETTINGS)
+    assert doubtful.decision is Decision.REVIEW
+    assert (read.text, read.decision, read.source) == ("AB1234", Decision.ACCEPT, "fused")
+    assert read.confidence > 0.9
+
+
+def test_senses_sure_of_different_characters_are_never_accepted() -> None:
+    one, other = of_text("AB1234", 0.9999), of_text("AB1284", 0.999)
+    assert contradictions(one, other) == ((4, "3", "8"),)
+    read = fuse(touch(one), vision(other), SETTINGS)
+    assert ReadingFlag.SENSES_DISAGREE in read.flags
+    assert read.decision is Decision.REVIEW
+    assert read.notes == ("place 5: touch has 3, the camera 8",)
+    # a camera that reads something else altogether is not sure of anything
+    lost = fuse(touch(one), vision(of_text("XY9876", 0.999)), SETTINGS)
+    assert (lost.text, lost.decision) == ("AB1234", Decision.ACCEPT)
+
+
+def test_one_sense_alone() -> None:
+    by_touch = fuse(touch(of_text("AB1234", 0.999)), vision(None), SETTINGS)
+    assert (by_touch.text, by_touch.decision, by_touch.source) == ("AB1234", Decision.ACCEPT, "fused")
+    by_vision = fuse(touch(None), vision(of_text("AB1234", 0.999)), SETTINGS)
+    assert (by_vision.text, by_vision.source) == ("AB1234", "fused")
+    # 2 % at each of six places is wrong whatever the camera believes
+    assert by_vision.confidence < 0.98**6 + EXACT
+    by_none = fuse(touch(None), vision(None), SETTINGS)
+    assert (by_none.text, by_none.decision) == ("", Decision.REJECT)
+
+
+@pytest.mark.parametrize("text", ["AB1234", None])
+def test_the_time_of_both_senses_is_kept(text: str | None) -> None:
+    one = replace(touch(of_text(text, 0.999) if text else None), seconds=MappingProxyType({"read": 2.0}))
+    other = replace(vision(of_text("AB1234", 0.999)), seconds=MappingProxyType({"read": 3.0}))
+    assert fuse(one, other, SETTINGS).seconds == {"read": 2.0, "vision read": 3.0}
+
+
+def test_doubts_of_touch_that_vision_cannot_lift_stay() -> None:
+    doubtful = touch(of_text("AB1234", 0.9999), ReadingFlag.UNREAD_MARKS)
+    read = fuse(doubtful, vision(of_text("AB1234", 0.999)), SETTINGS)
+    assert read.decision is Decision.REVIEW
+    assert ReadingFlag.UNREAD_MARKS in read.flags
+
+
+LINES = ReaderSettings(format="AA9999", lines={"lot": "AAA99"})
+
+
+def lines_of(reading: Reading, *others: OtherLine) -> Reading:
+    """The reading with other lines, doubted as a sense by itself doubts them."""
+    flags, notes = doubts_of_lines(others, LINES.asked, LINES)
+    decision = Decision.REVIEW if flags & DOUBTS else reading.decision
+    return replace(reading, others=others, flags=reading.flags | flags, notes=notes, decision=decision)
+
+
+def test_the_camera_finds_a_line_that_touch_has_missed() -> None:
+    missed = lines_of(touch(of_text("AB1234", 0.999)))
+    assert missed.decision is Decision.REVIEW
+    assert missed.notes == ("no line was found that lot may be",)
+    camera = lines_of(vision(of_text("AB1234", 0.999)), OtherLine("lot", "LOT77", 0.99))
+    read = fuse(missed, camera, LINES)
+    assert (read.decision, read.others, read.notes) == (Decision.ACCEPT, camera.others, ())
+    still = fuse(missed, lines_of(vision(of_text("AB1234", 0.999))), LINES)
+    assert (still.decision, still.notes) == (Decision.REVIEW, missed.notes)
+
+
+def test_a_doubtful_line_is_not_accepted_with_a_sure_serial() -> None:
+    doubtful = OtherLine("lot", "LOT77", 0.5)
+    sure, other = replace(doubtful, confidence=0.99), OtherLine("lot", "LOT11", 0.99)
+    felt, seen = touch(of_text("AB1234", 0.999)), vision(of_text("AB1234", 0.999))
+    both = fuse(lines_of(felt, doubtful), lines_of(seen, doubtful), LINES)
+    assert (both.decision, both.notes) == (Decision.REVIEW, ("low confidence: lot LOT77?",))
+    assert fuse(lines_of(felt, doubtful), lines_of(seen, sure), LINES).decision is Decision.ACCEPT
+    apart = fuse(lines_of(felt, sure), lines_of(seen, other), LINES)
+    assert apart.decision is Decision.REVIEW
+    assert apart.notes == ("lot: touch has LOT77, the camera LOT11",)
+    # by the camera alone it is doubted just so
+    assert ReadingFlag.LOW_CONFIDENCE in fuse(touch(None), lines_of(seen, doubtful), LINES).flags
+
+
+def test_a_line_nobody_asked_for_sends_to_review_whoever_reads_it() -> None:
+    sure, more = OtherLine("lot", "LOT77", 0.99), OtherLine("", "12/26", 0.9)
+    felt = lines_of(touch(of_text("AB1234", 0.999)), sure)
+    read = fuse(felt, lines_of(vision(of_text("AB1234", 0.999)), sure, more), LINES)
+    assert (read.decision, read.others) == (Decision.REVIEW, (sure, more))
+    # unless the other one has read it for the line that was asked for
+    unnamed = replace(sure, name="")
+    assert fuse(felt, lines_of(vision(of_text("AB1234", 0.999)), unnamed), LINES).others == (sure,)
+
+
+def test_other_counts_without_places_leave_touch_alone() -> None:
+    placed = touch(of_text("AB1234", 0.999, where=boxes(6)))
+    fewer = of_text("B123", 0.999)
+    read = fuse(placed, vision(fewer).traced(lattice=fewer), SETTINGS)
+    assert (read.text, read.decision) == ("AB1234", Decision.ACCEPT)
+
+
+BLIND = ReaderSettings(format=Grammar.parse("vin"), accept_confidence=0.5, accept_margin=0.0)
+"""8 and H count alike in the check digit of a VIN."""
+VIN, RIVAL = "1M8GDM9AXKP042788", "1MHGDM9AXKP042788"
+
+
+@pytest.mark.parametrize("path", ["vision", "fused", "touch failed", "camera failed"])
+def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(path: str) -> None:
+    beliefs = of_text(VIN, [0.9999, 0.9999, 0.8, *[0.9999] * 14], rival=RIVAL)
+    by_vision = as_reading(beliefs, BLIND, grammar=BLIND.grammar)
+    by_touch = replace(by_vision, source="tactile")
+    read = {
+        "vision": by_vision,
+        "fused": fuse(by_touch, by_vision, BLIND),
+        "touch failed": fuse(touch(None), by_vision, BLIND),
+        "camera failed": fuse(by_touch, vision(None), BLIND),
+    }[path]
+    assert read.text == VIN
+    assert ReadingFlag.CHECK_BLIND in read.flags
+    assert read.decision is Decision.REVIEW
+    assert sum("8 may be H" in note for note in read.notes) == 1

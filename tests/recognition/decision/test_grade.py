@@ -1,0 +1,164 @@
+"""Grades of marks: each parameter falls with what it measures, and only with that."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from recognition.decision.grade import LIMITS, Action, GradeError, grade_character, graded, reaching
+
+ROWS, COLS = 46, 36
+
+
+def template() -> np.ndarray:
+    """Edges of an E as touch feels them, a falling and a rising edge beside each stroke; (2, rows, cols)."""
+    height = np.zeros((ROWS, COLS))
+    height[5:41, 8:12] = -1.0
+    for row in (5, 21, 37):
+        height[row : row + 4, 8:28] = -1.0
+    return np.stack([-np.diff(height, axis=1, prepend=0.0), -np.diff(height, axis=0, prepend=0.0)])
+
+
+E = template()
+NOISE = 0.05 * np.random.default_rng(1).normal(size=E.shape)
+
+
+def values(*args: np.ndarray, **options: float) -> dict[str, float]:
+    return {p.name: p.value for p in grade_character(*args, **options).parameters}
+
+
+def test_a_good_mark_is_an_a() -> None:
+    good = grade_character(E + NOISE, E, depth_mm=0.2, nominal_depth_mm=0.2)
+    assert (good.letter, good.grade, good.action, good.limiting) == ("A", 4, Action.NONE, "")
+    assert [p.name for p in good.parameters] == ["depth", "contrast", "completeness", "contamination"]
+    assert all(p.letter == "A" for p in good.parameters)
+
+
+def test_a_small_shift_costs_nothing() -> None:
+    assert grade_character(np.roll(E, (1, 1), axis=(1, 2)), E).letter == "A"
+
+
+def test_a_shallow_mark_is_to_be_struck_again() -> None:
+    shallow = grade_character(0.2 * E, E, depth_mm=0.04, nominal_depth_mm=0.2)
+    assert shallow.action is Action.RE_STRIKE
+    assert shallow.letter == "F"
+    assert shallow.value("completeness") == 1.0
+    assert shallow.value("contamination") == 0.0
+    assert "too shallow" in shallow.action.message
+    by_depth_alone = grade_character(E, E, depth_mm=0.1, nominal_depth_mm=0.2)
+    assert (by_depth_alone.limiting, by_depth_alone.action) == ("depth", Action.RE_STRIKE)
+
+
+def test_a_filled_mark_is_to_be_cleaned_first() -> None:
+    filled = E.copy()
+    filled[:, 18:] = 0.0
+    found = grade_character(filled + NOISE, E)
+    assert found.action is Action.CLEAN_FIRST
+    assert found.limiting == "completeness"
+    assert found.value("contrast") > 0.9
+    assert found.value("completeness") == pytest.approx(
+        1.0 - np.abs(E[:, 18:]).sum() / np.abs(E).sum(), abs=0.05
+    )
+
+
+def test_swarf_beside_the_strokes_is_to_be_cleaned() -> None:
+    dirty = E.copy()
+    dirty[0, 2:44, 31:36] += 1.5
+    found = grade_character(dirty, E)
+    assert found.action is Action.CLEAN
+    assert found.limiting == "contamination"
+    assert found.value("contamination") == pytest.approx(42 * 5 / (ROWS * COLS), abs=0.01)
+
+
+def test_what_was_not_felt_is_not_graded() -> None:
+    lost = np.ones((ROWS, COLS))
+    lost[:, 11:] = 0.0
+    felt = np.where(lost, E, np.nan)
+    found = grade_character(felt, E, lost)
+    assert (found.grade, found.letter, found.action) == (None, "?", Action.SCAN_AGAIN)
+    assert found.value("contrast") is None
+    assert found.limiting == ""
+    # a part that was not felt is left out, it counts neither as filled nor as clean
+    part = np.ones((ROWS, COLS))
+    part[30:] = 0.0
+    assert grade_character(np.where(part, E, np.nan), E, part).letter == "A"
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, ROWS), st.integers(0, ROWS))
+def test_more_filling_never_raises_completeness(one: int, other: int) -> None:
+    less, more = sorted((one, other))
+    found = []
+    for rows in (less, more):
+        felt = E.copy()
+        felt[:, :rows] = 0.0
+        found.append(values(felt, E))
+    assert found[1]["completeness"] <= found[0]["completeness"]
+    assert found[1]["contamination"] == 0.0
+
+
+@given(st.floats(0.0, 1.5), st.floats(0.0, 1.5))
+def test_more_strength_never_lowers_contrast(one: float, other: float) -> None:
+    weak, strong = (values(s * E, E) for s in sorted((one, other)))
+    assert weak["contrast"] <= strong["contrast"] <= 1.0
+    assert weak["completeness"] <= strong["completeness"]
+
+
+@given(st.integers(0, 30), st.integers(0, 30))
+def test_more_dirt_never_lowers_contamination(one: int, other: int) -> None:
+    found = []
+    for rows in sorted((one, other)):
+        felt = E.copy()
+        felt[1, 5 : 5 + rows, 31:35] = 2.0
+        found.append(values(felt, E)["contamination"])
+    assert found[0] <= found[1]
+
+
+@given(st.sampled_from(sorted(LIMITS)), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_grades_follow_values(name: str, one: float, other: float) -> None:
+    low, high = sorted((one, other))
+    worse, better = (high, low) if name == "contamination" else (low, high)
+    assert 0 <= graded(name, worse) <= graded(name, better) <= 4
+
+
+@given(st.floats(-0.1, 1.0, allow_nan=False), st.floats(0.01, 1.0))
+def test_the_worst_parameter_counts(depth_mm: float, nominal_mm: float) -> None:
+    found = grade_character(0.6 * E, E, depth_mm=depth_mm, nominal_depth_mm=nominal_mm)
+    assert found.grade == min(p.grade for p in found.parameters)
+    assert all(0.0 <= p.value <= 1.0 for p in found.parameters)
+
+
+def test_the_opposite_polarity_is_not_the_mark() -> None:
+    """A raised character in place of a sunk one answers nowhere: what is felt counts against it."""
+    assert grade_character(-E, E, tolerance_px=0).letter == "F"
+
+
+@pytest.mark.parametrize(
+    ("args", "options", "said"),
+    [
+        ((E[:1], E), {}, "must be"),
+        ((E, E, np.ones((3, 3))), {}, "must be"),
+        ((E, E, -np.ones((ROWS, COLS))), {}, "not negative"),
+        ((E * np.nan, E), {}, "must be numbers"),
+        ((E, 0.0 * E), {}, "no edges"),
+        ((E, E), {"depth_mm": np.nan}, "is None"),
+        ((E, E), {"nominal_depth_mm": 0.0}, "positive"),
+        ((E, E), {"tolerance_px": -1}, "not negative"),
+    ],
+)
+def test_what_cannot_be_graded_is_said(
+    args: tuple[np.ndarray, ...], options: dict[str, float], said: str
+) -> None:
+    with pytest.raises(GradeError, match=said):
+        grade_character(*args, **options)
+
+
+@pytest.mark.parametrize("pixels", [0, 1, 2])
+def test_what_edges_reach_is_the_largest_value_about_a_pixel(pixels: int) -> None:
+    values = np.random.default_rng(2).normal(size=(2, 7, 9))
+    size = 2 * pixels + 1
+    expected = ndimage.maximum_filter(values, size=(1, size, size), mode="constant", cval=-np.inf)
+    np.testing.assert_array_equal(reaching(values, pixels), expected)

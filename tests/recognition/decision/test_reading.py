@@ -1,0 +1,120 @@
+"""The value types of a reading."""
+
+from __future__ import annotations
+
+import pytest
+
+from recognition.decision.reading import (
+    Box,
+    Candidate,
+    CharacterReading,
+    Decision,
+    MarkDepth,
+    Reading,
+    ReadingFlag,
+)
+
+BOX = Box(0.0, 0.0, 1.0, 2.0)
+
+
+def character(*beliefs: tuple[str, float]) -> CharacterReading:
+    return CharacterReading(tuple(Candidate(c, 0.9, p) for c, p in beliefs), BOX)
+
+
+@pytest.mark.parametrize("corners", [(1.0, 0.0, 0.5, 1.0), (0.0, 1.0, 1.0, 0.5)])
+def test_a_box_does_not_run_backwards(corners: tuple[float, float, float, float]) -> None:
+    with pytest.raises(ValueError, match="backwards"):
+        Box(*corners)
+
+
+def test_a_box_may_be_a_point() -> None:
+    assert Box(1.0, 1.0, 1.0, 1.0).x1_mm == 1.0
+
+
+def test_a_character_has_a_candidate() -> None:
+    with pytest.raises(ValueError, match="at least one"):
+        CharacterReading((), BOX)
+
+
+def test_confidence_and_margin_are_those_of_the_leaders() -> None:
+    both = character(("A", 0.7), ("4", 0.2), ("H", 0.1))
+    assert both.char == "A"
+    assert both.confidence == 0.7
+    assert both.margin == pytest.approx(0.5)
+    # without a rival the lead is the whole belief
+    alone = character(("A", 0.7))
+    assert alone.margin == alone.confidence == 0.7
+
+
+@pytest.mark.parametrize(("spaces", "text"), [((), "ABC"), ((0,), "A BC"), ((0, 1), "A B C"), ((2,), "ABC ")])
+def test_word_gaps_are_blanks_in_the_text(spaces: tuple[int, ...], text: str) -> None:
+    reading = Reading(
+        characters=tuple(character((c, 1.0)) for c in "ABC"),
+        decision=Decision.ACCEPT,
+        confidence=1.0,
+        spaces_after=frozenset(spaces),
+    )
+    assert reading.text == text
+
+
+def test_an_empty_reading_has_no_text() -> None:
+    reading = Reading(characters=(), decision=Decision.REJECT, confidence=0.0)
+    assert reading.text == ""
+    assert reading.box is None
+    assert reading.flags.messages() == ()
+
+
+def test_every_flag_has_words_of_its_own() -> None:
+    every = ReadingFlag.NONE
+    for flag in ReadingFlag:
+        assert len(flag.messages()) == 1
+        every |= flag
+    assert len(set(every.messages())) == len(ReadingFlag)
+
+
+def test_a_reading_cannot_be_changed() -> None:
+    reading = Reading(characters=(), decision=Decision.REJECT, confidence=0.0)
+    with pytest.raises(AttributeError):
+        reading.confidence = 1.0  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        reading.seconds["scan"] = 1.0  # type: ignore[index]
+
+
+def test_a_depth_is_finite_and_in_order() -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        MarkDepth(float("nan"), 0.1, 0.2)
+    with pytest.raises(ValueError, match="above its greatest"):
+        MarkDepth(0.15, 0.2, 0.1)
+    # a surface that rises where it should fall has a depth below zero
+    assert MarkDepth(-0.01, -0.02, 0.0).min_mm == -0.02
+
+
+def test_the_depth_of_a_reading_is_that_of_the_characters_felt() -> None:
+    depths = (MarkDepth(0.2, 0.15, 0.22), None, MarkDepth(0.1, 0.05, 0.12))
+    characters = tuple(CharacterReading((Candidate("A", 0.9, 1.0),), BOX, depth) for depth in depths)
+    reading = Reading(characters, Decision.ACCEPT, 1.0)
+    assert reading.depth_min_mm == 0.05
+    assert reading.depth_mean_mm == pytest.approx(0.15)
+    unknown = Reading(characters[1:2], Decision.ACCEPT, 1.0)
+    assert unknown.depth_min_mm is None
+    assert unknown.depth_mean_mm is None
+
+
+def test_low_confidence_names_the_places_worst_first() -> None:
+    def place(*beliefs: tuple[str, float]) -> CharacterReading:
+        return CharacterReading(tuple(Candidate(c, 1.0, p) for c, p in beliefs), Box(0.0, 0.0, 1.0, 1.0))
+
+    sure, faint = place(("K", 0.99), ("X", 0.01)), place(("B", 0.7), ("8", 0.2))
+    close = place(("1", 0.5), ("I", 0.4))
+    flags = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
+    doubtful = Reading((sure, faint, close), Decision.REVIEW, 0.3, flags=flags)
+    assert doubtful.messages() == ("low confidence: 1 or I at place 3, B or 8 at place 2?",)
+    assert Reading((sure,), Decision.REVIEW, 0.3, flags=flags).messages() == flags.messages()
+
+
+def test_notes_stand_in_for_the_flags_of_the_mark() -> None:
+    flags = ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW
+    bare = Reading((), Decision.REJECT, 0.0, flags=flags)
+    assert bare.messages() == flags.messages()
+    noted = Reading((), Decision.REJECT, 0.0, flags=flags, notes=("too shallow for x: K 0.1 mm",))
+    assert noted.messages() == (*ReadingFlag.DROPOUTS.messages(), "too shallow for x: K 0.1 mm")

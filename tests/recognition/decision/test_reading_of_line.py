@@ -1,0 +1,131 @@
+"""From beliefs of a line to a reading: gaps, other lines, a format that is overruled, and nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from recognition.belief.line_belief import believed
+from recognition.belief.part_lines import PartLines, ReadLine
+from recognition.belief.weights import ExpertWeights, Power
+from recognition.decision.reading import Decision, Reading, ReadingFlag
+from recognition.decision.reading_of_line import hull, reading_of_line, word_gaps
+from recognition.experts.steps import Steps
+from recognition.language.box import Box
+from recognition.language.grammar import Grammar
+from recognition.views.text_line import HEIGHT_ROWS, TextLine
+
+CHARS = "AB812"
+WEIGHTS = ExpertWeights({"own": Power(1.0)})
+LINE = TextLine.straight(3.0, 10.0, length_mm=20.0, height_mm=5.0, turned_deg=2.0)
+
+
+@dataclass(frozen=True)
+class Rules:
+    accept_confidence: float = 0.9
+    accept_margin: float = 0.3
+
+
+def line_of(
+    text: str, *, sure: float = 0.99, rival: str = "", grammar: Grammar | None = None, at: TextLine = LINE
+) -> ReadLine:
+    """A line that our own recogniser reads so, a character every 20 columns and a gap where there is a blank."""
+    plain = text.replace(" ", "")
+    columns = np.cumsum([20.0 if c != " " else 30.0 for c in text])[[c != " " for c in text]]
+    blank, shares = np.full(2 * len(plain) + 1, 0.999), np.zeros((2 * len(plain) + 1, len(CHARS)))
+    where = np.zeros(2 * len(plain) + 1)
+    for k, char in enumerate(plain):
+        blank[2 * k + 1] = 0.0 if rival else 1.0 - sure
+        shares[2 * k + 1, CHARS.index(char)] = sure
+        if rival:
+            shares[2 * k + 1, CHARS.index(rival[k])] += 1.0 - sure
+        where[2 * k + 1] = columns[k]
+        where[2 * k] = columns[k] - 5.0
+    where[-1] = columns[-1] + 5.0
+    belief = believed({"own": [Steps.of(blank, shares, CHARS, where)]}, grammar, weights=WEIGHTS)
+    assert belief is not None
+    return ReadLine(at, belief)
+
+
+def read(
+    main: ReadLine | None, *others: ReadLine, grammar: Grammar | None = None, **options: object
+) -> Reading:
+    given = {"gaps": frozenset(), "flags": ReadingFlag.NONE, "source": "tactile", **options}
+    return reading_of_line(PartLines(main, others=others), Rules(), grammar=grammar, **given)  # type: ignore[arg-type]
+
+
+def test_a_sure_line_is_accepted_with_all_that_is_known() -> None:
+    found = read(line_of("AB812"))
+    assert (found.text, found.decision, found.flags) == ("AB812", Decision.ACCEPT, ReadingFlag.NONE)
+    assert found.confidence > 0.9
+    assert found.height_mm == 5.0
+    assert found.rotation_deg == pytest.approx(2.0)
+    assert found.box == hull([c.box for c in found.characters])
+    assert found.trace.line is LINE
+    assert found.trace.experts == "own"
+    assert found.trace.open_lattice is not None
+    for character in found.characters:
+        shares = [c.probability for c in character.candidates]
+        assert shares == sorted(shares, reverse=True)
+        assert sum(shares) <= 1.0 + 1e-9
+
+
+def test_another_line_that_nobody_asked_for_sends_the_part_to_review() -> None:
+    other = line_of("B21", at=TextLine.straight(3.0, 20.0, length_mm=12.0, height_mm=5.0))
+    found = read(line_of("AB812"), other)
+    assert found.text == "AB812"
+    assert found.decision is Decision.REVIEW
+    assert ReadingFlag.UNREAD_MARKS in found.flags
+    assert any("B21" in note for note in found.notes)
+
+
+def test_doubt_is_not_accepted() -> None:
+    found = read(line_of("A8B", sure=0.6, rival="BB8"))
+    assert found.text == "A8B"
+    assert found.decision is Decision.REVIEW
+    assert found.flags & ReadingFlag.LOW_CONFIDENCE
+    assert found.flags & ReadingFlag.AMBIGUOUS
+
+
+def test_a_format_that_changes_what_was_read_says_so() -> None:
+    grammar = Grammar(format="AA9")
+    # the second is an 8 for sure, which the format does not allow there
+    found = read(line_of("A81", sure=0.99, rival="BB2", grammar=grammar), grammar=grammar)
+    assert found.text == "AB1"
+    assert ReadingFlag.FORMAT_OVERRULED in found.flags
+    assert found.decision is not Decision.ACCEPT
+    # a format that is met changes nothing
+    met = Grammar(format="A99")
+    plain = read(line_of("A81", grammar=met), grammar=met)
+    assert (plain.text, plain.decision) == ("A81", Decision.ACCEPT)
+
+
+def test_a_wide_step_is_a_space_unless_the_format_says_where_they_are() -> None:
+    assert read(line_of("AB 812")).text == "AB 812"
+    grammar = Grammar(format="A A999")
+    found = read(line_of("AB 812", grammar=grammar), grammar=grammar, gaps=frozenset({0}))
+    assert found.text == "A B812"
+
+
+def test_word_gaps_stand_out_in_themselves_and_beside_the_others() -> None:
+    at = np.array([0.0, 0.8, 1.6, 3.2, 4.0]) * HEIGHT_ROWS
+    assert word_gaps(at) == {2}
+    # far apart, but alike; and a step that is hardly wider
+    assert word_gaps(np.arange(5.0) * 2.0 * HEIGHT_ROWS) == frozenset()
+    assert word_gaps(np.array([0.0, 0.8, 1.6, 2.7, 3.5]) * HEIGHT_ROWS) == frozenset()
+    assert word_gaps(at[:2]) == word_gaps(np.zeros(0)) == frozenset()
+
+
+def test_no_line_and_a_line_that_says_nothing_are_no_characters() -> None:
+    blind = line_of("A8B", sure=1e-4, grammar=Grammar(sets=(CHARS,) * 3))
+    for found in (read(None, flags=ReadingFlag.DROPOUTS), read(blind, flags=ReadingFlag.DROPOUTS)):
+        assert (found.text, found.decision, found.confidence) == ("", Decision.REJECT, 0.0)
+        # what was known of the scan is still said
+        assert found.flags == ReadingFlag.NO_CHARACTERS | ReadingFlag.DROPOUTS
+
+
+def test_a_hull_holds_its_boxes() -> None:
+    assert hull([]) is None
+    assert hull([Box(0, 1, 2, 3), Box(-1, 2, 1, 5)]) == Box(-1, 1, 2, 5)

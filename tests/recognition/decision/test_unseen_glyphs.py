@@ -1,0 +1,66 @@
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from glyphs.fonts.outlines import load_font
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.decision.unseen_glyphs import doubted_guesses
+from recognition.language.box import Box
+
+CHARS = ("E", "F", "Q", "O")
+BOX = Box(0.0, 0.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Cell:
+    scores: np.ndarray
+
+
+def font(guessed):
+    gothic = load_font("gothic")
+    return replace(gothic, glyphs={c: replace(gothic.glyphs[c], guessed=c in guessed) for c in CHARS})
+
+
+def doubted(text, scores, *, guessed, places=None, decision=Decision.ACCEPT):
+    reading = Reading(
+        characters=tuple(CharacterReading((Candidate(c, 0.9, 0.99),), BOX) for c in text),
+        decision=decision,
+        confidence=0.99,
+        flags=ReadingFlag.NONE,
+        font="press-7",
+    )
+    line = SimpleNamespace(font=font(guessed), templates=SimpleNamespace(chars=CHARS))
+    cells = tuple(Cell(np.array(row)) for row in scores)
+    return doubted_guesses(reading, SimpleNamespace(line=line, cells=cells), places)
+
+
+def test_a_font_felt_whole_is_trusted():
+    reading = doubted("E", [(0.93, 0.92, 0.1, 0.1)], guessed="")
+    assert reading.decision is Decision.ACCEPT
+    assert reading.notes == ()
+
+
+def test_a_guess_that_comes_near_sends_the_reading_to_review():
+    reading = doubted("EQ", [(0.93, 0.92, 0.1, 0.1), (0.1, 0.1, 0.97, 0.8)], guessed="F")
+    assert reading.decision is Decision.REVIEW
+    assert ReadingFlag.FOREIGN_SHAPES in reading.flags
+    assert reading.notes == ("place 1: F was never enrolled in press-7",)
+
+
+def test_a_guess_that_was_read_does_so_too():
+    reading = doubted("F", [(0.2, 0.95, 0.1, 0.1)], guessed="F")
+    assert reading.decision is Decision.REVIEW
+
+
+def test_a_guess_far_off_or_not_allowed_there_does_not():
+    assert doubted("E", [(0.97, 0.85, 0.1, 0.1)], guessed="F").decision is Decision.ACCEPT
+    near = [(0.93, 0.92, 0.1, 0.1)]
+    assert doubted("E", near, guessed="F", places=("EQ",)).decision is Decision.ACCEPT
+    assert doubted("E", near, guessed="F", places=("EFQ",)).decision is Decision.REVIEW
+
+
+@pytest.mark.parametrize("decision", [Decision.REVIEW, Decision.REJECT])
+def test_nothing_becomes_better_by_it(decision):
+    assert doubted("E", [(0.93, 0.92, 0.1, 0.1)], guessed="F", decision=decision).decision is decision

@@ -1,0 +1,170 @@
+"""A known serial against a line: confirmed, refuted, or left open."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from recognition.decision.verify import Verdict, VerifyError, verify
+from recognition.language.confusions import CharacterState
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+
+ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+
+
+def line(text: str, *, beliefs: dict[int, dict[str, float]] | None = None, belief: float = 0.999) -> Lattice:
+    """Each character believed in ("." stands for nothing at all); the beliefs of single places may be given.
+
+    A hundredth of what is left goes to each other character, the rest to no character.
+    """
+    p = np.full((len(text), len(ALPHABET)), (1.0 - belief) / 100.0)
+    for k, char in enumerate(text):
+        if char != ".":
+            p[k, ALPHABET.index(char)] = belief
+    for k, given_ in (beliefs or {}).items():
+        p[k] = 1e-6
+        for char, value in given_.items():
+            p[k, ALPHABET.index(char)] = max(value, 1e-12)
+    return Lattice(tuple(ALPHABET), np.log(p))
+
+
+def test_the_same_is_confirmed_and_another_refuted() -> None:
+    same = verify(line("AB123456"), "AB 123456")
+    assert same.verdict is Verdict.CONFIRMED
+    assert same.expected == "AB123456"
+    assert same.probability == pytest.approx(0.999**8, abs=1e-4)
+    assert same.messages() == ()
+    assert same.log10_odds > 3.0
+    other = verify(line("AB123456"), "AB123457")
+    assert other.verdict is Verdict.REFUTED
+    assert other.rival == "AB123456"
+    assert other.log10_odds < -3.0
+    assert other.messages() == ("place 8: 6 where 7 is expected",)
+    assert [c.state.state for c in other.characters] == [CharacterState.READ] * 7 + [CharacterState.MISMATCH]
+
+
+def test_dirt_speaks_neither_way() -> None:
+    dirty = verify(line("AB12...."), "AB123456")
+    assert dirty.verdict is Verdict.UNDECIDED
+    assert dirty.refutation < 0.01
+    assert dirty.probability < 1e-6
+    assert dirty.messages()[0] == "place 5: 3 cannot be made out"
+    # but one clear other character among the dirt refutes all the same
+    assert verify(line("AB17...."), "AB123456").verdict is Verdict.REFUTED
+
+
+def test_a_doubtful_character_leaves_it_open() -> None:
+    doubted = verify(line("AB123456", beliefs={3: {"2": 0.6, "Z": 0.39}}), "AB123456")
+    assert doubted.verdict is Verdict.UNDECIDED
+    assert doubted.characters[3].state.state is CharacterState.CONFUSED
+    assert doubted.characters[3].rival == "Z"
+    assert doubted.rival == "AB1Z3456"
+    assert doubted.log10_odds == pytest.approx(math.log10(0.6 / 0.39), abs=1e-9)
+    # known beforehand almost for sure, it is confirmed: nothing contradicts
+    clear_else = line("AB123456", beliefs={3: {"2": 0.6, "Z": 0.39}}, belief=0.99999)
+    known = verify(clear_else, "AB123456", prior=0.999)
+    assert known.verdict is Verdict.CONFIRMED
+    assert doubted.messages() == ("place 4: 2 or Z (the bow of 2 has a corner in narrow fonts)",)
+
+
+def test_no_prior_confirms_against_a_clear_other_character() -> None:
+    found = verify(line("AB123457"), "AB123456", prior=1.0 - 1e-9)
+    assert found.verdict is not Verdict.CONFIRMED
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
+def test_as_by_writing_every_case_out(seed: int, prior: float) -> None:
+    """Same, differing and unknown against all combinations of characters and nothing at three places."""
+    rng = np.random.default_rng(seed)
+    p = rng.dirichlet(np.full(4, 0.3), size=3) + 1e-12
+    p /= p.sum(axis=1, keepdims=True)
+    lattice = Lattice(tuple("ABC"), np.log(p[:, :3]))
+    same = differs = unknown = 0.0
+    for line_ in itertools.product("ABC.", repeat=3):
+        weight = math.prod(p[k, "ABC.".index(c)] for k, c in enumerate(line_))
+        if any(c not in (e, ".") for c, e in zip(line_, "CAB", strict=True)):
+            differs += weight
+        elif "." in line_:
+            unknown += weight
+        else:
+            same += weight
+    total = 2 * prior * same + 2 * (1 - prior) * differs + unknown
+    found = verify(lattice, "CAB", prior=prior)
+    # absolute: differences of products near 1
+    assert found.probability == pytest.approx(2 * prior * same / total, abs=1e-9)
+    assert found.refutation == pytest.approx(2 * (1 - prior) * differs / total, abs=1e-9)
+
+
+@given(st.floats(0.0, 0.9), st.floats(0.0, 0.09))
+def test_more_belief_in_the_expected_never_hurts(low: float, more: float) -> None:
+    weak, strong = (
+        verify(line("AB", beliefs={1: {"B": p, "8": 0.005}}), "AB").probability for p in (low, low + more)
+    )
+    assert strong >= weak - 1e-12
+
+
+@pytest.mark.parametrize(
+    ("found", "left_over"),
+    [("B123456", (None, "A")), ("AB23456", (None, "1")), ("AB12345", (None, "6"))],
+)
+def test_a_missing_place_is_found(found: str, left_over: tuple[int | None, str]) -> None:
+    result = verify(line(found), "AB123456")
+    assert result.verdict is Verdict.UNDECIDED
+    assert result.probability == 0.0
+    odd = [c for c in result.characters if c.state.state is not CharacterState.READ]
+    assert [(c.place, c.expected) for c in odd] == [left_over]
+    assert result.messages()[0] == "7 characters were found where 8 are expected"
+    assert "no place was found for" in result.messages()[1]
+
+
+def test_a_place_too_many_is_found() -> None:
+    result = verify(line("AB1123456"), "AB123456")
+    assert result.verdict is Verdict.UNDECIDED
+    extra = [c for c in result.characters if not c.expected]
+    assert len(extra) == 1
+    assert extra[0].message == "1 where nothing is expected"
+    assert result.messages()[1].startswith("after place")
+    # of another length and with another character: refuted
+    assert verify(line("AB17345"), "AB123456").verdict is Verdict.REFUTED
+
+
+def test_an_empty_line_leaves_it_open() -> None:
+    nothing = verify(Lattice(tuple("AB"), np.empty((0, 2))), "AB")
+    assert nothing.verdict is Verdict.UNDECIDED
+    assert nothing.refutation == 0.0
+    assert len(nothing.messages()) == 3
+
+
+def test_the_grammar_names_the_rival_only() -> None:
+    """A wrong serial may break the format: what else may be there is not held to it."""
+    grammar = Grammar.parse("AA999999")
+    clear = line("AB12345G")
+    free, held = verify(clear, "AB123456"), verify(clear, "AB123456", grammar=grammar)
+    assert free.rival == "AB12345G"
+    assert held.rival != "AB12345G"
+    assert held.verdict is free.verdict is Verdict.REFUTED
+    assert held.refutation == free.refutation
+
+
+@pytest.mark.parametrize(
+    ("expected", "options", "said"),
+    [
+        (" ", {}, "is empty"),
+        ("AB12-456", {}, "not looked for"),
+        ("AB123456", {"prior": 1.0}, "prior"),
+        ("AB123456", {"prior": 0.0}, "prior"),
+        ("AB123456", {"confirm": 0.3}, "confirm"),
+        ("AB123456", {"refute": 1.1}, "refute"),
+        ("AB12345X", {"grammar": Grammar(format="AA999999")}, "does not fit mask:AA999999"),
+    ],
+)
+def test_what_cannot_be_looked_for_is_said(expected: str, options: dict[str, object], said: str) -> None:
+    with pytest.raises(VerifyError, match=said):
+        verify(line("AB123456"), expected, **options)  # type: ignore[arg-type]

@@ -1,0 +1,274 @@
+"""The best chain against one that tries everything."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from recognition.experts.templates.decode import Placed, Spacing, best_chain
+
+Case = tuple[np.ndarray, np.ndarray, dict[str, float]]
+
+
+@st.composite
+def cases(draw: st.DrawFn) -> Case:
+    n_templates, cols = draw(st.integers(1, 3)), draw(st.integers(2, 11))
+    # quarters: sums are exact in float32
+    quarters = st.integers(-8, 16).map(lambda n: n / 4)
+    row = st.lists(quarters, min_size=cols, max_size=cols)
+    reward = draw(st.lists(row, min_size=n_templates, max_size=n_templates))
+    half = draw(st.lists(st.integers(1, 2), min_size=n_templates, max_size=n_templates))
+    rules = {
+        "overlap": draw(st.integers(0, 2)),
+        "reach": draw(st.integers(0, 6)),
+        "gap_free": draw(st.integers(0, 3)),
+        "gap_cost": draw(st.sampled_from([0.0, 0.25, 0.5])),
+    }
+    return np.array(reward, dtype=np.float32), np.array(half, dtype=np.int64), rules
+
+
+def gap_cost(end: int, start: int, rules: dict[str, float]) -> float | None:
+    """What the land between one ink's last column and the next one's first costs; None when it may not be."""
+    gap = start - end
+    if gap > rules["reach"] or gap <= -rules["overlap"]:
+        return None
+    return rules["gap_cost"] * max(0, gap - rules["gap_free"])
+
+
+def exhaustive(case: Case, allowed: np.ndarray | None) -> float:
+    """The most that any chain earns, from the right-hand side; minus infinity when there is none."""
+    reward, half, rules = case
+    cols = reward.shape[1]
+
+    @cache
+    def rest(k: int, end: int | None) -> float:
+        """Most earned by what may follow k characters, the last of which ends at `end`."""
+        if allowed is not None and k == len(allowed):
+            return 0.0
+        best = 0.0 if allowed is None else -np.inf
+        for t in range(len(half)):
+            for c in range(half[t], cols - half[t]):
+                barred = reward[t, c] <= 0.0 if allowed is None else not allowed[k, t]
+                cost = 0.0 if end is None else gap_cost(end, c - half[t], rules)
+                if not barred and cost is not None:
+                    best = max(best, float(reward[t, c]) - cost + rest(k + 1, int(c + half[t])))
+        return best
+
+    return rest(0, None)
+
+
+def check_chain(case: Case, placed: tuple[Placed, ...], total: float) -> None:
+    """The characters stand in the image, in order, as the rules have it, and earn the total."""
+    reward, half, rules = case
+    earned, end = 0.0, None
+    for p in placed:
+        start = p.column - int(half[p.template])
+        assert start >= 0
+        assert p.column + half[p.template] < reward.shape[1]
+        assert p.reward == reward[p.template, p.column]
+        cost = 0.0 if end is None else gap_cost(end, start, rules)
+        assert cost is not None
+        earned += p.reward - cost
+        end = p.column + int(half[p.template])
+    assert earned == pytest.approx(total, abs=1e-9)
+
+
+@settings(deadline=None)
+@given(cases())
+def test_a_free_chain_earns_what_the_best_of_all_earns(case: Case) -> None:
+    reward, half, rules = case
+    total, placed = best_chain(reward, half, allowed=None, **rules)
+    assert total == pytest.approx(exhaustive(case, None), abs=1e-9)
+    assert all(p.reward > 0.0 for p in placed)
+    check_chain(case, placed, total)
+
+
+@settings(deadline=None)
+@given(cases(), st.data())
+def test_a_fixed_format_earns_what_the_best_of_all_earns(case: Case, data: st.DataObject) -> None:
+    reward, half, rules = case
+    places = data.draw(st.integers(1, 4))
+    flat = data.draw(st.lists(st.booleans(), min_size=places * len(half), max_size=places * len(half)))
+    allowed = np.array(flat, dtype=np.bool_).reshape(places, len(half))
+    total, placed = best_chain(reward, half, allowed=allowed, **rules)
+    expected = exhaustive(case, allowed)
+    if expected == -np.inf:
+        assert (total, placed) == (0.0, ())
+        return
+    assert total == pytest.approx(expected, abs=1e-9)
+    assert len(placed) == places
+    assert all(allowed[k, p.template] for k, p in enumerate(placed))
+    check_chain(case, placed, total)
+
+
+def test_many_modest_characters_beat_a_loud_stranger() -> None:
+    # beyond reach of each other: no two characters earn more than the one at the left, eight do
+    reward = np.full((1, 60), -0.5, dtype=np.float32)
+    reward[0, 5] = 9.5
+    reward[0, 30:60:4] = 1.5
+    total, placed = best_chain(
+        reward, np.array([1]), allowed=None, overlap=1, reach=5, gap_free=5, gap_cost=0.1
+    )
+    assert total == pytest.approx(12.0)
+    assert [p.column for p in placed] == list(range(30, 60, 4))
+
+
+def test_nothing_that_earns_is_no_chain() -> None:
+    rules = {"overlap": 1, "reach": 5, "gap_free": 2, "gap_cost": 0.1}
+    reward = np.full((2, 9), -1.0, dtype=np.float32)
+    assert best_chain(reward, np.array([1, 2]), allowed=None, **rules) == (0.0, ())
+    # a format has no room on a map narrower than its characters
+    allowed = np.ones((4, 2), dtype=np.bool_)
+    assert best_chain(reward[:, :5], np.array([1, 2]), allowed=allowed, **rules) == (0.0, ())
+
+
+def test_a_format_takes_a_poor_character_where_it_must() -> None:
+    reward = np.full((2, 12), -1.0, dtype=np.float32)
+    reward[0, 2] = reward[1, 8] = 2.0
+    rules = {"overlap": 1, "reach": 8, "gap_free": 8, "gap_cost": 0.0}
+    only_first = np.array([[True, False], [True, False]])
+    total, placed = best_chain(reward, np.array([1, 1]), allowed=only_first, **rules)
+    assert total == pytest.approx(1.0)
+    assert [p.template for p in placed] == [0, 0]
+
+
+# ----------------------------------------------------------------------------------------------------- spacing
+
+
+@st.composite
+def spacings(draw: st.DrawFn, n_templates: int) -> Spacing:
+    halves = st.integers(0, 6).map(lambda n: n / 2)
+    rows = st.lists(halves, min_size=n_templates, max_size=n_templates)
+    return Spacing(
+        before=np.array(draw(rows)),
+        after=np.array(draw(rows)),
+        cost=draw(st.sampled_from([0.0, 0.25, 1.0])),
+        limit=draw(st.sampled_from([0.0, 0.5, 3.0])),
+        free_after=draw(st.frozensets(st.integers(0, 2), max_size=2)),
+    )
+
+
+def step_cost(k: int, left: tuple[int, int], right: tuple[int, int], spacing: Spacing) -> float:
+    """What the distance between (template, column) at place k - 1 and at place k costs."""
+    if k - 1 in spacing.free_after:
+        return 0.0
+    usual = spacing.after[left[0]] + spacing.before[right[0]]
+    return float(min(spacing.cost * (right[1] - left[1] - usual) ** 2, spacing.limit))
+
+
+def earned_by(chain: list[tuple[int, int]], case: Case, spacing: Spacing) -> float | None:
+    """What (template, column) after (template, column) earn; None where they may not stand so."""
+    reward, half, rules = case
+    total = 0.0
+    for k, (t, c) in enumerate(chain):
+        total += float(reward[t, c])
+        if k:
+            last = chain[k - 1]
+            land = gap_cost(int(last[1] + half[last[0]]), int(c - half[t]), rules)
+            if land is None:
+                return None
+            total -= land + step_cost(k, last, (t, c), spacing)
+    return total
+
+
+@settings(deadline=None)
+@given(cases(), st.data())
+def test_pairs_spaced_as_usual_earn_what_the_best_pair_earns(case: Case, data: st.DataObject) -> None:
+    # two places: of chains that end alike only the best is followed up, which is all of them for a pair's sake
+    reward, half, rules = case
+    spacing = data.draw(spacings(len(half)))
+    allowed = np.ones((2, len(half)), dtype=np.bool_)
+    total, placed = best_chain(reward, half, allowed=allowed, spacing=spacing, **rules)
+    stands = [(t, c) for t in range(len(half)) for c in range(half[t], reward.shape[1] - half[t])]
+    one_end: dict[int, tuple[int, int]] = {}
+    for t, c in stands:
+        end = int(c + half[t])
+        # of characters with a common end, the one that earns more, the first of equals
+        if end not in one_end or reward[t, c] > reward[one_end[end][0], one_end[end][1]]:
+            one_end[end] = (t, c)
+    pairs = [earned_by([a, b], case, spacing) for a in one_end.values() for b in stands]
+    possible = [v for v in pairs if v is not None]
+    if not possible:
+        assert (total, placed) == (0.0, ())
+        return
+    assert total == pytest.approx(max(possible), abs=1e-9)
+    assert earned_by([(p.template, p.column) for p in placed], case, spacing) == pytest.approx(
+        total, abs=1e-9
+    )
+
+
+@settings(deadline=None)
+@given(cases(), st.data())
+def test_no_chain_earns_more_for_being_spaced(case: Case, data: st.DataObject) -> None:
+    reward, half, rules = case
+    spacing = data.draw(spacings(len(half)))
+    allowed = np.ones((3, len(half)), dtype=np.bool_)
+    total, placed = best_chain(reward, half, allowed=allowed, spacing=spacing, **rules)
+    plain, _ = best_chain(reward, half, allowed=allowed, **rules)
+    if not placed:
+        return
+    assert total <= plain + 1e-9
+    # at worst two steps are as wrong as can be
+    assert total >= plain - 2 * spacing.limit - 1e-9
+    assert earned_by([(p.template, p.column) for p in placed], case, spacing) == pytest.approx(
+        total, abs=1e-9
+    )
+
+
+def even(
+    apart: float, *, cost: float = 0.1, limit: float = 1.0, free: frozenset[int] = frozenset()
+) -> Spacing:
+    return Spacing(np.zeros(1), np.full(1, apart), cost, limit, free)
+
+
+SPACED = {"overlap": 1, "reach": 30, "gap_free": 30, "gap_cost": 0.0}
+
+
+def test_what_is_lost_is_put_where_the_others_say() -> None:
+    reward = np.zeros((1, 60), dtype=np.float32)
+    reward[0, [10, 20, 40, 50]] = 2.0
+    # a grain of dirt beside the lost one
+    reward[0, 25] = 0.2
+    half, allowed = np.array([2]), np.ones((5, 1), dtype=np.bool_)
+    _, astray = best_chain(reward, half, allowed=allowed, **SPACED)
+    assert [p.column for p in astray] == [10, 20, 25, 40, 50]
+    total, placed = best_chain(reward, half, allowed=allowed, spacing=even(10.0), **SPACED)
+    assert [p.column for p in placed] == [10, 20, 30, 40, 50]
+    assert total == pytest.approx(8.0)
+
+
+def test_what_stands_out_stands_where_it_is() -> None:
+    reward = np.zeros((1, 60), dtype=np.float32)
+    reward[0, [10, 20, 35, 45]] = 2.0
+    # being off costs the limit at most, less than a character earns
+    total, placed = best_chain(
+        reward, np.array([2]), allowed=np.ones((4, 1), dtype=np.bool_), spacing=even(10.0), **SPACED
+    )
+    assert [p.column for p in placed] == [10, 20, 35, 45]
+    assert total == pytest.approx(8.0 - 1.0)
+
+
+def test_after_a_word_gap_any_distance_goes() -> None:
+    reward = np.zeros((1, 60), dtype=np.float32)
+    reward[0, [10, 20, 43, 53]] = 2.0
+    total, placed = best_chain(
+        reward,
+        np.array([2]),
+        allowed=np.ones((4, 1), dtype=np.bool_),
+        spacing=even(10.0, free=frozenset({1})),
+        **SPACED,
+    )
+    assert [p.column for p in placed] == [10, 20, 43, 53]
+    assert total == pytest.approx(8.0)
+
+
+def test_spacing_without_a_limit_is_none() -> None:
+    rng = np.random.default_rng(6)
+    reward = rng.normal(size=(1, 40)).astype(np.float32)
+    allowed = np.ones((3, 1), dtype=np.bool_)
+    plain = best_chain(reward, np.array([2]), allowed=allowed, **SPACED)
+    assert best_chain(reward, np.array([2]), allowed=allowed, spacing=even(7.0, limit=0.0), **SPACED) == plain

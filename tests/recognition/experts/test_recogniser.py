@@ -1,0 +1,91 @@
+"""Our own recogniser: what becomes of its classes, and that it reads lines one by one as it does together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glyphs.stamping.stamp import StampedPart
+from recognition.experts import recogniser
+from recognition.experts.recogniser import CHARACTERS, STEP_COLUMNS, believed, steps_of
+from recognition.language.remainders import ALPHANUMERIC
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.views.view import Layers, heights_view
+
+SINGLE = 1e-3
+"""Of logarithms of beliefs: sums of thousands of products in single precision, in other orders."""
+
+
+def strip_of(part: StampedPart) -> Layers:
+    boxes = np.array(part.boxes_mm)
+    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+    line = TextLine.straight(x0, 0.5 * (y0 + y1), length_mm=x1 - x0, height_mm=part.height_mm)
+    return heights_view(part.height_map).strip(line)
+
+
+@pytest.fixture
+def said(monkeypatch: pytest.MonkeyPatch) -> Callable[[dict[str, float]], NDArray[np.float64]]:
+    """One step of the network as given, by character; the blank has the rest."""
+
+    def says(shares: dict[str, float]) -> NDArray[np.float64]:
+        power = np.full(1 + len(CHARACTERS), 1e-9)
+        for char, value in shares.items():
+            power[1 + CHARACTERS.index(char)] = value
+        power[0] = 1.0 - sum(shares.values())
+        monkeypatch.setattr(recogniser, "believed", lambda strips: [np.log(power)[None]])
+        return power
+
+    return says
+
+
+def one(chars: str) -> tuple[float, list[float]]:
+    (steps,) = steps_of([np.zeros((7, 40, 8), np.float32)], chars=chars)
+    return float(np.exp(steps.log_blank[0])), np.exp(steps.log_chars[0]).tolist()
+
+
+def test_small_letters_count_as_capitals_unless_asked_for(said: Callable) -> None:
+    said({"K": 0.2, "k": 0.3, "7": 0.1})
+    assert one("K7Q")[1] == pytest.approx([0.5, 0.1, 0.0], abs=1e-5)
+    assert one("Kk")[1] == pytest.approx([0.2, 0.3], abs=1e-5)
+    # of characters that it does not know it says nothing
+    assert one("€")[1] == pytest.approx([0.0], abs=1e-5)
+
+
+def test_a_space_is_blank_unless_asked_for(said: Callable) -> None:
+    said({" ": 0.3, "A": 0.2})
+    assert one("A")[0] == pytest.approx(0.8, abs=1e-5)
+    blank, chars = one("A ")
+    assert blank == pytest.approx(0.5, abs=1e-5)
+    assert chars == pytest.approx([0.2, 0.3], abs=1e-5)
+
+
+def test_lines_together_are_read_as_one_by_one(make_part: Callable[..., StampedPart]) -> None:
+    strips = [strip_of(make_part(text, calm=True)) for text in ("K7", "K71B", "HM50R3X8")]
+    together = believed(strips)
+    for strip, found in zip(strips, together, strict=True):
+        (alone,) = believed([strip])
+        assert found.shape == alone.shape == (-(-strip.shape[2] // STEP_COLUMNS), 1 + len(CHARACTERS))
+        np.testing.assert_allclose(np.exp(found).sum(axis=1), 1.0, atol=1e-4)
+        # what is shown beside a shorter strip is land that nobody knows: near its end it may change a step
+        near = slice(0, len(alone) - HEIGHT_ROWS // STEP_COLUMNS)
+        assert (found[near].argmax(axis=1) == alone[near].argmax(axis=1)).all()
+
+
+@pytest.mark.parametrize("text", ["K7B29", "HM50R3X8", "42816074"])
+def test_a_plate_of_a_font_that_nobody_named_is_read(
+    text: str, make_part: Callable[..., StampedPart]
+) -> None:
+    part = make_part(text)
+    (steps,) = steps_of([strip_of(part)], chars=ALPHANUMERIC)
+    found = steps.places((ALPHANUMERIC,) * len(text))
+    assert found is not None
+    assert "".join(ALPHANUMERIC[k] for k in found.log_belief.argmax(axis=1)) == text
+    assert int(steps.count().argmax()) == len(text)
+    # places stand where the characters stand, to a fifth of a height
+    boxes = np.array(part.boxes_mm)
+    middles = (0.5 * (boxes[:, 0] + boxes[:, 2]) - boxes[0, 0]) / part.height_mm
+    at = np.interp(found.frame, np.arange(steps.columns.size), steps.columns)
+    np.testing.assert_allclose((at + 0.5) / HEIGHT_ROWS - MARGIN, middles, atol=0.2)

@@ -1,0 +1,134 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from glyphs.fonts.outlines import load_font
+from recognition.experts.templates.predicted import predict_templates, template_key
+from recognition.learning.exemplars import ExemplarError
+from recognition.learning.laid_over import likeness
+from recognition.learning.learned_shapes import learn_font
+from recognition.learning.nearest_hand import Hand
+from whisker_array.whisker.array import ALL_DIRECTIONS
+
+SIZE = (53, 65)
+GOTHIC = load_font("gothic")
+HAND = Hand(GOTHIC, 1.0, 0.0, 0.0, 0.04, 1.0)
+
+
+def drawn(char, *, seed=None, font=GOTHIC):
+    """A relief of a character; with a seed as a blow leaves it: moved, turned, deeper or not, rough."""
+    relief = replace(HAND, font=font).relief(char, SIZE)
+    if seed is None:
+        return relief
+    rng = np.random.default_rng([ord(char), seed])
+    relief = ndimage.rotate(relief, rng.normal(0.0, 1.2), reshape=False, order=1)
+    relief = ndimage.shift(relief, rng.normal(0.0, 0.8, 2), order=1) * rng.normal(1.0, 0.12)
+    return (relief + rng.normal(0.0, 0.001, SIZE)).astype(np.float32)
+
+
+def learned(text, *, known=(GOTHIC,), more=()):
+    chars, reliefs = list(text), [drawn(c, seed=k) for k, c in enumerate(text)]
+    for char, relief in more:
+        chars.append(char)
+        reliefs.append(relief)
+    return learn_font("press", chars, reliefs, known=known)
+
+
+def test_a_font_is_recovered_from_its_own_blows(gothic, touch):
+    """Templates of what was learned are those of the font that was stamped."""
+    made = learned("K7B2" * 4)
+    assert made.set_aside == ()
+    key = template_key(gothic, touch, ALL_DIRECTIONS, height_mm=5.0)
+    truth = predict_templates(gothic, "K7B2", key)
+    found = predict_templates(
+        made.font, "K7B2", template_key(made.font, touch, ALL_DIRECTIONS, height_mm=5.0)
+    )
+    assert found.half_width == pytest.approx(truth.half_width, abs=0.03)
+    rows, cols = (
+        min(a, b) // 2 for a, b in zip(truth.patches.shape[2:], found.patches.shape[2:], strict=True)
+    )
+    for one, two in zip(truth.patches, found.patches, strict=True):
+        middles = [np.array(p.shape[1:]) // 2 for p in (one, two)]
+        same = [
+            p[:, m[0] - rows : m[0] + rows + 1, m[1] - cols : m[1] + cols + 1]
+            for p, m in zip((one, two), middles, strict=True)
+        ]
+        # the grid of a fortieth of the height blunts edges a little
+        assert likeness(*same) > 0.9
+
+
+def test_turned_templates_of_learned_shapes_come_by_the_same_physics(touch):
+    made = learned("KK77")
+    chars = "K7"
+    upright, turned = (
+        predict_templates(
+            made.font,
+            chars,
+            template_key(made.font, touch, ALL_DIRECTIONS, height_mm=5.0, rotation_deg=angle),
+        )
+        for angle in (0.0, 90.0)
+    )
+    # of a line turned by a quarter, 90 degrees feels what 0 degrees does of an upright one
+    rows, cols = (
+        min(a, b) // 2 - 1 for a, b in zip(upright.patches.shape[2:], turned.patches.shape[2:], strict=True)
+    )
+    for t in range(2):
+        one, two = upright.patches[t, ALL_DIRECTIONS.index(0)], turned.patches[t, ALL_DIRECTIONS.index(90)]
+        m, n = np.array(one.shape) // 2, np.array(two.shape) // 2
+        a = one[m[0] - rows : m[0] + rows + 1, m[1] - cols : m[1] + cols + 1]
+        b = two[n[0] - rows : n[0] + rows + 1, n[1] - cols : n[1] + cols + 1]
+        assert likeness(a, b) > 0.97
+
+
+def test_characters_never_felt_come_from_the_nearest_font():
+    made = learned("K7B2", known=(load_font("timesr"), GOTHIC))
+    assert made.hand.font is GOTHIC
+    assert made.trusted
+    assert "Q" in made.never_felt
+    assert "K" not in made.never_felt
+    assert likeness(made.font.glyphs["Q"].relief, drawn("Q")) > 0.9
+    # blows of the font itself: its other characters are no guesses
+    assert not any(g.guessed for g in made.font.glyphs.values())
+
+
+def test_after_a_font_that_is_only_like_it_they_are_guesses():
+    made = learned("K7B2", known=(load_font("timesr"),))
+    assert not made.trusted
+    assert [c for c in "K7B2Q" if made.font.glyphs[c].guessed] == ["Q"]
+
+
+@pytest.mark.parametrize("place", [0, 2, 4])
+def test_one_wrong_exemplar_among_siblings_is_set_aside(place):
+    """Whichever came first: a 3 enrolled as an 8 by a slip of the reviewer changes nothing."""
+    chars = ["8"] * 5 + ["3"] * 3
+    reliefs = [drawn(c, seed=k) for k, c in enumerate(chars)]
+    right = learn_font("press", chars, reliefs, known=(GOTHIC,))
+    chars.insert(place, "8")
+    reliefs.insert(place, drawn("L", seed=77))
+    slipped = learn_font("press", chars, reliefs, known=(GOTHIC,))
+    assert slipped.set_aside == (place,)
+    assert likeness(slipped.font.glyphs["8"].relief, right.font.glyphs["8"].relief) > 0.999
+
+
+def test_of_two_that_disagree_the_nearest_font_tells_which():
+    made = learned("888KK7722", more=[("B", drawn("K", seed=1)), ("B", drawn("B", seed=2))])
+    assert made.set_aside == (9,)
+    assert likeness(made.font.glyphs["B"].relief, drawn("B")) > 0.85
+
+
+def test_a_single_exemplar_of_another_character_teaches_nothing():
+    made = learned("888KK7722", more=[("B", drawn("7", seed=1))])
+    assert made.set_aside == (9,)
+    assert "B" in made.never_felt
+    assert likeness(made.font.glyphs["B"].relief, drawn("B")) > 0.9
+
+
+def test_what_cannot_be_learned_is_told():
+    with pytest.raises(ExemplarError, match="give one for each"):
+        learn_font("press", [], [], known=(GOTHIC,))
+    with pytest.raises(ExemplarError, match="no known font"):
+        learn_font("press", ["K"], [drawn("K")], known=())
+    with pytest.raises(ExemplarError, match="differ in size"):
+        learn_font("press", ["K", "K"], [drawn("K"), drawn("K")[1:]], known=(GOTHIC,))

@@ -1,0 +1,163 @@
+"""A lot teaches itself: who teaches, what a second reading may change, and that one wrong reading teaches nobody."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from glyphs.fonts.glyph import Font
+from glyphs.fonts.outlines import load_font
+from recognition.learning.exemplars import ExemplarError
+from recognition.learning.laid_over import laid_over
+from recognition.learning.learned_shapes import Learned, learn_font
+from recognition.learning.lot import (
+    EXEMPLARS_EACH,
+    LEAST_AGREEMENT,
+    MOST_TEACHERS,
+    agreement,
+    is_better,
+    needs_another,
+    teachers,
+)
+from recognition.learning.nearest_hand import Hand
+
+GOTHIC, TIMES = load_font("gothic"), load_font("timesr")
+SIZE = (53, 65)
+
+
+@dataclass(frozen=True)
+class Read:
+    part: str
+    text: str
+    decision: str = "accept"
+    confidence: float = 0.95
+    error: str = ""
+
+
+def texts(n: int, seed: int = 1) -> list[Read]:
+    rng = np.random.default_rng(seed)
+    letters = list("ABCDEFGH0123456789")
+    return [
+        Read(f"p{k:03d}", "".join(rng.choice(letters, 8)), confidence=round(float(rng.uniform(0.9, 1.0)), 2))
+        for k in range(n)
+    ]
+
+
+def blow(char: str, seed: int, font: Font = GOTHIC) -> NDArray[np.float32]:
+    """A relief of a character as a blow leaves it: moved, turned, deeper or not, rough."""
+    relief = Hand(font, 1.0, 0.0, 0.0, 0.04, 1.0).relief(char, SIZE)
+    assert relief is not None
+    rng = np.random.default_rng([ord(char), seed])
+    turned = ndimage.rotate(relief, rng.normal(0.0, 1.2), reshape=False, order=1)
+    moved = ndimage.shift(turned, rng.normal(0.0, 0.8, 2), order=1) * rng.normal(1.0, 0.12)
+    return np.asarray(moved + rng.normal(0.0, 0.001, SIZE), dtype=np.float32)
+
+
+def learned(parts: list[tuple[str, str]], *, font: Font = GOTHIC) -> Learned:
+    """Of parts (stamped, as read)."""
+    chars = [char for _, read in parts for char in read]
+    reliefs = [blow(char, 10 * k, font) for k, (stamped, _) in enumerate(parts) for char in stamped]
+    return learn_font("lot-die", chars, reliefs, known=(TIMES,), vouching=False)
+
+
+# ---------------------------------------------------------------------------------------------------- who teaches
+
+
+def test_the_order_of_the_parts_makes_no_difference() -> None:
+    lot = texts(200)
+    assert teachers(lot) == teachers(lot[::-1]) == teachers(lot[77:] + lot[:77])
+
+
+def test_only_what_was_accepted_teaches_and_the_surest_first() -> None:
+    lot = [
+        Read("unsure", "ABCD", "review", 0.99),
+        Read("bad", "ABCD", "accept", 0.99, error="cannot be read"),
+        *(Read(f"late{k}", "EFGH", confidence=0.91) for k in range(EXEMPLARS_EACH)),
+        *(Read(f"sure{k}", "EFGH", confidence=0.99) for k in range(EXEMPLARS_EACH)),
+        Read("rare", "E F9", confidence=0.9),
+    ]
+    found = teachers(lot)
+    assert [*found] == ["rare", *(f"sure{k}" for k in range(EXEMPLARS_EACH))]
+    assert found["rare"] == "EF9"
+
+
+def test_every_character_gets_its_exemplars_and_no_more_parts_than_that_takes() -> None:
+    found = teachers(texts(400))
+    assert len(found) <= MOST_TEACHERS
+    assert min(Counter("".join(found.values())).values()) >= EXEMPLARS_EACH
+
+
+def test_nobody_teaches_where_nothing_was_accepted() -> None:
+    assert teachers([replace(one, decision="review") for one in texts(30)]) == {}
+
+
+# --------------------------------------------------------------------------------- what a second reading may change
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "better"),
+    [
+        (Read("a", "AB12"), Read("a", "AB17", "accept", 0.99), False),  # an accepted part never changes
+        (Read("a", "AB12"), Read("a", "AB12", "accept", 0.99), False),
+        (Read("a", "AB12", "review", 0.6), Read("a", "AB17", "accept", 0.95), True),
+        (Read("a", "AB12", "review", 0.6), Read("a", "AB12", "review", 0.8), True),
+        (Read("a", "AB12", "review", 0.6), Read("a", "AB12", "review", 0.5), False),
+        (Read("a", "AB12", "review", 0.6), Read("a", "AB17", "review", 0.8), False),
+        (Read("a", "", "reject", 0.0), Read("a", "AB12", "accept", 0.95), True),
+        (Read("a", "AB12", "review", 0.6), Read("a", "", "", 0.0, "its worker is lost"), False),
+        (Read("a", "", "", 0.0, "cannot be read"), Read("a", "AB12", "accept", 0.95), False),
+    ],
+)
+def test_a_second_reading_counts_where_it_is_accepted_or_surer(
+    first: Read, second: Read, better: bool
+) -> None:
+    assert is_better(second, first) is better
+    assert needs_another(first) or not better
+
+
+def test_what_counts_counts_for_good() -> None:
+    """Asked again of the reading that was taken, as a run taken up again asks, nothing changes."""
+    second = Read("a", "AB12", "review", 0.8)
+    assert not is_better(second, second)
+
+
+# -------------------------------------------------------------------------------------- a wrong reading teaches nobody
+
+
+def test_a_part_read_wrongly_is_set_aside_and_teaches_nobody() -> None:
+    right = [("K7B2", "K7B2")] * 5
+    alone, slipped = learned(right), learned([*right, ("2KL7", "K7B2")])
+    assert slipped.set_aside == (20, 21, 22, 23)  # of the sixth part, each
+    for char in "K7B2":
+        one, two = alone.font.glyphs[char].relief, slipped.font.glyphs[char].relief
+        assert one is not None
+        assert two is not None
+        # laid over each other: the median may lie as another of the blows does, a pixel up or down
+        assert laid_over(one, two)[0] > 0.98
+
+
+def test_fewer_than_three_that_agree_teach_nothing() -> None:
+    """Two of M, three of W of which one is an H: neither is of the die, and readings with them are doubted."""
+    made = learned([*[("K7B2", "K7B2")] * 4, ("MW", "MW"), ("MW", "MW"), ("H", "W")])
+    assert {char for char, used in made.used.items() if used} == set("K7B2")
+    assert made.font.glyphs["M"].guessed
+    assert made.font.glyphs["W"].guessed
+    assert not made.font.glyphs["K"].guessed
+
+
+def test_a_lot_of_which_no_character_is_sure_teaches_nothing() -> None:
+    with pytest.raises(ExemplarError, match="no character has 3 exemplars that agree"):
+        learned([("K7B2", "K7B2")] * 2)
+
+
+def test_parts_of_two_dies_do_not_agree() -> None:
+    text = "K7B25HSA"
+    assert agreement(text * 8, learned([(text, text)] * 8).used) == 1.0
+    reliefs = [blow(c, 10 * k, font) for k, font in enumerate([GOTHIC, TIMES] * 4) for c in text]
+    mixed = learn_font("lot-die", text * 8, reliefs, known=(TIMES,), vouching=False)
+    assert agreement(text * 8, mixed.used) < LEAST_AGREEMENT

@@ -1,0 +1,130 @@
+"""Parts, strips and views to learn from: the same from the same seed, and what is written is what is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glyphs.fonts.outlines import load_font
+from recognition.experts.recogniser import CHARACTERS
+from recognition.learning.training_fonts import family, kept_out
+from recognition.learning.training_parts import SOILS_LEARNED, TrainingPart, draw_part, draw_text
+from recognition.learning.training_strips import (
+    TALL_ROWS,
+    WIDE_MARGIN,
+    lines_of,
+    read_strips,
+    strips_of,
+    write_strips,
+)
+from recognition.learning.training_views import VIEW_ROWS, read_views, training_views, write_views
+from recognition.views.view import KNOWN, LAYERS
+
+FONTS = ("gothic", "futuram")
+SEED = 11
+SIXTEEN_BITS = 2.0**-10
+"""Relative: strips are kept in half precision."""
+
+
+def drawn(seed: int) -> TrainingPart:
+    return draw_part([Path(name) for name in FONTS], np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def made() -> TrainingPart:
+    return drawn(SEED)
+
+
+def test_a_part_is_drawn_again_from_its_seed(made: TrainingPart) -> None:
+    again = drawn(SEED)
+    assert (again.part.text, again.font, again.height_mm) == (made.part.text, made.font, made.height_mm)
+    np.testing.assert_array_equal(again.part.height_map.z_mm, made.part.height_map.z_mm)
+    for one, other in zip(again.scan.sweeps, made.scan.sweeps, strict=True):
+        np.testing.assert_array_equal(one.moment_n_mm, other.moment_n_mm)
+    assert drawn(SEED + 1).part.text != made.part.text
+
+
+def test_soils_are_those_learned_from(made: TrainingPart) -> None:
+    assert {"mud", "weld"}.isdisjoint(SOILS_LEARNED)
+    assert set(made.part.soiling.soils) <= set(SOILS_LEARNED)
+
+
+@pytest.mark.parametrize("font", FONTS)
+def test_texts_are_of_what_the_font_has(font: str) -> None:
+    loaded, rng = load_font(font), np.random.default_rng(0)
+    texts = [draw_text(loaded, rng) for _ in range(200)]
+    assert {c for text in texts for c in text} <= set(CHARACTERS) & ({*loaded.glyphs, " "})
+    assert all(1 <= len(text.replace(" ", "")) <= 15 for text in texts)
+    assert all(text == " ".join(text.split()) for text in texts)
+    assert len(set(texts)) > 190
+
+
+def test_strips_are_tall_cut_about_their_line_and_kept(made: TrainingPart, tmp_path: Path) -> None:
+    strips = strips_of(made, np.random.default_rng(0))
+    texts = [text for _, text in lines_of(made)]
+    for strip in strips:
+        assert strip.text in texts
+        assert strip.layers.shape[:2] == (LAYERS, TALL_ROWS)
+        assert strip.directions == (len(made.scan.sweeps) if strip.source == "felt" else 0)
+        assert set(np.unique(strip.layers[KNOWN])) <= {0.0, 1.0}
+    line = lines_of(made)[0][0]
+    assert strips[0].layers.shape[2] == line.columns(margin=WIDE_MARGIN)
+    write_strips(tmp_path / "a.npz", strips)
+    write_strips(tmp_path / "b.npz", strips[:1])
+    back = read_strips([tmp_path / "a.npz", tmp_path / "b.npz"])
+    assert len(back) == len(strips) + 1
+    for one, other in zip(back, [*strips, strips[0]], strict=True):
+        np.testing.assert_array_equal(one.layers, other.layers)
+        for name in ("text", "source", "font", "soils", "severity", "directions"):
+            assert getattr(one, name) == getattr(other, name)
+
+
+def test_lines_lie_on_the_boxes_of_their_characters(made: TrainingPart) -> None:
+    line, text = lines_of(made)[0]
+    boxes = np.array([b for b, c in zip(made.part.stamped.boxes_mm, text, strict=True) if c != " "])
+    middles = 0.5 * (boxes[:, :2] + boxes[:, 2:])
+    dense = np.concatenate(
+        [
+            a + np.linspace(0, 1, 50)[:, None] * (b - a)
+            for a, b in zip(line.centre_mm, line.centre_mm[1:], strict=False)
+        ]
+    )
+    away = np.linalg.norm(middles[:, None] - dense[None], axis=2).min(axis=1)
+    # small letters and signs have their middles lower, by up to a third of the height
+    assert away.max() < 0.4 * line.height_mm
+    assert line.height_mm == made.height_mm
+
+
+def test_views_are_at_one_scale_with_their_lines_and_kept(made: TrainingPart, tmp_path: Path) -> None:
+    views = training_views(made)
+    line = lines_of(made)[0][0]
+    for view in views:
+        assert view.layers.shape[0] == LAYERS
+        assert len(view.lines) == len(lines_of(made))
+        long = np.linalg.norm(np.diff(view.lines[0], axis=0), axis=1).sum()
+        # in pixels, VIEW_ROWS to a height; single precision
+        assert long == pytest.approx(line.length_mm / made.height_mm * VIEW_ROWS, rel=1e-3)
+    write_views(tmp_path / "v.npz", views)
+    for one, other in zip(read_views([tmp_path / "v.npz"]), views, strict=True):
+        np.testing.assert_array_equal(one.layers, other.layers)
+        for a, b in zip(one.lines, other.lines, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(
+    ("name", "out"),
+    [
+        ("Manrope-Bold.ttf", True),
+        ("SourceSerif4-It.otf", True),
+        ("lmroman10.otf", True),
+        ("Lato-Black.ttf", False),
+    ],
+)
+def test_families_that_the_exam_keeps_out_are_not_learned_from(name: str, out: bool) -> None:
+    assert kept_out(Path(name)) is out
+
+
+def test_a_family_is_its_name_without_style() -> None:
+    assert family(Path("Lato-Black.ttf")) == family(Path("Lato_Light.otf")) == "lato"

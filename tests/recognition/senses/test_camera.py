@@ -1,0 +1,144 @@
+"""The reader of photographs: pictures of stamped parts, one real one, and none at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glyphs.camera.photo import Photo
+from glyphs.stamping.stamp import StampedPart
+from recognition.decision.reading import Decision, Reading
+from recognition.senses.camera import VisionReader
+from recognition.senses.settings import ReaderSettings
+from recognition.views.text_line import TextLine
+
+TEXT = "K7B29"
+SETTINGS = ReaderSettings(fonts=("gothic",), format="A9A99", height_mm=5.0)
+REAL = Path(__file__).parents[2] / "data" / "photos" / "1X2100H.jpg"
+NOISE = 3.0
+"""Of the camera, grey levels."""
+
+
+def lit(part: StampedPart, *, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Brightness of a matt part under one light from the upper left."""
+    gy, gx = np.gradient(part.height_map.z_mm.astype(np.float64), part.height_map.pitch_mm)
+    grey = 110.0 * np.clip((1.0 - 0.6 * gx - 0.4 * gy) / np.sqrt(1.0 + gx**2 + gy**2), 0.05, None)
+    return np.asarray(grey + rng.normal(0.0, NOISE, grey.shape))
+
+
+def taken(grey: NDArray[np.float64], part: StampedPart) -> Photo:
+    pixels = np.rint(np.clip(grey, 0, 255)).astype(np.uint8)
+    w, h = part.height_map.size_mm
+    return Photo(pixels, pitch_mm=part.height_map.pitch_mm, centre_mm=(w / 2, h / 2))
+
+
+@pytest.fixture(scope="module")
+def reader() -> VisionReader:
+    return VisionReader(SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def photo(make_part: Callable[..., StampedPart]) -> tuple[StampedPart, Photo]:
+    part = make_part(TEXT)
+    return part, taken(lit(part, rng=np.random.default_rng(0)), part)
+
+
+def check_places(found: Reading, part: StampedPart) -> None:
+    """The middle of every character lies in its box."""
+    for character, (x0, y0, x1, y1) in zip(found.characters, part.boxes_mm, strict=True):
+        b = character.box
+        assert b.x0_mm < 0.5 * (x0 + x1) < b.x1_mm
+        assert b.y0_mm < 0.5 * (y0 + y1) < b.y1_mm
+
+
+def test_a_photograph_becomes_a_reading(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
+    part, picture = photo
+    found = reader.read_photo(picture)
+    assert found.text == TEXT
+    assert found.decision is Decision.ACCEPT
+    assert (found.source, found.unit) == ("vision", "mm")
+    assert found.trace.photo is not None
+    assert found.trace.line is not None
+    assert "own" in found.trace.by_expert
+    # the height was given: the finder keeps it, and looks at moved lines a quarter off
+    assert found.height_mm == pytest.approx(part.height_mm, rel=0.25)
+    assert found.seconds["read"] > 0.0
+    check_places(found, part)
+
+
+def test_without_a_scale_lengths_are_pixels(photo: tuple[StampedPart, Photo]) -> None:
+    part, picture = photo
+    found = VisionReader(SETTINGS).read_photo(Photo(picture.pixels))
+    assert (found.text, found.unit) == (TEXT, "px")
+    # millimetres are of no account then; finder and moves are within a quarter
+    assert found.height_mm == pytest.approx(part.height_mm / part.height_map.pitch_mm, rel=0.25)
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+def test_a_picture_taken_from_another_side_is_read(turns: int, photo: tuple[StampedPart, Photo]) -> None:
+    _, picture = photo
+    found = VisionReader(SETTINGS).read_photo(
+        Photo(np.rot90(picture.pixels, turns).copy(), pitch_mm=picture.pitch_mm)
+    )
+    assert found.text == TEXT
+    # the picture was turned against the clock, so its line runs with -90 degrees a quarter
+    off = (found.rotation_deg + 90.0 * turns + 180.0) % 360.0 - 180.0
+    assert off == pytest.approx(0.0, abs=3.0)
+
+
+def test_a_turned_line_under_grime_is_read(
+    reader: VisionReader, make_part: Callable[..., StampedPart]
+) -> None:
+    part = make_part(TEXT, line_rotation_deg=8.0)
+    rng = np.random.default_rng(1)
+    grey = lit(part, rng=rng)
+    # patches of grime with sharp rims, all over
+    y, x = np.mgrid[: grey.shape[0], : grey.shape[1]]
+    grime = np.zeros(grey.shape)
+    for _ in range(60):
+        r, c, size = rng.uniform(0, grey.shape[0]), rng.uniform(0, grey.shape[1]), rng.uniform(4, 14)
+        grime = np.maximum(grime, ((x - c) ** 2 + (y - r) ** 2 < size**2) * rng.uniform(0.2, 0.5))
+    found = reader.read_photo(taken(grey * (1.0 - grime), part))
+    assert found.text == TEXT
+    assert found.rotation_deg > 0.0
+
+
+def test_a_place_known_beforehand_is_kept_to(reader: VisionReader, photo: tuple[StampedPart, Photo]) -> None:
+    part, picture = photo
+    boxes = np.array(part.boxes_mm)
+    (x0, y0), (x1, y1) = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+    about = TextLine.straight(x0, 0.5 * (y0 + y1), length_mm=x1 - x0, height_mm=part.height_mm)
+    found = reader.read_photo(picture, about=about)
+    assert found.text == TEXT
+    assert found.trace.line is not None
+    assert found.trace.line.turned_deg == pytest.approx(0.0, abs=1e-9)
+    check_places(found, part)
+
+
+@pytest.mark.parametrize("experts", [("own",), ("print",), ()])
+def test_a_real_serial_is_read_with_its_format(experts: tuple[str, ...]) -> None:
+    import cv2
+
+    if experts == ("print",):
+        pytest.importorskip("rapidocr", reason="the extra `vision` is not installed")
+    picture = Photo(np.ascontiguousarray(cv2.imread(str(REAL))[..., ::-1]))
+    found = VisionReader(ReaderSettings(format="9A9999A", experts=experts)).read_photo(picture)
+    assert found.text == "1X2100H"
+    assert found.decision is not Decision.REJECT
+    assert set(experts) <= set(found.trace.by_expert)
+    # boxes lie on the characters: the first on the left, the last on the right of 560 pixels
+    assert found.characters[0].box.x1_mm < 150.0
+    assert found.characters[-1].box.x0_mm > 400.0
+    assert all(a.box.x0_mm < b.box.x0_mm for a, b in pairwise(found.characters))
+
+
+def test_nothing_written_is_not_accepted() -> None:
+    grey = np.random.default_rng(2).normal(128.0, 4.0, (64, 320)).clip(0, 255).astype(np.uint8)
+    found = VisionReader(ReaderSettings(format="AA99")).read_photo(Photo(grey))
+    assert found.decision is not Decision.ACCEPT
+    assert found.confidence < 0.5

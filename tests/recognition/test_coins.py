@@ -1,0 +1,42 @@
+"""Real coins: raised letters and figures of 1 to 4 mm, of fonts that nobody has a file of, and no format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glyphs.surface.maps import HeightMap
+from recognition.decision.reading import Decision, Reading
+from recognition.reader import Reader
+
+ROOT = Path(__file__).parents[2]
+OWN = ROOT / "tests" / "data"
+SHARED = ROOT.parent / "shared" / "data" / "height_maps"
+UNDER_WAY = pytest.mark.xfail(reason="the finder takes part of the line where letters fill the strip")
+
+
+def read(strip: Path) -> tuple[Reading, str]:
+    if not strip.is_file():
+        pytest.skip(f"{strip} is not here: the team's shared data, not in the repository")
+    with np.load(strip) as data:
+        relief, text = HeightMap(data["z_mm"], float(data["pitch_mm"])), str(data["text"])
+    return Reader().read(relief), text
+
+
+@pytest.mark.parametrize(
+    "strip",
+    [
+        OWN / "penny_LIBERTY.npz",
+        OWN / "penny_1997.npz",
+        pytest.param(SHARED / "dime_ONE_DIME.npz", marks=UNDER_WAY),
+        SHARED / "euro_EURO.npz",
+        SHARED / "pfennig_5.npz",
+    ],
+    ids=lambda strip: strip.stem,
+)
+def test_a_coin_is_read_without_any_setting(strip: Path) -> None:
+    found, text = read(strip)
+    assert found.text == text
+    assert found.decision is not Decision.REJECT
