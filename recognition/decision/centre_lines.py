@@ -40,7 +40,7 @@ class CentreLine:
 
 
 @lru_cache(maxsize=1024)
-def centre_line(font: Font, char: str, *, face: Face = Face.FLAT, grow: float = 0.0) -> CentreLine:
+def centre_line(font: Font, char: str, *, face: Face = Face.FLAT) -> CentreLine:
     """The centre line of a font's character; n is 0 without ink.
 
     Half a stroke's width is left out at both ends of a stroke: there dies are rounded, and a character that was
@@ -50,7 +50,6 @@ def centre_line(font: Font, char: str, *, face: Face = Face.FLAT, grow: float = 
         font: its letters.
         char: one of them.
         face: of the die; a dotted one has points for lines.
-        grow: outline moved outwards by this at the same height, character heights.
 
     Raises:
         FontError: the font lacks the character.
@@ -67,9 +66,8 @@ def centre_line(font: Font, char: str, *, face: Face = Face.FLAT, grow: float = 
         parts = [_along(stroke, trim=half) for stroke in shape.strokes]
         points, normals = (np.concatenate(part) for part in zip(*parts, strict=True))
     x0, _, x1, _ = shape.ink_box
-    shrink = 1.0 - 2.0 * grow
-    offsets = (points - (0.5 * (x0 + x1), 0.5)) * (shrink, -shrink)
-    return CentreLine(offsets, normals * (1.0, -1.0), half * shrink + grow)
+    offsets = (points - (0.5 * (x0 + x1), 0.5)) * (1.0, -1.0)
+    return CentreLine(offsets, normals * (1.0, -1.0), half)
 
 
 def _along(stroke: Points, *, trim: float) -> tuple[Points, Points]:

@@ -74,13 +74,6 @@ def test_an_outlined_font_is_followed_along_its_limbs() -> None:
         assert np.mean(out > 0.0) > 0.7
 
 
-def test_growing_keeps_the_height() -> None:
-    font = load_font("gothic")
-    slim, bold = centre_line(font, "H"), centre_line(font, "H", grow=0.03)
-    assert bold.half_width == pytest.approx(slim.half_width * 0.94 + 0.03)
-    np.testing.assert_allclose(bold.points, slim.points * 0.94)
-
-
 def test_dots_have_a_point_each() -> None:
     font = load_font("gothic")
     dotted, plain = centre_line(font, "8", face=Face.DOTTED), centre_line(font, "8")
