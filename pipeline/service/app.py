@@ -96,6 +96,7 @@ class Service:
             targets=tuple(self.ports.senders),
         )
         self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
+        self.metrics.gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
         self.metrics.gauge("workers_ready", "1 while parts can be read.", lambda: float(self.pool.ready()))
         self.metrics.gauge("outbox", "Results not yet published.", self.store.undelivered)
 

@@ -21,7 +21,10 @@ from recognition.learning.training_views import VIEW_ROWS, TrainingView, read_vi
 from recognition.views.view import HEIGHTS, LAYERS
 
 WINDOW = (72, 224)
-"""Rows and columns that are shown at once."""
+"""Rows and columns that are shown at once, at most."""
+_TIGHTEST, _TIGHT_SHARE = (16, 48), 0.5
+"""Rows and columns of the smallest window, and how many batches have smaller ones, about a line: parts may end, and
+photographs be cut, close to the characters."""
 BATCH = 24
 _MIDDLE, _BESIDE = 0.25, 0.42
 """Of a height: cells so near to a line's middle belong to it, those up to there are not judged."""
@@ -33,9 +36,19 @@ _HELD, _REPORT_S = 240, 90.0
 
 
 def shown(
-    view: TrainingView, rng: np.random.Generator, *, plain: bool = False
+    view: TrainingView,
+    rng: np.random.Generator,
+    *,
+    window: tuple[int, int] = WINDOW,
+    plain: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], float]:
-    """A window of a view at a scale and turn drawn at random, (2, *WINDOW) x and y in it; and its truth.
+    """A window of a view at a scale and turn drawn at random, (2, *window) x and y in it; and its truth.
+
+    Args:
+        view: with its lines.
+        rng: draws scale, turn and place.
+        window: rows and columns; one smaller than `WINDOW` lies about a line.
+        plain: show the middle of the view at its true scale.
 
     Returns:
         Places x, y of the window's pixels in the view, and (2 + FINDINGS, rows, columns) of the cells: whether they are
@@ -44,10 +57,13 @@ def shown(
     octaves = 0.0 if plain else rng.uniform(-1.0, 1.0)
     zoom = VIEW_ROWS / (FINDER_ROWS * 2.0**octaves)  # pixels of the view to one of the window
     turn = 0.0 if plain else rng.normal(0.0, 0.08)
-    rows, columns = WINDOW
+    rows, columns = window
     h, w = view.layers.shape[1:]
     middle = np.array([w / 2, h / 2])
-    if not plain:
+    if window != WINDOW and view.lines:
+        points = _dense(view.lines[rng.integers(len(view.lines))].astype(np.float64))
+        middle = points[rng.integers(len(points))] + rng.normal(0.0, 0.15, 2) * VIEW_ROWS
+    elif not plain:
         middle += rng.uniform(-0.5, 0.5, 2) * np.maximum(
             [w - 0.6 * columns * zoom, h - 0.6 * rows * zoom], 0.3 * h
         )
@@ -110,19 +126,26 @@ def _batch(
     views: list[TrainingView], rng: np.random.Generator, draw: torch.Generator, *, plain: bool = False
 ) -> tuple[Tensor, Tensor]:
     strips, truths = [], []
+    tight = not plain and rng.random() < _TIGHT_SHARE
+    window = (_drawn_side(0, rng), _drawn_side(1, rng)) if tight else WINDOW
     for view in views:
-        places, truth, octaves = shown(view, rng, plain=plain)
+        places, truth, octaves = shown(view, rng, window=window, plain=plain)
         layers = torch.from_numpy(view.layers.astype(np.float32))[None]
         h, w = layers.shape[2:]
         grid = torch.from_numpy(
             np.stack([(places[0] + 0.5) * 2 / w - 1, (places[1] + 0.5) * 2 / h - 1], axis=-1)
         )
-        window = f.grid_sample(layers, grid[None], mode="bilinear", align_corners=False)
-        window[:, HEIGHTS] *= 2.0**octaves
-        strips.append(window)
+        strip = f.grid_sample(layers, grid[None], mode="bilinear", align_corners=False)
+        strip[:, HEIGHTS] *= 2.0**octaves
+        strips.append(strip)
         truths.append(torch.from_numpy(truth))
     batch = torch.cat(strips)
     return (batch if plain else noisy(batch, rng=draw)), torch.stack(truths)
+
+
+def _drawn_side(axis: int, rng: np.random.Generator) -> int:
+    """Whole cells of a tight window."""
+    return CELL * int(rng.integers(_TIGHTEST[axis] // CELL, WINDOW[axis] // CELL))
 
 
 def loss_of(found: Tensor, truth: Tensor) -> Tensor:
@@ -163,7 +186,16 @@ def measured(network: Finder, views: list[TrainingView]) -> dict[str, float]:
     }
 
 
-def train(folder: Path, held_out: Path, *, minutes: float, seed: int, out: Path, log: Path) -> None:
+def train(
+    folder: Path,
+    held_out: Path,
+    *,
+    minutes: float,
+    seed: int,
+    out: Path,
+    log: Path,
+    start: Path | None = None,
+) -> None:
     """Train on the views of a folder.
 
     Args:
@@ -173,11 +205,14 @@ def train(folder: Path, held_out: Path, *, minutes: float, seed: int, out: Path,
         seed: of weights, windows and what happens to them.
         out: ONNX file; the weights as torch has them lie beside it.
         log: a line of JSON a report is added to it.
+        start: weights to go on from.
     """
     torch.manual_seed(seed)
     torch.set_flush_denormal(True)
     rng, draw = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
     network = Finder().to(memory_format=torch.channels_last)
+    if start is not None:
+        network.load_state_dict(torch.load(start, weights_only=True))
     optimiser = torch.optim.AdamW(network.parameters(), lr=_MOST_RATE, weight_decay=0.01)
     views, held = read_views(sorted(folder.glob("*.npz"))), read_views(sorted(held_out.glob("*.npz")))[:_HELD]
     begun = last = time.monotonic()
@@ -232,9 +267,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         asked.add_argument(name, type=Path, required=True)
     asked.add_argument("--minutes", type=float, default=25.0)
     asked.add_argument("--seed", type=int, default=0)
+    asked.add_argument("--threads", type=int, default=2)
+    asked.add_argument("--start", type=Path, help="weights (.pt) to go on from")
     given = asked.parse_args(arguments)
-    torch.set_num_threads(2)
-    train(given.views, given.held_out, minutes=given.minutes, seed=given.seed, out=given.out, log=given.log)
+    torch.set_num_threads(given.threads)
+    train(
+        given.views, given.held_out, minutes=given.minutes, seed=given.seed, out=given.out, log=given.log,
+        start=given.start,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
