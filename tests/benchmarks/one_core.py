@@ -1,6 +1,7 @@
 """A process that does one thing again for every line it is sent, on one core, and answers when it is done.
 
-    python one_core.py edge_map | read_known_height | read_unknown_height | read_height_map | exam_SOIL
+    python one_core.py edge_map | scan_sure | scan_unsure | photo_sure | photo_unsure | read_height_map |
+        read_coins | exam_SOIL
 
 Thread counts must be set in the environment before numpy is loaded, so this is a process of its own.
 """
@@ -12,15 +13,21 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import count, pairwise
+from itertools import count, cycle, pairwise
+from pathlib import Path
 
 import numpy as np
 
+from glyphs.camera.photo import Photo
 from glyphs.fonts.outlines import load_font
+from glyphs.soiling.soils import SOILS
 from glyphs.stamping.die import default_die
 from glyphs.stamping.stamp import StampedPart, stamp_line
+from glyphs.surface.maps import HeightMap
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
+from pipeline.benchmark.exam.specimens import Specimen
+from pipeline.files.touch_file import read_height_map
 from pipeline.reading.simulated_scan import feel
 from recognition.decision.reading import Reading
 from recognition.reader import Reader
@@ -59,31 +66,46 @@ def task(name: str) -> Callable[[], str]:
         return lambda: told(reader.read(surface))
     if name.startswith("exam_"):
         return partial(exam_part, name.removeprefix("exam_"), count(1))
-    scan = a_scan(TEXT, 1)
+    if name == "read_coins":
+        coins = sorted((Path(__file__).parents[1] / "data").glob("penny_*.npz"))
+        return partial(read_next, Reader(), cycle([read_height_map(path) for path in coins]))
     if name == "edge_map":
+        scan = a_scan(TEXT, 1)
         return lambda: "x".join(str(n) for n in edge_map(scan).shape)
-    height = HEIGHT_MM if name == "read_known_height" else None
-    reader = Reader(ReaderSettings(fonts=("gothic",), format="AA999999", height_mm=height))
-    reader.read(a_scan("BZ135690", 2))  # another part, so that only the templates are kept
+    return partial(read_next, Reader(ReaderSettings(format="AA999999")), cycle(shown(*name.split("_"))))
 
-    return lambda: told(reader.read(scan))
+
+def shown(sense: str, how: str) -> list[Scan | Photo | HeightMap]:
+    """A clean part, of which a reader is sure, or one of every soil, so dirty that it mostly is not."""
+    parts = exam_parts(soil=list(SOILS), severity=0.9 if how == "unsure" else 0.0)
+    made = [parts.make(item) for item in parts.items()[: None if how == "unsure" else 1]]
+    if sense == "scan":
+        return [felt(specimen) for specimen in made]
+    return [specimen.take_photo() for specimen in made if specimen.take_photo is not None]
+
+
+def read_next(reader: Reader, views: Iterator[Scan | Photo | HeightMap]) -> str:
+    """Processor seconds of a reading, what was decided, and what was read."""
+    before = time.process_time()
+    reading = reader.read(next(views))
+    return f"{time.process_time() - before:.4f} {reading.decision.value} {reading.text}"
+
+
+def exam_parts(**levels: object) -> DesignedParts:
+    """Parts of an exam that differ in these levels alone."""
+    own = {"font": "gothic", "format": "AA999999", "height_mm": HEIGHT_MM, **levels}
+    return DesignedParts(Design.of(parts=len(SOILS), cross=("soil",), part=own))
+
+
+def felt(specimen: Specimen) -> Scan:
+    """In four directions, without a sensor's noise."""
+    plan = default_plan((0.0, 0.0, *specimen.height_map.size_mm), character_height_mm=HEIGHT_MM)
+    return feel(specimen.height_map, plan=plan, height_mm=HEIGHT_MM, noise=False, soil=specimen.soil)
 
 
 def exam_part(soil: str, numbers: Iterator[int]) -> str:
     """A part of an exam: stamped, soiled, photographed and felt. What it took: processor seconds of each step."""
-    parts = DesignedParts(
-        Design.of(
-            parts=1,
-            cross=("soil",),
-            part={
-                "soil": soil,
-                "severity": 0.6,
-                "font": "gothic",
-                "format": "AA999999",
-                "height_mm": HEIGHT_MM,
-            },
-        )
-    )
+    parts = exam_parts(soil=soil, severity=0.6)
     item = replace(parts.items()[0], number=next(numbers))
     spent = [time.process_time()]
     specimen = parts.make(item)
@@ -91,8 +113,7 @@ def exam_part(soil: str, numbers: Iterator[int]) -> str:
     assert specimen.take_photo is not None
     specimen.take_photo()
     spent.append(time.process_time())
-    plan = default_plan((0.0, 0.0, *specimen.height_map.size_mm), character_height_mm=HEIGHT_MM)
-    feel(specimen.height_map, plan=plan, height_mm=HEIGHT_MM, noise=False, soil=specimen.soil)
+    felt(specimen)
     spent.append(time.process_time())
     steps = zip(("make", "photo", "scan"), pairwise(spent), strict=True)
     return " ".join(f"{step}={b - a:.4f}" for step, (a, b) in steps)

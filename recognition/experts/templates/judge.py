@@ -33,8 +33,8 @@ SAME_PLACE_HEIGHTS = 0.3
 """A correlation counts for a place if it was taken no further away."""
 FEWEST_TURN = 4
 """Characters that tell how their line turns."""
-RAISED_SCORE = 0.7
-"""Mean correlation of sunk marks below which raised ones are tried."""
+STRUCK_SCORE = 0.7
+"""Mean correlation of marks sunk by a flat die below which dotted and raised ones are tried."""
 _SLIGHT = 1e-6
 OWN_SCORE = 0.75
 """Mean correlation of what was read with a font that nobody named, from which it has a say."""
@@ -88,72 +88,79 @@ def judged(
     """
     if _sag(line) > MOST_SAG_HEIGHTS * line.height_mm or columns.size == 0:
         return None
-    text = [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)]
-    tried = _tried(part, fonts, line, columns, text, raised=False)
-    if max((score for score, _ in tried), default=0.0) < RAISED_SCORE:
-        tried += _tried(part, fonts, line, columns, text, raised=True)
-    if not tried:
+    guess = _Guess(part, line, columns, [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)])
+    best = guess.best(fonts, _Guise(), rough=not named)
+    if best is None or best[0] < STRUCK_SCORE:
+        struck = [font for font in fonts if font.stroke_ratio > 0.0]
+        dotted = guess.best(struck, _Guise(face=Face.DOTTED), rough=not named)
+        # raised marks suit any font better raised; then the others are asked as well
+        same = fonts if best is None else [best[1].font]
+        raised = guess.best(same, _Guise(raised=True), rough=not named)
+        if best is not None and raised is not None and raised[0] > best[0]:
+            raised = guess.best(fonts, _Guise(raised=True), rough=not named)
+        best = max((one for one in (best, dotted, raised) if one is not None), key=_score, default=None)
+    if best is None:
         return None
-    score, placed = max(tried, key=lambda one: one[0])
+    score, placed = best
     if not named and score < OWN_SCORE:
         return JudgedLine(placed, guessed_cells(placed, part.edges.directions), score, None)
+    if not named:
+        placed = guess.placed(placed.font, _Guise(placed.face, placed.raised)) or placed
     settled, cells = refine_line(placed, part.edges.directions)
     return JudgedLine(settled, cells, score, _lattice(settled, cells, part.edges.directions, lattice, gaps))
 
 
-def _tried(
-    part: TouchedPart,
-    fonts: Sequence[Font],
-    line: TextLine,
-    columns: NDArray[np.float64],
-    text: Sequence[str],
-    *,
-    raised: bool,
-) -> list[tuple[float, PlacedLine]]:
-    """How well the characters believed suit each font and face: mean correlations."""
-    tried = []
-    for font in fonts:
-        for face in (Face.FLAT, Face.DOTTED) if font.stroke_ratio > 0.0 else (Face.FLAT,):
-            placed = _placed(part, font, face, line, columns, text, raised=raised)
+@dataclass(frozen=True)
+class _Guise:
+    """What a font may look like on a part."""
+
+    face: Face = Face.FLAT
+    raised: bool = False
+
+
+@dataclass(frozen=True)
+class _Guess:
+    """The characters believed, where they are believed to stand."""
+
+    part: TouchedPart
+    line: TextLine
+    columns: NDArray[np.float64]
+    text: Sequence[str]
+
+    def best(self, fonts: Sequence[Font], guise: _Guise, *, rough: bool) -> tuple[float, PlacedLine] | None:
+        """The font that suits them best, and how well: the mean of their correlations."""
+        tried = []
+        for font in fonts:
+            placed = self.placed(font, guise, rough=rough)
             if placed is not None:
-                tried.append(
-                    (
-                        float(
-                            np.mean([c.scores.max() for c in guessed_cells(placed, part.edges.directions)])
-                        ),
-                        placed,
-                    )
-                )
-    return tried
+                cells = guessed_cells(placed, self.part.edges.directions)
+                tried.append((float(np.mean([c.scores.max() for c in cells])), placed))
+        return max(tried, key=_score, default=None)
+
+    def placed(self, font: Font, guise: _Guise, *, rough: bool = False) -> PlacedLine | None:
+        """The characters in a font; None where it has none of them."""
+        height_mm, turn = self.line.height_mm, self.line.turned_deg
+        templates = self.part.templates(
+            font, height_mm=height_mm, rotation_deg=turn, face=guise.face, raised=guise.raised, rough=rough
+        )
+        if not any(char in templates.chars for char in self.text) or not templates.patches.any():
+            return None  # nothing to compare with, or a touch that would feel nothing of it
+        image = self.part.image(turn)
+        u_mm, v_mm = image.from_plate(places_mm(self.line, self.columns)).T
+        template = np.array(
+            [templates.chars.index(c) if c in templates.chars else 0 for c in self.text], dtype=np.int64
+        )
+        return PlacedLine(font, guise.face, guise.raised, height_mm, image, templates, template, u_mm, v_mm)
+
+
+def _score(one: tuple[float, PlacedLine]) -> float:
+    return one[0]
 
 
 def _sag(line: TextLine) -> float:
     a, b = line.centre_mm[0], line.centre_mm[-1]
     along = (b - a) / np.linalg.norm(b - a)
     return float(np.abs((line.centre_mm - a) @ np.array([-along[1], along[0]])).max())
-
-
-def _placed(
-    part: TouchedPart,
-    font: Font,
-    face: Face,
-    line: TextLine,
-    columns: NDArray[np.float64],
-    text: Sequence[str],
-    *,
-    raised: bool,
-) -> PlacedLine | None:
-    """The characters believed where they are believed to stand; None where the font has none of them."""
-    turn = line.turned_deg
-    templates = part.templates(font, height_mm=line.height_mm, rotation_deg=turn, face=face, raised=raised)
-    if not any(char in templates.chars for char in text) or not templates.patches.any():
-        return None  # nothing to compare with, or a touch that would feel nothing of it
-    image = part.image(turn)
-    u_mm, v_mm = image.from_plate(places_mm(line, columns)).T
-    template = np.array(
-        [templates.chars.index(c) if c in templates.chars else 0 for c in text], dtype=np.int64
-    )
-    return PlacedLine(font, face, raised, line.height_mm, image, templates, template, u_mm, v_mm)
 
 
 def _lattice(

@@ -73,10 +73,11 @@ class TouchedPart:
         rotation_deg: float,
         face: Face = Face.FLAT,
         raised: bool = False,
+        rough: bool = False,
     ) -> TemplateSet:
-        """The templates of a font, felt as the part was."""
+        """The templates of a font, felt as the part was, or roughly so."""
         key = template_key(
             font, self.touch, self.edges.directions,
-            height_mm=height_mm, rotation_deg=rotation_deg, raised=raised, face=face,
+            height_mm=height_mm, rotation_deg=rotation_deg, raised=raised, face=face, rough=rough,
         )  # fmt: skip
         return self.cache.get(font, "".join(c for c in self.chars if c in font.glyphs), key)

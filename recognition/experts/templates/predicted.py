@@ -39,6 +39,11 @@ CELL_MARGIN_HEIGHTS = 0.16
 """Land kept around a glyph in its cell, in character heights."""
 CANONICAL_HEIGHT_MM = 5.0
 """Touch is free of scale when whisker, tip, preload and mark shrink together: one set serves every height."""
+_TURN_DEG, _STEP = 5.0, 0.1
+"""Between two sets, of the turn and of preload and depth: patches are turned upright, and the directions' shares of an
+edge differ by a few per cent."""
+_ROUGH_TURN_DEG, _ROUGH_STEP = 40.0, 0.6
+"""The same, where they only have to tell which font it is."""
 PIXELS = 40
 """Template pixels to a character height."""
 
@@ -87,19 +92,25 @@ def template_key(
     rotation_deg: float = 0.0,
     raised: bool = False,
     face: Face = Face.FLAT,
+    rough: bool = False,
 ) -> TemplateKey:
-    """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set."""
+    """The key for characters of a height felt with a touch; rounded, so that near-equal parts share a set.
+
+    Rough ones are shared by almost all parts: to predict a set for each of the fonts that nobody has named would cost
+    more than all the rest of a reading.
+    """
+    turn, step = (_ROUGH_TURN_DEG, _ROUGH_STEP) if rough else (_TURN_DEG, _STEP)
     compliance = touch.tip.compliance_mm_per_n / touch.tip.compliance_mm_per_n[1, 1]
     arm = touch.tip.moment_arm_mm / np.linalg.norm(touch.tip.moment_arm_mm)
-    depth = rounded(default_depth_mm(height_mm) / height_mm, 0.1)
+    depth = rounded(default_depth_mm(height_mm) / height_mm, step)
     return TemplateKey(
         directions=directions,
-        rotation_deg=float(round(rotation_deg)) if abs(rotation_deg) > 0.8 else 0.0,
+        rotation_deg=turn * round(rotation_deg / turn),
         raised=raised,
         compliance=tuple(float(f"{c:.4g}") for c in compliance.ravel()),
         arm=tuple(float(f"{a:.4g}") for a in arm),
-        preload=rounded(touch.preload_mm / height_mm, 0.1),
-        tip_radius=rounded(touch.tip_radius_mm / height_mm, 0.2) if touch.tip_radius_mm else 0.0,
+        preload=rounded(touch.preload_mm / height_mm, step),
+        tip_radius=rounded(touch.tip_radius_mm / height_mm, 2 * step) if touch.tip_radius_mm else 0.0,
         friction=round(touch.friction, 2),
         die=default_die(CANONICAL_HEIGHT_MM, font=font, face=face, depth_mm=depth * CANONICAL_HEIGHT_MM),
     )

@@ -178,7 +178,7 @@ def test_rounding_is_to_a_geometric_ladder(step: float) -> None:
 
 def test_the_cache_forgets_the_longest_unused_where_their_arrays_grow_too_large() -> None:
     font, touch = load_font("gothic"), default_touch(5.0)
-    keys = [key_of(font, touch, rotation_deg=2.0 * k) for k in range(4)]
+    keys = [key_of(font, touch, rotation_deg=5.0 * k) for k in range(4)]
     cache = TemplateCache(most_bytes=10_000_000)
     first = cache.get(font, "AB", keys[0])
     second = cache.get(font, "AB", keys[1])
