@@ -30,6 +30,8 @@ MOST_LINES = 6
 """That are looked at, most promising first."""
 MOST_COLUMNS = 4000
 """Of a strip, some 200 characters: what is longer is no line."""
+LEAST_PIXELS, MOST_SIDES = 4.0, 1.4
+"""To a character's height, and a height to the view's smaller side: what is smaller or larger shows no shape."""
 MOST_TURNED = 3
 """That are looked at upside down, and running down or up."""
 MOST_BENT = 2
@@ -180,7 +182,10 @@ class LineReader:
 
     def _look(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """One look of our own recogniser at each line, most promising first."""
-        lines = [line for line in lines if line.columns() <= MOST_COLUMNS]
+        least_mm, most_mm = LEAST_PIXELS * view.pitch_mm, MOST_SIDES * min(view.size_mm)
+        lines = [
+            line for line in lines if line.columns() <= MOST_COLUMNS and least_mm <= line.height_mm <= most_mm
+        ]
         if not lines:
             return []
         steps = recogniser.steps_of([view.strip(line) for line in lines], chars=self.chars)

@@ -26,9 +26,9 @@ from whisker_array.whisker.touch import Touch
 Make = Callable[..., StampedPart]
 Readers = Callable[..., Reader]
 FX, FY, BX, BY = ALL_DIRECTIONS
-LEAN_SHARE = 0.5
+LEAN_SHARE = 0.15
 """Of a line's turn, by which that of the line found may fall short; the recogniser bears it."""
-HEIGHT_SHARE = 0.35
+HEIGHT_SHARE = 0.12
 """Of the height, by which that of a line found may be mistaken; the recogniser bears it."""
 
 
