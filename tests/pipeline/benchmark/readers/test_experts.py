@@ -38,12 +38,14 @@ def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
     whole = Reading((), Decision.ACCEPT, 0.9, source="tactile", seconds={"scan": 2.0}).traced(
         by_expert=MappingProxyType({"own": own, "print": doubting})
     )
-    sure, unsure = alone(whole, "own", FORMATTED), alone(whole, "print", FORMATTED)
+    sure, unsure = alone(whole, ["own"], FORMATTED), alone(whole, ["print"], FORMATTED)
     assert (sure.text, sure.decision, sure.source) == ("Z2", Decision.ACCEPT, "tactile")
     assert sure.seconds == {"scan": 2.0}
     assert unsure.text[0] == "B"  # it believed in an 8 there, which is no letter
     assert unsure.decision is Decision.REVIEW
-    silent = alone(whole, "templates", FORMATTED)
+    # together the sure one has its way
+    assert alone(whole, ["own", "print"], FORMATTED).text == "Z2"
+    silent = alone(whole, ["templates"], FORMATTED)
     assert (silent.text, silent.decision) == ("", Decision.REJECT)
 
 
@@ -51,9 +53,10 @@ def test_experts_belong_to_the_modes_that_they_have_a_say_in(monkeypatch: pytest
     assert experts_in(("vision", "rapidocr photo")) == ("vision own", "vision print")
     assert experts_in(("fused",)) == (
         "tactile own", "tactile print", "tactile templates", "vision own", "vision print",
+        "tactile own+templates", "tactile own+print", "tactile print+templates",
     )  # fmt: skip
     monkeypatch.setattr("recognition.experts.generic.is_installed", lambda: False)
-    assert experts_in(("tactile",)) == ("tactile own", "tactile templates")
+    assert experts_in(("tactile",)) == ("tactile own", "tactile templates", "tactile own+templates")
     with pytest.raises(MarksError, match=r"tactile-marks\[vision\]"):
         open_mode("tactile print", Reader(FORMATTED))
 
