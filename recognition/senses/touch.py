@@ -25,7 +25,7 @@ from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.experts.templates.judge import JudgedLine, judged
 from recognition.experts.templates.placed_line import TouchedPart
-from recognition.experts.templates.predicted import TemplateCache
+from recognition.experts.templates.predicted import MOST_BYTES, SET_BYTES, TemplateCache
 from recognition.language.lattice import Lattice
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
@@ -61,7 +61,8 @@ class TactileReader:
             experts=self.settings.experts,
             lines=self.settings.asked,
         )
-        self.cache = TemplateCache()
+        # all fonts that are named compete for every part
+        self.cache = TemplateCache(most_bytes=max(MOST_BYTES, SET_BYTES * len(self.fonts)))
 
     def read_height_map(
         self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = ""

@@ -236,9 +236,8 @@ def _upright(patches: NDArray[np.float32], rotation_deg: float) -> NDArray[np.fl
 
 MOST_SETS = 1024
 """64 fonts at the heights and rotations of a batch: to predict a set takes 0.1 s, to look it up nothing."""
-MOST_BYTES = 1_500_000_000
-"""Of templates and what matching derives from them: a foreign font on a large map tries dozens of hands, 0.2 GB
-each."""
+MOST_BYTES, SET_BYTES = 400_000_000, 15_000_000
+"""Of templates and what matching derives from them: a reader stays below 1 GB; and what a set takes at most, about."""
 
 
 class TemplateCache:
