@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pipeline.files.listed import ListedPart
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
+    from recognition.senses.touch import Feel
 
 
 class Mode(StrEnum):
@@ -189,6 +190,7 @@ def read_surface(
     soil: Soil | None = None,
     turned: Callable[[], HeightMap] | None = None,
     part_id: str = "",
+    feel: Feel | None = None,
 ) -> Reading:
     """Read a height map by touch.
 
@@ -199,11 +201,12 @@ def read_surface(
         turned: the same with the other row first, of a format that is met with either; tried where the standards'
             order is not accepted.
         part_id: what the part is called.
+        feel: scans it in place of the default plan.
     """
-    found = reader.touch.read_height_map(surface, soil=soil, part_id=part_id)
+    found = reader.touch.read_height_map(surface, soil=soil, part_id=part_id, feel=feel)
     if turned is None or not found.text or found.decision == "accept":
         return found
-    other = reader.touch.read_height_map(turned(), part_id=part_id)
+    other = reader.touch.read_height_map(turned(), part_id=part_id, feel=feel)
     return max(found, other, key=lambda reading: reading.confidence)
 
 

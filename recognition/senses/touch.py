@@ -6,6 +6,7 @@ scan --edge_map, relief--> felt view --LineReader--> line and beliefs --template
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -39,6 +40,9 @@ from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch, default_touch
 
+Feel = Callable[[HeightMap, float], Scan]
+"""Scans a level surface for characters of a height, mm."""
+
 
 class TactileReader:
     """Reads parts by touch, one after the other; keeps fonts and predicted templates between them."""
@@ -64,7 +68,12 @@ class TactileReader:
         self.cache = TemplateCache()
 
     def read_height_map(
-        self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = ""
+        self,
+        height_map: HeightMap,
+        *,
+        soil: Soil | None = None,
+        part_id: str = "",
+        feel: Feel | None = None,
     ) -> Reading:
         """Mount, scan with the virtual array at the scale of the characters, and read.
 
@@ -72,6 +81,7 @@ class TactileReader:
             height_map: the part's surface, the top of what lies on it.
             soil: dirt into which the tip sinks, and the part's friction, if known.
             part_id: what the part is called.
+            feel: scans the surface in place of the default plan and ideal sensors.
 
         Raises:
             MapError: a map that cannot be scanned, a soil on another grid.
@@ -83,14 +93,17 @@ class TactileReader:
         best: Reading | None = None
         for height in heights[:MOST_SCANS]:
             with timer.step("scan"):
-                scan = trace_scan(
-                    levelled,
-                    touch=default_touch(height),
-                    plan=default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height),
-                    fidelity=self.settings.fidelity,
-                    part_id=part_id,
-                    soil=soil,
-                )
+                if feel is not None:
+                    scan = feel(levelled, height)
+                else:
+                    scan = trace_scan(
+                        levelled,
+                        touch=default_touch(height),
+                        plan=default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height),
+                        fidelity=self.settings.fidelity,
+                        part_id=part_id,
+                        soil=soil,
+                    )
             tried = self._read(scan, timer).traced(height_map=levelled)
             if best is None or tried.confidence > best.confidence:
                 best = tried

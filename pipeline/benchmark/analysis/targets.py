@@ -16,6 +16,8 @@ from pipeline.common.shares import Share
 SIGNIFICANT = 0.05
 WRONG_LIMIT = 0.001
 """Accepted but wrong, of all parts: the limit that every reader is judged by."""
+FLIPS_LIMIT = 0.01
+"""Decisions that may flip under perturbations that should not matter."""
 
 
 @dataclass(frozen=True)
@@ -86,14 +88,16 @@ class Verdict:
 
 
 def verdicts(statistics: Statistics, targets: tuple[Target, ...] = TARGETS) -> list[Verdict]:
-    """One a target that was measured, and one a severity for the fused mode against the better single one."""
+    """One a target that was measured, one a severity for the fused mode against the better single one, and what is
+    asked of parts that were perturbed.
+    """
     workshop = set(statistics.levels.get("soil", ())) <= {WORKSHOP}
     found = [
         _verdict(target, group)
         for target in (targets if workshop else ())
         for group in statistics.at(target.mode, target.severity)
     ]
-    return [*found, *_fused(statistics)]
+    return [*found, *_fused(statistics), *_steady(statistics)]
 
 
 def _verdict(target: Target, group: Group) -> Verdict:
@@ -119,6 +123,26 @@ def at_most(measured: Bounded, limit: float) -> tuple[Outcome, bool]:
     if measured.value > limit:
         return Outcome.NOT_MET, measured.low > limit
     return Outcome.NOT_SHOWN, False
+
+
+def _steady(statistics: Statistics) -> Iterator[Verdict]:
+    """Of our own readers: over all perturbations few verdicts flip, and no accepted serial becomes another."""
+    for s in statistics.stability:
+        if s.perturbation or s.key.mode not in (*SINGLE_MODES, FUSED):
+            continue
+        outcome, sure = at_most(s.verdicts, FLIPS_LIMIT)
+        found = f"{s.verdicts.count} of {s.verdicts.total}, at most {s.verdicts.high:.2%}"
+        target = f"decisions that flip under a perturbation at most {FLIPS_LIMIT:.0%}"
+        yield Verdict(s.key.reader, None, target, found, outcome, sure)
+        texts = s.accepted_texts
+        yield Verdict(
+            s.key.reader,
+            None,
+            "no accepted part reads otherwise under a perturbation",
+            f"{texts.count} of {texts.total}, at most {texts.high:.2%}; {len(s.faults)} accepted as another",
+            Outcome.NOT_MET if texts.count else Outcome.MET if texts.total else Outcome.NOT_SHOWN,
+            texts.count > 0,
+        )
 
 
 def _fused(statistics: Statistics) -> Iterator[Verdict]:

@@ -62,6 +62,7 @@ def report_page(
         lead=leading(modes),
         factors=list(_factors(found, modes)),
         knowledge=found.knowledge,
+        stability=found.stability,
         cells=_cells(found),
         wrong=[(g, *at_most(g.accepted_wrong, WRONG_LIMIT)) for g in _sorted(found.by_mode)],
         wrong_limit=WRONG_LIMIT,

@@ -18,6 +18,7 @@ from typing import Any
 
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import level_of, levels_in
+from pipeline.benchmark.analysis.stability import steady
 from pipeline.benchmark.analysis.statistics import DEFAULT_CROSSED, Statistics, plain, statistics_of
 from pipeline.benchmark.analysis.targets import Verdict, verdicts
 from pipeline.benchmark.exam.condition import level_name
@@ -77,7 +78,7 @@ def write_report(
     found = statistics_of(trials, crossed_of(benchmark.description()))
     judged = tuple(verdicts(found))
     items = {item.part: item for item in benchmark.parts.items()}
-    ranked = [(part, items[part.part]) for part in rank_worst(trials)]
+    ranked = [(part, items[part.part]) for part in rank_worst(steady(trials))]
     worst = list(ordered_map(executor or InlineExecutor(), partial(draw_worst, benchmark), ranked))
     written = Written(folder / PAGE, folder / TABLE, folder / FIGURES, found, judged)
     _write_table(trials, written.table)
@@ -130,6 +131,7 @@ def _figures(
         "effects": plain(list(found.effects)),
         "comparisons": plain(list(found.comparisons)),
         "knowledge": plain(list(found.knowledge)),
+        "stability": plain(list(found.stability)),
         "times": [
             {**plain(g.key), **{f"{name}_median_p95": plain(getattr(g, name)) for name in _TIMES}}
             for g in found.by_severity

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError, require_file
-from pipeline.benchmark.exam.condition import GIVEN, Condition, Level
+from pipeline.benchmark.exam.condition import GIVEN, PERTURBED, Condition, Level
 from pipeline.common.atomic import replacing
 from pipeline.common.run_description import differences, in_short, key_of
 
@@ -101,6 +101,11 @@ class Trial:
         """What the reader was given, in a few words."""
         names = [name for name in GIVEN if self.levels.get(f"{name}_given")]
         return ",".join(names) or "nothing"
+
+    @property
+    def perturbed(self) -> str:
+        """The perturbation under which it was read; empty where it was read as it is."""
+        return str(self.levels.get(PERTURBED) or "")
 
     @property
     def reading_s(self) -> float:

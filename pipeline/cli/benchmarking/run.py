@@ -59,6 +59,7 @@ def benchmark(
     cluster: str | None = None,
     experts_apart: Annotated[bool, Parameter(negative="")] = False,
     peers: Annotated[bool, Parameter(negative="")] = False,
+    perturb: Annotated[bool, Parameter(negative="")] = False,
     reader: Annotated[list[str] | None, Parameter(negative="")] = None,
     height_mm: float | None = None,
     depth_mm: float | None = None,
@@ -110,6 +111,10 @@ def benchmark(
     peers
         Let RapidOCR and Tesseract read the line as photographed, as felt (edges, relief) and as it is (ideal), for
         comparison (extra peers).
+    perturb
+        Read every part again under changes that should not matter: traced lines half a pitch beside, sensor noise, 6 %
+        light, 1 % scale, another order of the passes. Fail (status 1) if an accepted serial becomes another accepted
+        one. Takes about five times as long.
     reader
         A reader of your own, module:function, that takes a pipeline.ExamPart and gives its text.
     height_mm
@@ -158,6 +163,7 @@ def benchmark(
         from pipeline.benchmark.report.page import check_report
         from pipeline.benchmark.trials.run import Benchmark
         from pipeline.cli.benchmarking.result import print_result
+        from pipeline.reading.perturbation import PERTURBATIONS
         from recognition.senses.settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 
@@ -191,9 +197,27 @@ def benchmark(
         named = listed(mode) + tuple(reader or ())
         added = (*(experts_in(named) if experts_apart else ()), *(PEERS if peers else ()))
         chosen = named + tuple(mode for mode in added if mode not in named)
-        written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
-    print_result(written)
+        again = PERTURBATIONS if perturb else ()
+        written = _run(Benchmark(source, chosen, reading, again), out, jobs=jobs, cluster=cluster)
+        print_result(written)
+        _check_stable(written)
     return 0
+
+
+def _check_stable(written: Written) -> None:
+    """Name every accepted serial that a perturbation made another accepted serial.
+
+    Raises:
+        CommandError: there is one.
+    """
+    faults = [(s.key.reader, f) for s in written.statistics.stability if s.perturbation for f in s.faults]
+    for reader, f in faults:
+        print(f"FAULT: {f.part}, {reader}: accepted as {f.before}, and under {f.perturbation} as {f.after}")
+    if faults:
+        raise CommandError(
+            f"benchmark: accepted serials became other accepted serials under a perturbation: {len(faults)}",
+            hint="the parts are named above and in the report",
+        )
 
 
 def _given(flags: Mapping[str, object]) -> str:
