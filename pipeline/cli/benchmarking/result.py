@@ -51,7 +51,9 @@ def _print_stability(found: Statistics) -> None:
             str(s.accepted_texts.count), f"{s.accepted_texts.high:.1%}",
         )  # fmt: skip
     screen().print(table)
-    print("how: perturbed; decisions, texts: parts that flip; other text: of the accepted; at most: exact, 95 %\n")
+    print(
+        "how: perturbed; decisions, texts: parts that flip; other text: of the accepted; at most: exact, 95 %\n"
+    )
 
 
 def screen() -> Console:

@@ -61,7 +61,7 @@ def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decisio
 class FakeReader:
     """Reads the mean height of the top row as a number."""
 
-    def read_height_map(self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Any:
+    def read_height_map(self, height_map: HeightMap, *, soil: Soil | None = None, **_: object) -> Any:
         value = round(float(height_map.z_mm[0].mean()))
         if value == 13:
             raise RuntimeError("a fault\nin the reader")

@@ -54,7 +54,9 @@ class FakeReader(Reader):
     def touch(self) -> Any:
         self.asked.append("touch")
 
-        def read_height_map(height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Reading:
+        def read_height_map(
+            height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "", feel: object = None
+        ) -> Reading:
             self.given.append((height_map, soil, part_id))
             return reading("A1", "tactile").traced(
                 lattice=lattice("A1"), open_lattice=lattice("A1"), height_map=height_map
