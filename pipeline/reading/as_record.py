@@ -149,6 +149,7 @@ def _character(character: CharacterReading, scaled: bool) -> CharacterRecord:
         action="" if grade is None or grade.action is Action.NONE else grade.action.value,
         depth_min_mm=None if depth is None else _finite(depth.min_mm),
         depth_mean_mm=None if depth is None else _finite(depth.mean_mm),
+        burr_mm=None if depth is None or depth.burr_mm is None else _finite(depth.burr_mm),
     )
 
 

@@ -58,10 +58,8 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
 
 
 def _depth_rules(settings: ReadSettings) -> tuple[DepthRule, ...]:
-    """The rule named and the depth given; either, both or none."""
-    rules = []
-    if settings.depth_rule is not None:
-        rules.append(depth_rule(settings.depth_rule))
+    """The rules named or written, and the depth given."""
+    rules = [depth_rule(text) for text in settings.depth_rule]
     if settings.min_depth_mm is not None:
         rules.append(least_depth(settings.min_depth_mm))
     return tuple(rules)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from recognition.decision.reading import CharacterReading, Decision, Reading, ReadingFlag
+from recognition.decision.reading import MEASURE_FLAGS, CharacterReading, Decision, Reading, ReadingFlag
 from recognition.language.confusions import CharacterState
 from recognition.language.constrained_decoding import Choice, ChoiceFlag, blind_warnings
 from recognition.language.grammar import Grammar
@@ -34,6 +34,7 @@ DOUBTS = (
     | ReadingFlag.UNREAD_MARKS
     | ReadingFlag.SENSES_DISAGREE
     | ReadingFlag.LINE_MISSING
+    | MEASURE_FLAGS
 )
 """What keeps a reading from being accepted."""
 

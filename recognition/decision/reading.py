@@ -57,6 +57,9 @@ class ReadingFlag(Flag):
     MISMATCH = auto()
     SENSES_DISAGREE = auto()
     LINE_MISSING = auto()
+    TOO_DEEP = auto()
+    BURR_TOO_HIGH = auto()
+    NO_DEPTH_RULE = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -75,7 +78,10 @@ _MESSAGES = {
     ReadingFlag.FOREIGN_SHAPES: "the characters do not match the font (name the right font)",
     ReadingFlag.UNREAD_MARKS: "there are marks beside the serial (check that all of it was read)",
     ReadingFlag.TOO_SHALLOW: "the mark is too shallow",
+    ReadingFlag.TOO_DEEP: "the mark is too deep",
+    ReadingFlag.BURR_TOO_HIGH: "the burr beside the mark is too high",
     ReadingFlag.TOO_SMALL: "the characters are too small",
+    ReadingFlag.NO_DEPTH_RULE: "the rule names no depth for characters of this height",
     ReadingFlag.DEPTH_UNKNOWN: "the depth of a character could not be measured (scan it again)",
     ReadingFlag.FORMAT_OVERRULED: "the format changed what was read (compare it with the part)",
     ReadingFlag.CHECK_BLIND: "the check digit cannot tell the likeliest serials apart (look at the part)",
@@ -84,7 +90,14 @@ _MESSAGES = {
     ReadingFlag.LINE_MISSING: "a line that was asked for was not found (check the part)",
     ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
 }
-MEASURE_FLAGS = ReadingFlag.TOO_SHALLOW | ReadingFlag.TOO_SMALL | ReadingFlag.DEPTH_UNKNOWN
+MEASURE_FLAGS = (
+    ReadingFlag.TOO_SHALLOW
+    | ReadingFlag.TOO_DEEP
+    | ReadingFlag.BURR_TOO_HIGH
+    | ReadingFlag.TOO_SMALL
+    | ReadingFlag.DEPTH_UNKNOWN
+    | ReadingFlag.NO_DEPTH_RULE
+)
 """What a rule for the mark found; `Reading.notes` says it with numbers."""
 DOUBT_FLAGS = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
 DOUBTED = 0.05
@@ -105,22 +118,29 @@ class Candidate:
 class MarkDepth:
     """How deep a character is struck, or how high a raised one stands, from the land beside it, mm.
 
-    Felt along the strokes' centre lines, see `recognition.decision.depth`; positive either way, negative where the
-    surface runs the wrong way.
+    Felt along the strokes' centre lines, see `recognition.decision.depth`; positive either way, 0 where the surface
+    runs the wrong way: what is filled over has no depth.
 
     Attributes:
         mean_mm: over the centre line.
         min_mm: the shallowest tenth reaches no deeper than this.
         max_mm: the deepest tenth reaches this.
+        burr_mm: height of the rim beside the strokes above the land ("high metal"): the highest tenth reaches this;
+            of a raised mark how deep a rim is sunk. None where it is not known.
+
+    Raises:
+        ValueError: a value below 0 or not finite; a least depth above the greatest.
     """
 
     mean_mm: float
     min_mm: float
     max_mm: float
+    burr_mm: float | None = None
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(v) for v in (self.mean_mm, self.min_mm, self.max_mm)):
-            raise ValueError(f"{self} is not finite; a depth that is not known is None")
+        values = (self.mean_mm, self.min_mm, self.max_mm, self.burr_mm or 0.0)
+        if not all(math.isfinite(v) and v >= 0.0 for v in values):
+            raise ValueError(f"{self} is below 0 or not finite; a depth that is not known is None")
         if self.min_mm > self.max_mm:
             raise ValueError(f"{self} has a least depth above its greatest")
 

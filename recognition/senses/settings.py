@@ -50,7 +50,7 @@ class ReaderSettings:
         fidelity: how the virtual array feels a height map.
         accept_confidence: readings at least so sure, and with every margin above `accept_margin`, are accepted.
         accept_margin: least lead of the first over the second candidate for acceptance.
-        depth_rules: what the mark must meet; a mark that does not is flagged, read all the same.
+        depth_rules: what the mark must meet; one that does not is read all the same and goes to review.
         experts: who has a say, of `EXPERTS`; empty for all there are.
         lines: other lines that stand on the part, by name: their formats, and where they stand.
 
