@@ -99,6 +99,11 @@ def check_doubted(reading: Reading, choice: Choice, grammar: Grammar) -> Reading
     return replace(reading, flags=flags, decision=decision, notes=(*reading.notes, *blind))
 
 
+def serial_is_sure(reading: Reading) -> bool:
+    """Whether it would be accepted whatever the rules for its mark say: another scan reads nothing better."""
+    return decision_of(reading.flags & ~MEASURE_FLAGS, reading.characters) is Decision.ACCEPT
+
+
 def decision_of(flags: ReadingFlag, characters: Sequence[CharacterReading]) -> Decision:
     """Rejected where half of the places cannot be read, accepted where nothing is in doubt."""
     unread = sum(c.state is not None and c.state.state is CharacterState.NOT_READ for c in characters)

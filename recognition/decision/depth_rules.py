@@ -17,6 +17,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from glyphs.errors import MarksError
+from glyphs.surface.display import one_line
 from recognition.decision.decide import decision_of
 from recognition.decision.reading import CharacterReading, Reading, ReadingFlag
 
@@ -89,6 +90,8 @@ class DepthRule:
     least_height_mm: float = 0.0
     most_burr_mm: float = math.inf
     source: str = ""
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.least_height_mm) and self.least_height_mm >= 0.0):

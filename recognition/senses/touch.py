@@ -18,6 +18,7 @@ from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import MOST_SCANS, LineReader
 from recognition.belief.part_lines import PartLines
+from recognition.decision.decide import serial_is_sure
 from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
 from recognition.decision.grading import graded
@@ -107,7 +108,7 @@ class TactileReader:
             tried = self._read(scan, timer).traced(height_map=levelled)
             if best is None or tried.confidence > best.confidence:
                 best = tried
-            if best.decision is Decision.ACCEPT:
+            if serial_is_sure(best):
                 break
         return best if best is not None else _nothing(timer, height_map=levelled)
 
@@ -144,6 +145,7 @@ class TactileReader:
         if shapes.judged is not None and reading.characters:
             with timer.step("measure"):
                 reading = self._measured(reading, shapes.judged, edges, relief)
+        reading = judged_by(reading, self.settings.depth_rules)
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds))).traced(
             edge_map=edges, relief=relief
         )
@@ -176,7 +178,6 @@ class TactileReader:
                 reading, font=line.templates.font, height_mm=line.height_mm, rotation_deg=shapes.rotation_deg
             )
             reading = doubted_guesses(settled, shapes, self.places)
-        reading = judged_by(reading, self.settings.depth_rules)
         return graded(reading, shapes, edges.directions)
 
 
