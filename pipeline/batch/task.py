@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from glyphs.errors import FileError, MarksError
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.settings import ReadSettings
-from pipeline.files.listed import ListedPart
+from pipeline.files.listed import ListedPart, settings_of
 from pipeline.reading.as_record import record_of_part
 
 if TYPE_CHECKING:
@@ -74,16 +74,6 @@ def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
 
     accepted = state_after(record) is PartState.ACCEPTED
     return ReadPart(listed, record, () if accepted else _pictures(reading))
-
-
-def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
-    """The settings that a part is read with: its own format and fonts go before the run's."""
-    own: dict[str, tuple[str, ...]] = {}
-    if listed.format:
-        own["format"] = (listed.format,)
-    if listed.font:
-        own["font"] = tuple(name.strip() for name in listed.font.split(",") if name.strip())
-    return settings.model_copy(update=own) if own else settings
 
 
 def _read(order: RunOrder, listed: ListedPart) -> tuple[Reading, ReadSettings, Grammar | None]:

@@ -71,6 +71,9 @@ app.command(
     name="benchmark",
     help="Measure how well dirty marks are read, by this reader and by others.",
 )
+app.command(
+    "pipeline.cli.study:study", name="study", help="Read parts several times: do readings repeat and agree?"
+)
 app.command("pipeline.cli.design:design", name="design", help="Find the whisker to build.")
 app.command(
     "pipeline.cli.serve:serve", name="serve", help="Run the service: camera first, touch when unsure."

@@ -7,7 +7,7 @@ import pytest
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import HeightMap
-from pipeline.reading.perturbation import PERTURBATIONS, Perturbation, reordered
+from pipeline.reading.perturbation import PERTURBATIONS, Perturbation, Retake, reordered
 from whisker_array.estimation.edges import edge_map
 from whisker_array.simulation.traces import Fidelity
 
@@ -30,7 +30,7 @@ def photo() -> Photo:
 
 
 def scan_of(plate: HeightMap, name: str, seed: int = SEED):  # type: ignore[no-untyped-def]
-    feel = BY_NAME[name].feel(fidelity=Fidelity.POINTWISE, soil=None, part_id="p", seed=seed)
+    feel = Retake(BY_NAME[name], seed).feel(fidelity=Fidelity.POINTWISE, soil=None, part_id="p")
     return feel(plate, HEIGHT_MM)
 
 
@@ -62,7 +62,6 @@ def test_the_other_order_is_the_same_edge_map(plate: HeightMap) -> None:
 
 
 def test_noise_is_drawn_from_the_seed_and_is_small(plate: HeightMap, photo: Photo) -> None:
-    noise = BY_NAME["noise"]
     ideal, first, again, other = (
         scan_of(plate, "light"), scan_of(plate, "noise"), scan_of(plate, "noise"), scan_of(plate, "noise", 8),
     )  # fmt: skip
@@ -70,17 +69,17 @@ def test_noise_is_drawn_from_the_seed_and_is_small(plate: HeightMap, photo: Phot
     assert np.array_equal(raw[1], raw[2])
     assert not np.array_equal(raw[1], raw[3])
     assert not np.array_equal(raw[0], raw[1])
-    grain = noise.photo(photo, seed=SEED).pixels.astype(float)
+    grain = Retake(BY_NAME["noise"], SEED).photo(photo).pixels.astype(float)
     # 1 % of 255, rounded to whole numbers (variance 1/12), of 4,000 pixels
     assert grain.std() == pytest.approx(np.hypot(2.55, 12**-0.5), rel=0.05)
 
 
 @pytest.mark.parametrize(("seed", "sign"), [(7, 1.0), (8, -1.0)])
 def test_light_and_scale_go_either_way(plate: HeightMap, photo: Photo, seed: int, sign: float) -> None:
-    assert set(BY_NAME["light"].photo(photo, seed=seed).pixels.ravel()) == {round(100 * (1 + 0.06 * sign))}
-    scale = BY_NAME["scale"]
-    assert scale.surface(plate, seed=seed).pitch_mm == pytest.approx(0.05 * (1 + 0.01 * sign))
-    larger = scale.photo(photo, seed=seed)
+    assert set(Retake(BY_NAME["light"], seed).photo(photo).pixels.ravel()) == {round(100 * (1 + 0.06 * sign))}
+    scale = Retake(BY_NAME["scale"], seed)
+    assert scale.surface(plate).pitch_mm == pytest.approx(0.05 * (1 + 0.01 * sign))
+    larger = scale.photo(photo)
     assert larger.shape[1] == round(100 * (1 + 0.01 * sign))
     assert larger.pitch_mm == photo.pitch_mm
     assert larger.centre_mm == pytest.approx((2.0 * (1 + 0.01 * sign), 1.0 + 0.01 * sign))
