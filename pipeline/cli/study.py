@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -83,7 +84,12 @@ def study(
     _print(found, notes)
     for path in written.files:
         print(f"wrote {path}")
-    return FAILED if any(m.error for m in measured) else 0
+    errors = {m.part: m.error for m in measured if m.error}
+    for part, error in list(errors.items())[:_MOST_NAMED]:
+        print(f"{part}: {error}", file=sys.stderr)
+    if errors:
+        print(f"{len(errors)} parts could not be read each time; they are in readings.csv", file=sys.stderr)
+    return FAILED if errors else 0
 
 
 def _truth(table: Path | None, listed: Sequence[ListedPart], names: set[str]) -> dict[str, str]:
@@ -158,3 +164,5 @@ def _print(found: Study, notes: Sequence[str]) -> None:
         + ("" if between is None else f"reproducibility {1000 * between:.2f} µm, ")
         + f"parts {1000 * gauge.part_mm:.2f} µm ({gauge.parts} parts)"
     )
+    part, spread_mm = found.widest_depth
+    print(f"depth varies most on {part}: {1000 * spread_mm:.1f} µm from the least to the most")

@@ -76,6 +76,7 @@ def write_study(study: Study, folder: Path, *, notes: Sequence[str] = (), comman
         comparisons=[("serials", study.serials), ("decisions", study.decisions)],
         gauge=study.depth,
         components=[] if study.depth is None else list(components(study.depth)),
+        widest=study.widest_depth,
         depths="" if study.depth is None else inlined(depth_figure(study)),
         differ=[(part, study.truth.get(part, ""), _said(study, part)) for part in differ[:_MOST_PARTS]],
         more=max(0, len(differ) - _MOST_PARTS),
@@ -125,6 +126,7 @@ def depth_figure(study: Study) -> Figure:
             [order[m.part] + beside for m in own], [m.depth_mm or 0.0 for m in own], ".", markersize=5,
             color=_COLOURS[number % len(_COLOURS)], label=who,
         )  # fmt: skip
+    axes.set_xticks([])
     axes.set_xlabel("parts, the shallowest first")
     axes.set_ylabel("mean depth, mm")
     axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from pipeline.benchmark.study.agreement import Agreement, agreements
 from pipeline.benchmark.study.gauge import GaugeRR, gauge_rr
 from pipeline.benchmark.study.repeats import Measured
@@ -43,6 +45,12 @@ class Study:
     def appraisers(self) -> tuple[str, ...]:
         """The reader's arrays, then the reviewers."""
         return (*dict.fromkeys(m.appraiser for m in self.measured), *self.answers)
+
+    @property
+    def widest_depth(self) -> tuple[str, float]:
+        """The part whose depth varies most, and from the least to the most, mm; ("", 0) where none is known."""
+        spreads = {part: float(np.ptp(depths)) for part, depths in _depths(self.measured)[0].items()}
+        return max(spreads.items(), key=lambda item: item[1], default=("", 0.0))
 
     @property
     def texts(self) -> dict[str, dict[str, tuple[str, ...]]]:

@@ -33,7 +33,8 @@ def print_result(written: Written) -> None:
     # of readers given several things the page has them all
     for v in written.verdicts if len(found.given) == 1 else ():
         word = v.outcome.value if v.outcome is Outcome.MET else v.outcome.value.upper()
-        print(f"{word}: {v.reader}, dirt {severity_name(v.severity)}, {v.target}: {v.found}")
+        dirt = "" if v.severity is None else f"dirt {severity_name(v.severity)}, "
+        print(f"{word}: {v.reader}, {dirt}{v.target}: {v.found}")
     for path in (written.page, written.table, written.figures):
         print(f"wrote {path}")
 
