@@ -60,6 +60,7 @@ class ReadingFlag(Flag):
     TOO_DEEP = auto()
     BURR_TOO_HIGH = auto()
     NO_DEPTH_RULE = auto()
+    NOT_CERTIFIED = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -88,6 +89,7 @@ _MESSAGES = {
     ReadingFlag.SEARCH_EXHAUSTED: "too many possible serials to try them all (look at the part)",
     ReadingFlag.MISMATCH: "this is not the expected serial (check the part and the order)",
     ReadingFlag.LINE_MISSING: "a line that was asked for was not found (check the part)",
+    ReadingFlag.NOT_CERTIFIED: "not covered by the certificate (look at the part)",
     ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
 }
 MEASURE_FLAGS = (
