@@ -232,5 +232,8 @@ class ReadSettings(Settings):
     accept_margin: Share | None = None
     """Least lead of the best candidate over the second, 0 to 1, for a reading to be accepted; the reader's own
     unless given."""
+    certificate: Path | None = None
+    """Certificate (.json, see certify): nothing is accepted that it does not vouch for, and a warning comes where
+    the parts are unlike the certified ones."""
     unit: Literal["um", "mm", "m", "in"] = "mm"
     """Unit of the numbers in height files that do not state theirs (.npz, STL, PLY, XYZ)."""

@@ -143,6 +143,16 @@ def part_name(cell: str) -> str:
     return path.stem if known else cell
 
 
+def name_in(truth: Mapping[str, str], part: str) -> str | None:
+    """What a table calls a part: its name, or that without its folder; None where it has none."""
+    return next((name for name in (part, part.rpartition("/")[2]) if name in truth), None)
+
+
+def without_blanks(text: str) -> str:
+    """A text as it is stamped."""
+    return "".join(text.split())
+
+
 class Scores:
     """Rows held against the truth, as they come."""
 
@@ -153,12 +163,12 @@ class Scores:
 
     def add(self, row: Row) -> None:
         """Count one row."""
-        name = row.part if row.part in self._truth else row.part.rpartition("/")[2]
-        if name not in self._truth:
+        name = name_in(self._truth, row.part)
+        if name is None:
             self._without += 1
             return
         self._seen.add(name)
-        stamped, read = ("".join(t.split()) for t in (self._truth[name], row.text))
+        stamped, read = without_blanks(self._truth[name]), without_blanks(row.text)
         distance = Levenshtein.distance(stamped, read)
         self._parts += 1
         self._right += distance == 0

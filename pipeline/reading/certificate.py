@@ -82,7 +82,9 @@ class Certificate:
         if not (0.0 < self.risk < 1.0 and 0.0 < self.confidence < 1.0 and 0.0 <= self.threshold <= 1.0):
             raise ValueError("risk, confidence and threshold lie between 0 and 1")
         if not 0 <= self.wrong <= self.accepted <= self.parts:
-            raise ValueError(f"{self.wrong} wrong of {self.accepted} accepted of {self.parts} parts cannot be")
+            raise ValueError(
+                f"{self.wrong} wrong of {self.accepted} accepted of {self.parts} parts cannot be"
+            )
         exact = share_bounds(self.wrong, self.accepted, confidence=self.confidence)[1]
         if not abs(exact - self.bound) < 1e-9 or self.bound > self.risk:
             raise ValueError(

@@ -28,6 +28,7 @@ class DriftWatch:
     Attributes:
         found: how the parts differ, as of the last comparison; empty where they do not.
         parts: parts that were looked at.
+        first: what was said when the parts were first found to differ; empty where they never were.
     """
 
     def __init__(self, certificate: Certificate) -> None:
@@ -36,6 +37,7 @@ class DriftWatch:
         self._waiting = 0
         self.parts = 0
         self.found: tuple[Unlike, ...] = ()
+        self.first = ""
 
     def add(self, source: str, measures: Mapping[Measure, float]) -> bool:
         """Look at one more part; whether it is with this one that the parts are found to differ.
@@ -57,6 +59,7 @@ class DriftWatch:
             return False
         before, self._waiting = self.found, 0
         self.found = unlike(self._certificate.kind, self._latest)
+        self.first = self.first or self.message()
         return bool(self.found) and not before
 
     def message(self) -> str:

@@ -135,7 +135,7 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
         found = parts.unverified(part, expected=expected)
         readings = [parts.verified(found, expected)]
         if job.photo is not None and found.trace.vision is not None:
-            readings.insert(0, parts.verified(found.trace.vision, expected))
+            readings.insert(0, parts.verified(reader.certified(found.trace.vision), expected))
         took = [math.fsum(r.seconds.values()) for r in readings[:-1]] + [time.perf_counter() - started]
         records = tuple(
             reading_record(r, settings, reader.grammar, part=job.name, seconds=s)

@@ -117,6 +117,9 @@ class PartReader:
             FileError: a file of the part cannot be used.
             VerifyError: an expected text that does not fit the format.
         """
+        return self.reader.certified(self._read(part, expected))
+
+    def _read(self, part: Part, expected: str) -> Reading:
         if part.problem is not None:
             raise part.problem
         self._check_expected(part, expected)

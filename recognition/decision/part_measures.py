@@ -1,4 +1,4 @@
-"""What kind of part a reading was of, in a few numbers: how sure it is, how large and deep the marks, how rough the land.
+"""What kind of part was read, in a few numbers: how sure one is, how large and deep the marks, how rough the land.
 
 They are compared between parts that were certified and parts that are read (`recognition.decision.likeness`), so they
 need to change with the kind of part and its soil, not to mean anything by themselves.

@@ -173,7 +173,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
     try:
         mode = _mode(blank.mode, reader)
-        reading = mode.read(senses)
+        reading = reader.certified(mode.read(senses))
     except Exception as error:
         return replace(blank, error=_told(error))
     own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)

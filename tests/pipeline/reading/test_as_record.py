@@ -76,7 +76,7 @@ class FakeReader:
 
 
 def fake_reader() -> PartReader:
-    reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None)
+    reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None, certified=lambda found: found)
     return PartReader(reader)
 
 
