@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cache
 from pathlib import Path
@@ -100,6 +100,20 @@ class Certificate:
         """Share of the parts that is accepted."""
         return self.accepted / self.parts
 
+    @property
+    def acceptance(self) -> CertifiedAcceptance:
+        """What it vouches for."""
+        return CertifiedAcceptance(self.threshold, self.sources)
+
+    def thresholds(self) -> dict[str, Any]:
+        """What a reader accepts that reads as the certified one did, as options of `recognition.Reader`."""
+        own = {
+            name: self.settings[name]
+            for name in ("accept_confidence", "accept_margin")
+            if name in self.settings
+        }
+        return {**own, "certified": self.acceptance}
+
     def describe(self) -> str:
         """In a sentence."""
         return (
@@ -187,7 +201,7 @@ def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
         return None
     made = checked(settings.certificate)
     same = not differences(made.settings, settings_described(settings))
-    return CertifiedAcceptance(made.threshold, made.sources if same else ())
+    return made.acceptance if same else replace(made.acceptance, sources=())
 
 
 def settings_described(settings: ReadSettings) -> dict[str, Any]:

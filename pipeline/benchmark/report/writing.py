@@ -11,7 +11,7 @@ import csv
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,10 @@ from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.common.atomic import replacing
+from pipeline.reading.certificate import Certificate
+from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
+from recognition.decision.part_measures import Measure
 
 PAGE, TABLE, FIGURES = "report.html", "benchmark.csv", "benchmark.json"
 _TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
@@ -44,6 +47,7 @@ class Written:
         figures: all figures.
         statistics: the figures themselves.
         verdicts: what was to be shown, and whether it was.
+        drift: how the parts of each mode differ from the certified ones, in words; of those that do.
     """
 
     page: Path
@@ -51,6 +55,7 @@ class Written:
     figures: Path
     statistics: Statistics
     verdicts: tuple[Verdict, ...]
+    drift: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_report(
@@ -59,6 +64,7 @@ def write_report(
     folder: Path,
     *,
     command: str = "",
+    certificate: Certificate | None = None,
     executor: Executor | None = None,
 ) -> Written:
     """Write the page, the table and the figures.
@@ -68,6 +74,7 @@ def write_report(
         trials: of all parts and modes, in order.
         folder: for them.
         command: how to do it again, as typed.
+        certificate: that the parts were read with, if any.
         executor: who draws the worst parts; this process unless given.
 
     Raises:
@@ -80,15 +87,29 @@ def write_report(
     items = {item.part: item for item in benchmark.parts.items()}
     ranked = [(part, items[part.part]) for part in rank_worst(steady(trials))]
     worst = list(ordered_map(executor or InlineExecutor(), partial(draw_worst, benchmark), ranked))
-    written = Written(folder / PAGE, folder / TABLE, folder / FIGURES, found, judged)
+    drift = {} if certificate is None else drift_of(trials, certificate)
+    written = Written(folder / PAGE, folder / TABLE, folder / FIGURES, found, judged, drift)
     _write_table(trials, written.table)
     with replacing(written.figures) as temporary:
         figures = json.dumps(_figures(benchmark, trials, found, judged), indent=1, ensure_ascii=False)
         temporary.write_text(figures + "\n", encoding="utf-8")
-    page = report_page(benchmark, trials, found, judged, worst, command=command)
+    page = report_page(
+        benchmark, trials, found, judged, worst, command=command, certificate=certificate, drift=drift
+    )
     with replacing(written.page) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return written
+
+
+def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str]:
+    """How the parts of each mode differ from the certified ones, in words; of those that do."""
+    watches: dict[str, DriftWatch] = {}
+    for trial in trials:
+        measures = {Measure(name): value for name, value in trial.measures.items()}
+        watches.setdefault(trial.mode, DriftWatch(certificate)).add(trial.mode, measures)
+    for watch in watches.values():
+        watch.compare()
+    return {mode: watch.first for mode, watch in watches.items() if watch.first}
 
 
 def _write_table(trials: Sequence[Trial], path: Path) -> None:

@@ -64,6 +64,7 @@ class Trial:
         compute_s: time that the program took for it, making the part and its photograph not counted.
         scan_s: time that the real array would take for the scan; 0 without touch.
         simulated_s: of compute_s, what stands in for the array: mounting the map and simulating the scan.
+        measures: of the part, where a certificate asks for them (`recognition.decision.part_measures`).
     """
 
     part: str
@@ -80,6 +81,7 @@ class Trial:
     compute_s: float = 0.0
     scan_s: float = 0.0
     simulated_s: float = field(default=0.0, compare=False)
+    measures: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     @property
     def severity(self) -> float | None:
@@ -287,7 +289,7 @@ _FIELDS = frozenset(f.name for f in fields(Trial))
 
 
 def _trial(values: Mapping[str, Any]) -> Trial:
-    if set(values) != _FIELDS:
+    if not _FIELDS - {"measures"} <= set(values) <= _FIELDS:
         raise ValueError("the fields are not those of a trial")
     characters = tuple(ReadCharacter(**c) for c in values["characters"])
     return Trial(**{**values, "characters": characters})

@@ -19,12 +19,13 @@ from typing import Any
 from pipeline.benchmark.exam.condition import PERTURBED, Condition, Given
 from pipeline.benchmark.exam.specimens import Item, Parts
 from pipeline.benchmark.readers.mode import ModeReader, PartReadings
-from pipeline.benchmark.readers.modes import open_mode
+from pipeline.benchmark.readers.modes import MODES, open_mode
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
 from pipeline.reading.perturbation import Perturbation
 from pipeline.workers.executors import Executor, InlineExecutor
+from recognition.decision.part_measures import measures_of
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 
@@ -67,6 +68,7 @@ class Benchmark:
                 "fonts": [str(font) for font in reading.fonts],
                 "format": reading.format,
                 "fidelity": reading.fidelity.value,
+                **({} if reading.certified is None else {"certified": asdict(reading.certified)}),
             },
             "program": program_mark(),
             **({"perturbations": [asdict(p) for p in self.perturbations]} if self.perturbations else {}),
@@ -172,15 +174,17 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     start, before = time.perf_counter(), sum(senses.seconds.values())
     # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
     try:
-        mode = _mode(blank.mode, reader)
-        reading = reader.certified(mode.read(senses))
+        mode, own_mode = _mode(blank.mode, reader), blank.mode in MODES
+        reading = reader.certified(mode.read(senses)) if own_mode else mode.read(senses)
     except Exception as error:
         return replace(blank, error=_told(error))
+    measures = measures_of(reading) if own_mode and reader.settings.certified is not None else {}
     own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)
     used = sum(senses.seconds.get(sense, 0.0) for sense in mode.uses)
     return replace(
         blank,
         **answer_of(reading),
+        measures={name.value: value for name, value in measures.items()},
         compute_s=round(own + used, 4),
         scan_s=round(senses.scan_s, 3) if {"touch", "felt"} & set(mode.uses) else 0.0,
     )

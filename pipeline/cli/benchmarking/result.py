@@ -35,6 +35,8 @@ def print_result(written: Written) -> None:
         word = v.outcome.value if v.outcome is Outcome.MET else v.outcome.value.upper()
         dirt = "" if v.severity is None else f"dirt {severity_name(v.severity)}, "
         print(f"{word}: {v.reader}, {dirt}{v.target}: {v.found}")
+    for mode, words in written.drift.items():
+        print(f"warning: {mode}: {words}", file=sys.stderr)
     for path in (written.page, written.table, written.figures):
         print(f"wrote {path}")
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pipeline.benchmark.exam.condition import Condition
     from pipeline.benchmark.report.writing import Written
     from pipeline.benchmark.trials.run import Benchmark
+    from pipeline.reading.certificate import Certificate
 
 
 app = App(name="benchmark", help="Measure how well dirty marks are read, by this reader and by others.")
@@ -65,6 +66,7 @@ def benchmark(
     depth_mm: float | None = None,
     face: FaceName | None = None,
     fidelity: FidelityName = "contact",
+    certificate: Path | None = None,
     inputs: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
 ) -> int:
@@ -125,6 +127,9 @@ def benchmark(
         Face of the die; flat unless given.
     fidelity
         How touch is simulated.
+    certificate
+        Certificate (.json, see certify), whatever settings it was made with: the modes accept nothing that it does
+        not vouch for, and the report says where the parts are unlike the certified ones.
     inputs
         Folders, files or globs of parts made elsewhere: NAME.npz, with NAME.png beside it for the camera.
     truth
@@ -163,13 +168,17 @@ def benchmark(
         from pipeline.benchmark.report.page import check_report
         from pipeline.benchmark.trials.run import Benchmark
         from pipeline.cli.benchmarking.result import print_result
+        from pipeline.reading.certificate import checked
         from pipeline.reading.perturbation import PERTURBATIONS
         from recognition.senses.settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 
         check_report()
         source: Parts
+        vouching = checked(certificate) if certificate is not None else None
         reading = ReaderSettings(fidelity=Fidelity(fidelity))
+        if vouching is not None:
+            reading = replace(reading, **vouching.thresholds())
         if inputs is not None and truth is not None:
             reading = replace(reading, fonts=listed(font or ""))
             source = FolderParts.load(inputs, truth, _condition(listed(format or ""), _numbers(dirt or "")))
@@ -198,7 +207,7 @@ def benchmark(
         added = (*(experts_in(named) if experts_apart else ()), *(PEERS if peers else ()))
         chosen = named + tuple(mode for mode in added if mode not in named)
         again = PERTURBATIONS if perturb else ()
-        written = _run(Benchmark(source, chosen, reading, again), out, jobs=jobs, cluster=cluster)
+        written = _run(Benchmark(source, chosen, reading, again), out, vouching, jobs=jobs, cluster=cluster)
         print_result(written)
         _check_stable(written)
     return 0
@@ -241,7 +250,9 @@ def _numbers(text: str) -> list[float]:
         raise SettingsError(f"--dirt is {text!r}", hint="give numbers separated by commas") from error
 
 
-def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:
+def _run(
+    benchmark: Benchmark, out: Path, certificate: Certificate | None, *, jobs: int, cluster: str | None
+) -> Written:
     from pipeline.batch.progress import Progress
     from pipeline.benchmark.report.writing import command_line, crossed_of, write_report
     from pipeline.benchmark.trials.planning import foresight
@@ -263,7 +274,9 @@ def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> 
                     on_part=lambda _: progress.advance(),
                 )
                 progress.step("drawing the report")
-                return write_report(benchmark, trials, out, command=command_line(), executor=executor)
+                return write_report(
+                    benchmark, trials, out, command=command_line(), certificate=certificate, executor=executor
+                )
         except KeyboardInterrupt as error:
             raise CommandError(
                 "interrupted",
