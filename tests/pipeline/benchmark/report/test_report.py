@@ -23,6 +23,7 @@ from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
 from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
+from tests.support.certificates import a_certificate, measured
 
 SECTIONS = (
     "wrong", "targets", "summary", "accuracy", "decisions",
@@ -201,6 +202,16 @@ def test_a_fused_mode_that_loses_is_not_met_and_chance_is_told() -> None:
     verdict = verdicts(statistics_of([*trials, *lost]))[-1]
     assert (verdict.outcome, verdict.sure) == (Outcome.NOT_MET, False)
     assert "no more than chance" in verdict.found
+
+
+def test_parts_unlike_the_certified_ones_are_told_by_mode() -> None:
+    rough = [dict(part) for part in measured(20, rough_um=4.0)]
+    alike = [dict(part) for part in measured(20, seed=2)]
+    trials = [replace(trial(k, "A1"), measures=rough[k]) for k in range(20)]
+    trials += [replace(trial(k, "A1", mode="fused"), measures=alike[k]) for k in range(20)]
+    found = report.drift_of(trials, a_certificate(sources=("fused", "tactile")))
+    assert list(found) == ["tactile"]
+    assert "fine roughness" in found["tactile"]
 
 
 def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) -> None:
