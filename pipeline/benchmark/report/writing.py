@@ -104,7 +104,7 @@ def write_report(
 def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str]:
     """How the parts of each mode differ from the certified ones, in words; of those that do."""
     watches: dict[str, DriftWatch] = {}
-    for trial in trials:
+    for trial in (t for t in trials if not t.perturbed):
         measures = {Measure(name): value for name, value in trial.measures.items()}
         watches.setdefault(trial.mode, DriftWatch(certificate)).add(trial.mode, measures)
     for watch in watches.values():
