@@ -117,9 +117,9 @@ class PartReader:
             FileError: a file of the part cannot be used.
             VerifyError: an expected text that does not fit the format.
         """
-        return self.reader.certified(self._read(part, expected))
+        return self.reader.certified(self._read(part, expected, again))
 
-    def _read(self, part: Part, expected: str) -> Reading:
+    def _read(self, part: Part, expected: str, again: Retake | None) -> Reading:
         if part.problem is not None:
             raise part.problem
         self._check_expected(part, expected)
