@@ -216,10 +216,15 @@ def benchmark(
 def _check_stable(written: Written) -> None:
     """Name every accepted serial that a perturbation made another accepted serial.
 
+    Of single experts and programs of others, which decide nothing, the report tells.
+
     Raises:
         CommandError: there is one.
     """
-    faults = [(s.key.reader, f) for s in written.statistics.stability if s.perturbation for f in s.faults]
+    from pipeline.benchmark.readers.modes import EXPERTS, PEERS
+
+    deciding = [s for s in written.statistics.stability if s.key.mode not in {*EXPERTS, *PEERS}]
+    faults = [(s.key.reader, f) for s in deciding if s.perturbation for f in s.faults]
     for reader, f in faults:
         print(f"FAULT: {f.part}, {reader}: accepted as {f.before}, and under {f.perturbation} as {f.after}")
     if faults:

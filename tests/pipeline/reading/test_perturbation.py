@@ -7,7 +7,7 @@ import pytest
 
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import HeightMap
-from pipeline.reading.perturbation import PERTURBATIONS, Perturbation, Retake, reordered
+from pipeline.reading.perturbation import ANEW, PERTURBATIONS, Perturbation, Retake, reordered
 from whisker_array.estimation.edges import edge_map
 from whisker_array.simulation.traces import Fidelity
 
@@ -89,3 +89,25 @@ def test_light_and_scale_go_either_way(plate: HeightMap, photo: Photo, seed: int
 def test_a_perturbation_that_cannot_be_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="the perturbation 'x'"):
         Perturbation("x", **wrong)  # type: ignore[arg-type]
+
+
+def test_a_recording_is_perturbed_and_its_lines_stay(plate: HeightMap) -> None:
+    """Noisier by as much as it shows in the air, and larger; it is felt alike."""
+    scan = scan_of(plate, "noise")
+    again = Retake(Perturbation("x", noise=True, scale=0.01), SEED).recorded(scan)
+    first, other = scan.sweeps[0], again.sweeps[0]
+    assert other.plan.line_mm == pytest.approx(1.01 * first.plan.line_mm)
+    assert other.plan.step_mm == pytest.approx(1.01 * first.plan.step_mm)
+    assert again.line_pitch_mm == pytest.approx(1.01 * scan.line_pitch_mm)
+    added = np.nanstd(other.moment_n_mm - first.moment_n_mm)
+    # 1 %: of some ten thousand samples, in float32
+    assert added == pytest.approx(np.median(first.air_n_mm.std(axis=-1)), rel=0.01)
+    one, felt = edge_map(scan), edge_map(again)
+    assert felt.pitch_mm == pytest.approx(1.01 * one.pitch_mm)
+    assert felt.enhancement.max() == pytest.approx(one.enhancement.max(), rel=0.1)
+
+
+def test_what_is_drawn_is_within_its_limits_and_differs() -> None:
+    grown = [Retake(ANEW, seed).grown for seed in range(50)]
+    assert all(0.99 <= g <= 1.01 for g in grown)
+    assert len(set(grown)) == 50
