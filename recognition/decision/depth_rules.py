@@ -14,12 +14,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
-from recognition.decision.decide import decision_of
-from recognition.decision.reading import CharacterReading, Reading, ReadingFlag
+from recognition.decision.decide import decided_anew
+from recognition.decision.reading import CharacterReading, Finding, Reading, ReadingFlag
 
 INCH_MM = 25.4
 WALL_BEVEL_DEG = 45.0
@@ -196,17 +196,13 @@ def least_depth(min_depth_mm: float) -> DepthRule:
 
 
 def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
-    """The reading with flags and notes for every rule that its mark breaks; such a part is not accepted."""
+    """The reading with what was found for every rule that its mark breaks; such a part is not accepted."""
     if not reading.characters:
         return reading
-    flags, notes = reading.flags, list(reading.notes)
-    for rule in rules:
-        for flag, note in _broken(reading, rule):
-            flags |= flag
-            notes.append(note)
-    if flags == reading.flags:
+    broken = [Finding(flag, text) for rule in rules for flag, text in _broken(reading, rule)]
+    if not broken:
         return reading
-    return replace(reading, flags=flags, notes=tuple(notes), decision=decision_of(flags, reading.characters))
+    return decided_anew(reading.found(*broken))
 
 
 def _broken(reading: Reading, rule: DepthRule) -> Iterable[tuple[ReadingFlag, str]]:
@@ -245,7 +241,8 @@ def _broken(reading: Reading, rule: DepthRule) -> Iterable[tuple[ReadingFlag, st
     wants_burr = math.isfinite(rule.most_burr_mm)
     unknown = [f"{c.char} at place {k}" for k, c in places if _unmeasured(c, window, wants_burr=wants_burr)]
     if unknown:
-        yield ReadingFlag.DEPTH_UNKNOWN, f"depth not measured for {rule.name}: {', '.join(unknown)}"
+        todo = "scan it again" if reading.font else "name the font"
+        yield ReadingFlag.DEPTH_UNKNOWN, f"depth not measured for {rule.name}: {', '.join(unknown)} ({todo})"
     size = print_size_mm(reading)
     if size < rule.least_height_mm:
         yield (

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Flag, StrEnum, auto
+from functools import reduce
+from operator import or_
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-from recognition.decision.grade import MarkGrade
+from recognition.decision.grade import Action, MarkGrade
 from recognition.language.box import Box
 from recognition.language.confusions import PlaceState
 
@@ -61,6 +63,7 @@ class ReadingFlag(Flag):
     BURR_TOO_HIGH = auto()
     NO_DEPTH_RULE = auto()
     NOT_CERTIFIED = auto()
+    STROKES_MISSING = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -76,7 +79,7 @@ _MESSAGES = {
     ReadingFlag.JAMMED: "the whisker jammed on walls in places (lower k = l2/l1)",
     ReadingFlag.OUT_OF_RANGE: "the signal left the converter's range in places (lower the gain)",
     ReadingFlag.DROPOUTS: "parts of the map are missing (measure it again if they hide characters)",
-    ReadingFlag.FOREIGN_SHAPES: "the characters do not match the font (name the right font)",
+    ReadingFlag.FOREIGN_SHAPES: "the font may lack a character that stands there (look at the part)",
     ReadingFlag.UNREAD_MARKS: "there are marks beside the serial (check that all of it was read)",
     ReadingFlag.TOO_SHALLOW: "the mark is too shallow",
     ReadingFlag.TOO_DEEP: "the mark is too deep",
@@ -90,6 +93,7 @@ _MESSAGES = {
     ReadingFlag.MISMATCH: "this is not the expected serial (check the part and the order)",
     ReadingFlag.LINE_MISSING: "a line that was asked for was not found (check the part)",
     ReadingFlag.NOT_CERTIFIED: "not covered by the certificate (look at the part)",
+    ReadingFlag.STROKES_MISSING: "most strokes of a character are missing (clean it and scan it again)",
     ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
 }
 MEASURE_FLAGS = (
@@ -100,11 +104,21 @@ MEASURE_FLAGS = (
     | ReadingFlag.DEPTH_UNKNOWN
     | ReadingFlag.NO_DEPTH_RULE
 )
-"""What a rule for the mark found; `Reading.notes` says it with numbers."""
+"""What a rule for the mark found; findings say it with places and numbers."""
 DOUBT_FLAGS = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
-DOUBTED = 0.05
-"""Probability of a second candidate from which a person is asked about it."""
-MOST_DOUBTS = 3
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a flag means on one part, in words with places and numbers: "too shallow for R: 7 at place 2 0.06 mm"."""
+
+    flag: ReadingFlag
+    text: str
+
+
+def flags_of(findings: Iterable[Finding]) -> ReadingFlag:
+    """Of all of them together."""
+    return reduce(or_, (finding.flag for finding in findings), ReadingFlag.NONE)
 
 
 @dataclass(frozen=True)
@@ -267,7 +281,8 @@ class Reading:
         box: the whole line; None when none was found.
         source: "tactile", "vision" or "fused".
         seconds: where the time went, by step.
-        notes: what the rules for the mark found, with numbers: "too shallow for ...".
+        findings: what its flags mean on this part, with places and numbers.
+        notes: what else there is to say: "read by touch alone".
         unit: of height and boxes: "px", of the photograph as taken, where its scale is not known.
         others: the part's other lines.
         trace: what it was made from.
@@ -285,6 +300,7 @@ class Reading:
     source: str = "tactile"
     spaces_after: frozenset[int] = frozenset()
     seconds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
     unit: Unit = "mm"
     others: tuple[OtherLine, ...] = ()
@@ -357,22 +373,27 @@ class Reading:
         known = [c.depth.mean_mm for c in self.characters if c.depth is not None]
         return math.fsum(known) / len(known) if known else None
 
-    def messages(self) -> tuple[str, ...]:
-        """What to know about it in words: the flags, and in place of those of the mark's rules the notes."""
-        flags = self.flags & ~MEASURE_FLAGS if self.notes else self.flags
-        doubts = self.doubts() if flags & DOUBT_FLAGS else ""
-        if doubts:
-            return (f"low confidence: {doubts}?", *(flags & ~DOUBT_FLAGS).messages(), *self.notes)
-        return (*flags.messages(), *self.notes)
+    def found(self, *findings: Finding) -> Reading:
+        """The same reading with these findings and their flags."""
+        return replace(self, flags=self.flags | flags_of(findings), findings=(*self.findings, *findings))
 
-    def doubts(self) -> str:
-        """The places that are hardest to decide, worst first: "B or 8 at place 2, 1 or I at place 5"."""
-        places = [
-            (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}")
-            for k, c in enumerate(self.characters, start=1)
-            if len(c.candidates) > 1 and c.candidates[1].probability >= DOUBTED
-        ]
-        return ", ".join(text for _, text in sorted(places)[:MOST_DOUBTS])
+    def without(self, flags: ReadingFlag) -> Reading:
+        """The same reading without these flags and what was found for them."""
+        kept = tuple(finding for finding in self.findings if not finding.flag & flags)
+        return replace(self, flags=self.flags & ~flags, findings=kept)
+
+    def messages(self) -> tuple[str, ...]:
+        """What to know about it in words, the one or two reasons that decide first: `recognition.decision.reasons`."""
+        from recognition.decision.reasons import messages_of
+
+        return messages_of(self)
+
+    @property
+    def actions(self) -> tuple[Action, ...]:
+        """What to do about each character's mark; nothing where the reading is accepted, whatever its grades."""
+        if self.decision is Decision.ACCEPT:
+            return (Action.NONE,) * len(self.characters)
+        return tuple(Action.NONE if c.grade is None else c.grade.action for c in self.characters)
 
     @property
     def text(self) -> str:

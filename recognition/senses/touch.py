@@ -21,7 +21,7 @@ from recognition.belief.part_lines import PartLines
 from recognition.decision.decide import serial_is_sure
 from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
-from recognition.decision.grading import graded
+from recognition.decision.grading import explained, graded
 from recognition.decision.reading import Decision, Reading, ReadingFlag, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.unseen_glyphs import doubted_guesses
@@ -168,6 +168,7 @@ class TactileReader:
         line, chars = shapes.line, [c.char for c in reading.characters]
         if len(shapes.cells) != len(chars):
             return reading
+        reading = graded(reading, shapes, edges.directions)
         if relief is not None and all(c in line.templates.chars for c in chars):
             depths = mark_depths(relief, line, shapes.cells, chars)
             characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
@@ -178,7 +179,7 @@ class TactileReader:
                 reading, font=line.templates.font, height_mm=line.height_mm, rotation_deg=shapes.rotation_deg
             )
             reading = doubted_guesses(settled, shapes, self.places)
-        return graded(reading, shapes, edges.directions)
+        return explained(reading, by_font=shapes.lattice is not None)
 
 
 class _Shapes:

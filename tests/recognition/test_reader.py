@@ -373,7 +373,7 @@ def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
     told = reader(depth_rules=rules).read(shallow)
     assert told.text == part.text
     assert told.flags & ReadingFlag.TOO_SHALLOW
-    (note,) = told.notes
+    note = told.findings[0].text
     assert note.startswith("too shallow for 27CFR478.92: 2 at place 4 0.0")
     assert note.endswith("mm (at least 0.0762)")
     depth = told.characters[3].depth
@@ -382,7 +382,7 @@ def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
     # without a rule the same is felt and nothing is said
     plain = reader().read(shallow)
     assert plain.flags is ReadingFlag.NONE
-    assert plain.notes == ()
+    assert plain.findings == ()
     assert plain.characters == told.characters
     # the text is as sure, but a mark that breaks a rule that was asked for is not accepted
     assert (plain.decision, told.decision) == (Decision.ACCEPT, Decision.REVIEW)

@@ -27,6 +27,7 @@ from recognition.decision.reading import (
     Candidate,
     CharacterReading,
     Decision,
+    Finding,
     MarkDepth,
     OtherLine,
     Reading,
@@ -51,7 +52,7 @@ def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decisio
         decision,
         confidence,
         flags=ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW,
-        notes=("too shallow for x: 1 0.212 mm (at least 0.3)",),
+        findings=(Finding(ReadingFlag.TOO_SHALLOW, "too shallow for x: 1 0.212 mm (at least 0.3)"),),
         font="gothic",
         height_mm=5.0,
         raised=True,
@@ -115,7 +116,7 @@ def test_a_row_tells_the_reading(tmp_path: Path) -> None:
     assert (row.decision, row.confidence, row.source, row.font) == ("accept", 0.97, "tactile", "gothic")
     assert (row.height_mm, row.raised) == (5.0, True)
     assert row.flags == "; ".join(
-        (*ReadingFlag.DROPOUTS.messages(), "too shallow for x: 1 0.212 mm (at least 0.3)")
+        ("too shallow for x: 1 0.212 mm (at least 0.3)", *ReadingFlag.DROPOUTS.messages())
     )
     assert (row.depth_min_mm, row.depth_mean_mm) == (0.2121, 0.2314)
     assert row.depths == "1 0.212/0.231 1 ?"

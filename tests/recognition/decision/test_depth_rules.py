@@ -42,7 +42,13 @@ def reading(
         )
         for char, depth in marks
     )
-    return Reading(characters, Decision.ACCEPT, 0.97, height_mm=height_mm, flags=ReadingFlag.DROPOUTS)
+    return Reading(
+        characters, Decision.ACCEPT, 0.97, height_mm=height_mm, flags=ReadingFlag.DROPOUTS, font="gothic"
+    )
+
+
+def said(reading: Reading) -> tuple[str, ...]:
+    return tuple(finding.text for finding in reading.findings)
 
 
 def test_the_rule_for_firearms() -> None:
@@ -130,16 +136,16 @@ def test_rules_have_positive_depths(depth: float) -> None:
 def test_without_rules_nothing_is_said() -> None:
     plain = reading(("K", 0.01), ("7", None))
     assert judged_by(plain, ()) == plain
-    assert judged_by(replace(plain, characters=()), (FIREARMS,)).notes == ()
+    assert judged_by(replace(plain, characters=()), (FIREARMS,)).findings == ()
 
 
 def test_the_note_names_rule_place_and_depth() -> None:
     judged = judged_by(reading(("K", 0.2), ("7", 0.061), ("B", 0.07)), (FIREARMS,))
     assert judged.flags == ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW
-    assert judged.notes == (
+    assert said(judged) == (
         "too shallow for 27CFR478.92: 7 at place 2 0.061 mm, B at place 3 0.070 mm (at least 0.0762)",
     )
-    assert set(judged.messages()) == {*ReadingFlag.DROPOUTS.messages(), *judged.notes}
+    assert set(judged.messages()) == {*ReadingFlag.DROPOUTS.messages(), *said(judged)}
     # the text is as sure as before, but the part is not as it should be
     assert (judged.decision, judged.confidence) == (Decision.REVIEW, 0.97)
 
@@ -147,7 +153,7 @@ def test_the_note_names_rule_place_and_depth() -> None:
 def test_a_mark_may_be_too_deep() -> None:
     judged = judged_by(reading(("K", 0.11), ("7", 0.24)), (depth_rule("MIL-STD-792"),))
     assert judged.flags & ReadingFlag.TOO_DEEP
-    assert judged.notes == ("too deep for MIL-STD-792: 7 at place 2 0.270 mm (at most 0.25)",)
+    assert said(judged) == ("too deep for MIL-STD-792: 7 at place 2 0.270 mm (at most 0.25)",)
     assert judged.decision is Decision.REVIEW
 
 
@@ -155,40 +161,40 @@ def test_the_window_is_that_of_the_height() -> None:
     marks = (("K", 0.08), ("7", 0.1))
     assert judged_by(reading(*marks, height_mm=1.9), (ENGINES,)).decision is Decision.ACCEPT
     judged = judged_by(reading(*marks, height_mm=3.0), (ENGINES,))
-    assert judged.notes == (
+    assert said(judged) == (
         "too shallow for 70-16-05: K at place 1 0.080 mm, 7 at place 2 0.100 mm (at least 0.15)",
     )
     unruled = judged_by(reading(*marks, height_mm=5.0), (ENGINES,))
     assert unruled.flags & ReadingFlag.NO_DEPTH_RULE
-    assert unruled.notes == (
+    assert said(unruled) == (
         "70-16-05 has no depth for characters 5.00 mm high (only for 0.8 to 2, 2.5 to 4 mm)",
     )
 
 
 def test_a_burr_may_be_too_high() -> None:
     rule = depth_rule("burr=0.03")
-    assert judged_by(reading(("K", 0.2), burr_mm=0.03), (rule,)).notes == ()
+    assert judged_by(reading(("K", 0.2), burr_mm=0.03), (rule,)).findings == ()
     judged = judged_by(reading(("K", 0.2), burr_mm=0.041), (rule,))
     assert judged.flags & ReadingFlag.BURR_TOO_HIGH
-    assert judged.notes == ("burr too high for own rule: K at place 1 0.041 mm (at most 0.03)",)
+    assert said(judged) == ("burr too high for own rule: K at place 1 0.041 mm (at most 0.03)",)
     unknown = judged_by(reading(("K", 0.2), burr_mm=None), (rule,))
-    assert unknown.notes == ("depth not measured for own rule: K at place 1",)
+    assert said(unknown) == ("depth not measured for own rule: K at place 1 (scan it again)",)
 
 
 def test_every_rule_speaks_for_itself() -> None:
     judged = judged_by(reading(("K", 0.2), ("7", 0.07)), (FIREARMS, least_depth(0.3)))
-    assert [note.split(":")[0] for note in judged.notes] == [
+    assert [note.split(":")[0] for note in said(judged)] == [
         "too shallow for 27CFR478.92",
         "too shallow for min_depth_mm",
     ]
-    assert judged_by(reading(("K", 0.31)), (FIREARMS, least_depth(0.3))).notes == ()
+    assert judged_by(reading(("K", 0.31)), (FIREARMS, least_depth(0.3))).findings == ()
 
 
 def test_a_depth_not_felt_is_not_a_depth_met() -> None:
     judged = judged_by(reading(("K", 0.2), ("7", None)), (FIREARMS,))
     assert judged.flags & ReadingFlag.DEPTH_UNKNOWN
     assert not judged.flags & ReadingFlag.TOO_SHALLOW
-    assert judged.notes == ("depth not measured for 27CFR478.92: 7 at place 2",)
+    assert said(judged) == ("depth not measured for 27CFR478.92: 7 at place 2 (scan it again)",)
 
 
 @pytest.mark.parametrize(("height", "small"), [(1.5, True), (1.7, True), (1.9, False)])
@@ -198,4 +204,4 @@ def test_print_size_is_that_of_the_bottoms(height: float, small: bool) -> None:
     assert print_size_mm(tried) == pytest.approx(height - 0.2)
     judged = judged_by(tried, (FIREARMS,))
     assert bool(judged.flags & ReadingFlag.TOO_SMALL) is small
-    assert any("too small for 27CFR478.92" in note for note in judged.notes) is small
+    assert any("too small for 27CFR478.92" in note for note in said(judged)) is small

@@ -78,7 +78,7 @@ def test_another_line_that_nobody_asked_for_sends_the_part_to_review() -> None:
     assert found.text == "AB812"
     assert found.decision is Decision.REVIEW
     assert ReadingFlag.UNREAD_MARKS in found.flags
-    assert any("B21" in note for note in found.notes)
+    assert any("B21" in finding.text for finding in found.findings)
 
 
 def test_doubt_is_not_accepted() -> None:
