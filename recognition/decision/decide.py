@@ -17,15 +17,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from recognition.decision.reading import (
-    MEASURE_FLAGS,
-    CharacterReading,
-    Decision,
-    Finding,
-    Reading,
-    ReadingFlag,
-    flags_of,
-)
+from recognition.decision.flags import MEASURE_FLAGS, Finding, ReadingFlag, flags_of
+from recognition.decision.grade import Action
+from recognition.decision.reading import CharacterReading, Decision, Reading
+from recognition.decision.reasons import places_text
 from recognition.language.confusions import CharacterState
 from recognition.language.constrained_decoding import Choice, ChoiceFlag, blind_warnings
 from recognition.language.grammar import Grammar
@@ -34,6 +29,13 @@ LEAST_VALID_MASS = 0.02
 """Belief in all serials of the format together below which another one stands there."""
 LEAST_STROKES = 0.5
 """Share of a character's strokes that must be there for it to be accepted."""
+_TODO = {
+    Action.NONE: "look at the part",
+    Action.CLEAN: "clean it and scan it again",
+    Action.CLEAN_FIRST: "clean it and scan it again",
+    Action.RE_STRIKE: "strike it again",
+    Action.SCAN_AGAIN: "scan it again",
+}
 HOPELESS_SHARE = 0.5
 """Share of places that cannot be read from which a part is rejected."""
 CHOICE_FLAGS = (
@@ -131,14 +133,17 @@ def strokes_asked(reading: Reading, *, vouched: Collection[int] = ()) -> Reading
         vouched: places, from 0, that another sense is sure of.
     """
     reading = reading.without(ReadingFlag.STROKES_MISSING)
-    places = [
-        f"{c.char} at place {k + 1}"
+    lacking = {
+        k: c.grade.action
         for k, c in enumerate(reading.characters)
         if k not in vouched and c.grade is not None and (c.grade.value("completeness") or 0.0) < LEAST_STROKES
-    ]
-    if places:
-        words = f"most strokes are missing: {', '.join(places)} (clean it and scan it again)"
-        reading = reading.found(Finding(ReadingFlag.STROKES_MISSING, words))
+    }
+    if lacking:
+        where = places_text(reading, list(lacking))
+        todo = _TODO[max(lacking.values(), key=list(lacking.values()).count)]
+        reading = reading.found(
+            Finding(ReadingFlag.STROKES_MISSING, f"most strokes are missing: {where} ({todo})")
+        )
     return decided_anew(reading)
 
 

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
 from recognition.decision.decide import decided_anew
-from recognition.decision.reading import CharacterReading, Finding, Reading, ReadingFlag
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import CharacterReading, Reading
 
 INCH_MM = 25.4
 WALL_BEVEL_DEG = 45.0

@@ -21,15 +21,8 @@ from recognition.belief.fuse_lattices import (
     tempered,
 )
 from recognition.decision.decide import CHOICE_FLAGS, Thresholds, decided, strokes_asked
-from recognition.decision.reading import (
-    Decision,
-    Finding,
-    OtherLine,
-    Reading,
-    ReadingFlag,
-    ReadingTrace,
-    flags_of,
-)
+from recognition.decision.flags import Finding, ReadingFlag, flags_of
+from recognition.decision.reading import Decision, OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import characters_of, doubts_of_lines, hull
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.grammar import Grammar

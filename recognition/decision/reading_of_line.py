@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.decide import LEAST_VALID_MASS, Thresholds, decided
-from recognition.decision.reading import Candidate, CharacterReading, Finding, OtherLine, Reading, ReadingFlag
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
 from recognition.language.constrained_decoding import Choice, choose

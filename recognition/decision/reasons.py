@@ -10,19 +10,38 @@ asked for, so each that is broken is named.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import reduce
 from operator import or_
 from typing import TYPE_CHECKING
 
+from recognition.decision.flags import DOUBT_FLAGS, MEASURE_FLAGS, ReadingFlag, flags_of
 from recognition.language.confusions import CharacterState
 
 if TYPE_CHECKING:
-    from recognition.decision.reading import Reading, ReadingFlag
+    from recognition import Reading
 
+IMPORTANCE = (
+    ReadingFlag.MISMATCH,
+    ReadingFlag.NO_CHARACTERS,
+    ReadingFlag.FORMAT_NOT_MET,
+    ReadingFlag.SENSES_DISAGREE,
+    ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS,
+    ReadingFlag.LINE_MISSING,
+    ReadingFlag.STROKES_MISSING,
+    ReadingFlag.UNREAD_MARKS,
+    ReadingFlag.FORMAT_OVERRULED,
+    ReadingFlag.CHECK_BLIND,
+    ReadingFlag.SEARCH_EXHAUSTED,
+    ReadingFlag.FOREIGN_SHAPES,
+    ReadingFlag.NOT_CERTIFIED,
+)
+"""Doubts about a serial; of those that a reading has, the first count."""
 MOST_REASONS = 2
 MOST_DOUBTS = 2
 """Places that low confidence asks about."""
+MOST_NAMED = 3
+"""Characters that are named one by one."""
 DOUBTED = 0.05
 """Probability of a second candidate from which a person is asked about it."""
 COUNT_SHARE = 0.9
@@ -31,24 +50,8 @@ COUNT_SHARE = 0.9
 
 def messages_of(reading: Reading) -> tuple[str, ...]:
     """What to know about a reading in words: reasons, then what else was found."""
-    from recognition.decision.reading import MEASURE_FLAGS, ReadingFlag
-
-    importance = (
-        ReadingFlag.MISMATCH,
-        ReadingFlag.NO_CHARACTERS,
-        ReadingFlag.FORMAT_NOT_MET,
-        ReadingFlag.SENSES_DISAGREE,
-        ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS,
-        ReadingFlag.LINE_MISSING,
-        ReadingFlag.STROKES_MISSING,
-        ReadingFlag.UNREAD_MARKS,
-        ReadingFlag.FORMAT_OVERRULED,
-        ReadingFlag.CHECK_BLIND,
-        ReadingFlag.SEARCH_EXHAUSTED,
-        ReadingFlag.FOREIGN_SHAPES,
-    )
-    reasons = [words for flag in importance if (words := _words(reading, flag))]
-    about_serial = reduce(or_, importance)
+    reasons = [words for flag in IMPORTANCE if (words := _words(reading, flag))]
+    about_serial = reduce(or_, IMPORTANCE)
     rules = _words(reading, reading.flags & MEASURE_FLAGS)
     scan = (reading.flags & ~(about_serial | MEASURE_FLAGS)).messages()
     named = [text for words in reasons[:MOST_REASONS] for text in words]
@@ -57,8 +60,6 @@ def messages_of(reading: Reading) -> tuple[str, ...]:
 
 def _words(reading: Reading, flag: ReadingFlag) -> tuple[str, ...]:
     """What a flag, or several that mean one reason, say of this part; nothing where none is set."""
-    from recognition.decision.reading import DOUBT_FLAGS, flags_of
-
     if not reading.flags & flag:
         return ()
     found = tuple(finding.text for finding in reading.findings if finding.flag & flag)
@@ -76,7 +77,7 @@ def _doubts(reading: Reading, said: tuple[str, ...]) -> Iterator[str]:
     if rivals:
         yield f"low confidence: {rivals}?"
     if unread:
-        yield f"no character can be made out: {places_text(unread)} (clean the part and read it again)"
+        yield f"no character can be made out: {_ranges(unread)} (look at the part)"
     if rivals or unread or said or not places:
         return
     if reading.confidence < COUNT_SHARE * math.prod(c.confidence for _, c in places):
@@ -98,8 +99,26 @@ def _rivals(reading: Reading) -> str:
     return ", ".join(text for _, text in sorted(places)[:MOST_DOUBTS])
 
 
-def places_text(places: list[int]) -> str:
-    """Places in words: "place 3", "places 3, 4 and 8"."""
+def places_text(reading: Reading, places: Sequence[int]) -> str:
+    """Characters and their places, from 0: "I at place 1, 7 at place 4"; of many the places alone."""
+    if len(places) > MOST_NAMED:
+        return _ranges([k + 1 for k in places])
+    return ", ".join(f"{reading.characters[k].char} at place {k + 1}" for k in places)
+
+
+def _ranges(places: Sequence[int]) -> str:
+    """Rising places in words: "place 3", "places 1, 2 and 4 to 8"."""
+    runs: list[list[int]] = []
+    for k in places:
+        if runs and k == runs[-1][-1] + 1:
+            runs[-1].append(k)
+        else:
+            runs.append([k])
+    words = [
+        word
+        for run in runs
+        for word in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else [str(k) for k in run])
+    ]
     if len(places) == 1:
-        return f"place {places[0]}"
-    return f"places {', '.join(map(str, places[:-1]))} and {places[-1]}"
+        return f"place {words[0]}"
+    return "places " + (f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0])

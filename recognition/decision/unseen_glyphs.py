@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from recognition.decision.reading import Decision, Finding, Reading, ReadingFlag
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Decision, Reading
 from recognition.experts.templates.judge import JudgedLine
 
 NEAR_SCORE = 0.05

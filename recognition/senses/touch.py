@@ -21,8 +21,9 @@ from recognition.belief.part_lines import PartLines
 from recognition.decision.decide import serial_is_sure
 from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
+from recognition.decision.flags import ReadingFlag
 from recognition.decision.grading import explained, graded
-from recognition.decision.reading import Decision, Reading, ReadingFlag, ReadingTrace
+from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.experts.templates.judge import JudgedLine, judged

@@ -14,7 +14,8 @@ from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import PlateVariation, StampedPart
 from glyphs.surface.maps import HeightMap, TraceDirection
 from recognition.decision.depth_rules import depth_rule
-from recognition.decision.reading import Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Decision, Reading
 from recognition.reader import Reader
 from recognition.senses.settings import STAND_INS, ReaderSettings, Repertoire
 from whisker_array.scan.scan import Scan, trace_scan

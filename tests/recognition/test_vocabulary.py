@@ -101,6 +101,7 @@ def values() -> list[object]:
         Grammar(sets=("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789",) * 20),
         CheckDigit("luhn"),
         depth_rule("27CFR478.92"),
+        Finding(ReadingFlag.UNREAD_MARKS, "another line reads “SN8”"),
         TextLine.straight(4.0, 5.0, length_mm=7.0, height_mm=5.0, turned_deg=1.5),
         heights_view(HeightMap(np.zeros((40, 80), np.float32), 0.1)),
         Box(0.1234567891234, 0.0, 1.0, 1.0),

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.plots.pictures import SheetPart, overview_figure, same_text, save_figure
+from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.panels import moment_image
 from recognition.decision.picture import reading_figure
 from recognition.decision.reading import (
@@ -21,10 +22,8 @@ from recognition.decision.reading import (
     Candidate,
     CharacterReading,
     Decision,
-    Finding,
     MarkDepth,
     Reading,
-    ReadingFlag,
     ReadingTrace,
 )
 from whisker_array.estimation.relief import Route, relief_from_edges

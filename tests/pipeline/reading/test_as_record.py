@@ -23,16 +23,8 @@ from pipeline.files.npz import write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.reading.as_record import reading_record, record_of_part, rivals_of
 from pipeline.reading.part_reader import PartReader
-from recognition.decision.reading import (
-    Candidate,
-    CharacterReading,
-    Decision,
-    Finding,
-    MarkDepth,
-    OtherLine,
-    Reading,
-    ReadingFlag,
-)
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Decision, MarkDepth, OtherLine, Reading
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice

@@ -18,7 +18,8 @@ from pipeline.files.npz import soil_members, write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.files.photos import write_photo
 from pipeline.reading.part_reader import Mode, PartReader, Sense, senses_of
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.verify import Verdict, VerifyError
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice

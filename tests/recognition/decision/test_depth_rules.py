@@ -17,15 +17,8 @@ from recognition.decision.depth_rules import (
     least_depth,
     print_size_mm,
 )
-from recognition.decision.reading import (
-    Box,
-    Candidate,
-    CharacterReading,
-    Decision,
-    MarkDepth,
-    Reading,
-    ReadingFlag,
-)
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Box, Candidate, CharacterReading, Decision, MarkDepth, Reading
 
 FIREARMS = depth_rule("27CFR478.92")
 ENGINES = depth_rule("70-16-05")

@@ -20,8 +20,9 @@ from recognition.belief.fuse_lattices import (
     tempered,
 )
 from recognition.decision.decide import DOUBTS, decided
+from recognition.decision.flags import ReadingFlag
 from recognition.decision.fuse import fuse
-from recognition.decision.reading import Decision, OtherLine, Reading, ReadingFlag
+from recognition.decision.reading import Decision, OtherLine, Reading
 from recognition.decision.reading_of_line import characters_of, doubts_of_lines
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose

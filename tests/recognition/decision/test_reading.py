@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from recognition.decision.reading import (
-    Box,
-    Candidate,
-    CharacterReading,
-    Decision,
-    MarkDepth,
-    Reading,
-    ReadingFlag,
-)
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Box, Candidate, CharacterReading, Decision, MarkDepth, Reading
 
 BOX = Box(0.0, 0.0, 1.0, 2.0)
 

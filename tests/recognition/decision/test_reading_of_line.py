@@ -10,7 +10,8 @@ import pytest
 from recognition.belief.line_belief import believed
 from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.belief.weights import ExpertWeights, Power
-from recognition.decision.reading import Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Decision, Reading
 from recognition.decision.reading_of_line import hull, reading_of_line, word_gaps
 from recognition.experts.steps import Steps
 from recognition.language.box import Box

@@ -7,15 +7,9 @@ from dataclasses import replace
 import pytest
 
 from recognition.decision.decide import strokes_asked
+from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.grade import Action, MarkGrade, Parameter
-from recognition.decision.reading import (
-    Candidate,
-    CharacterReading,
-    Decision,
-    Finding,
-    Reading,
-    ReadingFlag,
-)
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
 
@@ -53,7 +47,7 @@ def test_a_place_that_cannot_be_read_is_not_guessed_at() -> None:
     made = review(SURE, CLOSE, UNREAD, UNREAD, flags=UNSURE)
     assert made.messages() == (
         "low confidence: 1 or I at place 2?",
-        "no character can be made out: places 3 and 4 (clean the part and read it again)",
+        "no character can be made out: places 3 and 4 (look at the part)",
     )
 
 
@@ -114,6 +108,18 @@ def test_a_character_without_most_of_its_strokes_is_not_accepted() -> None:
     # a camera that is sure of it makes good for touch
     vouched = strokes_asked(made, vouched={0})
     assert (vouched.decision, vouched.findings) == (Decision.ACCEPT, ())
+
+
+def test_many_places_are_counted_up() -> None:
+    worn = place(("7", 0.99), completeness=0.1)
+    grade = replace(worn.grade, action=Action.RE_STRIKE)  # type: ignore[type-var]
+    parts = (
+        *[replace(worn, grade=grade)] * 4,
+        place(("K", 0.99), completeness=1.0),
+        replace(worn, grade=grade),
+    )
+    made = strokes_asked(Reading(parts, Decision.ACCEPT, 0.98))
+    assert made.messages() == ("most strokes are missing: places 1 to 4 and 6 (strike it again)",)
 
 
 def test_what_is_accepted_asks_for_nothing() -> None:

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.outlines import load_font
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.language.box import Box
 
