@@ -20,6 +20,7 @@ from recognition import (
     Candidate,
     CharacterReading,
     Decision,
+    Finding,
     Grammar,
     Lattice,
     MarkDepth,
