@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from recognition.decision.reading import Decision, Reading, ReadingFlag
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Decision, Reading
 
 DIGITS = 6
 """To which confidences are kept in records, on which a certificate rests."""
@@ -40,5 +41,4 @@ def as_certified(reading: Reading, allowed: CertifiedAcceptance | None) -> Readi
         why = f"confidence {reading.confidence:.4f}, certified from {allowed.confidence:g}"
     else:
         return reading
-    flags = reading.flags | ReadingFlag.NOT_CERTIFIED
-    return replace(reading, decision=Decision.REVIEW, flags=flags, notes=(*reading.notes, why))
+    return replace(reading, decision=Decision.REVIEW).found(Finding(ReadingFlag.NOT_CERTIFIED, why))

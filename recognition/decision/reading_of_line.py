@@ -148,7 +148,7 @@ def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
     changes = [
         f"{was} to {char} at place {k}"
         for k, (was, char) in enumerate(zip(openly, text, strict=True), start=1)
-        if was not in _twins(char)
+        if was not in _twins(char) and not _allowed(line, k - 1, was)
     ]
     least = int(same.argmin())
     what = ", ".join(changes) or f"{text[least]} at place {least + 1} is not sure without it"
@@ -158,6 +158,12 @@ def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
             f"the format changed what was read: {what} (compare it with the part)",
         ),
     )
+
+
+def _allowed(line: ReadLine, place: int, char: str) -> bool:
+    """Whether the format lets a character stand at a place."""
+    lattice = line.belief.lattice
+    return char in lattice.chars and bool(np.isfinite(lattice.log_belief[place, lattice.chars.index(char)]))
 
 
 def _twins(char: str) -> str:
