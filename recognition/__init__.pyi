@@ -1,4 +1,5 @@
 from .decision.depth_rules import DepthRule, depth_rule, least_depth
+from .decision.flags import Finding, ReadingFlag
 from .decision.grade import MarkGrade
 from .decision.reading import (
     Candidate,
@@ -6,7 +7,6 @@ from .decision.reading import (
     Decision,
     MarkDepth,
     Reading,
-    ReadingFlag,
     ReadingTrace,
 )
 from .decision.verify import Verdict, Verification, VerifyError
@@ -30,6 +30,7 @@ __all__ = [
     "CheckDigit",
     "Decision",
     "DepthRule",
+    "Finding",
     "Grammar",
     "Lattice",
     "MarkDepth",

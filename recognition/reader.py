@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Unpack
 
+from recognition.decision.certified import as_certified
 from recognition.decision.reading import Reading
 from recognition.language.grammar import Grammar
 from recognition.senses.settings import ReaderOptions, ReaderSettings, Repertoire
@@ -114,11 +115,15 @@ class Reader:
             touch = self.touch.read_height_map(surface, soil=soil, part_id=part_id)
         if not isinstance(photo, Photo):
             assert touch is not None
-            return touch
+            return self.certified(touch)
         if isinstance(surface, HeightMap):
             photo = centred(photo, surface)
         vision = self.vision.read_photo(photo)
-        return vision if touch is None else self.fuse(touch, vision)
+        return self.certified(vision if touch is None else self.fuse(touch, vision))
+
+    def certified(self, reading: Reading) -> Reading:
+        """The reading, sent to review where the settings' certificate does not vouch for it."""
+        return as_certified(reading, self.settings.certified)
 
     def fuse(self, touch: Reading, vision: Reading) -> Reading:
         """One reading of both senses, whose trace holds both."""

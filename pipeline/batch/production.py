@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -12,14 +13,15 @@ from pipeline.batch.options import RunOptions
 from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
 from pipeline.batch.second_pass import learns
-from pipeline.batch.setup import absolute, opened, order_for, with_expected
+from pipeline.batch.setup import absolute, opened, order_for, parts_for, with_expected
 from pipeline.common.atomic import replacing
 from pipeline.common.row import Row
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 from pipeline.files.listed import ListedPart
-from pipeline.files.listing import list_parts
 from pipeline.files.truth import Scores, load_truth
+from pipeline.reading.certificate import Certificate, certificate_of
+from pipeline.reading.drift import DriftWatch
 from pipeline.reading.expected import load_expected
 from pipeline.reading.readers import open_reader
 from pipeline.workers.options import ExecutorOptions
@@ -50,11 +52,8 @@ def run_batch(
     """
     options.check()
     scores = Scores(load_truth(options.truth)) if options.truth is not None else None
-    vision = settings.mode in ("vision", "fused", "auto")
-    parts = list_parts(
-        inputs, manifests=options.manifest, photos=vision and settings.mode != "fused", beside=vision
-    )
-    reader = open_reader(settings)
+    parts = parts_for(inputs, settings, manifests=options.manifest)
+    reader, certificate = open_reader(settings), certificate_of(settings)
     expected = load_expected(options.verify, reader.grammar) if options.verify is not None else None
     if expected is not None:
         parts = with_expected(parts, expected)
@@ -64,7 +63,9 @@ def run_batch(
     learning = learns(options, settings, parts)
 
     shown: dict[str, Row] | None = {} if len(parts) <= MOST_SHOWN else None
-    with opened(options, _description(inputs, settings, options, learning), learns=learning) as run:
+    with opened(
+        options, _description(inputs, settings, options, learning, certificate), learns=learning
+    ) as run:
         done = len(run.book.done) if run.book is not None else 0
         _print_begun(run, options)
         with Progress() as progress:
@@ -75,6 +76,7 @@ def run_batch(
                 progress.advance(failed=bool(row.error))
 
             run.on_row = on_row
+            run.watch = None if certificate is None else DriftWatch(certificate)
 
             def on_any_row(row: Row) -> None:
                 if shown is not None:
@@ -98,7 +100,8 @@ def run_batch(
         from pipeline.batch.read_table import print_table
 
         print_table([shown[part.name] for part in parts])
-    _print_done(run, options, elapsed_s=elapsed_s, workers=workers)
+    drift = _drift(run.watch)
+    _print_done(run, options, drift, elapsed_s=elapsed_s, workers=workers)
     if scores is not None:
         print(scores.accuracy().describe())
     if expected is not None and (missing := expected.not_among(part.name for part in parts)):
@@ -107,7 +110,11 @@ def run_batch(
 
 
 def _description(
-    inputs: Sequence[str], settings: ReadSettings, options: RunOptions, learning: bool
+    inputs: Sequence[str],
+    settings: ReadSettings,
+    options: RunOptions,
+    learning: bool,
+    certificate: Certificate | None,
 ) -> dict[str, Any]:
     """What the rows depend on."""
     return {
@@ -116,6 +123,7 @@ def _description(
         "inputs": [*inputs, *options.manifest],
         "verify": options.verify,
         "program": program_version(),
+        **({} if certificate is None else {"certified": certificate.threshold}),
     }
 
 
@@ -128,12 +136,14 @@ def _print_begun(run: Run, options: RunOptions) -> None:
         print(f"{options.out} existed already; it is kept as {run.book.kept}")
 
 
-def _print_done(run: Run, options: RunOptions, *, elapsed_s: float, workers: int) -> None:
+def _print_done(run: Run, options: RunOptions, drift: str, *, elapsed_s: float, workers: int) -> None:
     summary = run.summary
     if summary.parts > 1:
         print("\n".join(summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)))
     if run.second is not None and run.second.again:
         print(f"{run.second.again:,} read again with the shapes learned")
+    if drift:
+        print(f"warning: {drift}", file=sys.stderr)
     if options.out is not None:
         print(f"wrote {options.out}")
         if run.second is not None and run.second.learned is not None:
@@ -151,10 +161,19 @@ def _print_done(run: Run, options: RunOptions, *, elapsed_s: float, workers: int
             "read_again": run.second.again if run.second is not None else 0,
             "elapsed_s": round(elapsed_s, 3),
             "workers": workers,
+            **({"drift": drift} if run.watch is not None else {}),
         }
         with replacing(options.summary) as temporary:
             temporary.write_text(json.dumps(counts, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         print(f"wrote {options.summary}")
+
+
+def _drift(watch: DriftWatch | None) -> str:
+    """How the parts of a run differ from the certified ones; empty where they do not, or nobody asked."""
+    if watch is None:
+        return ""
+    watch.compare()
+    return watch.first
 
 
 def _status(run: Run, parts: Sequence[ListedPart], *, every: bool) -> int:

@@ -20,12 +20,13 @@ from pipeline.common.records import ReadingRecord
 from pipeline.common.row import Row
 from pipeline.files.listed import ListedPart
 from pipeline.store.errors import UnfitError
-from pipeline.workers.executors import Executor, Outcome
+from pipeline.workers.executors import Executor
 
 if TYPE_CHECKING:
     from pipeline.batch.journal import RunJournal
     from pipeline.batch.quarantine import Quarantine
     from pipeline.batch.second_pass import SecondPass
+    from pipeline.reading.drift import DriftWatch
 
 
 class Store(Protocol):
@@ -48,6 +49,7 @@ class Run:
         quarantine: list of the parts that could not be read.
         store: keeps them as well.
         second: what has the lot teach itself; needs a book.
+        watch: compares the parts that are read now with those of a certificate.
         on_row: told of every part that is read now.
         on_any_row: told of these, and of those that an earlier sitting read; with a second pass, of the rows that
             count in the end.
@@ -60,6 +62,7 @@ class Run:
     quarantine: Quarantine | None = None
     store: Store | None = None
     second: SecondPass | None = None
+    watch: DriftWatch | None = None
     on_row: Callable[[Row], None] | None = None
     on_any_row: Callable[[Row], None] | None = None
     summary: Summary = field(default_factory=Summary)
@@ -77,7 +80,7 @@ class Run:
             for row in self.book.rows():
                 self._count(row)
         for outcome in executor.calls(read_listed, order, self.missing(parts)):
-            self._take(_read_of(outcome))
+            self._take(outcome.result or lost_part(outcome.task, outcome.error))
         if self.book is not None and self.second is not None:
             self.second.work(self.book, parts, order, executor)
             for row in self.book.rows():
@@ -100,6 +103,8 @@ class Run:
                 problem = f"{read.record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"
                 read = ReadPart(read.listed, ReadingRecord.failed(read.record.part, problem))
         record = read.record
+        if self.watch is not None:
+            self.watch.add(record.source, read.measures)
         if record.error and self.quarantine is not None:
             # before the row: a part too many in the list does no harm, one too few is lost
             self.quarantine.add(read.listed, record.error)
@@ -123,11 +128,8 @@ class Run:
             self.on_any_row(row)
 
 
-def _read_of(outcome: Outcome[ListedPart, ReadPart]) -> ReadPart:
-    """What was read, or a record of what became of the worker."""
-    if outcome.result is not None:
-        return outcome.result
-    listed = outcome.task
+def lost_part(listed: ListedPart, error: Exception | None) -> ReadPart:
+    """A part that no worker has read, with what became of the worker."""
     file = listed.files[0] if listed.files else listed.name
-    reason = " ".join(str(outcome.error).split()) or type(outcome.error).__name__
+    reason = " ".join(str(error).split()) or type(error).__name__
     return ReadPart(listed, ReadingRecord.failed(listed.name, f"{file}: {reason}; try it alone"))

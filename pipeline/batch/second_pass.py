@@ -45,6 +45,8 @@ def _why_not(options: RunOptions, settings: ReadSettings) -> tuple[str, str] | N
     """Why a lot cannot teach itself, and what to do about it."""
     if settings.font or settings.database is not None:
         return "is for a die whose font nobody knows", "leave --font and --database away"
+    if settings.certificate is not None:
+        return "changes how parts are read", "leave --certificate away"
     if settings.mode == "vision":
         return "learns by touch", "leave --mode vision away"
     if settings.experts and "templates" not in settings.experts:

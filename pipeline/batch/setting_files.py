@@ -1,6 +1,6 @@
 """Files that settings name, sent along with a run's order to machines that may not have them.
 
-database, lexicon, layout, font files --files_to_send--> contents --order--> worker --settled--> settings of copies
+files that settings name --files_to_send--> contents --order--> worker --settled--> settings of copies
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
     Raises:
         FileError: one is missing or too large.
     """
-    named = [str(path) for path in (settings.database, settings.lexicon, settings.layout) if path is not None]
+    files = settings.database, settings.lexicon, settings.layout, settings.certificate
+    named = [str(path) for path in files if path is not None]
     named += [font for font in settings.font if Path(font).is_file()]
     for name in named:
         require_file(Path(name), most_bytes=_MOST_BYTES)
@@ -45,6 +46,7 @@ def settled(settings: ReadSettings, sent: Mapping[str, bytes]) -> ReadSettings:
             "database": at(settings.database),
             "lexicon": at(settings.lexicon),
             "layout": at(settings.layout),
+            "certificate": at(settings.certificate),
             "font": fonts,
         }
     )

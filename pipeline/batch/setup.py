@@ -78,6 +78,21 @@ def _second_pass(book: RunJournal, options: RunOptions) -> SecondPass:
     return SecondPass(database, always=bool(options.learn_die))
 
 
+def parts_for(
+    inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = ()
+) -> list[ListedPart]:
+    """The parts of a command line that the senses of its mode can read.
+
+    Raises:
+        NothingFoundError: no part.
+        FileError: a manifest that cannot be used.
+    """
+    from pipeline.files.listing import list_parts
+
+    vision = settings.mode in ("vision", "fused", "auto")
+    return list_parts(inputs, manifests=manifests, photos=vision and settings.mode != "fused", beside=vision)
+
+
 def order_for(
     settings: ReadSettings, options: RunOptions, executors: ExecutorOptions, *, verify: bool
 ) -> RunOrder:
@@ -89,7 +104,8 @@ def order_for(
     from pipeline.batch.setting_files import files_to_send
 
     sent = files_to_send(settings) if executors.cluster is not None else {}
-    return RunOrder(settings, verify, options.store is not None and options.evidence is not None, sent)
+    pictures = options.store is not None and options.evidence is not None
+    return RunOrder(settings, verify, pictures, settings.certificate is not None, sent)
 
 
 def with_expected(parts: Sequence[ListedPart], expected: Expected) -> list[ListedPart]:

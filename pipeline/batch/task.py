@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 from glyphs.errors import FileError, MarksError
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.settings import ReadSettings
-from pipeline.files.listed import ListedPart
+from pipeline.files.listed import ListedPart, settings_of
 from pipeline.reading.as_record import record_of_part
+from recognition.decision.part_measures import Measure, measures_of
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
@@ -28,12 +29,14 @@ class RunOrder:
         settings: of reading; a part's own format and font go before theirs.
         verify: whether texts are expected; of a part without one its row then says so.
         pictures: whether pictures of parts that a person is to review are wanted.
+        measures: whether measures of the parts are wanted.
         sent: contents of files that the settings name, for machines that lack them (`pipeline.batch.setting_files`).
     """
 
     settings: ReadSettings
     verify: bool = False
     pictures: bool = False
+    measures: bool = False
     sent: Mapping[str, bytes] = field(default_factory=dict)
 
 
@@ -56,34 +59,27 @@ class ReadPart:
         listed: as it was listed.
         record: of its reading, or of why there is none.
         pictures: where they are wanted.
+        measures: where they are wanted, and the part could be read.
     """
 
     listed: ListedPart
     record: ReadingRecord
     pictures: tuple[Picture, ...] = ()
+    measures: Mapping[Measure, float] = field(default_factory=dict)
 
 
 def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
     """Fetch a part's files and read it; a part that cannot be read has a record with its error."""
     file = listed.files[0] if listed.files else listed.name
     record, reading = record_of_part(listed.name, file, lambda: _read(order, listed))
+    measures = measures_of(reading) if reading is not None and order.measures else {}
     if reading is None or not order.pictures:
-        return ReadPart(listed, record)
+        return ReadPart(listed, record, measures=measures)
     from pipeline.common.records import PartState
     from pipeline.reading.triage import state_after
 
     accepted = state_after(record) is PartState.ACCEPTED
-    return ReadPart(listed, record, () if accepted else _pictures(reading))
-
-
-def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
-    """The settings that a part is read with: its own format and fonts go before the run's."""
-    own: dict[str, tuple[str, ...]] = {}
-    if listed.format:
-        own["format"] = (listed.format,)
-    if listed.font:
-        own["font"] = tuple(name.strip() for name in listed.font.split(",") if name.strip())
-    return settings.model_copy(update=own) if own else settings
+    return ReadPart(listed, record, () if accepted else _pictures(reading), measures)
 
 
 def _read(order: RunOrder, listed: ListedPart) -> tuple[Reading, ReadSettings, Grammar | None]:

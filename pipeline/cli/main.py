@@ -56,6 +56,11 @@ app = App(
 _LIBRARY = App(name="glyphs", help="List, show and collect the fonts of steel stamps.")
 
 app.command("pipeline.cli.read:read", name="read", help="Read the serials of parts.")
+app.command(
+    "pipeline.cli.certify:certify",
+    name="certify",
+    help="Show from which confidence your parts may be accepted, and certify it.",
+)
 app.command("pipeline.cli.inspect:inspect", name="inspect", help="Draw how one part was read, step by step.")
 app.command(
     "pipeline.cli.synth:synth", name="synth", help="Make stamped, dirty parts and photographs of them."
@@ -70,6 +75,9 @@ app.command(
     "pipeline.cli.benchmarking.run:app",
     name="benchmark",
     help="Measure how well dirty marks are read, by this reader and by others.",
+)
+app.command(
+    "pipeline.cli.study:study", name="study", help="Read parts several times: do readings repeat and agree?"
 )
 app.command("pipeline.cli.design:design", name="design", help="Find the whisker to build.")
 app.command(

@@ -50,6 +50,7 @@ class Row:
         action: what to do about the mark and where, as "clean 3 5, re-strike 7"; empty where nothing is.
         height_px: character height in pixels, of a photograph whose scale is not known; else None.
         lines: the part's other lines, as "lot=LOT77;date=12/26"; one that nobody has asked for has no name: "SN8".
+        burr_mm: height of the highest rim beside a character's strokes; None where it is not known.
     """
 
     part: str
@@ -78,6 +79,7 @@ class Row:
     action: str = ""
     height_px: float | None = None
     lines: str = ""
+    burr_mm: float | None = None
 
     @classmethod
     def of(cls, record: ReadingRecord) -> Row:
@@ -85,6 +87,7 @@ class Row:
         places = record.characters
         least = [c.depth_min_mm for c in places if c.depth_min_mm is not None]
         means = [c.depth_mean_mm for c in places if c.depth_mean_mm is not None]
+        burrs = [c.burr_mm for c in places if c.burr_mm is not None]
         grades = "".join(c.grade or _UNGRADED for c in places) if any(c.grade for c in places) else ""
         return cls(
             part=record.part,
@@ -113,6 +116,7 @@ class Row:
             action=action_text(places),
             height_px=_rounded(record.height_px, 1),
             lines=lines_text(record.lines),
+            burr_mm=_rounded(max(burrs, default=None), 4),
         )
 
 

@@ -171,10 +171,12 @@ def _experts(value: tuple[str, ...]) -> tuple[str, ...]:
     return ReaderSettings(experts=tuple(name.strip() for item in value for name in item.split(","))).experts
 
 
-def _rule(value: str) -> str:
+def _rules(value: tuple[str, ...]) -> tuple[str, ...]:
     from recognition.decision.depth_rules import depth_rule
 
-    return depth_rule(value).name
+    for text in value:
+        depth_rule(text)
+    return value
 
 
 _LINE_NAME = re.compile(r"\w[\w-]*")
@@ -219,15 +221,19 @@ class ReadSettings(Settings):
     """How touch is simulated: the ball of the tip in contact, or a point (faster, less true)."""
     database: Path | None = None
     """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
-    depth_rule: Annotated[str, AfterValidator(_rule)] | None = None
-    """Rule for depth and size of the marks, such as 27CFR478.92. Parts that break it are flagged; their text is
-    read all the same."""
+    depth_rule: Annotated[Names, AfterValidator(_rules)] = ()
+    """Rule for depth, burr and size of the marks; may be repeated. 27CFR478.92, CONTRAN24/98, MIL-STD-792, 70-16-05,
+    or one of your own in mm, NAME=LEAST:MOST@HEIGHTS, such as "press-7=0.05:0.15@0.8:2 0.15:0.3@2.5:4 burr=0.05
+    height=1.6". A part that breaks one is read all the same and goes to review."""
     min_depth_mm: float | None = Field(default=None, gt=0.0, le=100.0, allow_inf_nan=False)
-    """Least depth of the marks in mm. Parts with shallower marks are flagged."""
+    """Least depth of the marks in mm. A part with a shallower mark goes to review."""
     accept_confidence: Share | None = None
     """Least confidence, 0 to 1, for a reading to be accepted; the reader's own unless given."""
     accept_margin: Share | None = None
     """Least lead of the best candidate over the second, 0 to 1, for a reading to be accepted; the reader's own
     unless given."""
+    certificate: Path | None = None
+    """Certificate (.json, see certify): nothing is accepted that it does not vouch for, and a warning comes where
+    the parts are unlike the certified ones."""
     unit: Literal["um", "mm", "m", "in"] = "mm"
     """Unit of the numbers in height files that do not state theirs (.npz, STL, PLY, XYZ)."""

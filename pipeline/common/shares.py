@@ -1,4 +1,4 @@
-"""Shares and how sure they are: Wilson's interval."""
+"""Shares and how sure they are: Wilson's interval, or the exact one of Clopper and Pearson."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Share:
     Attributes:
         count: how many.
         total: of how many.
-        low: lower end of Wilson's 95 % interval; 0 of nothing.
+        low: lower end of the 95 % interval; 0 of nothing.
         high: upper end; 1 of nothing.
 
     Raises:
@@ -36,8 +36,8 @@ class Share:
         return self.count / self.total if self.total else 0.0
 
 
-def share(count: int, total: int) -> Share:
-    """A share with Wilson's 95 % interval, which takes the trials for independent.
+def share(count: int, total: int, *, exact: bool = False) -> Share:
+    """A share with Wilson's 95 % interval, or the exact one; both take the trials for independent.
 
     Raises:
         ValueError: more than all, or fewer than none.
@@ -47,5 +47,5 @@ def share(count: int, total: int) -> Share:
         return unknown
     from scipy.stats import binomtest
 
-    interval = binomtest(count, total).proportion_ci(CONFIDENCE_LEVEL, method="wilson")
+    interval = binomtest(count, total).proportion_ci(CONFIDENCE_LEVEL, method="exact" if exact else "wilson")
     return replace(unknown, low=float(interval.low), high=float(interval.high))

@@ -10,8 +10,12 @@ import posixpath
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
+
+if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
 
 _URL = re.compile(r"(?:[a-z0-9+.-]+::)*[a-z][a-z0-9+.-]*://", re.IGNORECASE | re.ASCII)
 _PASSWORD = re.compile(r"(?<=://)[^/@:]*:[^/@]*@")
@@ -57,6 +61,16 @@ class ListedPart:
     def files(self) -> tuple[str, ...]:
         """Those named: height map, scan, photograph."""
         return tuple(name for name in (self.height_map, self.scan, self.photo) if name)
+
+
+def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:
+    """The settings that a part is read with: its own format and fonts go before the run's."""
+    own: dict[str, tuple[str, ...]] = {}
+    if listed.format:
+        own["format"] = (listed.format,)
+    if listed.font:
+        own["font"] = tuple(name.strip() for name in listed.font.split(",") if name.strip())
+    return settings.model_copy(update=own) if own else settings
 
 
 class UrlError(FileError):

@@ -88,23 +88,27 @@ def load_truth(path: Path) -> dict[str, str]:
     return {line.part: line.text for line in load_part_lines(path)}
 
 
-def load_part_lines(path: Path) -> list[PartLine]:
+def load_part_lines(path: Path, *, repeated: bool = False) -> list[PartLine]:
     """The lines of a CSV with the columns part (or file) and text (or serial).
 
+    Args:
+        path: the table.
+        repeated: a part may have several lines.
+
     Raises:
-        FileError: not such a table, or one that names a part twice.
+        FileError: not such a table, or one that names a part twice and must not.
     """
     require_file(path, most_bytes=_MAX_FILE_BYTES)
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
-            return _parse(path, csv.DictReader(stream, skipinitialspace=True))
+            return _parse(path, csv.DictReader(stream, skipinitialspace=True), repeated)
     except UnicodeDecodeError as error:
         raise FileError(path, "is not UTF-8 text", "save it as CSV (UTF-8)") from error
     except csv.Error as error:
         raise FileError(path, f"is not a CSV table ({error})", "save it as CSV (UTF-8)") from error
 
 
-def _parse(path: Path, table: csv.DictReader[str]) -> list[PartLine]:
+def _parse(path: Path, table: csv.DictReader[str], repeated: bool) -> list[PartLine]:
     headings = {(h or "").strip().lower(): h for h in table.fieldnames or ()}
     part = next((headings[h] for h in _PART_HEADINGS if h in headings), None)
     text = next((headings[h] for h in _TEXT_HEADINGS if h in headings), None)
@@ -113,7 +117,8 @@ def _parse(path: Path, table: csv.DictReader[str]) -> list[PartLine]:
             path, f"has the columns {', '.join(headings) or 'none'}", "its first line must name part and text"
         )
     others = {name: heading for name, heading in headings.items() if heading not in (part, text)}
-    lines: dict[str, PartLine] = {}
+    lines: list[PartLine] = []
+    seen: set[str] = set()
     for record in table:
         name, value = (record[part] or "").strip(), record[text]
         if not name and not value:
@@ -121,13 +126,14 @@ def _parse(path: Path, table: csv.DictReader[str]) -> list[PartLine]:
         if value is None or not name:
             raise FileError(path, f"line {table.line_num} is not complete", "give a part and its text")
         name = part_name(name)
-        if name in lines:
+        if name in seen and not repeated:
             raise FileError(path, f"line {table.line_num} names {name} a second time", "keep one line a part")
         more = {key: (record[heading] or "").strip() for key, heading in others.items()}
-        lines[name] = PartLine(table.line_num, name, value.strip(), more)
+        lines.append(PartLine(table.line_num, name, value.strip(), more))
+        seen.add(name)
     if not lines:
         raise FileError(path, "holds no part", "give a line for each part")
-    return list(lines.values())
+    return lines
 
 
 def part_name(cell: str) -> str:
@@ -135,6 +141,16 @@ def part_name(cell: str) -> str:
     path = Path(cell)
     known = is_height_map(path) or is_scan(path) or is_photo(path)
     return path.stem if known else cell
+
+
+def name_in(truth: Mapping[str, str], part: str) -> str | None:
+    """What a table calls a part: its name, or that without its folder; None where it has none."""
+    return next((name for name in (part, part.rpartition("/")[2]) if name in truth), None)
+
+
+def without_blanks(text: str) -> str:
+    """A text as it is stamped."""
+    return "".join(text.split())
 
 
 class Scores:
@@ -147,12 +163,12 @@ class Scores:
 
     def add(self, row: Row) -> None:
         """Count one row."""
-        name = row.part if row.part in self._truth else row.part.rpartition("/")[2]
-        if name not in self._truth:
+        name = name_in(self._truth, row.part)
+        if name is None:
             self._without += 1
             return
         self._seen.add(name)
-        stamped, read = ("".join(t.split()) for t in (self._truth[name], row.text))
+        stamped, read = without_blanks(self._truth[name]), without_blanks(row.text)
         distance = Levenshtein.distance(stamped, read)
         self._parts += 1
         self._right += distance == 0

@@ -23,6 +23,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 
 if TYPE_CHECKING:
+    from recognition.decision.grade import Action
     from recognition.decision.reading import CharacterReading, OtherLine, Reading
     from recognition.language.box import Box as Hull
     from recognition.language.grammar import Grammar
@@ -74,7 +75,10 @@ def reading_record(
         text=reading.text,
         decision=reading.decision.value,
         confidence=_share(reading.confidence),
-        characters=tuple(_character(c, scaled) for c in reading.characters),
+        characters=tuple(
+            _character(c, action, scaled)
+            for c, action in zip(reading.characters, reading.actions, strict=True)
+        ),
         messages=tuple(dict.fromkeys((*reading.messages(), *more))),
         font=reading.font,
         height_mm=height if scaled else None,
@@ -132,7 +136,7 @@ def _of_candidates(reading: Reading) -> Lattice:
         return Lattice(chars, np.log(belief))
 
 
-def _character(character: CharacterReading, scaled: bool) -> CharacterRecord:
+def _character(character: CharacterReading, action: Action, scaled: bool) -> CharacterRecord:
     from recognition.decision.grade import Action
 
     box = _corners(character.box)
@@ -146,9 +150,10 @@ def _character(character: CharacterReading, scaled: bool) -> CharacterRecord:
         grade="" if grade is None else grade.letter,
         box_px=None if scaled else box,
         state_chars=() if state is None else state.chars,
-        action="" if grade is None or grade.action is Action.NONE else grade.action.value,
+        action="" if action is Action.NONE else action.value,
         depth_min_mm=None if depth is None else _finite(depth.min_mm),
         depth_mean_mm=None if depth is None else _finite(depth.mean_mm),
+        burr_mm=None if depth is None or depth.burr_mm is None else _finite(depth.burr_mm),
     )
 
 

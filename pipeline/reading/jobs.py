@@ -28,6 +28,7 @@ from pipeline.files.parts import Part
 
 if TYPE_CHECKING:
     from pipeline.reading.job_pictures import MadeFile
+    from recognition.decision.part_measures import Measure
 
 _log = logging.getLogger(__name__)
 _FIELDS = {"scan": "scan", "height_map": "height map", "photo": "photo", "earlier_photo": "photo"}
@@ -90,11 +91,13 @@ class Done:
         readings: in the order they were made; the last one counts.
         made: files to be kept.
         plan: what to feel; None where touch is not needed.
+        measures: of the last reading, where a certificate asks for them.
     """
 
     readings: tuple[ReadingRecord, ...]
     made: tuple[MadeFile, ...] = ()
     plan: ScanPlanRecord | None = None
+    measures: Mapping[Measure, float] = field(default_factory=dict)
 
 
 def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
@@ -116,6 +119,7 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
     from pipeline.reading.part_reader import Mode, PartReader
     from pipeline.reading.scan_plan import plan_of
     from pipeline.reading.triage import state_after, why_touch
+    from recognition.decision.part_measures import measures_of
 
     tactile = job.scan is not None or job.height_map is not None
     if not tactile and (job.photo is None or job.earlier_photo is not None):
@@ -135,18 +139,19 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
         found = parts.unverified(part, expected=expected)
         readings = [parts.verified(found, expected)]
         if job.photo is not None and found.trace.vision is not None:
-            readings.insert(0, parts.verified(found.trace.vision, expected))
+            readings.insert(0, parts.verified(reader.certified(found.trace.vision), expected))
         took = [math.fsum(r.seconds.values()) for r in readings[:-1]] + [time.perf_counter() - started]
         records = tuple(
             reading_record(r, settings, reader.grammar, part=job.name, seconds=s)
             for r, s in zip(readings, took, strict=True)
         )
         made = tuple(pictures_of(readings[-1], job.folder, photo=job.photo is not None))
+        measures = measures_of(readings[-1]) if settings.certificate is not None else {}
         photo = found.trace.photo
         if tactile or photo is None or state_after(records[-1]) is not PartState.TOUCH_NEEDED:
-            return Done(records, made)
+            return Done(records, made, measures=measures)
         plan = plan_of(found, photo, settings, field_mm=limits.stage_field_mm, reason=why_touch(records[-1]))
-        return Done(records, made, plan)
+        return Done(records, made, plan, measures)
 
 
 def _with_suffix(job: Job) -> Path:

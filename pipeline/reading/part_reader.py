@@ -34,8 +34,10 @@ if TYPE_CHECKING:
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from pipeline.files.listed import ListedPart
+    from pipeline.reading.perturbation import Retake
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
+    from recognition.senses.touch import Feel
 
 
 class Mode(StrEnum):
@@ -103,17 +105,21 @@ class PartReader:
         """
         return self.verified(self.unverified(part, expected=expected), expected)
 
-    def unverified(self, part: Part, *, expected: str = "") -> Reading:
+    def unverified(self, part: Part, *, expected: str = "", again: Retake | None = None) -> Reading:
         """As `read`, without the verdict.
 
         Args:
             part: its files.
             expected: text that `verified` shall be asked for.
+            again: measures the part again, in place of what its files hold.
 
         Raises:
             FileError: a file of the part cannot be used.
             VerifyError: an expected text that does not fit the format.
         """
+        return self.reader.certified(self._read(part, expected, again))
+
+    def _read(self, part: Part, expected: str, again: Retake | None) -> Reading:
         if part.problem is not None:
             raise part.problem
         self._check_expected(part, expected)
@@ -126,7 +132,9 @@ class PartReader:
                 if self.mode is not Mode.AUTO or Sense.TOUCH not in senses:
                     raise
                 note = f"read by touch alone: {problem}"
-        touch = self._touch(part) if Sense.TOUCH in senses else None
+        if photo is not None and again is not None:
+            photo = again.photo(photo)
+        touch = self._touch(part, again) if Sense.TOUCH in senses else None
         surface = touch.trace.height_map if touch is not None else None
         vision = self._vision(part, photo, surface) if photo is not None else None
         if touch is None or vision is None:
@@ -149,13 +157,14 @@ class PartReader:
         with _about(part.photo):
             return self.reader.vision.read_photo(photo if surface is None else centred(photo, surface))
 
-    def _touch(self, part: Part) -> Reading:
+    def _touch(self, part: Part, again: Retake | None) -> Reading:
         """A recorded scan goes before a height map."""
         if part.scan is not None:
             with _about(part.scan):
                 if self.limits is not None:
                     check_scan(part.scan, most=self.limits.max_scan_samples)
-                return self.reader.touch.read_scan(read_scan(part.scan))
+                scan = read_scan(part.scan)
+                return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))
         path = part.height_map
         assert path is not None
         with _about(path):
@@ -163,13 +172,13 @@ class PartReader:
                 check_map(path, most=self.limits.max_map_samples)
             from pipeline.files.npz import read_soil
 
-            return read_surface(
-                self.reader,
-                read_height_map(path, unit=self.unit),
-                soil=read_soil(path) if path.suffix.lower() == ".npz" else None,
-                turned=other_rows(path),
-                part_id=part.name,
-            )
+            surface, turned = read_height_map(path, unit=self.unit), other_rows(path)
+            soil, feel = read_soil(path) if path.suffix.lower() == ".npz" else None, None
+            if again is not None:
+                surface, taken, grow = again.surface(surface), turned, again.surface
+                turned = None if taken is None else lambda: grow(taken())
+                feel = again.feel(fidelity=self.reader.settings.fidelity, soil=soil, part_id=part.name)
+            return read_surface(self.reader, surface, soil=soil, turned=turned, part_id=part.name, feel=feel)
 
     def _check_expected(self, part: Part, expected: str) -> None:
         grammar = self.reader.grammar
@@ -189,6 +198,7 @@ def read_surface(
     soil: Soil | None = None,
     turned: Callable[[], HeightMap] | None = None,
     part_id: str = "",
+    feel: Feel | None = None,
 ) -> Reading:
     """Read a height map by touch.
 
@@ -199,11 +209,12 @@ def read_surface(
         turned: the same with the other row first, of a format that is met with either; tried where the standards'
             order is not accepted.
         part_id: what the part is called.
+        feel: scans it in place of the default plan.
     """
-    found = reader.touch.read_height_map(surface, soil=soil, part_id=part_id)
+    found = reader.touch.read_height_map(surface, soil=soil, part_id=part_id, feel=feel)
     if turned is None or not found.text or found.decision == "accept":
         return found
-    other = reader.touch.read_height_map(turned(), part_id=part_id)
+    other = reader.touch.read_height_map(turned(), part_id=part_id, feel=feel)
     return max(found, other, key=lambda reading: reading.confidence)
 
 

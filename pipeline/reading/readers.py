@@ -8,6 +8,7 @@ from glyphs.fonts.glyph import Font
 from pipeline.common.other_lines import other_lines
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import ReadSettings
+from pipeline.reading.certificate import acceptance_of
 from recognition.decision.depth_rules import DepthRule, depth_rule, least_depth
 from recognition.experts import generic
 from recognition.reader import Reader
@@ -21,7 +22,7 @@ def open_reader(settings: ReadSettings) -> Reader:
     fonts or font files as without one.
 
     Raises:
-        FileError: a lexicon or layout that cannot be used.
+        FileError: a lexicon, layout or certificate that cannot be used.
         EngineMissingError: an expert that is not installed.
         SettingsError: settings that contradict each other.
         ValueError: a font that cannot be used or lacks what the format needs, a database that cannot be used.
@@ -38,6 +39,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         depth_rules=_depth_rules(settings),
         experts=settings.experts,
         lines=other_lines(settings),
+        certified=acceptance_of(settings),
         **thresholds,
     )
 
@@ -58,10 +60,8 @@ def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:
 
 
 def _depth_rules(settings: ReadSettings) -> tuple[DepthRule, ...]:
-    """The rule named and the depth given; either, both or none."""
-    rules = []
-    if settings.depth_rule is not None:
-        rules.append(depth_rule(settings.depth_rule))
+    """The rules named or written, and the depth given."""
+    rules = [depth_rule(text) for text in settings.depth_rule]
     if settings.min_depth_mm is not None:
         rules.append(least_depth(settings.min_depth_mm))
     return tuple(rules)

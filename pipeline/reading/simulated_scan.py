@@ -44,6 +44,7 @@ def feel(
     fidelity: Fidelity = Fidelity.CONTACT,
     noise: bool = True,
     sensor_seed: int = 0,
+    noise_seed: int | None = None,
     part_id: str = "",
     touch: Touch | None = None,
     friction: float | None = None,
@@ -58,6 +59,7 @@ def feel(
         fidelity: how touch is simulated.
         noise: sensors as from the bench.
         sensor_seed: of gains, offsets and noise.
+        noise_seed: of the noise, where the same sensors measure again.
         part_id: what the part is called.
         touch: of the first row; the default one for the height unless given.
         friction: true friction of the part; that of the soil unless given, without soil the touch's nominal one.
@@ -71,13 +73,14 @@ def feel(
     full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
     n_whiskers = plan.array.n_whiskers * plan.array.rows
     chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale) if noise else None
+    drawn = rng if noise_seed is None else np.random.default_rng(noise_seed)
     scan = trace_scan(
         level(height_map),
         touch=touch,
         plan=plan,
         fidelity=fidelity,
         sensor=chain,
-        rng=rng if noise else None,
+        rng=drawn if noise else None,
         part_id=part_id,
         friction=friction,
         soil=soil,

@@ -17,6 +17,8 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
+from pipeline.reading.certificate import certificate_of
+from pipeline.reading.drift import DriftWatch
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.access import Access
 from pipeline.service.api.lookup import lookup_router
@@ -57,10 +59,13 @@ class Service:
 
         Raises:
             StoreError: a store that cannot be opened.
-            FileError: folders that cannot be made.
+            FileError: folders that cannot be made, a certificate that is none.
+            SettingsError: a certificate that does not hold for this program and these settings.
             ValueError: settings that cannot be.
         """
         self.settings = settings
+        certificate = certificate_of(reading)
+        self.watch = None if certificate is None else DriftWatch(certificate)
         self.evidence = EvidenceFolder(settings.evidence_folder)
         self.store = Store.open(settings.store_url)
         self.metrics = Metrics()
@@ -94,11 +99,21 @@ class Service:
             camera=_camera(settings),
             metrics=self.metrics,
             targets=tuple(self.ports.senders),
+            watch=self.watch,
         )
         self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
         self.metrics.gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
         self.metrics.gauge("workers_ready", "1 while parts can be read.", lambda: float(self.pool.ready()))
+        if self.watch is not None:
+            self.metrics.gauge(
+                "drift", "1 while parts are unlike the certified ones.", lambda: float(bool(self.drift))
+            )
         self.metrics.gauge("outbox", "Results not yet published.", self.store.undelivered)
+
+    @property
+    def drift(self) -> str:
+        """How the latest parts differ from the certified ones; empty where they do not, or there is no certificate."""
+        return "" if self.watch is None else self.watch.message()
 
     def why_not_ready(self) -> str:
         """What keeps it from reading parts; empty where nothing does."""
@@ -165,7 +180,13 @@ def create_app(service: Service) -> FastAPI:
     app.include_router(parts_router(service.parts, service.access))
     app.include_router(lookup_router(service.parts, service.access))
     app.include_router(
-        pages_router(service.store, service.evidence, service.access, review=service.parts.review)
+        pages_router(
+            service.store,
+            service.evidence,
+            service.access,
+            review=service.parts.review,
+            drift=lambda: service.drift,
+        )
     )
     _add_service_routes(app, service)
     add_problem_handlers(app)
@@ -210,7 +231,7 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
         why = service.why_not_ready()
         if why:
             raise Problem(503, why, headers={"Retry-After": "1"})
-        return {"status": "ready"}
+        return {"status": "ready", **({} if service.watch is None else {"drift": service.drift or "none"})}
 
     @app.get(
         "/metrics",

@@ -32,6 +32,7 @@ from pipeline.service.uploads import Upload
 from pipeline.store.store import IdempotencyKey, Store
 
 if TYPE_CHECKING:
+    from pipeline.reading.drift import DriftWatch
     from pipeline.service.metrics import Metrics
     from pipeline.store.evidence_folder import EvidenceFolder
 
@@ -69,6 +70,7 @@ class PartService:
         camera: Camera,
         metrics: Metrics,
         targets: Sequence[str] = (),
+        watch: DriftWatch | None = None,
     ) -> None:
         """Take what it works with.
 
@@ -84,7 +86,7 @@ class PartService:
         """
         self.store, self.evidence, self.jobs, self.metrics = store, evidence, jobs, metrics
         self.stage, self.camera = stage, camera
-        self._targets = tuple(targets)
+        self._targets, self._watch = tuple(targets), watch
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
         self._announcing: set[asyncio.Future[None]] = set()
@@ -243,6 +245,9 @@ class PartService:
             announcing = asyncio.ensure_future(self.on_part(part))
             self._announcing.add(announcing)  # a task that nobody holds may vanish
             announcing.add_done_callback(self._announcing.discard)
+        last = done.readings[-1]
+        if self._watch is not None and self._watch.add(last.source, done.measures):
+            log.warning("parts unlike the certified ones", why=self._watch.message())
         self.metrics.parts.labels(part.state.value).inc()
         for reading in done.readings:
             self.metrics.readings.labels(reading.source, reading.decision).inc()

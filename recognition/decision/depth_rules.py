@@ -1,17 +1,32 @@
-"""Rules that a mark's depth and size must meet, and what a reading is told by them."""
+"""Rules that a mark's depth, burr and size must meet. A reading whose mark breaks one goes to review.
+
+A rule is known by name, or written out: its depth windows, and what else it limits::
+
+    press-7=0.05:0.15@0.8:2 0.15:0.3@2.5:4 burr=0.05 height=1.6
+    name    least:most depth@heights, mm   most burr least print size
+
+`0.2:` has no greatest depth, `:0.3` no least one; a window without heights is for all. Depths and heights are those
+that touch measures (`recognition.decision.depth`): good to a few hundredths of a millimetre and five per cent.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from glyphs.errors import MarksError
-from recognition.decision.reading import CharacterReading, Reading, ReadingFlag
+from glyphs.surface.display import one_line
+from recognition.decision.decide import decided_anew
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import CharacterReading, Reading
 
 INCH_MM = 25.4
 WALL_BEVEL_DEG = 45.0
 """Slope of a stamp's walls: a mark is smaller at its bottom than at the surface by one wall at either end."""
+HEIGHT_TOLERANCE = 0.05
+"""Share by which a height may be read wrongly: a window is for characters that are as much higher or lower."""
 
 
 class DepthRuleError(MarksError, ValueError):
@@ -19,96 +34,232 @@ class DepthRuleError(MarksError, ValueError):
 
 
 @dataclass(frozen=True)
-class DepthRule:
-    """What a mark must measure at least.
+class DepthWindow:
+    """How deep characters of some height are struck.
 
     Attributes:
-        name: as it is asked for and told.
-        least_depth_mm: everywhere along every character, below the flat surface.
+        least_mm: everywhere along every character, below the flat surface; 0 where none is asked.
+        most_mm: nowhere deeper; infinite where none is asked.
+        heights_mm: least and greatest height of the characters that it is for.
+
+    Raises:
+        DepthRuleError: limits that are no window.
+    """
+
+    least_mm: float
+    most_mm: float = math.inf
+    heights_mm: tuple[float, float] = (0.0, math.inf)
+
+    def __post_init__(self) -> None:
+        low, high = self.heights_mm
+        if not (0.0 <= self.least_mm < self.most_mm and math.isfinite(self.least_mm)):
+            raise DepthRuleError(
+                f"a depth window reaches from {self.least_mm} to {self.most_mm} mm",
+                hint="the least depth is not negative, and below the greatest",
+            )
+        if self.least_mm == 0.0 and math.isinf(self.most_mm):
+            raise DepthRuleError("a depth window limits nothing", hint="give a least or a greatest depth")
+        if not (0.0 <= low < high and math.isfinite(low)):
+            raise DepthRuleError(
+                f"a depth window is for heights from {low} to {high} mm",
+                hint="the least height is not negative, and below the greatest",
+            )
+
+    def is_for(self, height_mm: float) -> bool:
+        """Whether characters that were read so high may be of its heights."""
+        low, high = self.heights_mm
+        return low * (1.0 - HEIGHT_TOLERANCE) <= height_mm <= high * (1.0 + HEIGHT_TOLERANCE)
+
+
+@dataclass(frozen=True)
+class DepthRule:
+    """What a mark must measure.
+
+    Attributes:
+        name: as it is asked for and named in messages.
+        windows: of depth, one for each range of heights.
         least_height_mm: print size, of the characters' bottoms; 0 where the rule knows none.
+        most_burr_mm: height of the rim beside the strokes above the land; infinite where the rule knows none.
         source: where the rule stands.
 
     Raises:
-        DepthRuleError: measures that are not positive numbers (zero is no print size).
+        DepthRuleError: limits out of range, or none at all.
     """
 
     name: str
-    least_depth_mm: float
+    windows: tuple[DepthWindow, ...] = ()
     least_height_mm: float = 0.0
+    most_burr_mm: float = math.inf
     source: str = ""
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.least_depth_mm) and self.least_depth_mm > 0.0):
-            raise DepthRuleError(
-                f"least_depth_mm of {self.name} is {self.least_depth_mm}", hint="it must be positive"
-            )
         if not (math.isfinite(self.least_height_mm) and self.least_height_mm >= 0.0):
             raise DepthRuleError(
                 f"least_height_mm of {self.name} is {self.least_height_mm}",
                 hint="it must be zero or positive",
             )
+        if not self.most_burr_mm > 0.0:
+            raise DepthRuleError(
+                f"most_burr_mm of {self.name} is {self.most_burr_mm}", hint="it must be positive"
+            )
+        if not (self.windows or self.least_height_mm or math.isfinite(self.most_burr_mm)):
+            raise DepthRuleError(f"the rule {self.name} limits nothing", hint="give a depth: 0.1:0.25")
+
+    def window(self, height_mm: float) -> DepthWindow | None:
+        """The depth window for characters of a height; None where the rule has none."""
+        return next((window for window in self.windows if window.is_for(height_mm)), None)
 
 
 DEPTH_RULES: tuple[DepthRule, ...] = (
     DepthRule(
         "27CFR478.92",
-        least_depth_mm=0.003 * INCH_MM,
+        (DepthWindow(0.003 * INCH_MM),),
         least_height_mm=INCH_MM / 16.0,
         source="27 CFR 478.92(a)(1): serial numbers of firearms, depth .003 inch, print size 1/16 inch",
     ),
+    DepthRule(
+        "CONTRAN24/98",
+        (DepthWindow(0.2),),
+        source="CONTRAN, Resolucao 24/98: vehicle identification numbers on the chassis, depth at least 0.2 mm",
+    ),
+    DepthRule(
+        "MIL-STD-792",
+        (DepthWindow(0.10, 0.25),),
+        source="MIL-STD-792: identification marking of components, depth 0.10 to 0.25 mm",
+    ),
+    DepthRule(
+        "70-16-05",
+        (DepthWindow(0.05, 0.15, (0.8, 2.0)), DepthWindow(0.15, 0.30, (2.5, 4.0))),
+        source="standard practice 70-16-05 of engine makers: characters 0.8 to 2.0 mm high 0.05 to 0.15 mm deep, "
+        "2.5 to 4.0 mm high 0.15 to 0.30 mm deep",
+    ),
 )
-"""The rules known by name. Vehicle identification numbers have a least depth by no rule listed here: the United
-States' 49 CFR 565 asks for a height of 4 mm and no depth; give other rules' depth as a number."""
+"""The rules known by name, in short: check the original, in the edition that binds you, before you rely on one. The
+United States' 49 CFR 565 asks for a height of vehicle identification numbers and for no depth."""
+
+_SIZE = r"\d*\.?\d*"
+_WINDOW = re.compile(rf"({_SIZE}):({_SIZE})(?:@({_SIZE}):({_SIZE}))?")
+_HOW = "write it as press-7=0.05:0.15@0.8:2 burr=0.05 height=1.6, in mm"
 
 
-def depth_rule(name: str) -> DepthRule:
-    """The rule of a name; blanks and case do not matter.
+def depth_rule(text: str) -> DepthRule:
+    """The rule of a name, or the one written out; blanks and case of a name do not matter.
 
     Raises:
-        DepthRuleError: none is called so.
+        DepthRuleError: none is called so, or what is written is no rule.
     """
-    wanted = "".join(name.split()).upper()
+    wanted = "".join(text.split()).upper()
     for rule in DEPTH_RULES:
         if rule.name.upper() == wanted:
             return rule
+    if ":" in text or "=" in text:
+        return _written(text)
     known = ", ".join(rule.name for rule in DEPTH_RULES)
-    raise DepthRuleError(
-        f"unknown depth rule {name!r}", hint=f"known are {known}; or give a depth, min_depth_mm"
-    )
+    raise DepthRuleError(f"unknown depth rule {text!r}", hint=f"known are {known}; or {_HOW}")
+
+
+def _written(text: str) -> DepthRule:
+    name, windows, limits = "own rule", [], {"burr": math.inf, "height": 0.0}
+    for k, word in enumerate(text.split()):
+        key, sign, value = word.partition("=")
+        if sign and key in limits:
+            limits[key] = _size(value, text, math.nan)
+            continue
+        if sign and k == 0 and key:
+            name, word = key, value
+        found = _WINDOW.fullmatch(word)
+        if found is None:
+            raise DepthRuleError(f"{word!r} is no limit of the depth rule {text!r}", hint=_HOW)
+        open_ended = (0.0, math.inf, 0.0, math.inf)
+        least, most, low, high = (
+            _size(one or "", text, default) for one, default in zip(found.groups(), open_ended, strict=True)
+        )
+        windows.append(DepthWindow(least, most, (low, high)))
+    return DepthRule(name, tuple(windows), least_height_mm=limits["height"], most_burr_mm=limits["burr"])
+
+
+def _size(written: str, text: str, default: float) -> float:
+    try:
+        return float(written) if written else default
+    except ValueError:
+        raise DepthRuleError(f"{written!r} is no length in the depth rule {text!r}", hint=_HOW) from None
 
 
 def least_depth(min_depth_mm: float) -> DepthRule:
-    """A rule of one's own that knows a depth only.
+    """A rule of one's own that knows a least depth only.
 
     Raises:
         DepthRuleError: not a positive number.
     """
-    return DepthRule("min_depth_mm", min_depth_mm)
+    return DepthRule("min_depth_mm", (DepthWindow(min_depth_mm),))
 
 
 def judged_by(reading: Reading, rules: Sequence[DepthRule]) -> Reading:
-    """The reading with flags and notes for every rule that its mark does not meet; the decision stays."""
+    """The reading with what was found for every rule that its mark breaks; such a part is not accepted."""
     if not reading.characters:
         return reading
-    flags, notes = reading.flags, list(reading.notes)
-    for rule in rules:
-        unknown = [c.char for c in reading.characters if c.depth is None]
-        shallow = [c for c in reading.characters if c.depth and c.depth.min_mm < rule.least_depth_mm]
+    broken = [Finding(flag, text) for rule in rules for flag, text in _broken(reading, rule)]
+    if not broken:
+        return reading
+    return decided_anew(reading.found(*broken))
+
+
+def _broken(reading: Reading, rule: DepthRule) -> Iterable[tuple[ReadingFlag, str]]:
+    """What of a rule a mark breaks, and in words; what could not be measured was not met."""
+    places = tuple(enumerate(reading.characters, start=1))
+    height = reading.height_mm
+    window = rule.window(height)
+    if window is not None:
+        shallow = [
+            _at(k, c, c.depth.min_mm) for k, c in places if c.depth and c.depth.min_mm < window.least_mm
+        ]
         if shallow:
-            flags |= ReadingFlag.TOO_SHALLOW
-            measured = ", ".join(_measured(c) for c in shallow)
-            notes.append(f"too shallow for {rule.name}: {measured} (at least {rule.least_depth_mm:g})")
-        if unknown:
-            flags |= ReadingFlag.DEPTH_UNKNOWN
-            notes.append(f"depth not measured for {rule.name}: {' '.join(unknown)}")
-        size = print_size_mm(reading)
-        if size < rule.least_height_mm:
-            flags |= ReadingFlag.TOO_SMALL
-            notes.append(
-                f"too small for {rule.name}: about {size:.2f} mm high at the bottoms "
-                f"(at least {rule.least_height_mm:g})"
+            yield (
+                ReadingFlag.TOO_SHALLOW,
+                f"too shallow for {rule.name}: {', '.join(shallow)} (at least {window.least_mm:g})",
             )
-    return replace(reading, flags=flags, notes=tuple(notes))
+        deep = [_at(k, c, c.depth.max_mm) for k, c in places if c.depth and c.depth.max_mm > window.most_mm]
+        if deep:
+            yield (
+                ReadingFlag.TOO_DEEP,
+                f"too deep for {rule.name}: {', '.join(deep)} (at most {window.most_mm:g})",
+            )
+    elif rule.windows:
+        known = ", ".join(f"{w.heights_mm[0]:g} to {w.heights_mm[1]:g}" for w in rule.windows)
+        yield (
+            ReadingFlag.NO_DEPTH_RULE,
+            f"{rule.name} has no depth for characters {height:.2f} mm high (only for {known} mm)",
+        )
+    burrs = [(k, c, c.depth.burr_mm) for k, c in places if c.depth and c.depth.burr_mm is not None]
+    high = [_at(k, c, burr) for k, c, burr in burrs if burr > rule.most_burr_mm]
+    if high:
+        yield (
+            ReadingFlag.BURR_TOO_HIGH,
+            f"burr too high for {rule.name}: {', '.join(high)} (at most {rule.most_burr_mm:g})",
+        )
+    wants_burr = math.isfinite(rule.most_burr_mm)
+    unknown = [f"{c.char} at place {k}" for k, c in places if _unmeasured(c, window, wants_burr=wants_burr)]
+    if unknown:
+        todo = "scan it again" if reading.font else "name the font"
+        yield ReadingFlag.DEPTH_UNKNOWN, f"depth not measured for {rule.name}: {', '.join(unknown)} ({todo})"
+    size = print_size_mm(reading)
+    if size < rule.least_height_mm:
+        yield (
+            ReadingFlag.TOO_SMALL,
+            f"too small for {rule.name}: about {size:.2f} mm high at the bottoms (at least {rule.least_height_mm:g})",
+        )
+
+
+def _at(place: int, character: CharacterReading, measured_mm: float) -> str:
+    return f"{character.char} at place {place} {measured_mm:.3f} mm"
+
+
+def _unmeasured(character: CharacterReading, window: DepthWindow | None, *, wants_burr: bool) -> bool:
+    if character.depth is None:
+        return window is not None or wants_burr
+    return wants_burr and character.depth.burr_mm is None
 
 
 def print_size_mm(reading: Reading) -> float:
@@ -117,9 +268,4 @@ def print_size_mm(reading: Reading) -> float:
     The height read is that at the surface, where walls of 45 degrees stand a depth further out at either end.
     """
     wall = (reading.depth_mean_mm or 0.0) / math.tan(math.radians(WALL_BEVEL_DEG))
-    return reading.height_mm - 2.0 * max(wall, 0.0)
-
-
-def _measured(character: CharacterReading) -> str:
-    depth = character.depth
-    return character.char if depth is None else f"{character.char} {depth.min_mm:.3f} mm"
+    return reading.height_mm - 2.0 * wall

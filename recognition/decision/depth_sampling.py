@@ -72,12 +72,23 @@ def across(depth: Floats, points: Floats, normals: Floats, aside: Floats, plane:
 
 def deepest(depth: Floats, most_points: int) -> Floats:
     """(n,) depth where the stroke's middle is, looked for over neighbouring points together."""
-    n = depth.shape[1]
+    at = np.argmax(_together(depth, most_points), axis=0)
+    return np.asarray(depth[at, np.arange(depth.shape[1])])
+
+
+def crest(rise: Floats, most_points: int) -> Floats:
+    """(n,) height of a rim where it is highest across, averaged over neighbouring points: one grain is no rim."""
+    there = _together(np.ones_like(rise), most_points)
+    return np.asarray((_together(rise, most_points) / there).max(axis=0))
+
+
+def _together(values: Floats, most_points: int) -> Floats:
+    """Sums of (aside, n) values over neighbouring points."""
+    n = values.shape[1]
     window = min(most_points, n)
     ahead = (window - 1) // 2
-    wide = np.pad(depth, ((0, 0), (window - 1 - ahead, ahead)))
-    total = np.sum([wide[:, j : j + n] for j in range(window)], axis=0)
-    return np.asarray(depth[np.argmax(total, axis=0), np.arange(n)])
+    wide = np.pad(values, ((0, 0), (window - 1 - ahead, ahead)))
+    return np.asarray(np.sum([wide[:, j : j + n] for j in range(window)], axis=0))
 
 
 def robust_plane(level: Floats, row: Floats, col: Floats, rounds: int) -> tuple[Floats, bool]:

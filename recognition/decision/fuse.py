@@ -7,6 +7,7 @@ vision's lattice -+
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import replace
 from types import MappingProxyType
@@ -19,8 +20,9 @@ from recognition.belief.fuse_lattices import (
     fuse_lattices,
     tempered,
 )
-from recognition.decision.decide import CHOICE_FLAGS, Thresholds, decided
-from recognition.decision.reading import Decision, OtherLine, Reading, ReadingFlag, ReadingTrace
+from recognition.decision.decide import CHOICE_FLAGS, Thresholds, decided, strokes_asked
+from recognition.decision.flags import Finding, ReadingFlag, flags_of
+from recognition.decision.reading import Decision, OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import characters_of, doubts_of_lines, hull
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.grammar import Grammar
@@ -112,37 +114,46 @@ def _reading(
     """Touch's reading with the beliefs of both."""
     others, contradicted_lines = _joined_lines(tactile, vision)
     contradicted += contradicted_lines
-    doubts, doubted = doubts_of_lines(others, settings.asked, settings)
-    own_doubts, own_doubted = doubts_of_lines(tactile.others, settings.asked, settings)
-    notes = tactile.notes if ReadingFlag.CHECK_BLIND not in tactile.flags else ()
+    # what touch has found about characters, format and lines is found anew of both
+    own = doubts_of_lines(tactile.others, settings.asked, settings)
+    kept = tactile.without(CHOICE_FLAGS | flags_of(own))
     characters = []
     boxed = replace(lattice, boxes=felt.boxes)
     for new, old in zip(characters_of(choice, boxed), tactile.characters, strict=True):
         # what was measured at a place stays with its character
         same = old.char == new.char
         characters.append(replace(new, depth=old.depth, grade=old.grade) if same else new)
-    flags = (tactile.flags & ~(CHOICE_FLAGS | own_doubts)) | doubts
-    if contradicted:
-        flags |= ReadingFlag.SENSES_DISAGREE
+    disagree = tuple(Finding(ReadingFlag.SENSES_DISAGREE, words) for words in contradicted)
     made = decided(
         characters,
         choice.probability,
         settings,
-        flags=flags,
+        flags=kept.flags,
         choice=choice,
         grammar=settings.grammar,
-        notes=(*(note for note in notes if note not in own_doubted), *doubted),
+        findings=(*kept.findings, *doubts_of_lines(others, settings.asked, settings), *disagree),
     )
+    made = strokes_asked(made, vouched=_sure_places(vision, made.text, settings))
     return replace(
         tactile,
         characters=made.characters,
         decision=made.decision,
         confidence=made.confidence,
         flags=made.flags,
-        notes=(*made.notes, *contradicted),
+        findings=made.findings,
         others=others,
         seconds=_seconds(tactile, vision),
     )
+
+
+def _sure_places(vision: Reading, text: str, settings: Thresholds) -> frozenset[int]:
+    """Places, from 0, at which the camera is by itself sure of the character read."""
+    lattice = vision.trace.lattice
+    chars = text.replace(" ", "")
+    if lattice is None or lattice.n_places != len(chars):
+        return frozenset()
+    beliefs = (lattice.log_belief[k, lattice.chars.index(c)] for k, c in enumerate(chars))
+    return frozenset(k for k, log in enumerate(beliefs) if math.exp(log) >= settings.accept_confidence)
 
 
 def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...], tuple[str, ...]]:
@@ -167,10 +178,12 @@ def _by_vision_alone(touch: Reading, vision: Reading, settings: FusionSettings) 
         return replace(touch, decision=Decision.REJECT, flags=touch.flags | ReadingFlag.NO_CHARACTERS)
     lattice = tempered(seen, Reliability(rates=(ALONE_WRONG,)))
     choice = choose(lattice, settings.grammar)
-    doubts, _ = doubts_of_lines(vision.others, settings.asked, settings)
+    doubts = doubts_of_lines(vision.others, settings.asked, settings)
+    kept = vision.without(CHOICE_FLAGS | flags_of(doubts))
     made = decided(
         characters_of(choice, lattice), choice.probability, settings,
-        flags=(vision.flags & ~CHOICE_FLAGS) | doubts, choice=choice, grammar=settings.grammar,
+        flags=kept.flags, choice=choice, grammar=settings.grammar,
+        findings=(*kept.findings, *doubts),
         box=hull(lattice.boxes), spaces_after=lattice.spaces_after, others=vision.others,
     )  # fmt: skip
     note = "touch has found no characters; read by the camera alone"
@@ -180,7 +193,7 @@ def _by_vision_alone(touch: Reading, vision: Reading, settings: FusionSettings) 
         height_mm=vision.height_mm,
         rotation_deg=vision.rotation_deg,
         unit=vision.unit,
-        notes=tuple(dict.fromkeys((*vision.notes, *made.notes, note))),
+        notes=(*vision.notes, note),
         seconds=_seconds(touch, vision),
     )
 

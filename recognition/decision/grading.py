@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import TraceDirection
+from recognition.decision.decide import strokes_asked
 from recognition.decision.grade import GradeError, grade_character
 from recognition.decision.reading import CharacterReading, Reading
 from recognition.experts.templates.frames import LineImage, is_edge_channel, resampled
@@ -15,6 +16,8 @@ from recognition.experts.templates.judge import JudgedLine
 from recognition.experts.templates.predicted import PIXELS
 from recognition.experts.templates.refine import Cell, fine_templates
 
+ALIKE_LETTERS = "AB"
+"""Grades of completeness from which strokes of a font that nobody named are those of the part."""
 TALL_HEIGHTS, SIDE_HEIGHTS = 0.58, 0.12
 """What is graded with a character: rows about its middle, land beside its ink."""
 
@@ -45,6 +48,26 @@ def graded(reading: Reading, judged: JudgedLine, directions: tuple[TraceDirectio
     return replace(reading, characters=tuple(characters))
 
 
+def explained(reading: Reading, *, by_font: bool) -> Reading:
+    """What may be said of a reading's marks by the font that they were graded and measured by.
+
+    Where a font explains the marks (it was named, or it suits them), a character that lacks most of its strokes is
+    doubted. One that only stands for a font that nobody named grades nothing: strokes that another font does not have
+    are not missing. It measures depth where its strokes are the part's, too.
+    """
+    if by_font:
+        return strokes_asked(reading)
+    characters = tuple(
+        replace(c, grade=None, depth=c.depth if _is_alike(c) else None) for c in reading.characters
+    )
+    return replace(reading, characters=characters)
+
+
+def _is_alike(character: CharacterReading) -> bool:
+    parameters = () if character.grade is None else character.grade.parameters
+    return any(p.name == "completeness" and p.letter in ALIKE_LETTERS for p in parameters)
+
+
 def _graded(
     character: CharacterReading,
     cell: Cell,
@@ -67,9 +90,8 @@ def _graded(
         inside = (slice(rr.start - r, rr.stop - r), slice(cc.start - c, cc.stop - c))
         felt[:, inside[0], inside[1]] = fine.channels[edge][:, rr, cc]
         known[inside] = True
-    depth = None if character.depth is None else character.depth.min_mm
     try:
-        grade = grade_character(felt, want, known, depth_mm=depth)
+        grade = grade_character(felt, want, known)
     except GradeError:
         return character
     return replace(character, grade=grade)

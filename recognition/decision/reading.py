@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from enum import Flag, StrEnum, auto
+from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-from recognition.decision.grade import MarkGrade
+from recognition.decision.flags import Finding, ReadingFlag, flags_of
+from recognition.decision.grade import Action, MarkGrade
 from recognition.language.box import Box
 from recognition.language.confusions import PlaceState
 
@@ -34,64 +35,6 @@ class Decision(StrEnum):
     REJECT = "reject"
 
 
-class ReadingFlag(Flag):
-    """What a person should know about a reading; none set is an untroubled one."""
-
-    NONE = 0
-    NO_CHARACTERS = auto()
-    FORMAT_NOT_MET = auto()
-    LOW_CONFIDENCE = auto()
-    AMBIGUOUS = auto()
-    CONTACT_LOST = auto()
-    JAMMED = auto()
-    OUT_OF_RANGE = auto()
-    DROPOUTS = auto()
-    FOREIGN_SHAPES = auto()
-    UNREAD_MARKS = auto()
-    TOO_SHALLOW = auto()
-    TOO_SMALL = auto()
-    DEPTH_UNKNOWN = auto()
-    FORMAT_OVERRULED = auto()
-    CHECK_BLIND = auto()
-    SEARCH_EXHAUSTED = auto()
-    MISMATCH = auto()
-    SENSES_DISAGREE = auto()
-    LINE_MISSING = auto()
-
-    def messages(self) -> tuple[str, ...]:
-        """The flags in words."""
-        return tuple(text for flag, text in _MESSAGES.items() if flag in self)
-
-
-_MESSAGES = {
-    ReadingFlag.NO_CHARACTERS: "no characters found (check that the serial is in view)",
-    ReadingFlag.FORMAT_NOT_MET: "the marks do not fit the format (check the part and the format)",
-    ReadingFlag.LOW_CONFIDENCE: "low confidence",
-    ReadingFlag.AMBIGUOUS: "two characters are almost equally likely",
-    ReadingFlag.CONTACT_LOST: "the whisker lost contact in places (raise the preload)",
-    ReadingFlag.JAMMED: "the whisker jammed on walls in places (lower k = l2/l1)",
-    ReadingFlag.OUT_OF_RANGE: "the signal left the converter's range in places (lower the gain)",
-    ReadingFlag.DROPOUTS: "parts of the map are missing (measure it again if they hide characters)",
-    ReadingFlag.FOREIGN_SHAPES: "the characters do not match the font (name the right font)",
-    ReadingFlag.UNREAD_MARKS: "there are marks beside the serial (check that all of it was read)",
-    ReadingFlag.TOO_SHALLOW: "the mark is too shallow",
-    ReadingFlag.TOO_SMALL: "the characters are too small",
-    ReadingFlag.DEPTH_UNKNOWN: "the depth of a character could not be measured (scan it again)",
-    ReadingFlag.FORMAT_OVERRULED: "the format changed what was read (compare it with the part)",
-    ReadingFlag.CHECK_BLIND: "the check digit cannot tell the likeliest serials apart (look at the part)",
-    ReadingFlag.SEARCH_EXHAUSTED: "too many possible serials to try them all (look at the part)",
-    ReadingFlag.MISMATCH: "this is not the expected serial (check the part and the order)",
-    ReadingFlag.LINE_MISSING: "a line that was asked for was not found (check the part)",
-    ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
-}
-MEASURE_FLAGS = ReadingFlag.TOO_SHALLOW | ReadingFlag.TOO_SMALL | ReadingFlag.DEPTH_UNKNOWN
-"""What a rule for the mark found; `Reading.notes` says it with numbers."""
-DOUBT_FLAGS = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
-DOUBTED = 0.05
-"""Probability of a second candidate from which a person is asked about it."""
-MOST_DOUBTS = 3
-
-
 @dataclass(frozen=True)
 class Candidate:
     """One answer for one place: the character, how well its template fits (1 is perfectly), its share of belief."""
@@ -105,22 +48,29 @@ class Candidate:
 class MarkDepth:
     """How deep a character is struck, or how high a raised one stands, from the land beside it, mm.
 
-    Felt along the strokes' centre lines, see `recognition.decision.depth`; positive either way, negative where the
-    surface runs the wrong way.
+    Felt along the strokes' centre lines, see `recognition.decision.depth`; positive either way, 0 where the surface
+    runs the wrong way: what is filled over has no depth.
 
     Attributes:
         mean_mm: over the centre line.
         min_mm: the shallowest tenth reaches no deeper than this.
         max_mm: the deepest tenth reaches this.
+        burr_mm: height of the rim beside the strokes above the land ("high metal"): the highest tenth reaches this;
+            of a raised mark how deep a rim is sunk. None where it is not known.
+
+    Raises:
+        ValueError: a value below 0 or not finite; a least depth above the greatest.
     """
 
     mean_mm: float
     min_mm: float
     max_mm: float
+    burr_mm: float | None = None
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(v) for v in (self.mean_mm, self.min_mm, self.max_mm)):
-            raise ValueError(f"{self} is not finite; a depth that is not known is None")
+        values = (self.mean_mm, self.min_mm, self.max_mm, self.burr_mm or 0.0)
+        if not all(math.isfinite(v) and v >= 0.0 for v in values):
+            raise ValueError(f"{self} is below 0 or not finite; a depth that is not known is None")
         if self.min_mm > self.max_mm:
             raise ValueError(f"{self} has a least depth above its greatest")
 
@@ -245,7 +195,8 @@ class Reading:
         box: the whole line; None when none was found.
         source: "tactile", "vision" or "fused".
         seconds: where the time went, by step.
-        notes: what the rules for the mark found, with numbers: "too shallow for ...".
+        findings: what its flags mean on this part, with places and numbers.
+        notes: what else there is to say: "read by touch alone".
         unit: of height and boxes: "px", of the photograph as taken, where its scale is not known.
         others: the part's other lines.
         trace: what it was made from.
@@ -263,6 +214,7 @@ class Reading:
     source: str = "tactile"
     spaces_after: frozenset[int] = frozenset()
     seconds: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
     unit: Unit = "mm"
     others: tuple[OtherLine, ...] = ()
@@ -335,22 +287,27 @@ class Reading:
         known = [c.depth.mean_mm for c in self.characters if c.depth is not None]
         return math.fsum(known) / len(known) if known else None
 
-    def messages(self) -> tuple[str, ...]:
-        """What to know about it in words: the flags, and in place of those of the mark's rules the notes."""
-        flags = self.flags & ~MEASURE_FLAGS if self.notes else self.flags
-        doubts = self.doubts() if flags & DOUBT_FLAGS else ""
-        if doubts:
-            return (f"low confidence: {doubts}?", *(flags & ~DOUBT_FLAGS).messages(), *self.notes)
-        return (*flags.messages(), *self.notes)
+    def found(self, *findings: Finding) -> Reading:
+        """The same reading with these findings and their flags."""
+        return replace(self, flags=self.flags | flags_of(findings), findings=(*self.findings, *findings))
 
-    def doubts(self) -> str:
-        """The places that are hardest to decide, worst first: "B or 8 at place 2, 1 or I at place 5"."""
-        places = [
-            (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}")
-            for k, c in enumerate(self.characters, start=1)
-            if len(c.candidates) > 1 and c.candidates[1].probability >= DOUBTED
-        ]
-        return ", ".join(text for _, text in sorted(places)[:MOST_DOUBTS])
+    def without(self, flags: ReadingFlag) -> Reading:
+        """The same reading without these flags and what was found for them."""
+        kept = tuple(finding for finding in self.findings if not finding.flag & flags)
+        return replace(self, flags=self.flags & ~flags, findings=kept)
+
+    def messages(self) -> tuple[str, ...]:
+        """What to know about it in words, the one or two reasons that decide first: `recognition.decision.reasons`."""
+        from recognition.decision.reasons import messages_of
+
+        return messages_of(self)
+
+    @property
+    def actions(self) -> tuple[Action, ...]:
+        """What to do about each character's mark; nothing where the reading is accepted, whatever its grades."""
+        if self.decision is Decision.ACCEPT:
+            return (Action.NONE,) * len(self.characters)
+        return tuple(Action.NONE if c.grade is None else c.grade.action for c in self.characters)
 
     @property
     def text(self) -> str:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.decide import LEAST_VALID_MASS, Thresholds, decided
-from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading, ReadingFlag
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
 from recognition.language.constrained_decoding import Choice, choose
@@ -23,6 +24,10 @@ from recognition.views.text_line import HEIGHT_ROWS
 CANDIDATES = 5
 LEAST_READ = 0.5
 """Belief in the surest character below which there is no line at all: land, seen by who looks for characters."""
+TWINS = ("0O", "1I")
+"""Characters that most dies cut alike."""
+UNCHANGED = 0.5
+"""Belief before the format has its say in the text that it chose, twins counted, from which it has changed nothing."""
 WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
 """Between the middles of neighbours beyond the usual, from which a gap is taken for a space."""
 
@@ -57,12 +62,9 @@ def reading_of_line(
     choice = choose(lattice, grammar)
     if not choice.text or np.exp(lattice.log_belief.max(initial=-np.inf)) < LEAST_READ:
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
-    if main.belief.evidence < math.log(LEAST_VALID_MASS):
-        flags |= ReadingFlag.FORMAT_OVERRULED
+    changed = format_changed(main, choice.text) if main.belief.evidence < math.log(LEAST_VALID_MASS) else ()
     others = [_other(name, one, asked[name].grammar) for name, one in part.named.items()]
     others += [OtherLine("", text_of(one), _likely(one), hull(one.open_boxes())) for one in part.others]
-    doubts, notes = doubts_of_lines(others, asked, settings)
-    flags |= doubts
     reading = decided(
         characters_of(choice, lattice),
         choice.probability * main.belief.likely,
@@ -70,7 +72,7 @@ def reading_of_line(
         flags=flags,
         choice=choice,
         grammar=grammar,
-        notes=notes,
+        findings=(*changed, *doubts_of_lines(others, asked, settings)),
         others=tuple(others),
         height_mm=main.line.height_mm,
         rotation_deg=main.line.turned_deg,
@@ -88,27 +90,84 @@ def reading_of_line(
 
 def doubts_of_lines(
     others: Sequence[OtherLine], asked: Iterable[str], settings: Thresholds
-) -> tuple[ReadingFlag, tuple[str, ...]]:
-    """What is doubtful about a part's other lines, and in words.
+) -> tuple[Finding, ...]:
+    """What is doubtful about a part's other lines.
 
     Args:
         others: that were read.
         asked: names of those that should stand on the part.
         settings: thresholds of acceptance.
     """
-    flags, found = ReadingFlag.NONE, {other.name for other in others}
-    notes = [f"another line reads “{other.text}”" for other in others if not other.name]
-    if notes:
-        flags |= ReadingFlag.UNREAD_MARKS
-    for name in asked:
-        if name not in found:
-            flags |= ReadingFlag.LINE_MISSING
-            notes.append(f"no line was found that {name} may be")
-    for other in others:
-        if other.name and other.confidence < settings.accept_confidence:
-            flags |= ReadingFlag.LOW_CONFIDENCE
-            notes.append(f"low confidence: {other.name} {other.text}?")
-    return flags, tuple(notes)
+    found = {other.name for other in others}
+    return (
+        *(
+            Finding(ReadingFlag.UNREAD_MARKS, f"another line reads “{other.text}”")
+            for other in others
+            if not other.name
+        ),
+        *(
+            Finding(ReadingFlag.LINE_MISSING, f"no line was found that {name} may be")
+            for name in asked
+            if name not in found
+        ),
+        *(
+            Finding(ReadingFlag.LOW_CONFIDENCE, f"low confidence: {other.name} {other.text}?")
+            for other in others
+            if other.name and other.confidence < settings.accept_confidence
+        ),
+    )
+
+
+def format_changed(line: ReadLine, text: str) -> tuple[Finding, ...]:
+    """Where the format has made something else of a line than what stands there by itself; nothing where it has not.
+
+    Twins, which most dies cut alike, are no change: to know O from 0 by its place is what a format is for.
+
+    Args:
+        line: as read.
+        text: what the format has chosen.
+    """
+    lattice, _ = line.belief.openly
+    openly = text_of(line)
+    if len(openly) != len(text):
+        return (
+            Finding(
+                ReadingFlag.FORMAT_OVERRULED,
+                f"{len(openly)} characters are found where the format has {len(text)} (compare it with the part)",
+            ),
+        )
+    belief = np.exp(lattice.log_belief)
+    same = np.array(
+        [
+            sum(belief[k, lattice.chars.index(c)] for c in _twins(char) if c in lattice.chars)
+            for k, char in enumerate(text)
+        ]
+    )
+    if np.prod(same) >= UNCHANGED:
+        return ()
+    changes = [
+        f"{was} to {char} at place {k}"
+        for k, (was, char) in enumerate(zip(openly, text, strict=True), start=1)
+        if was not in _twins(char) and not _allowed(line, k - 1, was)
+    ]
+    least = int(same.argmin())
+    what = ", ".join(changes) or f"{text[least]} at place {least + 1} is not sure without it"
+    return (
+        Finding(
+            ReadingFlag.FORMAT_OVERRULED,
+            f"the format changed what was read: {what} (compare it with the part)",
+        ),
+    )
+
+
+def _allowed(line: ReadLine, place: int, char: str) -> bool:
+    """Whether the format lets a character stand at a place."""
+    lattice = line.belief.lattice
+    return char in lattice.chars and bool(np.isfinite(lattice.log_belief[place, lattice.chars.index(char)]))
+
+
+def _twins(char: str) -> str:
+    return next((twins for twins in TWINS if char in twins), char)
 
 
 def _other(name: str, one: ReadLine, grammar: Grammar) -> OtherLine:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from recognition.decision.reading import Decision, Reading, ReadingFlag
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Decision, Reading
 from recognition.experts.templates.judge import JudgedLine
 
 NEAR_SCORE = 0.05
@@ -30,18 +31,19 @@ def doubted_guesses(reading: Reading, judged: JudgedLine, places: Sequence[str] 
     guessed = {c for c in templates.chars if glyphs[c].guessed}
     if not guessed or len(cells) != len(reading.characters):
         return reading
-    notes = []
+    doubted = []
     for k, (character, cell) in enumerate(zip(reading.characters, cells, strict=True)):
         best = {char: float(score) for char, score in zip(templates.chars, cell.scores, strict=True)}
         allowed = set(places[k]) if places is not None and len(places) == len(cells) else set(best)
         own = best.get(character.char, -1.0)
         near = [c for c in sorted(guessed & allowed) if c != character.char and best[c] > own - NEAR_SCORE]
         if character.char in guessed:
-            notes.append(f"place {k + 1}: {character.char} was never enrolled in {reading.font}")
+            doubted.append(f"place {k + 1}: {character.char} was never enrolled in {reading.font}")
         elif near:
-            notes.append(f"place {k + 1}: {', '.join(near)} was never enrolled in {reading.font}")
-    if not notes:
+            doubted.append(f"place {k + 1}: {', '.join(near)} was never enrolled in {reading.font}")
+    if not doubted:
         return reading
     decision = Decision.REVIEW if reading.decision is Decision.ACCEPT else reading.decision
-    flags = reading.flags | ReadingFlag.FOREIGN_SHAPES
-    return replace(reading, decision=decision, flags=flags, notes=(*reading.notes, *notes))
+    return replace(reading, decision=decision).found(
+        *(Finding(ReadingFlag.FOREIGN_SHAPES, text) for text in doubted)
+    )

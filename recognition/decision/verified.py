@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from recognition.decision.reading import Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Reading
 from recognition.decision.verify import Verdict, verify
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice

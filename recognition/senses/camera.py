@@ -11,7 +11,8 @@ from types import MappingProxyType
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from recognition.belief.line_reader import LineReader
-from recognition.decision.reading import Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.senses.photo_sizes import read_at_sizes
 from recognition.senses.settings import ReaderSettings, Repertoire

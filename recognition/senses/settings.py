@@ -15,6 +15,7 @@ from glyphs.fonts.serials import FormatError
 from glyphs.surface.display import one_line
 from recognition.belief.part_lines import LineFormat
 from recognition.belief.weights import EXPERTS
+from recognition.decision.certified import CertifiedAcceptance
 from recognition.decision.depth_rules import DepthRule
 from recognition.language.grammar import Grammar
 from recognition.language.remainders import ALPHANUMERIC
@@ -36,6 +37,7 @@ class ReaderOptions(TypedDict, total=False):
     depth_rules: tuple[DepthRule, ...]
     experts: tuple[str, ...]
     lines: Mapping[str, str | LineFormat]
+    certified: CertifiedAcceptance | None
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,10 @@ class ReaderSettings:
         fidelity: how the virtual array feels a height map.
         accept_confidence: readings at least so sure, and with every margin above `accept_margin`, are accepted.
         accept_margin: least lead of the first over the second candidate for acceptance.
-        depth_rules: what the mark must meet; a mark that does not is flagged, read all the same.
+        depth_rules: what the mark must meet; one that does not is read all the same and goes to review.
         experts: who has a say, of `EXPERTS`; empty for all there are.
         lines: other lines that stand on the part, by name: their formats, and where they stand.
+        certified: what a certificate allows to accept; None where there is none.
 
     Raises:
         FormatError: a format that no serial meets.
@@ -68,6 +71,7 @@ class ReaderSettings:
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()
     lines: Mapping[str, str | LineFormat] | tuple[tuple[str, str | LineFormat], ...] = ()
+    certified: CertifiedAcceptance | None = None
 
     __repr__ = one_line
 

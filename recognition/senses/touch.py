@@ -6,6 +6,7 @@ scan --edge_map, relief--> felt view --LineReader--> line and beliefs --template
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -17,10 +18,12 @@ from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import MOST_SCANS, LineReader
 from recognition.belief.part_lines import PartLines
+from recognition.decision.decide import serial_is_sure
 from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
-from recognition.decision.grading import graded
-from recognition.decision.reading import Decision, Reading, ReadingFlag, ReadingTrace
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.grading import explained, graded
+from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.experts.templates.judge import JudgedLine, judged
@@ -38,6 +41,9 @@ from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import Touch, default_touch
+
+Feel = Callable[[HeightMap, float], Scan]
+"""Scans a level surface for characters of a height, mm."""
 
 
 class TactileReader:
@@ -65,7 +71,12 @@ class TactileReader:
         self.cache = TemplateCache(most_bytes=max(MOST_BYTES, SET_BYTES * len(self.fonts)))
 
     def read_height_map(
-        self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = ""
+        self,
+        height_map: HeightMap,
+        *,
+        soil: Soil | None = None,
+        part_id: str = "",
+        feel: Feel | None = None,
     ) -> Reading:
         """Mount, scan with the virtual array at the scale of the characters, and read.
 
@@ -73,6 +84,7 @@ class TactileReader:
             height_map: the part's surface, the top of what lies on it.
             soil: dirt into which the tip sinks, and the part's friction, if known.
             part_id: what the part is called.
+            feel: scans the surface in place of the default plan and ideal sensors.
 
         Raises:
             MapError: a map that cannot be scanned, a soil on another grid.
@@ -84,18 +96,21 @@ class TactileReader:
         best: Reading | None = None
         for height in heights[:MOST_SCANS]:
             with timer.step("scan"):
-                scan = trace_scan(
-                    levelled,
-                    touch=default_touch(height),
-                    plan=default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height),
-                    fidelity=self.settings.fidelity,
-                    part_id=part_id,
-                    soil=soil,
-                )
+                if feel is not None:
+                    scan = feel(levelled, height)
+                else:
+                    scan = trace_scan(
+                        levelled,
+                        touch=default_touch(height),
+                        plan=default_plan((0.0, 0.0, *levelled.size_mm), character_height_mm=height),
+                        fidelity=self.settings.fidelity,
+                        part_id=part_id,
+                        soil=soil,
+                    )
             tried = self._read(scan, timer).traced(height_map=levelled)
             if best is None or tried.confidence > best.confidence:
                 best = tried
-            if best.decision is Decision.ACCEPT:
+            if serial_is_sure(best):
                 break
         return best if best is not None else _nothing(timer, height_map=levelled)
 
@@ -132,6 +147,7 @@ class TactileReader:
         if shapes.judged is not None and reading.characters:
             with timer.step("measure"):
                 reading = self._measured(reading, shapes.judged, edges, relief)
+        reading = judged_by(reading, self.settings.depth_rules)
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds))).traced(
             edge_map=edges, relief=relief
         )
@@ -154,6 +170,7 @@ class TactileReader:
         line, chars = shapes.line, [c.char for c in reading.characters]
         if len(shapes.cells) != len(chars):
             return reading
+        reading = graded(reading, shapes, edges.directions)
         if relief is not None and all(c in line.templates.chars for c in chars):
             depths = mark_depths(relief, line, shapes.cells, chars)
             characters = tuple(replace(c, depth=d) for c, d in zip(reading.characters, depths, strict=True))
@@ -164,8 +181,7 @@ class TactileReader:
                 reading, font=line.templates.font, height_mm=line.height_mm, rotation_deg=shapes.rotation_deg
             )
             reading = doubted_guesses(settled, shapes, self.places)
-        reading = judged_by(reading, self.settings.depth_rules)
-        return graded(reading, shapes, edges.directions)
+        return explained(reading, by_font=shapes.lattice is not None)
 
 
 class _Shapes:

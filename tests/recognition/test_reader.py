@@ -14,7 +14,8 @@ from glyphs.stamping.plate import plate_form, plate_texture
 from glyphs.stamping.stamp import PlateVariation, StampedPart
 from glyphs.surface.maps import HeightMap, TraceDirection
 from recognition.decision.depth_rules import depth_rule
-from recognition.decision.reading import Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Decision, Reading
 from recognition.reader import Reader
 from recognition.senses.settings import STAND_INS, ReaderSettings, Repertoire
 from whisker_array.scan.scan import Scan, trace_scan
@@ -373,8 +374,8 @@ def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
     told = reader(depth_rules=rules).read(shallow)
     assert told.text == part.text
     assert told.flags & ReadingFlag.TOO_SHALLOW
-    (note,) = told.notes
-    assert note.startswith("too shallow for 27CFR478.92: 2 0.0")
+    note = told.findings[0].text
+    assert note.startswith("too shallow for 27CFR478.92: 2 at place 4 0.0")
     assert note.endswith("mm (at least 0.0762)")
     depth = told.characters[3].depth
     assert depth is not None
@@ -382,9 +383,11 @@ def test_a_shallow_character_is_flagged_by_name_where_a_rule_is_given(
     # without a rule the same is felt and nothing is said
     plain = reader().read(shallow)
     assert plain.flags is ReadingFlag.NONE
-    assert plain.notes == ()
+    assert plain.findings == ()
     assert plain.characters == told.characters
-    assert (plain.decision, plain.confidence) == (told.decision, told.confidence)
+    # the text is as sure, but a mark that breaks a rule that was asked for is not accepted
+    assert (plain.decision, told.decision) == (Decision.ACCEPT, Decision.REVIEW)
+    assert plain.confidence == told.confidence
     # nor with one that is met
     met = reader(depth_rules=rules).read(part.height_map)
     assert met.flags is ReadingFlag.NONE

@@ -25,6 +25,7 @@ class InlinePool:
     full = False
     restarts = 0
     waiting = 0
+    running = 0
 
     def __init__(self, *_: object, **__: object) -> None:
         self._threads = ThreadPoolExecutor(2)

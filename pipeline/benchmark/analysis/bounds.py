@@ -6,9 +6,8 @@ wrong among 6 parts therefore shows no more than "at most 39 %"; "at most 1 in 1
 
 from __future__ import annotations
 
-import math
-
 from pipeline.common.shares import CONFIDENCE_LEVEL, Share
+from recognition.decision.accepted_risk import parts_needed, share_bounds
 
 
 class Bounded(Share):
@@ -21,11 +20,7 @@ def bounded(count: int, total: int) -> Bounded:
     Raises:
         ValueError: more than all, or fewer than none.
     """
-    from scipy.stats import beta
-
-    chance = 1.0 - CONFIDENCE_LEVEL
-    low = float(beta.ppf(chance, count, total - count + 1)) if count else 0.0
-    high = float(beta.ppf(1.0 - chance, count + 1, total - count)) if count < total else 1.0
+    low, high = share_bounds(count, total, confidence=CONFIDENCE_LEVEL)
     return Bounded(count, total, low, high)
 
 
@@ -35,6 +30,4 @@ def parts_without_wrong(limit: float) -> int:
     Raises:
         ValueError: a limit that is no share between 0 and 1.
     """
-    if not 0.0 < limit < 1.0:
-        raise ValueError(f"a limit of {limit} cannot be shown")
-    return math.ceil(math.log(1.0 - CONFIDENCE_LEVEL) / math.log1p(-limit) - 1e-9)
+    return parts_needed(limit, confidence=CONFIDENCE_LEVEL)

@@ -16,6 +16,7 @@ from glyphs.errors import MarksError
 from pipeline.benchmark.analysis.comparisons import Comparison, compare
 from pipeline.benchmark.analysis.factors import factor_name
 from pipeline.benchmark.analysis.groups import GIVEN_FACTOR, GroupKey, grouped, levels_in
+from pipeline.benchmark.analysis.stability import steady
 from pipeline.benchmark.exam.condition import Level, level_name
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.run_description import differences
@@ -106,7 +107,7 @@ def changes(
     after: Sequence[Trial],
     descriptions: tuple[Mapping[str, Any], Mapping[str, Any]] | None = None,
 ) -> Changes:
-    """Compare the trials of two benchmarks.
+    """Compare the trials of two benchmarks, of parts read as they are.
 
     Args:
         before: of A.
@@ -118,6 +119,7 @@ def changes(
     """
     if descriptions is not None:
         _check_made_alike(*(d["parts"] for d in descriptions))
+    before, after = steady(before), steady(after)
     _check_same_parts(before, after)
     old, new = grouped(before, (GIVEN_FACTOR,)), grouped(after, (GIVEN_FACTOR,))
     shared = [key for key in new if key in old]

@@ -3,6 +3,7 @@
 trials --cells of the design, by severity, by mode--> groups, with Wilson's intervals
        --each factor's levels over all else---------> effects, whole parts drawn again
        --the same parts read twice------------------> comparisons
+       --the same parts perturbed-------------------> stability; all else is of parts read as they are
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from pipeline.benchmark.analysis.groups import (
     levels_in,
 )
 from pipeline.benchmark.analysis.risk import RiskCoverage
+from pipeline.benchmark.analysis.stability import Stability, stability_of, steady
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.shares import Share
@@ -46,6 +48,7 @@ class Statistics:
         effects: what each factor's levels cost, for every mode.
         comparisons: readers on the same parts: over all, then at every severity.
         knowledge: every reader given more against itself given less.
+        stability: what flips where parts were perturbed.
     """
 
     levels: dict[str, tuple[Level, ...]]
@@ -57,19 +60,21 @@ class Statistics:
     effects: tuple[FactorEffect, ...]
     comparisons: tuple[Comparison, ...]
     knowledge: tuple[Comparison, ...]
+    stability: tuple[Stability, ...]
 
     def at(self, mode: str, severity: float | None) -> list[Group]:
         """The groups of a mode and severity: one for each thing given."""
         return [g for g in self.by_severity if g.key.mode == mode and g.key.severity == severity]
 
 
-def statistics_of(trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_CROSSED) -> Statistics:
+def statistics_of(all_trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_CROSSED) -> Statistics:
     """All that some trials tell, at least one.
 
     Args:
-        trials: of all parts and modes.
+        all_trials: of all parts and modes.
         crossed: factors of the design's cells.
     """
+    trials = steady(all_trials)
     given = tuple(dict.fromkeys(t.given for t in trials))
     more = (GIVEN_FACTOR,) if len(given) > 1 else ()
     by_severity = grouped(trials, ("severity", *more))
@@ -86,6 +91,7 @@ def statistics_of(trials: Sequence[Trial], crossed: Sequence[str] = DEFAULT_CROS
         effects=factor_effects(trials),
         comparisons=(*between_readers(over_all), *between_readers(by_severity)),
         knowledge=tuple(between_givens(trials)),
+        stability=stability_of(all_trials),
     )
 
 

@@ -17,6 +17,8 @@ from pipeline.common.settings import SettingsError
 Level = str | float | bool | None
 """One setting of a factor; None where it is not known."""
 GIVEN = ("font", "height", "format")
+PERTURBED = "perturbed"
+"""The factor that tells how a part was perturbed for a trial; one that was read as it is does not have it."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from pipeline.files.parts import Part
+    from recognition.senses.touch import Feel
 
 Box = tuple[float, float, float, float]
 
@@ -57,6 +58,7 @@ class Specimen:
         height_mm: of the characters, for which a stage is set; None where it is not known.
         beside_mm: around another line, which is not asked for; None without one.
         turned: the map with the other row first, as `pipeline.reading.part_reader.read_surface` takes it.
+        feel: scans it; by the default plan unless given.
     """
 
     part: str
@@ -69,6 +71,7 @@ class Specimen:
     height_mm: float | None = None
     beside_mm: Box | None = None
     turned: Callable[[], HeightMap] | None = None
+    feel: Feel | None = None
 
 
 class Parts(Protocol):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class FeltMaps:
-    """A scan by the default plan, and its maps.
+    """A scan by the default plan, or the part's own, and its maps.
 
     Attributes:
         scan: of the virtual array, with ideal sensors.
@@ -40,7 +40,7 @@ class FeltMaps:
 
 
 def feel_part(specimen: Specimen) -> FeltMaps:
-    """Scan a part by the default plan.
+    """Scan a part by the default plan, or its own.
 
     Raises:
         MapError: a surface that cannot be scanned.
@@ -52,8 +52,11 @@ def feel_part(specimen: Specimen) -> FeltMaps:
 
     start = time.perf_counter()
     surface, height_mm = specimen.height_map, specimen.height_mm or USUAL_HEIGHT_MM
-    plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm)
-    scan = feel(surface, plan=plan, height_mm=height_mm, noise=False, soil=specimen.soil)
+    if specimen.feel is not None:
+        scan = specimen.feel(surface, height_mm)
+    else:
+        plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm)
+        scan = feel(surface, plan=plan, height_mm=height_mm, noise=False, soil=specimen.soil)
     simulated_s = time.perf_counter() - start
     try:
         edges = edge_map(scan)

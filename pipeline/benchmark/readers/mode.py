@@ -12,8 +12,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 from glyphs.errors import MarksError
+from pipeline.benchmark.exam.perturbed import perturbed
 from pipeline.benchmark.exam.specimens import Specimen
 from pipeline.benchmark.readers.felt import FeltMaps, feel_part
+from pipeline.reading.perturbation import Perturbation
 from whisker_array.whisker.array import RasterPlan
 
 if TYPE_CHECKING:
@@ -21,6 +23,10 @@ if TYPE_CHECKING:
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
     from whisker_array.scan.scan import Scan
+
+
+_KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision")}
+"""What `PartReadings` keeps of each sense: values, and their times."""
 
 
 class ModeUnavailableError(MarksError):
@@ -40,6 +46,16 @@ class PartReadings:
         self.seconds: dict[str, float] = {}
         self._reader = reader
 
+    def again(self, how: Perturbation) -> PartReadings:
+        """The part perturbed; what the perturbation does not reach is not read again."""
+        shown = perturbed(self.specimen, how, fidelity=self._reader.settings.fidelity)
+        other = PartReadings(shown, self._reader)
+        for sense, kept in _KEPT.items():
+            if not how.reaches((sense,)):
+                vars(other).update({name: value for name, value in vars(self).items() if name in kept})
+                other.seconds.update({name: s for name, s in self.seconds.items() if name in kept})
+        return other
+
     @cached_property
     def touch(self) -> Reading:
         """Scanned and read by touch."""
@@ -49,7 +65,12 @@ class PartReadings:
         reading: Reading = self._timed(
             "touch",
             lambda: read_surface(
-                self._reader, part.height_map, soil=part.soil, turned=part.turned, part_id=part.part
+                self._reader,
+                part.height_map,
+                soil=part.soil,
+                turned=part.turned,
+                part_id=part.part,
+                feel=part.feel,
             ),
         )
         return reading

@@ -52,7 +52,8 @@ class _Peer:
 
 def reading_of(line: Line, *, places: tuple[str, ...] = (), accepted: bool | None = None) -> Reading:
     """What a peer read, as a reading: accepted where it fits the format and the peer is sure, or says so itself."""
-    from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+    from recognition.decision.flags import ReadingFlag
+    from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
     from recognition.language.box import Box as PlateBox
 
     line = [(char, min(1.0, max(0.0, sure))) for char, sure in line if not char.isspace()]

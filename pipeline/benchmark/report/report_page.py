@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from types import MappingProxyType
 from typing import Any
 
 from pipeline.benchmark.analysis.bounds import parts_without_wrong
@@ -21,6 +22,7 @@ from pipeline.benchmark.report.page import bars, rendered
 from pipeline.benchmark.report.worst_parts import WorstPart, marked
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
+from pipeline.reading.certificate import Certificate
 
 _TEMPLATE = "report.html.j2"
 _MOST_MISTAKES = 12
@@ -34,6 +36,8 @@ def report_page(
     worst: Sequence[WorstPart],
     *,
     command: str,
+    certificate: Certificate | None = None,
+    drift: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
     """The page as HTML.
 
@@ -44,6 +48,8 @@ def report_page(
         judged: of these findings.
         worst: parts to be shown.
         command: how to do it again, as typed.
+        certificate: that the parts were read with, if any.
+        drift: how the parts of a mode differ from the certified ones, by mode.
 
     Raises:
         ReportError: Jinja2 is not there.
@@ -62,8 +68,11 @@ def report_page(
         lead=leading(modes),
         factors=list(_factors(found, modes)),
         knowledge=found.knowledge,
+        stability=found.stability,
         cells=_cells(found),
-        wrong=[(g, *at_most(g.accepted_wrong, WRONG_LIMIT)) for g in _sorted(found.by_mode)],
+        wrong=[(g, *at_most(g.wrong_of_accepted, WRONG_LIMIT)) for g in _sorted(found.by_mode)],
+        certificate=certificate,
+        drift=drift,
         wrong_limit=WRONG_LIMIT,
         wrong_needs=parts_without_wrong(WRONG_LIMIT),
         experts=[m for m in modes if m in EXPERTS],

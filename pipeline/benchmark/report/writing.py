@@ -11,13 +11,14 @@ import csv
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pipeline.benchmark.analysis.confusion import characters_right
 from pipeline.benchmark.analysis.groups import level_of, levels_in
+from pipeline.benchmark.analysis.stability import steady
 from pipeline.benchmark.analysis.statistics import DEFAULT_CROSSED, Statistics, plain, statistics_of
 from pipeline.benchmark.analysis.targets import Verdict, verdicts
 from pipeline.benchmark.exam.condition import level_name
@@ -27,7 +28,10 @@ from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.common.atomic import replacing
+from pipeline.reading.certificate import Certificate
+from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
+from recognition.decision.part_measures import Measure
 
 PAGE, TABLE, FIGURES = "report.html", "benchmark.csv", "benchmark.json"
 _TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
@@ -43,6 +47,7 @@ class Written:
         figures: all figures.
         statistics: the figures themselves.
         verdicts: what was to be shown, and whether it was.
+        drift: how the parts of each mode differ from the certified ones, in words; of those that do.
     """
 
     page: Path
@@ -50,6 +55,7 @@ class Written:
     figures: Path
     statistics: Statistics
     verdicts: tuple[Verdict, ...]
+    drift: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_report(
@@ -58,6 +64,7 @@ def write_report(
     folder: Path,
     *,
     command: str = "",
+    certificate: Certificate | None = None,
     executor: Executor | None = None,
 ) -> Written:
     """Write the page, the table and the figures.
@@ -67,6 +74,7 @@ def write_report(
         trials: of all parts and modes, in order.
         folder: for them.
         command: how to do it again, as typed.
+        certificate: that the parts were read with, if any.
         executor: who draws the worst parts; this process unless given.
 
     Raises:
@@ -77,17 +85,31 @@ def write_report(
     found = statistics_of(trials, crossed_of(benchmark.description()))
     judged = tuple(verdicts(found))
     items = {item.part: item for item in benchmark.parts.items()}
-    ranked = [(part, items[part.part]) for part in rank_worst(trials)]
+    ranked = [(part, items[part.part]) for part in rank_worst(steady(trials))]
     worst = list(ordered_map(executor or InlineExecutor(), partial(draw_worst, benchmark), ranked))
-    written = Written(folder / PAGE, folder / TABLE, folder / FIGURES, found, judged)
+    drift = {} if certificate is None else drift_of(trials, certificate)
+    written = Written(folder / PAGE, folder / TABLE, folder / FIGURES, found, judged, drift)
     _write_table(trials, written.table)
     with replacing(written.figures) as temporary:
         figures = json.dumps(_figures(benchmark, trials, found, judged), indent=1, ensure_ascii=False)
         temporary.write_text(figures + "\n", encoding="utf-8")
-    page = report_page(benchmark, trials, found, judged, worst, command=command)
+    page = report_page(
+        benchmark, trials, found, judged, worst, command=command, certificate=certificate, drift=drift
+    )
     with replacing(written.page) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return written
+
+
+def drift_of(trials: Sequence[Trial], certificate: Certificate) -> dict[str, str]:
+    """How the parts of each mode differ from the certified ones, in words; of those that do."""
+    watches: dict[str, DriftWatch] = {}
+    for trial in (t for t in trials if not t.perturbed):
+        measures = {Measure(name): value for name, value in trial.measures.items()}
+        watches.setdefault(trial.mode, DriftWatch(certificate)).add(trial.mode, measures)
+    for watch in watches.values():
+        watch.compare()
+    return {mode: watch.first for mode, watch in watches.items() if watch.first}
 
 
 def _write_table(trials: Sequence[Trial], path: Path) -> None:
@@ -130,6 +152,7 @@ def _figures(
         "effects": plain(list(found.effects)),
         "comparisons": plain(list(found.comparisons)),
         "knowledge": plain(list(found.knowledge)),
+        "stability": plain(list(found.stability)),
         "times": [
             {**plain(g.key), **{f"{name}_median_p95": plain(getattr(g, name)) for name in _TIMES}}
             for g in found.by_severity

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError, require_file
-from pipeline.benchmark.exam.condition import GIVEN, Condition, Level
+from pipeline.benchmark.exam.condition import GIVEN, PERTURBED, Condition, Level
 from pipeline.common.atomic import replacing
 from pipeline.common.run_description import differences, in_short, key_of
 
@@ -64,6 +64,7 @@ class Trial:
         compute_s: time that the program took for it, making the part and its photograph not counted.
         scan_s: time that the real array would take for the scan; 0 without touch.
         simulated_s: of compute_s, what stands in for the array: mounting the map and simulating the scan.
+        measures: of the part, where a certificate asks for them (`recognition.decision.part_measures`).
     """
 
     part: str
@@ -80,6 +81,7 @@ class Trial:
     compute_s: float = 0.0
     scan_s: float = 0.0
     simulated_s: float = field(default=0.0, compare=False)
+    measures: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     @property
     def severity(self) -> float | None:
@@ -101,6 +103,11 @@ class Trial:
         """What the reader was given, in a few words."""
         names = [name for name in GIVEN if self.levels.get(f"{name}_given")]
         return ",".join(names) or "nothing"
+
+    @property
+    def perturbed(self) -> str:
+        """The perturbation under which it was read; empty where it was read as it is."""
+        return str(self.levels.get(PERTURBED) or "")
 
     @property
     def reading_s(self) -> float:
@@ -282,7 +289,7 @@ _FIELDS = frozenset(f.name for f in fields(Trial))
 
 
 def _trial(values: Mapping[str, Any]) -> Trial:
-    if set(values) != _FIELDS:
+    if not _FIELDS - {"measures"} <= set(values) <= _FIELDS:
         raise ValueError("the fields are not those of a trial")
     characters = tuple(ReadCharacter(**c) for c in values["characters"])
     return Trial(**{**values, "characters": characters})

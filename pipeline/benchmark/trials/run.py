@@ -1,6 +1,7 @@
 """The run of a benchmark: every part made once, read by every mode, kept at once, by several workers.
 
     Parts.items --missing from the book--> workers: make, read by each mode --> trials.jsonl
+                                                     \\--perturb, read again--/
 
 A part depends on nothing but what it is made from, so the answer is the same whatever the number of workers, their
 order, and how often the run was broken off.
@@ -10,19 +11,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pipeline.benchmark.exam.condition import Condition, Given
+from pipeline.benchmark.exam.condition import PERTURBED, Condition, Given
 from pipeline.benchmark.exam.specimens import Item, Parts
 from pipeline.benchmark.readers.mode import ModeReader, PartReadings
-from pipeline.benchmark.readers.modes import open_mode
+from pipeline.benchmark.readers.modes import MODES, open_mode
 from pipeline.benchmark.trials.journal import Trial, TrialJournal, answer_of
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
+from pipeline.reading.perturbation import Perturbation
 from pipeline.workers.executors import Executor, InlineExecutor
+from recognition.decision.part_measures import measures_of
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
 
@@ -38,6 +41,7 @@ class Benchmark:
         parts: where the parts come from.
         modes: names of the modes.
         reading: how all parts are read; font, height and format come with the part where the design gives them.
+        perturbations: under which every part is read again, by the modes that they reach.
 
     Raises:
         SettingsError: no mode, or one twice.
@@ -46,6 +50,7 @@ class Benchmark:
     parts: Parts
     modes: tuple[str, ...]
     reading: ReaderSettings
+    perturbations: tuple[Perturbation, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.modes or len(set(self.modes)) != len(self.modes):
@@ -63,8 +68,10 @@ class Benchmark:
                 "fonts": [str(font) for font in reading.fonts],
                 "format": reading.format,
                 "fidelity": reading.fidelity.value,
+                **({} if reading.certified is None else {"certified": asdict(reading.certified)}),
             },
             "program": program_mark(),
+            **({"perturbations": [asdict(p) for p in self.perturbations]} if self.perturbations else {}),
         }
 
     def settings_for(self, condition: Condition, given: Given) -> ReaderSettings:
@@ -96,7 +103,7 @@ def run_benchmark(
         on_part: told of every part as it is done.
 
     Returns:
-        The trials in the order of the parts, then of the modes.
+        The trials in the order of the parts, then of what was given, the perturbations and the modes.
 
     Raises:
         FileError: the folder holds another benchmark or cannot be written.
@@ -130,7 +137,7 @@ def _tried(benchmark: Benchmark, items: Sequence[Item], executor: Executor) -> I
 
 
 def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
-    """Make one part and read it by every mode; what fails is told in the trial, and the run goes on."""
+    """Make one part and read it by every mode, perturbed too; what fails is told in the trial, and the run goes on."""
     try:
         specimen = benchmark.parts.make(item)
     except Exception as error:
@@ -141,6 +148,12 @@ def try_part(benchmark: Benchmark, item: Item) -> tuple[Trial, ...]:
         senses = PartReadings(specimen, reader)
         blanks = _blanks(benchmark, replace(item, given=(given,), truth=specimen.truth))
         trials += [_read(blank, senses, reader) for blank in blanks]
+        for how in benchmark.perturbations:
+            again = senses.again(how)
+            reached = [b for b in blanks if how.reaches(_mode(b.mode, reader).uses)]
+            trials += [
+                _read(replace(b, levels={**b.levels, PERTURBED: how.name}), again, reader) for b in reached
+            ]
     return tuple(trials)
 
 
@@ -161,8 +174,9 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     start, before = time.perf_counter(), sum(senses.seconds.values())
     # A fault of the program in one part may not cost a night's run the other parts; the trial tells its kind.
     try:
-        mode = _mode(blank.mode, reader)
-        reading = mode.read(senses)
+        mode, own_mode = _mode(blank.mode, reader), blank.mode in MODES
+        reading = reader.certified(mode.read(senses)) if own_mode else mode.read(senses)
+        measures = measures_of(reading) if own_mode and reader.settings.certified is not None else {}
     except Exception as error:
         return replace(blank, error=_told(error))
     own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)
@@ -170,6 +184,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     return replace(
         blank,
         **answer_of(reading),
+        measures={name.value: value for name, value in measures.items()},
         compute_s=round(own + used, 4),
         scan_s=round(senses.scan_s, 3) if {"touch", "felt"} & set(mode.uses) else 0.0,
     )

@@ -20,7 +20,7 @@ _MOST_FACTORS = 6
 
 
 def print_result(written: Written) -> None:
-    """The table of the readers, what costs most, the verdicts, and where the report is."""
+    """The table of the readers, what costs most, what flips, the verdicts, and where the report is."""
     from pipeline.benchmark.analysis.targets import Outcome
     from pipeline.benchmark.report.charts import severity_name
 
@@ -29,12 +29,34 @@ def print_result(written: Written) -> None:
     screen().print(_table(found.by_severity if by_severity else found.by_mode, dirt=by_severity))
     print("ms: median time to compute a part; read ms: less the simulated scan")
     _print_factors(found)
+    _print_stability(found)
     # of readers given several things the page has them all
     for v in written.verdicts if len(found.given) == 1 else ():
         word = v.outcome.value if v.outcome is Outcome.MET else v.outcome.value.upper()
-        print(f"{word}: {v.reader}, dirt {severity_name(v.severity)}, {v.target}: {v.found}")
+        dirt = "" if v.severity is None else f"dirt {severity_name(v.severity)}, "
+        print(f"{word}: {v.reader}, {dirt}{v.target}: {v.found}")
+    for mode, words in written.drift.items():
+        print(f"warning: {mode}: {words}", file=sys.stderr)
     for path in (written.page, written.table, written.figures):
         print(f"wrote {path}")
+
+
+def _print_stability(found: Statistics) -> None:
+    if not found.stability:
+        return
+    headings = ("reader", "how", "parts", "decisions", "at most", "texts", "at most",
+                "accepted", "other text", "at most")  # fmt: skip
+    table = plain_table(headings, ("reader", "how"))
+    for s in found.stability:
+        table.add_row(
+            s.key.reader, s.perturbation or "any way", str(s.verdicts.total), str(s.verdicts.count),
+            f"{s.verdicts.high:.1%}", str(s.texts.count), f"{s.texts.high:.1%}", str(s.accepted_texts.total),
+            str(s.accepted_texts.count), f"{s.accepted_texts.high:.1%}",
+        )  # fmt: skip
+    screen().print(table)
+    print(
+        "how: perturbed; decisions, texts: parts that flip; other text: of the accepted; at most: exact, 95 %\n"
+    )
 
 
 def screen() -> Console:

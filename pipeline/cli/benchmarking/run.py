@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pipeline.benchmark.exam.condition import Condition
     from pipeline.benchmark.report.writing import Written
     from pipeline.benchmark.trials.run import Benchmark
+    from pipeline.reading.certificate import Certificate
 
 
 app = App(name="benchmark", help="Measure how well dirty marks are read, by this reader and by others.")
@@ -59,11 +60,13 @@ def benchmark(
     cluster: str | None = None,
     experts_apart: Annotated[bool, Parameter(negative="")] = False,
     peers: Annotated[bool, Parameter(negative="")] = False,
+    perturb: Annotated[bool, Parameter(negative="")] = False,
     reader: Annotated[list[str] | None, Parameter(negative="")] = None,
     height_mm: float | None = None,
     depth_mm: float | None = None,
     face: FaceName | None = None,
     fidelity: FidelityName = "contact",
+    certificate: Path | None = None,
     inputs: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
 ) -> int:
@@ -110,6 +113,10 @@ def benchmark(
     peers
         Let RapidOCR and Tesseract read the line as photographed, as felt (edges, relief) and as it is (ideal), for
         comparison (extra peers).
+    perturb
+        Read every part again under changes that should not matter: traced lines half a pitch beside, sensor noise, 6 %
+        light, 1 % scale, another order of the passes. Fail (status 1) if an accepted serial becomes another accepted
+        one. Takes about five times as long.
     reader
         A reader of your own, module:function, that takes a pipeline.ExamPart and gives its text.
     height_mm
@@ -120,6 +127,9 @@ def benchmark(
         Face of the die; flat unless given.
     fidelity
         How touch is simulated.
+    certificate
+        Certificate (.json, see certify), whatever settings it was made with: the modes accept nothing that it does
+        not vouch for, and the report says where the parts are unlike the certified ones.
     inputs
         Folders, files or globs of parts made elsewhere: NAME.npz, with NAME.png beside it for the camera.
     truth
@@ -158,12 +168,17 @@ def benchmark(
         from pipeline.benchmark.report.page import check_report
         from pipeline.benchmark.trials.run import Benchmark
         from pipeline.cli.benchmarking.result import print_result
+        from pipeline.reading.certificate import checked
+        from pipeline.reading.perturbation import PERTURBATIONS
         from recognition.senses.settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 
         check_report()
         source: Parts
+        vouching = checked(certificate) if certificate is not None else None
         reading = ReaderSettings(fidelity=Fidelity(fidelity))
+        if vouching is not None:
+            reading = replace(reading, **vouching.thresholds())
         if inputs is not None and truth is not None:
             reading = replace(reading, fonts=listed(font or ""))
             source = FolderParts.load(inputs, truth, _condition(listed(format or ""), _numbers(dirt or "")))
@@ -191,9 +206,32 @@ def benchmark(
         named = listed(mode) + tuple(reader or ())
         added = (*(experts_in(named) if experts_apart else ()), *(PEERS if peers else ()))
         chosen = named + tuple(mode for mode in added if mode not in named)
-        written = _run(Benchmark(source, chosen, reading), out, jobs=jobs, cluster=cluster)
-    print_result(written)
+        again = PERTURBATIONS if perturb else ()
+        written = _run(Benchmark(source, chosen, reading, again), out, vouching, jobs=jobs, cluster=cluster)
+        print_result(written)
+        _check_stable(written)
     return 0
+
+
+def _check_stable(written: Written) -> None:
+    """Name every accepted serial that a perturbation made another accepted serial.
+
+    Of single experts and programs of others, which decide nothing, the report tells.
+
+    Raises:
+        CommandError: there is one.
+    """
+    from pipeline.benchmark.readers.modes import EXPERTS, PEERS
+
+    deciding = [s for s in written.statistics.stability if s.key.mode not in {*EXPERTS, *PEERS}]
+    faults = [(s.key.reader, f) for s in deciding if s.perturbation for f in s.faults]
+    for reader, f in faults:
+        print(f"FAULT: {f.part}, {reader}: accepted as {f.before}, and under {f.perturbation} as {f.after}")
+    if faults:
+        raise CommandError(
+            f"benchmark: accepted serials became other accepted serials under a perturbation: {len(faults)}",
+            hint="the parts are named above and in the report",
+        )
 
 
 def _given(flags: Mapping[str, object]) -> str:
@@ -217,7 +255,9 @@ def _numbers(text: str) -> list[float]:
         raise SettingsError(f"--dirt is {text!r}", hint="give numbers separated by commas") from error
 
 
-def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> Written:
+def _run(
+    benchmark: Benchmark, out: Path, certificate: Certificate | None, *, jobs: int, cluster: str | None
+) -> Written:
     from pipeline.batch.progress import Progress
     from pipeline.benchmark.report.writing import command_line, crossed_of, write_report
     from pipeline.benchmark.trials.planning import foresight
@@ -239,7 +279,9 @@ def _run(benchmark: Benchmark, out: Path, *, jobs: int, cluster: str | None) -> 
                     on_part=lambda _: progress.advance(),
                 )
                 progress.step("drawing the report")
-                return write_report(benchmark, trials, out, command=command_line(), executor=executor)
+                return write_report(
+                    benchmark, trials, out, command=command_line(), certificate=certificate, executor=executor
+                )
         except KeyboardInterrupt as error:
             raise CommandError(
                 "interrupted",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
@@ -93,8 +93,14 @@ def _tick_step(most: int) -> int:
         power *= 10
 
 
-def add_dashboard(router: APIRouter, frame: Frame) -> None:
-    """The route of the dashboard."""
+def add_dashboard(router: APIRouter, frame: Frame, drift: Callable[[], str]) -> None:
+    """The route of the dashboard.
+
+    Args:
+        router: to add it to.
+        frame: of all pages.
+        drift: says how the latest parts differ from the certified ones; empty where they do not.
+    """
 
     @router.get("/dashboard")
     def dashboard(request: Request, span: str = "day") -> Response:
@@ -107,6 +113,7 @@ def add_dashboard(router: APIRouter, frame: Frame) -> None:
             "dashboard.html.j2",
             caller=caller,
             span=span,
+            drift=drift(),
             spans=tuple(SPANS),
             numbers=numbers,
             camera=share(min(numbers.by_camera, numbers.parts), numbers.parts),

@@ -33,6 +33,7 @@ def pages_router(
     *,
     low_margin: float = LOW_MARGIN,
     review: Callable[..., PartRecord] | None = None,
+    drift: Callable[[], str] = str,
 ) -> APIRouter:
     """The routes of all pages.
 
@@ -42,12 +43,13 @@ def pages_router(
         access: who may look, and who may review.
         low_margin: lead of the first over the second candidate below which a place is marked unsure.
         review: keeps what a person says, `Store.review` unless given.
+        drift: says how the latest parts differ from the certified ones; empty where they do not.
     """
     frame = Frame.make(store, evidence, access, low_margin=low_margin, review=review)
     router = APIRouter(route_class=page_route(frame), include_in_schema=False)
     add_review_pages(router, frame)
     add_part_pages(router, frame)
-    add_dashboard(router, frame)
+    add_dashboard(router, frame, drift)
     add_login(router, frame)
 
     @router.get("/static/{name}")

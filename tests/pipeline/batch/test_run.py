@@ -19,11 +19,11 @@ from pipeline.batch.quarantine import Quarantine
 from pipeline.batch.run import Run
 from pipeline.batch.setting_files import files_to_send, settled
 from pipeline.batch.setup import opened
-from pipeline.batch.task import ReadPart, RunOrder, read_listed, settings_of
+from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.cli.main import main
 from pipeline.common.records import EvidenceKind, ReadingRecord
 from pipeline.common.settings import ReadSettings, SettingsError
-from pipeline.files.listed import ListedPart
+from pipeline.files.listed import ListedPart, settings_of
 from pipeline.files.manifest import read_manifest
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, write_part

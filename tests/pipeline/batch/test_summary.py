@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tracemalloc
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -50,6 +51,20 @@ def test_a_message_with_a_semicolon_in_brackets_is_one() -> None:
         "place #: I or J (one upright; serifs are missing in some fonts)": 1,
         "marks are dirty": 1,
     }
+
+
+@pytest.mark.parametrize(
+    ("message", "kind"),
+    [
+        ("low confidence: lot LOT77?", "low confidence"),
+        ("most strokes are missing: I at place 1 (clean it and scan it again)", "most strokes are missing"),
+        ("too shallow for R: 7 at place 2 0.061 mm (at least 0.0762)", "too shallow for R"),
+        ("no character can be made out: places 3 and 4 (clean it)", "no character can be made out"),
+        ("place 5: touch has 3, the camera 8", "place #: touch has #, the camera #"),
+    ],
+)
+def test_places_and_characters_make_no_reason_of_their_own(message: str, kind: str) -> None:
+    assert counted(Row("a", "I1", "review", flags=message)).reasons == {kind: 1}
 
 
 def test_nothing_read_now_has_no_rate() -> None:

@@ -91,6 +91,7 @@ def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
             "action": "clean",
             "depth_min_mm": 0.21,
             "depth_mean_mm": 0.23,
+            "burr_mm": None,
         }
     ]
     assert told["rivals"] == [{"text": "B", "probability": 0.08}]

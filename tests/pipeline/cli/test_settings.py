@@ -169,11 +169,15 @@ def test_other_lines_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert (reading().depth_rule, reading().min_depth_mm) == (None, None)
+    assert (reading().depth_rule, reading().min_depth_mm) == ((), None)
     FILE.write_text('depth_rule = "27 cfr 478.92"\nmin_depth_mm = 0.1\n', encoding="utf-8")
     monkeypatch.setenv("TACTILE_MARKS_MIN_DEPTH_MM", "0.2")
-    assert (reading().depth_rule, reading().min_depth_mm) == ("27CFR478.92", 0.2)
+    assert (reading().depth_rule, reading().min_depth_mm) == (("27 cfr 478.92",), 0.2)
     assert reading("--min-depth-mm", "0.3").min_depth_mm == 0.3
+    written = ("70-16-05", "press-7=0.1:0.25@4:6 burr=0.03")
+    assert reading("--depth-rule", written[0], "--depth-rule", written[1]).depth_rule == written
+    FILE.write_text(f"depth_rule = {list(written)}\n", encoding="utf-8")
+    assert reading().depth_rule == written
 
 
 @pytest.mark.parametrize(
@@ -200,7 +204,7 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
         ("accept_confidence = 1.5", "accept_confidence in .* is '1.5'"),
         ("accept_margin = -0.1", "accept_margin in .* is '-0.1'"),
         ("height_mm = ", "not TOML"),
-        ('depth_rule = "VIN"', "depth_rule in .* is 'VIN': unknown depth rule 'VIN'; known are 27CFR478.92"),
+        ('depth_rule = "VIN"', "depth_rule in .*VIN.*: unknown depth rule 'VIN'; known are 27CFR478.92"),
         ("min_depth_mm = 0", "min_depth_mm in .* is '0'"),
         ("min_depth_mm = -0.1", "min_depth_mm"),
         ("[service]\nprot = 1\n", "unknown setting prot in .* did you mean port"),
@@ -242,7 +246,7 @@ def test_a_bad_environment_is_an_error_with_its_variable(
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        (("--depth-rule", "x"), "--depth-rule is 'x': unknown depth rule"),
+        (("--depth-rule", "x"), r"--depth-rule is \['x'\]: unknown depth rule"),
         (("--config", "none.toml"), r"none\.toml cannot be read"),
         (("--config", "."), "cannot be read"),
     ],

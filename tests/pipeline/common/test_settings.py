@@ -33,13 +33,17 @@ def test_a_program_builds_the_same_settings(monkeypatch: pytest.MonkeyPatch) -> 
 def test_the_reader_is_given_the_rules() -> None:
     def rules(**given: object) -> list[tuple[str, float]]:
         reader = open_reader(ReadSettings(font=("gothic",), **given))
-        return [(rule.name, round(rule.least_depth_mm, 4)) for rule in reader.settings.depth_rules]
+        return [(rule.name, round(rule.windows[0].least_mm, 4)) for rule in reader.settings.depth_rules]
 
     assert rules() == []
     assert rules(min_depth_mm=0.2) == [("min_depth_mm", 0.2)]
     assert rules(min_depth_mm=0.2, depth_rule="27CFR478.92") == [
         ("27CFR478.92", 0.0762),
         ("min_depth_mm", 0.2),
+    ]
+    assert rules(depth_rule="MIL-STD-792,press-7=0.05:0.1@1:2 burr=0.02") == [
+        ("MIL-STD-792", 0.1),
+        ("press-7", 0.05),
     ]
 
 

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from glyphs.errors import FileError
 from glyphs.surface.maps import EdgeMap, HeightMap, TraceDirection
 from pipeline.plots.pictures import SheetPart, overview_figure, same_text, save_figure
+from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.panels import moment_image
 from recognition.decision.picture import reading_figure
 from recognition.decision.reading import (
@@ -23,7 +24,6 @@ from recognition.decision.reading import (
     Decision,
     MarkDepth,
     Reading,
-    ReadingFlag,
     ReadingTrace,
 )
 from whisker_array.estimation.relief import Route, relief_from_edges
@@ -63,7 +63,7 @@ def part() -> Reading:
         Decision.REVIEW,
         0.7,
         flags=ReadingFlag.AMBIGUOUS | ReadingFlag.TOO_SHALLOW,
-        notes=("too shallow for $x$: A 0.123 mm (at least 0.2)",),
+        findings=(Finding(ReadingFlag.TOO_SHALLOW, "too shallow for $x$: A 0.123 mm (at least 0.2)"),),
         font="gothic",
         height_mm=3.0,
         rotation_deg=-2.0,

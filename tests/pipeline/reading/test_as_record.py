@@ -23,15 +23,8 @@ from pipeline.files.npz import write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.reading.as_record import reading_record, record_of_part, rivals_of
 from pipeline.reading.part_reader import PartReader
-from recognition.decision.reading import (
-    Candidate,
-    CharacterReading,
-    Decision,
-    MarkDepth,
-    OtherLine,
-    Reading,
-    ReadingFlag,
-)
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Decision, MarkDepth, OtherLine, Reading
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -51,7 +44,7 @@ def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decisio
         decision,
         confidence,
         flags=ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW,
-        notes=("too shallow for x: 1 0.212 mm (at least 0.3)",),
+        findings=(Finding(ReadingFlag.TOO_SHALLOW, "too shallow for x: 1 0.212 mm (at least 0.3)"),),
         font="gothic",
         height_mm=5.0,
         raised=True,
@@ -61,7 +54,7 @@ def reading(text: str, *, confidence: float = 0.97, decision: Decision = Decisio
 class FakeReader:
     """Reads the mean height of the top row as a number."""
 
-    def read_height_map(self, height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Any:
+    def read_height_map(self, height_map: HeightMap, *, soil: Soil | None = None, **_: object) -> Any:
         value = round(float(height_map.z_mm[0].mean()))
         if value == 13:
             raise RuntimeError("a fault\nin the reader")
@@ -76,7 +69,7 @@ class FakeReader:
 
 
 def fake_reader() -> PartReader:
-    reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None)
+    reader: Any = SimpleNamespace(touch=FakeReader(), grammar=None, certified=lambda found: found)
     return PartReader(reader)
 
 
@@ -115,7 +108,7 @@ def test_a_row_tells_the_reading(tmp_path: Path) -> None:
     assert (row.decision, row.confidence, row.source, row.font) == ("accept", 0.97, "tactile", "gothic")
     assert (row.height_mm, row.raised) == (5.0, True)
     assert row.flags == "; ".join(
-        (*ReadingFlag.DROPOUTS.messages(), "too shallow for x: 1 0.212 mm (at least 0.3)")
+        ("too shallow for x: 1 0.212 mm (at least 0.3)", *ReadingFlag.DROPOUTS.messages())
     )
     assert (row.depth_min_mm, row.depth_mean_mm) == (0.2121, 0.2314)
     assert row.depths == "1 0.212/0.231 1 ?"

@@ -18,7 +18,8 @@ from pipeline.files.npz import soil_members, write_npz
 from pipeline.files.parts import Part, discover
 from pipeline.files.photos import write_photo
 from pipeline.reading.part_reader import Mode, PartReader, Sense, senses_of
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.verify import Verdict, VerifyError
 from recognition.language.box import Box
 from recognition.language.lattice import Lattice
@@ -54,7 +55,9 @@ class FakeReader(Reader):
     def touch(self) -> Any:
         self.asked.append("touch")
 
-        def read_height_map(height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "") -> Reading:
+        def read_height_map(
+            height_map: HeightMap, *, soil: Soil | None = None, part_id: str = "", feel: object = None
+        ) -> Reading:
             self.given.append((height_map, soil, part_id))
             return reading("A1", "tactile").traced(
                 lattice=lattice("A1"), open_lattice=lattice("A1"), height_map=height_map

@@ -202,6 +202,48 @@ def test_a_burr_is_no_land(gothic: Font) -> None:
     np.testing.assert_allclose(found[:, 1], true_depth_mm(part), atol=SAMPLED_MM)
 
 
+BURR_FELT = {0.225: (0.3, 0.5), 0.4: (0.55, 0.75), 0.8: (0.7, 0.9)}
+"""Of the die's burr: a rim as narrow as two samples is felt less than half as high, a broad one nearly as it is."""
+
+
+@pytest.mark.parametrize("width_mm", BURR_FELT)
+@pytest.mark.parametrize("burr_mm", [0.02, 0.06])
+def test_a_burr_is_measured_beside_the_strokes(burr_mm: float, width_mm: float, gothic: Font) -> None:
+    die = replace(default_die(5.0, font=gothic), burr_height_mm=burr_mm, burr_width_mm=width_mm)
+    calm = replace(StampingVariation.none(), depth_fraction=0.12)
+    part = stamp_line(
+        "K804217",
+        gothic,
+        die,
+        height_mm=5.0,
+        pitch_mm=5.0 / 160,
+        variation=calm,
+        rng=np.random.default_rng(7),
+    )
+    found = [d.burr_mm for d in depths_of(felt(part.height_map, 5.0), part, gothic) if d is not None]
+    low, high = BURR_FELT[width_mm]
+    assert low * burr_mm < np.mean([b for b in found if b is not None]) < high * burr_mm
+
+
+def test_without_a_burr_there_is_none(flat: tuple[StampedPart, Relief], gothic: Font) -> None:
+    part, relief = flat
+    assert all(
+        d is not None and d.burr_mm == pytest.approx(0.0, abs=1e-6) for d in depths_of(relief, part, gothic)
+    )
+
+
+def test_a_filled_stroke_has_no_depth_and_never_a_negative_one(
+    flat: tuple[StampedPart, Relief], gothic: Font
+) -> None:
+    part, relief = flat
+    z = relief.height_mm.copy()
+    x0, y0, x1, y1 = (round(edge / relief.pitch_mm) for edge in part.boxes_mm[2])
+    z[y0 - 3 : y1 + 4, x0 - 3 : x1 + 4] = 0.05  # heaped over
+    found = depths_of(replace(relief, height_mm=z), part, gothic)[2]
+    assert found is not None
+    assert (found.min_mm, found.mean_mm, found.max_mm) == (0.0, 0.0, 0.0)
+
+
 def shallower(part: StampedPart, which: int, *, floor_mm: float, below: float = 0.0) -> HeightMap:
     """The part with one character struck less deep by the same die, or only its part below a share of its box."""
     z, pitch = part.height_map.z_mm.copy(), part.height_map.pitch_mm

@@ -20,8 +20,9 @@ from recognition.belief.fuse_lattices import (
     tempered,
 )
 from recognition.decision.decide import DOUBTS, decided
+from recognition.decision.flags import ReadingFlag
 from recognition.decision.fuse import fuse
-from recognition.decision.reading import Decision, OtherLine, Reading, ReadingFlag
+from recognition.decision.reading import Decision, OtherLine, Reading
 from recognition.decision.reading_of_line import characters_of, doubts_of_lines
 from recognition.language.box import Box
 from recognition.language.constrained_decoding import choose
@@ -219,7 +220,7 @@ def test_senses_sure_of_different_characters_are_never_accepted() -> None:
     read = fuse(touch(one), vision(other), SETTINGS)
     assert ReadingFlag.SENSES_DISAGREE in read.flags
     assert read.decision is Decision.REVIEW
-    assert read.notes == ("place 5: touch has 3, the camera 8",)
+    assert read.messages() == ("place 5: touch has 3, the camera 8",)
     # a camera that reads something else altogether is not sure of anything
     lost = fuse(touch(one), vision(of_text("XY9876", 0.999)), SETTINGS)
     assert (lost.text, lost.decision) == ("AB1234", Decision.ACCEPT)
@@ -255,20 +256,19 @@ LINES = ReaderSettings(format="AA9999", lines={"lot": "AAA99"})
 
 def lines_of(reading: Reading, *others: OtherLine) -> Reading:
     """The reading with other lines, doubted as a sense by itself doubts them."""
-    flags, notes = doubts_of_lines(others, LINES.asked, LINES)
-    decision = Decision.REVIEW if flags & DOUBTS else reading.decision
-    return replace(reading, others=others, flags=reading.flags | flags, notes=notes, decision=decision)
+    made = replace(reading, others=others).found(*doubts_of_lines(others, LINES.asked, LINES))
+    return replace(made, decision=Decision.REVIEW if made.flags & DOUBTS else reading.decision)
 
 
 def test_the_camera_finds_a_line_that_touch_has_missed() -> None:
     missed = lines_of(touch(of_text("AB1234", 0.999)))
     assert missed.decision is Decision.REVIEW
-    assert missed.notes == ("no line was found that lot may be",)
+    assert missed.messages() == ("no line was found that lot may be",)
     camera = lines_of(vision(of_text("AB1234", 0.999)), OtherLine("lot", "LOT77", 0.99))
     read = fuse(missed, camera, LINES)
-    assert (read.decision, read.others, read.notes) == (Decision.ACCEPT, camera.others, ())
+    assert (read.decision, read.others, read.messages()) == (Decision.ACCEPT, camera.others, ())
     still = fuse(missed, lines_of(vision(of_text("AB1234", 0.999))), LINES)
-    assert (still.decision, still.notes) == (Decision.REVIEW, missed.notes)
+    assert (still.decision, still.messages()) == (Decision.REVIEW, missed.messages())
 
 
 def test_a_doubtful_line_is_not_accepted_with_a_sure_serial() -> None:
@@ -276,11 +276,11 @@ def test_a_doubtful_line_is_not_accepted_with_a_sure_serial() -> None:
     sure, other = replace(doubtful, confidence=0.99), OtherLine("lot", "LOT11", 0.99)
     felt, seen = touch(of_text("AB1234", 0.999)), vision(of_text("AB1234", 0.999))
     both = fuse(lines_of(felt, doubtful), lines_of(seen, doubtful), LINES)
-    assert (both.decision, both.notes) == (Decision.REVIEW, ("low confidence: lot LOT77?",))
+    assert (both.decision, both.messages()) == (Decision.REVIEW, ("low confidence: lot LOT77?",))
     assert fuse(lines_of(felt, doubtful), lines_of(seen, sure), LINES).decision is Decision.ACCEPT
     apart = fuse(lines_of(felt, sure), lines_of(seen, other), LINES)
     assert apart.decision is Decision.REVIEW
-    assert apart.notes == ("lot: touch has LOT77, the camera LOT11",)
+    assert apart.messages() == ("lot: touch has LOT77, the camera LOT11",)
     # by the camera alone it is doubted just so
     assert ReadingFlag.LOW_CONFIDENCE in fuse(touch(None), lines_of(seen, doubtful), LINES).flags
 
@@ -321,4 +321,4 @@ def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(path: s
     assert read.text == VIN
     assert ReadingFlag.CHECK_BLIND in read.flags
     assert read.decision is Decision.REVIEW
-    assert sum("8 may be H" in note for note in read.notes) == 1
+    assert sum("8 may be H" in message for message in read.messages()) == 1

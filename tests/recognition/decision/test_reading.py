@@ -4,15 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from recognition.decision.reading import (
-    Box,
-    Candidate,
-    CharacterReading,
-    Decision,
-    MarkDepth,
-    Reading,
-    ReadingFlag,
-)
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Box, Candidate, CharacterReading, Decision, MarkDepth, Reading
 
 BOX = Box(0.0, 0.0, 1.0, 2.0)
 
@@ -85,8 +78,11 @@ def test_a_depth_is_finite_and_in_order() -> None:
         MarkDepth(float("nan"), 0.1, 0.2)
     with pytest.raises(ValueError, match="above its greatest"):
         MarkDepth(0.15, 0.2, 0.1)
-    # a surface that rises where it should fall has a depth below zero
-    assert MarkDepth(-0.01, -0.02, 0.0).min_mm == -0.02
+    # a surface that rises where it should fall has no depth
+    with pytest.raises(ValueError, match="below 0"):
+        MarkDepth(0.0, -0.02, 0.0)
+    with pytest.raises(ValueError, match="below 0"):
+        MarkDepth(0.1, 0.1, 0.1, burr_mm=-0.01)
 
 
 def test_the_depth_of_a_reading_is_that_of_the_characters_felt() -> None:
@@ -98,23 +94,3 @@ def test_the_depth_of_a_reading_is_that_of_the_characters_felt() -> None:
     unknown = Reading(characters[1:2], Decision.ACCEPT, 1.0)
     assert unknown.depth_min_mm is None
     assert unknown.depth_mean_mm is None
-
-
-def test_low_confidence_names_the_places_worst_first() -> None:
-    def place(*beliefs: tuple[str, float]) -> CharacterReading:
-        return CharacterReading(tuple(Candidate(c, 1.0, p) for c, p in beliefs), Box(0.0, 0.0, 1.0, 1.0))
-
-    sure, faint = place(("K", 0.99), ("X", 0.01)), place(("B", 0.7), ("8", 0.2))
-    close = place(("1", 0.5), ("I", 0.4))
-    flags = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
-    doubtful = Reading((sure, faint, close), Decision.REVIEW, 0.3, flags=flags)
-    assert doubtful.messages() == ("low confidence: 1 or I at place 3, B or 8 at place 2?",)
-    assert Reading((sure,), Decision.REVIEW, 0.3, flags=flags).messages() == flags.messages()
-
-
-def test_notes_stand_in_for_the_flags_of_the_mark() -> None:
-    flags = ReadingFlag.DROPOUTS | ReadingFlag.TOO_SHALLOW
-    bare = Reading((), Decision.REJECT, 0.0, flags=flags)
-    assert bare.messages() == flags.messages()
-    noted = Reading((), Decision.REJECT, 0.0, flags=flags, notes=("too shallow for x: K 0.1 mm",))
-    assert noted.messages() == (*ReadingFlag.DROPOUTS.messages(), "too shallow for x: K 0.1 mm")

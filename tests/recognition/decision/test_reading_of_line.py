@@ -10,7 +10,8 @@ import pytest
 from recognition.belief.line_belief import believed
 from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.belief.weights import ExpertWeights, Power
-from recognition.decision.reading import Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Decision, Reading
 from recognition.decision.reading_of_line import hull, reading_of_line, word_gaps
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
@@ -78,7 +79,7 @@ def test_another_line_that_nobody_asked_for_sends_the_part_to_review() -> None:
     assert found.text == "AB812"
     assert found.decision is Decision.REVIEW
     assert ReadingFlag.UNREAD_MARKS in found.flags
-    assert any("B21" in note for note in found.notes)
+    assert any("B21" in finding.text for finding in found.findings)
 
 
 def test_doubt_is_not_accepted() -> None:

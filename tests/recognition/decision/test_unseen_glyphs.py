@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from glyphs.fonts.outlines import load_font
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.language.box import Box
 
@@ -39,14 +40,14 @@ def doubted(text, scores, *, guessed, places=None, decision=Decision.ACCEPT):
 def test_a_font_felt_whole_is_trusted():
     reading = doubted("E", [(0.93, 0.92, 0.1, 0.1)], guessed="")
     assert reading.decision is Decision.ACCEPT
-    assert reading.notes == ()
+    assert reading.findings == ()
 
 
 def test_a_guess_that_comes_near_sends_the_reading_to_review():
     reading = doubted("EQ", [(0.93, 0.92, 0.1, 0.1), (0.1, 0.1, 0.97, 0.8)], guessed="F")
     assert reading.decision is Decision.REVIEW
     assert ReadingFlag.FOREIGN_SHAPES in reading.flags
-    assert reading.notes == ("place 1: F was never enrolled in press-7",)
+    assert reading.messages() == ("place 1: F was never enrolled in press-7",)
 
 
 def test_a_guess_that_was_read_does_so_too():

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.verified import verified
 from recognition.decision.verify import Verdict, Verification, VerifyError
 from recognition.language.box import Box

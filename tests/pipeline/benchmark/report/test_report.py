@@ -23,6 +23,7 @@ from pipeline.benchmark.trials.run import Benchmark
 from pipeline.cli.main import main
 from recognition.senses.settings import ReaderSettings
 from tests.factories import designed_parts
+from tests.support.certificates import a_certificate, measured
 
 SECTIONS = (
     "wrong", "targets", "summary", "accuracy", "decisions",
@@ -165,23 +166,34 @@ def test_targets_are_met_missed_or_left_out() -> None:
     characters = by_target[("tactile", 0.3, "characters right at least 99.9%")]
     assert (characters.outcome, characters.sure) == (Outcome.NOT_MET, True)  # 5 of 10: at most 76 %
     assert not any(v.severity == 0.9 for v in judged)  # no such part, nothing to say
-    wrong = by_target[("tactile", 0.3, "serials accepted but wrong at most 1 in 1,000")]
+    wrong = by_target[("tactile", 0.3, "of accepted serials wrong at most 1 in 1,000")]
     assert (wrong.outcome, wrong.sure) == (Outcome.NOT_MET, True)  # 1 of 5: at least 1 %
     fused = judged[-1]
-    assert (fused.reader, fused.outcome) == ("fused", Outcome.MET)
+    assert (fused.reader, fused.outcome) == ("fused", Outcome.NOT_SHOWN)  # no worse on five parts
     assert "vision" in fused.target
     on_rust = [replace(t, levels={**t.levels, "soil": "rust"}) for t in TRIALS]
     assert {v.reader for v in verdicts(statistics_of(on_rust))} == {"fused"}  # targets are for workshop soil
 
 
 def test_none_wrong_of_six_shows_nothing_and_of_2995_one_in_a_thousand() -> None:
-    target = "serials accepted but wrong at most 1 in 1,000"
+    target = "of accepted serials wrong at most 1 in 1,000"
     six = next(v for v in verdicts(statistics_of([trial(k, "A1") for k in range(6)])) if v.target == target)
     assert six.outcome is Outcome.NOT_SHOWN
-    assert "needs 2,995 parts without a wrong one" in six.found
+    assert "needs 2,995 accepted parts without a wrong one" in six.found
     assert at_most(bounded(0, 2995), 0.001) == (Outcome.MET, True)
     assert at_most(bounded(0, 2994), 0.001) == (Outcome.NOT_SHOWN, False)
     assert at_most(bounded(1, 2995), 0.001)[0] is Outcome.NOT_SHOWN
+
+
+def test_all_of_six_accepted_show_no_share_of_ninety_percent() -> None:
+    target = "serials accepted at least 90.0%"
+
+    def judged(n: int) -> Outcome:
+        found = verdicts(statistics_of([trial(k, "A1") for k in range(n)]))
+        return next(v.outcome for v in found if v.target == target)
+
+    # 0.05^(1/28) = 0.898, 0.05^(1/29) = 0.902
+    assert (judged(6), judged(28), judged(29)) == (Outcome.NOT_SHOWN, Outcome.NOT_SHOWN, Outcome.MET)
 
 
 def test_a_fused_mode_that_loses_is_not_met_and_chance_is_told() -> None:
@@ -190,6 +202,16 @@ def test_a_fused_mode_that_loses_is_not_met_and_chance_is_told() -> None:
     verdict = verdicts(statistics_of([*trials, *lost]))[-1]
     assert (verdict.outcome, verdict.sure) == (Outcome.NOT_MET, False)
     assert "no more than chance" in verdict.found
+
+
+def test_parts_unlike_the_certified_ones_are_told_by_mode() -> None:
+    rough = [dict(part) for part in measured(20, rough_um=4.0)]
+    alike = [dict(part) for part in measured(20, seed=2)]
+    trials = [replace(trial(k, "A1"), measures=rough[k]) for k in range(20)]
+    trials += [replace(trial(k, "A1", mode="fused"), measures=alike[k]) for k in range(20)]
+    found = report.drift_of(trials, a_certificate(sources=("fused", "tactile")))
+    assert list(found) == ["tactile"]
+    assert "fine roughness" in found["tactile"]
 
 
 def test_the_factors_come_first_and_the_costliest_level_leads(tmp_path: Path) -> None:

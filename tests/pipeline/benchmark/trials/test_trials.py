@@ -11,7 +11,8 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.benchmark.trials.journal import FORMAT_VERSION, Trial, TrialJournal, answer_of
-from recognition.decision.reading import Decision, Reading, ReadingFlag
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Decision, Reading
 
 DESCRIPTION = {"seed": 1}
 TRIAL = Trial(

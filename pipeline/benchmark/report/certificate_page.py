@@ -1,0 +1,49 @@
+"""The page of a certificate: what it says, what it rests on, and for what it holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.benchmark.report.page import rendered
+from pipeline.common.atomic import replacing
+from pipeline.reading.certificate import Certificate
+from recognition.decision.accepted_risk import Shown
+from recognition.decision.likeness import LEAST_PARTS, P_VALUE, KindOfParts
+
+_TEMPLATE = "certificate.html.j2"
+
+
+def write_certificate_page(certificate: Certificate, path: Path, *, command: str) -> None:
+    """Write the page.
+
+    Args:
+        certificate: of which.
+        path: of the page.
+        command: how to make it again, as typed.
+
+    Raises:
+        FileError: the file cannot be written.
+        ReportError: Jinja2 is not there.
+    """
+    page = rendered(
+        _TEMPLATE,
+        title="Certificate of acceptance",
+        c=certificate,
+        tests=[test for test in certificate.tests if test.shown is not Shown.NOT_TESTED],
+        measures=_spread(certificate.kind),
+        p_value=P_VALUE,
+        least_parts=LEAST_PARTS,
+        command=command,
+    )
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def _spread(kind: KindOfParts) -> list[tuple[str, list[str]]]:
+    """Every measure with its 5th, 50th and 95th percentile."""
+    return [
+        (name.value, [f"{v:.4g}" for v in np.percentile(values, [5, 50, 95])])
+        for name, values in kind.values.items()
+    ]

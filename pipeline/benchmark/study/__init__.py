@@ -1,0 +1,1 @@
+"""How well readings repeat: an agreement study, its page and its tables."""

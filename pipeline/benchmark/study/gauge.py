@@ -1,0 +1,170 @@
+"""Gauge R&R by analysis of variance: how much of what depths vary comes from the gauge, and how much from the parts.
+
+    x_ijk = mean + part_i + appraiser_j + (part x appraiser)_ij + repeat_k        all random
+
+AIAG, *Measurement Systems Analysis*, 4th edition (2010), chapter III, section B ("Analysis of Variance Method") and
+appendix A. Where the interaction is not significant at 5 % it is pooled with the repeats. With one appraiser there
+is no reproducibility to be found: parts and repeats alone.
+
+    %GRR below 10: good; 10 to 30: may do; above: not good. Fewer than 5 categories: it hardly tells parts apart.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+SIGNIFICANT = 0.05
+"""Of the interaction, as in the manual's example."""
+CATEGORIES = 1.41
+"""Distinct categories are so many times part variation over gauge variation, cut to a whole number."""
+GOOD, USABLE = 0.10, 0.30
+LEAST_CATEGORIES = 5
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table of variances.
+
+    Attributes:
+        source: of the variation.
+        freedom: degrees of it.
+        squares: sum of squares, mm².
+        mean_square: squares by freedom, mm².
+        f: ratio to what it is tested against; None where it is tested against nothing.
+        p: chance of so large a ratio.
+    """
+
+    source: str
+    freedom: int
+    squares: float
+    mean_square: float
+    f: float | None = None
+    p: float | None = None
+
+
+@dataclass(frozen=True)
+class GaugeRR:
+    """What a gauge study finds; standard deviations, mm.
+
+    Attributes:
+        table: of variances.
+        parts: how many.
+        appraisers: how many.
+        trials: of each appraiser on each part.
+        pooled: whether the interaction went to the repeats.
+        repeatability_mm: of repeats by one appraiser.
+        reproducibility_mm: between appraisers, with the interaction; None with one appraiser.
+        part_mm: between parts.
+    """
+
+    table: tuple[Row, ...]
+    parts: int
+    appraisers: int
+    trials: int
+    pooled: bool
+    repeatability_mm: float
+    reproducibility_mm: float | None
+    part_mm: float
+
+    @property
+    def gauge_mm(self) -> float:
+        """Repeatability and reproducibility together."""
+        return math.hypot(self.repeatability_mm, self.reproducibility_mm or 0.0)
+
+    @property
+    def total_mm(self) -> float:
+        """All variation."""
+        return math.hypot(self.gauge_mm, self.part_mm)
+
+    @property
+    def share(self) -> float:
+        """%GRR: the gauge's standard deviation of all; 0 where nothing varies."""
+        return self.of_total(self.gauge_mm)
+
+    def of_total(self, deviation_mm: float) -> float:
+        """A standard deviation as a share of the total; 0 where nothing varies."""
+        return deviation_mm / self.total_mm if self.total_mm else 0.0
+
+    @property
+    def categories(self) -> int | None:
+        """Distinct categories of parts that the gauge tells apart; None where the gauge does not vary."""
+        return math.floor(CATEGORIES * self.part_mm / self.gauge_mm) if self.gauge_mm else None
+
+    @property
+    def verdict(self) -> str:
+        """The manual's word for it."""
+        if self.share > USABLE:
+            return "not good"
+        few = self.categories is not None and self.categories < LEAST_CATEGORIES
+        return "may do" if self.share > GOOD or few else "good"
+
+
+def gauge_rr(values_mm: ArrayLike) -> GaugeRR:
+    """The study of depths.
+
+    Args:
+        values_mm: (parts, appraisers, trials), mm, at least 2 parts and 2 trials, all finite.
+
+    Raises:
+        ValueError: another shape, or values that are not finite.
+    """
+    x = np.asarray(values_mm, dtype=np.float64)
+    if x.ndim != 3 or x.shape[0] < 2 or x.shape[1] < 1 or x.shape[2] < 2:
+        raise ValueError(
+            f"depths have shape {x.shape}; give parts, appraisers and trials: at least 2, 1 and 2"
+        )
+    if not np.isfinite(x).all():
+        raise ValueError("a depth is not finite; leave parts out whose depth is not known")
+    p, o, r = x.shape
+    mean = x.mean()
+    by_part, by_appraiser, by_cell = x.mean(axis=(1, 2)), x.mean(axis=(0, 2)), x.mean(axis=2)
+    ss_part = o * r * float(((by_part - mean) ** 2).sum())
+    ss_repeat = float(((x - by_cell[..., None]) ** 2).sum())
+    total = Row("total", x.size - 1, float(((x - mean) ** 2).sum()), float(x.var(ddof=1)))
+    if o == 1:
+        repeat = _row("repeatability", p * (r - 1), ss_repeat)
+        part = _row("parts", p - 1, ss_part, against=repeat)
+        part_var = max(0.0, (part.mean_square - repeat.mean_square) / r)
+        return GaugeRR(
+            (part, repeat, total), p, o, r, False, math.sqrt(repeat.mean_square), None, math.sqrt(part_var)
+        )
+    ss_appraiser = p * r * float(((by_appraiser - mean) ** 2).sum())
+    cells = by_cell - by_part[:, None] - by_appraiser[None, :] + mean
+    ss_cell = r * float((cells**2).sum())
+    repeat = _row("repeatability", p * o * (r - 1), ss_repeat)
+    cell = _row("parts x appraisers", (p - 1) * (o - 1), ss_cell, against=repeat)
+    pooled = cell.p is None or cell.p > SIGNIFICANT
+    error = _row("pooled", repeat.freedom + cell.freedom, ss_repeat + ss_cell) if pooled else cell
+    part = _row("parts", p - 1, ss_part, against=error)
+    appraiser = _row("appraisers", o - 1, ss_appraiser, against=error)
+    cell_var = 0.0 if pooled else max(0.0, (cell.mean_square - repeat.mean_square) / r)
+    appraiser_var = max(0.0, (appraiser.mean_square - error.mean_square) / (p * r))
+    part_var = max(0.0, (part.mean_square - error.mean_square) / (o * r))
+    table = (part, appraiser, cell, repeat, *((error,) if pooled else ()), total)
+    repeat_var = (error if pooled else repeat).mean_square
+    return GaugeRR(
+        table,
+        p,
+        o,
+        r,
+        pooled,
+        math.sqrt(repeat_var),
+        math.sqrt(appraiser_var + cell_var),
+        math.sqrt(part_var),
+    )
+
+
+def _row(source: str, freedom: int, squares: float, *, against: Row | None = None) -> Row:
+    mean_square = squares / freedom
+    if against is None or against.mean_square <= 0.0:
+        return Row(source, freedom, squares, mean_square)
+    from scipy.stats import f as f_distribution
+
+    f = mean_square / against.mean_square
+    return Row(
+        source, freedom, squares, mean_square, f, float(f_distribution.sf(f, freedom, against.freedom))
+    )

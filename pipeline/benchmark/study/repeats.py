@@ -1,0 +1,186 @@
+"""Every part of a study, measured several times.
+
+KX.1.h5, KX.2.h5, KX.3.h5    one part, KX, recorded three times: each recording is a trial
+KX.npz                       a height map: scanned anew for every trial, by each of several virtual arrays
+KX.h5, KX.png                one recording: perturbed for every trial
+
+A virtual array keeps the gains and offsets of its sensors; a new trial has another place of the part under the lines,
+other noise, light and scale (`pipeline.reading.perturbation.ANEW`).
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pipeline.common.settings import ReadSettings
+from pipeline.files.listed import ListedPart, settings_of
+from pipeline.reading.perturbation import ANEW, Retake
+
+if TYPE_CHECKING:
+    from pipeline.workers.executors import Executor
+    from recognition.decision.reading import Reading
+
+_REPEAT = re.compile(r"(.+)\.(\d+)")
+
+
+@dataclass(frozen=True)
+class StudiedPart:
+    """One part.
+
+    Attributes:
+        name: without the number of a recording.
+        recordings: of it, in the order of their numbers; at least one.
+    """
+
+    name: str
+    recordings: tuple[ListedPart, ...]
+
+    @property
+    def simulated(self) -> bool:
+        """Whether touch is simulated anew for every trial."""
+        return (
+            len(self.recordings) == 1 and bool(self.recordings[0].height_map) and not self.recordings[0].scan
+        )
+
+
+@dataclass(frozen=True)
+class StudyPlan:
+    """How all parts are measured.
+
+    Attributes:
+        settings: of reading.
+        repeats: trials of every array.
+        arrays: virtual arrays.
+    """
+
+    settings: ReadSettings
+    repeats: int
+    arrays: int
+
+    def appraiser(self, array: int) -> str:
+        """What an array is called, from 0 on."""
+        return f"array {array + 1}" if self.arrays > 1 else "the reader"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One trial.
+
+    Attributes:
+        part: its name.
+        appraiser: who.
+        trial: from 1 on.
+        recorded: it is a recording of its own, not one that was perturbed.
+        text: as read, without blanks; empty with an error.
+        decision: accept, review or reject; empty with an error.
+        confidence: that all of it is right, 0 to 1.
+        depth_mm: mean of its characters; None where it is not known.
+        error: why there is no reading; empty where there is one.
+    """
+
+    part: str
+    appraiser: str
+    trial: int
+    recorded: bool
+    text: str = ""
+    decision: str = ""
+    confidence: float = 0.0
+    depth_mm: float | None = None
+    error: str = ""
+
+
+def studied_parts(listed: Sequence[ListedPart]) -> list[StudiedPart]:
+    """The parts, those that only a number after a full stop tells apart put together."""
+    stems: dict[str, list[tuple[int, ListedPart]]] = {}
+    for part in listed:
+        if named := _REPEAT.fullmatch(part.name):
+            stems.setdefault(named[1], []).append((int(named[2]), part))
+    several = {stem: sorted(found, key=lambda f: f[0]) for stem, found in stems.items() if len(found) > 1}
+    parts: dict[str, StudiedPart] = {}
+    for part in listed:
+        named = _REPEAT.fullmatch(part.name)
+        stem = named[1] if named and named[1] in several else part.name
+        if stem not in parts:
+            recordings = tuple(p for _, p in several[stem]) if stem in several else (part,)
+            parts[stem] = StudiedPart(stem, recordings)
+    return list(parts.values())
+
+
+def measure(
+    plan: StudyPlan,
+    parts: Sequence[StudiedPart],
+    executor: Executor,
+    on_part: Callable[[], None] = lambda: None,
+) -> list[Measured]:
+    """Every trial of every part, in their order; what fails is in the trial."""
+    from glyphs.errors import fault_of
+
+    done: dict[str, tuple[Measured, ...]] = {}
+    for outcome in executor.calls(measure_part, plan, parts):
+        part, error = outcome.task, outcome.error
+        if outcome.result is not None:
+            done[part.name] = outcome.result
+        else:
+            assert error is not None
+            done[part.name] = tuple(
+                Measured(part.name, plan.appraiser(array), trial, False, error=fault_of(error))
+                for array in range(plan.arrays)
+                for trial in range(1, plan.repeats + 1)
+            )
+        on_part()
+    return [m for part in parts for m in done[part.name]]
+
+
+def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Measured, ...]:
+    """Every trial of one part."""
+    return tuple(
+        _measured(plan, part, array, trial)
+        for array in range(plan.arrays)
+        for trial in range(1, plan.repeats + 1)
+    )
+
+
+def _measured(plan: StudyPlan, part: StudiedPart, array: int, trial: int) -> Measured:
+    from glyphs.errors import MarksError, fault_of
+
+    number = trial - 1
+    recorded = len(part.recordings) > 1 and number < len(part.recordings)
+    recording = part.recordings[number % len(part.recordings)]
+    seed = zlib.crc32(f"{part.name} {array} {trial}".encode())
+    again = None if recorded else Retake(ANEW, seed, array=array)
+    blank = Measured(part.name, plan.appraiser(array), trial, recorded)
+    try:
+        reading = _read(plan.settings, recording, again)
+    except MarksError as error:
+        return _failed(blank, str(error))
+    # a fault of the program in one part may not cost the study the other parts
+    except Exception as error:
+        return _failed(blank, f"{fault_of(error)}; please report it")
+    touch = reading.touch
+    return Measured(
+        *(blank.part, blank.appraiser, trial, recorded),
+        text="".join(reading.text.split()),
+        decision=reading.decision.value,
+        confidence=round(float(reading.confidence), 6),
+        depth_mm=None if touch is None else touch.depth_mean_mm,
+    )
+
+
+def _failed(blank: Measured, error: str) -> Measured:
+    return Measured(blank.part, blank.appraiser, blank.trial, blank.recorded, error=error)
+
+
+def _read(settings: ReadSettings, listed: ListedPart, again: Retake | None) -> Reading:
+    from pipeline.files.remote import fetched
+    from pipeline.files.units import Unit
+    from pipeline.reading.kept_readers import reader_of
+    from pipeline.reading.part_reader import Mode, PartReader
+
+    mode = Mode(settings.mode) if settings.mode is not None else None
+    reader = reader_of(settings_of(settings, listed))
+    with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as files:
+        return PartReader(reader, mode=mode, unit=Unit(settings.unit)).unverified(files, again=again)

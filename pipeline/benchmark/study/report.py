@@ -1,0 +1,186 @@
+"""The report of a study: a page that needs nothing beside it, and three tables.
+
+study.html     all of it
+readings.csv   every reading and answer
+agreement.csv  every comparison, with its interval and kappa
+depth.csv      where the variation of depths comes from
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from glyphs.errors import FileError
+from pipeline.benchmark.report.charts import WIDTH_IN, inlined
+from pipeline.benchmark.report.page import check_report, rendered
+from pipeline.benchmark.report.report_page import versions
+from pipeline.benchmark.study.agreement import Agreement
+from pipeline.benchmark.study.gauge import GaugeRR
+from pipeline.benchmark.study.study import Study
+from pipeline.common.atomic import replacing
+
+PAGE, READINGS, AGREEMENT, DEPTH = "study.html", "readings.csv", "agreement.csv", "depth.csv"
+_TEMPLATE = "study.html.j2"
+_MOST_PARTS = 60
+"""Parts that disagree, on the page; all of them are in the table."""
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#7f7f7f", "#a0522d", "#cc79a7", "#56b4e9")
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was written; no table of depths where there is no gauge study."""
+
+    files: tuple[Path, ...]
+
+
+def write_study(study: Study, folder: Path, *, notes: Sequence[str] = (), command: str = "") -> Written:
+    """Write the page and the tables.
+
+    Args:
+        study: what was found.
+        folder: for them; made if need be.
+        notes: what else to know about it.
+        command: how to do it again, as typed.
+
+    Raises:
+        FileError: the folder cannot be written.
+        ReportError: Jinja2 is not there.
+    """
+    check_report()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
+    tables = {READINGS: _readings(study), AGREEMENT: _agreement(study)}
+    if study.depth is not None:
+        tables[DEPTH] = _depth(study.depth)
+    for name, rows in tables.items():
+        with (
+            replacing(folder / name) as temporary,
+            temporary.open("w", encoding="utf-8", newline="") as stream,
+        ):
+            csv.writer(stream).writerows(rows)
+    differ = disagreed(study)
+    page = rendered(
+        _TEMPLATE,
+        title="Agreement study",
+        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        study=study,
+        trials=max((m.trial for m in study.measured), default=0),
+        comparisons=[("serials", study.serials), ("decisions", study.decisions)],
+        gauge=study.depth,
+        components=[] if study.depth is None else list(components(study.depth)),
+        widest=study.widest_depth,
+        depths="" if study.depth is None else inlined(depth_figure(study)),
+        differ=[(part, study.truth.get(part, ""), _said(study, part)) for part in differ[:_MOST_PARTS]],
+        more=max(0, len(differ) - _MOST_PARTS),
+        errors=[m for m in study.measured if m.error],
+        notes=notes,
+        versions=versions(),
+        command=command,
+    )
+    with replacing(folder / PAGE) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+    return Written(tuple(folder / name for name in (PAGE, *tables)))
+
+
+def disagreed(study: Study) -> list[str]:
+    """Parts of which anybody read another serial than somebody else, or than is true."""
+    wrong = {part for found in study.serials for part in found.disagreed}
+    return [part for part in study.parts if part in wrong]
+
+
+def components(gauge: GaugeRR) -> Iterator[tuple[str, float | None, float | None]]:
+    """(source, standard deviation mm, share of the total); None where it was not to be found."""
+    named = {
+        "gauge (repeatability and reproducibility)": gauge.gauge_mm,
+        "repeatability": gauge.repeatability_mm,
+        "reproducibility": gauge.reproducibility_mm,
+        "parts": gauge.part_mm,
+        "total": gauge.total_mm,
+    }
+    for source, deviation in named.items():
+        yield source, deviation, None if deviation is None else gauge.of_total(deviation)
+
+
+def depth_figure(study: Study) -> Figure:
+    """Mean depth of every part as each appraiser measured it, the shallowest part first."""
+    known = [m for m in study.measured if m.depth_mm is not None and m.part not in study.depthless]
+    means: dict[str, list[float]] = {}
+    for m in known:
+        means.setdefault(m.part, []).append(m.depth_mm or 0.0)
+    order = {part: k for k, part in enumerate(sorted(means, key=lambda p: sum(means[p]) / len(means[p])))}
+    figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
+    axes = figure.subplots()
+    appraisers = list(dict.fromkeys(m.appraiser for m in known))
+    for number, who in enumerate(appraisers):
+        own = [m for m in known if m.appraiser == who]
+        beside = 0.18 * (number - 0.5 * (len(appraisers) - 1))
+        axes.plot(
+            [order[m.part] + beside for m in own], [m.depth_mm or 0.0 for m in own], ".", markersize=5,
+            color=_COLOURS[number % len(_COLOURS)], label=who,
+        )  # fmt: skip
+    axes.set_xticks([])
+    axes.set_xlabel("parts, the shallowest first")
+    axes.set_ylabel("mean depth, mm")
+    axes.grid(visible=True, color="#e3e6e8", linewidth=0.7)
+    axes.legend(frameon=False, ncols=4)
+    return figure
+
+
+def _said(study: Study, part: str) -> list[tuple[str, tuple[str, ...]]]:
+    return [(who, by_part[part]) for who, by_part in study.texts.items() if part in by_part]
+
+
+def _readings(study: Study) -> Iterator[Sequence[object]]:
+    yield (
+        "part", "truth", "appraiser", "trial", "recorded", "text", "right", "decision", "confidence",
+        "depth_mean_mm", "error",
+    )  # fmt: skip
+    for m in study.measured:
+        yield (
+            m.part, study.truth.get(m.part, ""), m.appraiser, m.trial, int(m.recorded), m.text,
+            _right(study, m.part, m.text), m.decision, m.confidence,
+            "" if m.depth_mm is None else round(m.depth_mm, 6), m.error,
+        )  # fmt: skip
+    for who, by_part in study.answers.items():
+        for part, said in by_part.items():
+            for trial, text in enumerate(said, start=1):
+                right = _right(study, part, text)
+                yield part, study.truth.get(part, ""), who, trial, 1, text, right, "", "", "", ""
+
+
+def _right(study: Study, part: str, text: str) -> int | str:
+    return int(study.truth[part] == text) if part in study.truth else ""
+
+
+def _agreement(study: Study) -> Iterator[Sequence[object]]:
+    yield (
+        "attribute", "comparison", "appraisers", "agree", "parts", "share", "low", "high", "kappa", "kappa_low",
+        "kappa_high", "disagreed",
+    )  # fmt: skip
+    for attribute, found in (("serial", study.serials), ("decision", study.decisions)):
+        yield from (_agreement_row(attribute, each) for each in found)
+
+
+def _agreement_row(attribute: str, found: Agreement) -> Sequence[object]:
+    parts, kappa = found.parts, found.kappa
+    kappas: Iterable[object] = ("", "", "") if kappa is None else (
+        round(v, 6) for v in (kappa.value, kappa.low, kappa.high)
+    )  # fmt: skip
+    shares = (round(v, 6) for v in (parts.value, parts.low, parts.high))
+    disagreed = " ".join(found.disagreed)
+    return (attribute, found.kind.value, found.who, parts.count, parts.total, *shares, *kappas, disagreed)
+
+
+def _depth(gauge: GaugeRR) -> Iterator[Sequence[object]]:
+    yield "source", "standard_deviation_mm", "share_of_total"
+    for source, deviation, of_total in components(gauge):
+        yield source, *("" if v is None else round(v, 9) for v in (deviation, of_total))
+    yield "distinct categories", gauge.categories if gauge.categories is not None else "", ""

@@ -1,0 +1,117 @@
+"""What a study finds: how far serials and decisions agree, and how well the depth is gauged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.benchmark.study.agreement import Agreement, agreements
+from pipeline.benchmark.study.gauge import GaugeRR, gauge_rr
+from pipeline.benchmark.study.repeats import Measured
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that was found.
+
+    Attributes:
+        measured: every trial of the reader.
+        answers: of reviewers, by reviewer and part.
+        truth: by part, as far as known.
+        serials: how far serials agree, of the reader and the reviewers.
+        decisions: how far the reader's decisions agree.
+        depth: how well the mean depth of a part is gauged; None where `no_depth` says why.
+        no_depth: why there is no gauge study; empty where there is one.
+        depthless: parts left out of it, as their depth was not known each time.
+    """
+
+    measured: tuple[Measured, ...]
+    answers: Mapping[str, Mapping[str, tuple[str, ...]]]
+    truth: Mapping[str, str]
+    serials: tuple[Agreement, ...]
+    decisions: tuple[Agreement, ...]
+    depth: GaugeRR | None
+    no_depth: str
+    depthless: tuple[str, ...]
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(dict.fromkeys(m.part for m in self.measured))
+
+    @property
+    def appraisers(self) -> tuple[str, ...]:
+        """The reader's arrays, then the reviewers."""
+        return (*dict.fromkeys(m.appraiser for m in self.measured), *self.answers)
+
+    @property
+    def widest_depth(self) -> tuple[str, float]:
+        """The part whose depth varies most, and from the least to the most, mm; ("", 0) where none is known."""
+        spreads = {part: float(np.ptp(depths)) for part, depths in _depths(self.measured)[0].items()}
+        return max(spreads.items(), key=lambda item: item[1], default=("", 0.0))
+
+    @property
+    def texts(self) -> dict[str, dict[str, tuple[str, ...]]]:
+        """What each appraiser read of each part, trial by trial."""
+        return {
+            **_by_appraiser(self.measured, "text"),
+            **{w: dict(parts) for w, parts in self.answers.items()},
+        }
+
+
+def study_of(
+    measured: Sequence[Measured],
+    answers: Mapping[str, Mapping[str, tuple[str, ...]]] | None = None,
+    truth: Mapping[str, str] | None = None,
+) -> Study:
+    """All that trials, answers and truth tell.
+
+    Args:
+        measured: every trial; equally many of every part and appraiser.
+        answers: of reviewers: trial by trial, by reviewer and part.
+        truth: text by part, as far as known.
+
+    Raises:
+        ValueError: not equally many.
+    """
+    answers, truth = answers or {}, {part: "".join(text.split()) for part, text in (truth or {}).items()}
+    depths, depthless = _depths(measured)
+    trials = max((m.trial for m in measured), default=0)
+    no_depth = ""
+    if len(depths) < 2:
+        no_depth = "the depth of fewer than two parts is known each time"
+    elif trials < 2:
+        no_depth = "every part was measured once"
+    return Study(
+        measured=tuple(measured),
+        answers=answers,
+        truth=truth,
+        serials=tuple(agreements({**_by_appraiser(measured, "text"), **answers}, truth)),
+        decisions=tuple(agreements(_by_appraiser(measured, "decision"))),
+        depth=None if no_depth else gauge_rr(list(depths.values())),
+        no_depth=no_depth,
+        depthless=depthless,
+    )
+
+
+def _by_appraiser(measured: Sequence[Measured], attribute: str) -> dict[str, dict[str, tuple[str, ...]]]:
+    found: dict[str, dict[str, tuple[str, ...]]] = {}
+    for m in measured:
+        by_part = found.setdefault(m.appraiser, {})
+        by_part[m.part] = (*by_part.get(m.part, ()), getattr(m, attribute))
+    return found
+
+
+def _depths(measured: Sequence[Measured]) -> tuple[dict[str, list[list[float]]], tuple[str, ...]]:
+    """Depths by part, (appraisers, trials), mm, where all are known; and the parts where they are not."""
+    found: dict[str, dict[str, list[float]]] = {}
+    unknown: dict[str, None] = {}
+    for m in measured:
+        if m.depth_mm is None:
+            unknown[m.part] = None
+        else:
+            found.setdefault(m.part, {}).setdefault(m.appraiser, []).append(m.depth_mm)
+    known = {part: list(by.values()) for part, by in found.items() if part not in unknown}
+    return known, tuple(unknown)

@@ -1,0 +1,229 @@
+"""A certificate: from which confidence readings may be accepted, shown by labelled parts, and for what it holds.
+
+    parts, truth --certify--> Certificate --> JSON, page
+    JSON + settings --acceptance_of--> what the reader may accept    (recognition.decision.certified)
+
+It holds for the program, networks and settings that it was made with. With another version or other networks it is
+refused; of a part that is read with other settings (its own format, another database) nothing is accepted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from glyphs.errors import FileError, require_file
+from pipeline.common.atomic import replacing
+from pipeline.common.run_description import differences
+from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.common.version import reader_versions
+from recognition.decision.accepted_risk import ThresholdTest, certified, share_bounds
+from recognition.decision.certified import CertifiedAcceptance
+from recognition.decision.likeness import KindOfParts
+
+FORMAT_VERSION = 1
+_MOST_BYTES = 20_000_000
+_OF_NO_ACCOUNT = {"certificate", "mode", "unit"}
+"""Settings that may differ: the senses stand in the certificate, and a unit is the file's."""
+_FILES = ("database", "lexicon", "layout")
+_AGAIN = "make a new one with: tactile-marks certify"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Certificate:
+    """What labelled parts have shown.
+
+    Attributes:
+        made_at: when, UTC.
+        risk: share of wrong ones among the accepted that is not passed.
+        confidence: with which that is shown.
+        threshold: least confidence for acceptance.
+        sources: of the readings: "tactile", "vision", "fused".
+        parts: parts with a truth, accepted or not.
+        accepted: of these.
+        wrong: of the accepted.
+        bound: upper bound of the share of wrong ones among the accepted, by itself.
+        tests: of every threshold.
+        kind: what was measured of the parts.
+        data_sha256: of the parts' files and their truth.
+        settings: of reading, as far as they are not the usual ones; of files a hash.
+        versions: of program and libraries, and hashes of the networks.
+        format_version: of the file.
+
+    Raises:
+        ValueError: numbers that contradict each other.
+    """
+
+    made_at: datetime
+    risk: float
+    confidence: float
+    threshold: float
+    sources: tuple[str, ...]
+    parts: int
+    accepted: int
+    wrong: int
+    bound: float
+    tests: tuple[ThresholdTest, ...]
+    kind: KindOfParts
+    data_sha256: str
+    settings: Mapping[str, Any]
+    versions: Mapping[str, str]
+    format_version: int = FORMAT_VERSION
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid", strict=True)
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.risk < 1.0 and 0.0 < self.confidence < 1.0 and 0.0 <= self.threshold <= 1.0):
+            raise ValueError("risk, confidence and threshold lie between 0 and 1")
+        if not 0 <= self.wrong <= self.accepted <= self.parts:
+            raise ValueError(
+                f"{self.wrong} wrong of {self.accepted} accepted of {self.parts} parts cannot be"
+            )
+        exact = share_bounds(self.wrong, self.accepted, confidence=self.confidence)[1]
+        if not abs(exact - self.bound) < 1e-9 or self.bound > self.risk:
+            raise ValueError(
+                f"{self.wrong} wrong of {self.accepted} is at most {exact:.6f}, not {self.bound:.6f}, and the risk "
+                f"{self.risk:g}"
+            )
+        chosen = certified(self.tests)
+        if chosen is None or chosen.threshold != self.threshold or chosen.accepted != self.accepted:
+            raise ValueError(f"the threshold {self.threshold:g} is not the one that its tests show")
+
+    @property
+    def coverage(self) -> float:
+        """Share of the parts that is accepted."""
+        return self.accepted / self.parts
+
+    @property
+    def acceptance(self) -> CertifiedAcceptance:
+        """What it vouches for."""
+        return CertifiedAcceptance(self.threshold, self.sources)
+
+    def thresholds(self) -> dict[str, Any]:
+        """What a reader accepts that reads as the certified one did, as options of `recognition.Reader`."""
+        own = {
+            name: self.settings[name]
+            for name in ("accept_confidence", "accept_margin")
+            if name in self.settings
+        }
+        return {**own, "certified": self.acceptance}
+
+    def describe(self) -> str:
+        """In a sentence."""
+        return (
+            f"accepted from confidence {self.threshold:g}: at most {self.risk:g} of the accepted are wrong, with "
+            f"{self.confidence:.0%} confidence ({self.wrong} of {self.accepted:,} were, at most {self.bound:.3%}; "
+            f"coverage {self.coverage:.1%} of {self.parts:,} parts)"
+        )
+
+
+def write_certificate(certificate: Certificate, path: Path) -> None:
+    """Write it as JSON.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
+    written = TypeAdapter(Certificate).dump_json(certificate, indent=1)
+    with replacing(path) as temporary:
+        temporary.write_bytes(written + b"\n")
+
+
+def load_certificate(path: Path) -> Certificate:
+    """A certificate out of its file.
+
+    Raises:
+        FileError: no such file, or no certificate of this format.
+    """
+    require_file(path, most_bytes=_MOST_BYTES)
+    try:
+        made: Certificate = TypeAdapter(Certificate).validate_json(path.read_bytes())
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(step) for step in first["loc"])
+        why = f"{place}: {first['msg']}" if place else first["msg"]
+        raise FileError(path, f"is no certificate of this program ({why})", _AGAIN) from error
+    if made.format_version != FORMAT_VERSION:
+        raise FileError(
+            path, f"has format version {made.format_version}; this program reads {FORMAT_VERSION}", _AGAIN
+        )
+    return made
+
+
+def certificate_of(settings: ReadSettings) -> Certificate | None:
+    """The certificate that the settings name, checked against this program and them; None where they name none.
+
+    Raises:
+        FileError: a file that is none.
+        SettingsError: it was made with another program, other networks or other settings.
+    """
+    if settings.certificate is None:
+        return None
+    made = checked(settings.certificate)
+    differ = differences(made.settings, settings_described(settings))
+    if differ:
+        raise SettingsError(
+            f"the certificate {settings.certificate} was made with other settings ({differ})",
+            hint="read with those, or certify again with these",
+        )
+    return made
+
+
+def checked(path: Path) -> Certificate:
+    """A certificate, checked against this program.
+
+    Raises:
+        FileError: a file that is none.
+        SettingsError: it was made with another program or other networks.
+    """
+    made = _loaded(str(path), path.stat().st_mtime_ns if path.is_file() else 0)
+    differ = differences(made.versions, reader_versions())
+    if differ:
+        raise SettingsError(
+            f"the certificate {path} does not hold for this program ({differ})", hint="certify again"
+        )
+    return made
+
+
+def acceptance_of(settings: ReadSettings) -> CertifiedAcceptance | None:
+    """What a reader of these settings may accept; nothing where they are not those that were certified.
+
+    Raises:
+        FileError: a file that is no certificate.
+        SettingsError: it was made with another program or other networks.
+    """
+    if settings.certificate is None:
+        return None
+    made = checked(settings.certificate)
+    same = not differences(made.settings, settings_described(settings))
+    return made.acceptance if same else replace(made.acceptance, sources=())
+
+
+def settings_described(settings: ReadSettings) -> dict[str, Any]:
+    """The settings that a certificate holds for, in plain JSON values; files by what they hold.
+
+    Raises:
+        FileError: a file that cannot be read.
+    """
+    told = settings.model_dump(mode="json", exclude_defaults=True, exclude=_OF_NO_ACCOUNT)
+    for name in _FILES:
+        if name in told:
+            told[name] = _hash_of_file(Path(told[name]))
+    if "font" in told:
+        told["font"] = [_hash_of_file(Path(name)) if Path(name).is_file() else name for name in told["font"]]
+    return told
+
+
+def _hash_of_file(path: Path) -> str:
+    require_file(path, most_bytes=1_000_000_000)
+    return f"sha256:{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
+
+
+@cache
+def _loaded(name: str, _: int) -> Certificate:
+    return load_certificate(Path(name))

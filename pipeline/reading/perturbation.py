@@ -1,0 +1,205 @@
+"""Small changes that should not matter: a part measured again is the same part.
+
+    shift  the traced lines lie half a line pitch beside those of before
+    noise  sensors as from the bench, in place of ideal ones; the camera's sensor a little noisier
+    light  the photograph 6 % brighter or darker
+    scale  the part 1 % larger or smaller: a stage or a lens that is out by so much
+    order  directions and passes stored the other way round
+
+Each reaches touch, the camera or both. The signs and the noise are drawn from a seed, so that a part is perturbed in
+the same way whoever does it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+    from glyphs.soiling.soil import Soil
+    from glyphs.surface.maps import HeightMap
+    from recognition.senses.touch import Feel
+    from whisker_array.scan.scan import Scan, Sweep
+    from whisker_array.simulation.traces import Fidelity
+
+CAMERA_NOISE = 0.01
+"""Standard deviation of the noise that is added to a photograph, of full scale; it has its own already."""
+_UNKNOWN_NOISE = 1e-3
+"""Of a recording without samples in the air: noise that is added, of the median moment."""
+
+
+@dataclass(frozen=True)
+class Perturbation:
+    """What is changed, and by how much.
+
+    Attributes:
+        name: one word.
+        shift: of the traced lines, in line pitches, along x and y.
+        noise: whether sensors are noisy.
+        light: share by which the photograph is brighter or darker.
+        scale: share by which the part is larger or smaller.
+        reordered: whether directions and passes come the other way round.
+        drawn: shift, light and scale are drawn, at most these.
+
+    Raises:
+        ValueError: it changes nothing, a shift below 0, or a share that is not below 1.
+    """
+
+    name: str
+    shift: float = 0.0
+    noise: bool = False
+    light: float = 0.0
+    scale: float = 0.0
+    reordered: bool = False
+    drawn: bool = False
+
+    def __post_init__(self) -> None:
+        if not (self.shift >= 0.0 and 0.0 <= self.light < 1.0 and 0.0 <= self.scale < 1.0):
+            raise ValueError(f"the perturbation {self.name!r} is out of range")
+        if not (self.shift or self.noise or self.light or self.scale or self.reordered):
+            raise ValueError(f"the perturbation {self.name!r} changes nothing")
+
+    def reaches(self, senses: Sequence[str]) -> bool:
+        """Whether it changes anything for some senses ("touch" or "felt", "vision"); of none all may be used."""
+        wanted = set(senses) or {"touch", "vision"}
+        of_touch = self.shift or self.noise or self.scale or self.reordered
+        of_camera = self.light or self.noise or self.scale
+        return bool((of_touch and wanted & {"touch", "felt"}) or (of_camera and "vision" in wanted))
+
+
+PERTURBATIONS = (
+    Perturbation("shift", shift=0.5),
+    Perturbation("noise", noise=True),
+    Perturbation("light", light=0.06),
+    Perturbation("scale", scale=0.01),
+    Perturbation("order", reordered=True),
+)
+"""Those of `benchmark --perturb`."""
+ANEW = Perturbation("anew", shift=1.0, noise=True, light=0.06, scale=0.01, drawn=True)
+"""A part that is put on the stage again: `study --repeats`."""
+
+
+@dataclass(frozen=True)
+class Retake:
+    """One part measured again.
+
+    Attributes:
+        how: what is changed.
+        seed: of what is drawn.
+        array: seed of the sensors' gains and offsets, where one array measures several times; the seed unless given.
+    """
+
+    how: Perturbation
+    seed: int
+    array: int | None = None
+
+    @property
+    def grown(self) -> float:
+        """How many times as large the part is."""
+        return 1.0 + self._either_way(0) * self.how.scale
+
+    def surface(self, height_map: HeightMap) -> HeightMap:
+        """The part larger or smaller; depths stay."""
+        return replace(height_map, pitch_mm=height_map.pitch_mm * self.grown)
+
+    def photo(self, photo: Photo) -> Photo:
+        """The photograph taken again."""
+        pixels, centre, how = photo.pixels, photo.centre_mm, self.how
+        if how.scale:
+            from glyphs.opencv import cv2
+
+            rows, cols = photo.shape
+            size = (round(cols * self.grown), round(rows * self.grown))
+            method = cv2.INTER_AREA if self.grown < 1.0 else cv2.INTER_LINEAR
+            pixels = np.asarray(cv2.resize(pixels, size, interpolation=method), dtype=np.uint8)
+            centre = None if centre is None else (centre[0] * self.grown, centre[1] * self.grown)
+        if how.light or how.noise:
+            bright = pixels.astype(np.float32) * np.float32(1.0 + self._either_way(1) * how.light)
+            if how.noise:
+                bright += np.float32(255.0 * CAMERA_NOISE) * _normal(self.seed, bright.shape)
+            pixels = np.clip(np.rint(bright), 0.0, 255.0).astype(np.uint8)
+        return replace(photo, pixels=pixels, centre_mm=centre)
+
+    def feel(self, *, fidelity: Fidelity, soil: Soil | None, part_id: str) -> Feel:
+        """How touch scans the surface again."""
+        from pipeline.reading.simulated_scan import feel
+        from whisker_array.whisker.array import default_plan
+
+        def scan(surface: HeightMap, height_mm: float) -> Scan:
+            whole = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=height_mm)
+            x0, y0, x1, y1 = whole.region_mm
+            right, down = self._shift_mm(whole.line_pitch_mm)
+            felt = feel(
+                surface,
+                plan=replace(whole, region_mm=(x0 + right, y0 + down, x1, y1)),
+                height_mm=height_mm,
+                fidelity=fidelity,
+                noise=self.how.noise,
+                sensor_seed=self.seed if self.array is None else self.array,
+                noise_seed=self.seed,
+                part_id=part_id,
+                soil=soil,
+            )
+            return reordered(felt) if self.how.reordered else felt
+
+        return scan
+
+    def recorded(self, scan: Scan) -> Scan:
+        """A recording as if it were made again: noisier, larger or smaller, reordered; its lines lie where they lay."""
+        sweeps = tuple(self._recorded(k, s) for k, s in enumerate(scan.sweeps))
+        again = replace(scan, sweeps=sweeps, line_pitch_mm=scan.line_pitch_mm * self.grown)
+        return reordered(again) if self.how.reordered else again
+
+    def _recorded(self, number: int, sweep: Sweep) -> Sweep:
+        plan, moment = sweep.plan, sweep.moment_n_mm
+        if self.how.noise:
+            air = sweep.air_n_mm
+            still = float(np.median(air.std(axis=-1))) if air.shape[-1] > 1 else 0.0
+            rms = still or _UNKNOWN_NOISE * float(np.nanmedian(np.abs(moment)))
+            moment = moment + np.float32(rms) * _normal((self.seed, number), moment.shape)
+        placed = replace(
+            plan,
+            line_mm=plan.line_mm * self.grown,
+            start_mm=plan.start_mm * self.grown,
+            step_mm=plan.step_mm * self.grown,
+        )
+        return replace(sweep, plan=placed, moment_n_mm=moment)
+
+    def _either_way(self, number: int) -> float:
+        """Share of a change, -1 to 1: all of it, one way or the other, unless drawn."""
+        if self.how.drawn:
+            return float(np.random.default_rng((self.seed, number)).uniform(-1.0, 1.0))
+        return 1.0 if self.seed % 2 else -1.0
+
+    def _shift_mm(self, line_pitch_mm: float) -> tuple[float, float]:
+        whole = self.how.shift * line_pitch_mm
+        if not self.how.drawn:
+            return whole, whole
+        right, down = np.random.default_rng((self.seed, 2)).uniform(0.0, whole, size=2)
+        return float(right), float(down)
+
+
+def reordered(scan: Scan) -> Scan:
+    """The scan with its directions, and the passes of each, stored the other way round."""
+    return replace(
+        scan,
+        sweeps=tuple(
+            replace(
+                s,
+                plan=replace(s.plan, line_mm=s.plan.line_mm[::-1]),
+                moment_n_mm=s.moment_n_mm[::-1],
+                flags=s.flags[::-1],
+                air_n_mm=s.air_n_mm[::-1],
+            )
+            for s in reversed(scan.sweeps)
+        ),
+    )
+
+
+def _normal(seed: int | tuple[int, ...], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    return np.random.default_rng(seed).standard_normal(shape, dtype=np.float32)

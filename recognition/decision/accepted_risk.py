@@ -1,0 +1,200 @@
+"""How often accepted readings may be wrong, shown by parts whose text is known: exact bounds, and a threshold.
+
+    surest ----------------------------> least sure
+    0.9999   0.999   0.99   0.98   0.97  ...
+    too few  shown   shown  not shown          the last one shown is certified: 0.99
+
+Clopper and Pearson 1934 for the bounds. The threshold is found as in "Learn then Test" (Angelopoulos, Bates, Candès,
+Jordan and Lei, arXiv:2110.01052): each threshold is a hypothesis "of what is accepted here, more than the risk is
+wrong", tested by the exact binomial, from the strictest to the most lenient, up to the first that cannot be refuted.
+Tested in a sequence that was fixed beforehand, each may use the whole of 1 - confidence: no matter how many there are,
+the chance that one is certified whose true risk is higher is at most 1 - confidence.
+
+Two things are taken for granted: the parts are independent and like those to come, and less sure readings are not
+right more often (thresholds at which too few are accepted for any answer are passed over, by their number alone).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+
+THRESHOLDS = (
+    0.9999, 0.9998, 0.9995, 0.999, 0.998, 0.995, 0.99, 0.985, 0.98, 0.97, 0.96, 0.95, 0.94, 0.93, 0.92, 0.91,
+    0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55, 0.5,
+)  # fmt: skip
+"""Confidences from which readings may be accepted, strictest first; fixed before any part is read."""
+ALLOWED_WRONG = (2, 1, 0)
+"""The first test waits for so many accepted that this many wrong ones would not decide it, if there are."""
+_MOST_TIMES = 1e4
+_STEP = 1.02
+
+
+class Shown(StrEnum):
+    """What the parts show of a threshold."""
+
+    YES = "shown"
+    NO = "not shown"
+    TOO_FEW = "too few"
+    NOT_TESTED = "not tested"
+
+
+@dataclass(frozen=True)
+class ThresholdTest:
+    """One threshold, tested.
+
+    Attributes:
+        threshold: least confidence for acceptance.
+        accepted: parts at least so sure.
+        wrong: of these.
+        bound: upper bound of the share of wrong ones among the accepted, by itself.
+        shown: whether the risk is shown to hold here.
+    """
+
+    threshold: float
+    accepted: int
+    wrong: int
+    bound: float
+    shown: Shown
+
+
+def share_bounds(count: int, total: int, *, confidence: float) -> tuple[float, float]:
+    """Clopper and Pearson's one-sided bounds of a share, lower and upper, each by itself.
+
+    Args:
+        count: how many.
+        total: of how many; of none nothing is known.
+        confidence: of each bound, between 0 and 1.
+
+    Raises:
+        ValueError: more than all, or fewer than none; a confidence that is none.
+    """
+    from scipy.special import betaincinv
+
+    if not 0 <= count <= total:
+        raise ValueError(f"{count} of {total} is not a share")
+    _check_share("confidence", confidence)
+    low = float(betaincinv(count, total - count + 1, 1.0 - confidence)) if count else 0.0
+    high = float(betaincinv(count + 1, total - count, confidence)) if count < total else 1.0
+    return low, high
+
+
+def parts_needed(risk: float, *, confidence: float, wrong: int = 0) -> int:
+    """The fewest accepted parts that show the risk to hold, so many wrong ones among them.
+
+    Without a wrong one it is ln(1 - confidence) / ln(1 - risk): 2,995 for 1 in 1,000 at 95 %.
+
+    Raises:
+        ValueError: a risk or confidence that is no share between 0 and 1; fewer than none wrong.
+    """
+    from scipy.special import bdtr
+
+    _check_share("risk", risk)
+    _check_share("confidence", confidence)
+    if wrong < 0:
+        raise ValueError(f"{wrong} wrong ones cannot be")
+    least = math.ceil(math.log1p(-confidence) / math.log1p(-risk) - 1e-9)
+    if wrong == 0:
+        return least
+    high = 2 * least
+    while bdtr(wrong, high, risk) > 1.0 - confidence:
+        high *= 2
+    low = wrong
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if bdtr(wrong, middle, risk) <= 1.0 - confidence else (middle, high)
+    return high
+
+
+def threshold_tests(
+    confidences: Sequence[float],
+    right: Sequence[bool],
+    *,
+    risk: float,
+    confidence: float,
+    thresholds: Sequence[float] = THRESHOLDS,
+) -> tuple[ThresholdTest, ...]:
+    """Every threshold tested, see the module; the last one shown is the one to use.
+
+    Args:
+        confidences: of the readings that nothing but a threshold keeps from acceptance.
+        right: whether each is right.
+        risk: share of wrong ones among the accepted that is not to be passed.
+        confidence: of the answer.
+        thresholds: strictest first; fixed without a look at the parts.
+
+    Raises:
+        ValueError: lengths that differ, shares that are none, thresholds in another order.
+    """
+    said, good = np.asarray(confidences, dtype=np.float64), np.asarray(right, dtype=bool)
+    if said.shape != good.shape:
+        raise ValueError(f"{said.size} confidences for {good.size} readings")
+    if any(a <= b for a, b in pairwise(thresholds)):
+        raise ValueError("thresholds must fall, each once")
+    counts = [(t, int((said >= t).sum()), int((~good[said >= t]).sum())) for t in thresholds]
+    most = max((n for _, n, _ in counts), default=0)
+    needed = [parts_needed(risk, confidence=confidence, wrong=wrong) for wrong in ALLOWED_WRONG]
+    least = next((n for n in needed if n <= most), needed[-1])
+    tests, going = [], True
+    for threshold, accepted, wrong in counts:
+        bound = share_bounds(wrong, accepted, confidence=confidence)[1]
+        if accepted < least:
+            shown = Shown.TOO_FEW
+        elif not going:
+            shown = Shown.NOT_TESTED
+        else:
+            shown = Shown.YES if bound <= risk else Shown.NO
+            going = shown is Shown.YES
+        tests.append(ThresholdTest(threshold, accepted, wrong, bound, shown))
+    return tuple(tests)
+
+
+def certified(tests: Sequence[ThresholdTest]) -> ThresholdTest | None:
+    """The most lenient threshold that was shown; None without any."""
+    return next((test for test in reversed(tests) if test.shown is Shown.YES), None)
+
+
+def parts_missing(
+    tests: Sequence[ThresholdTest], parts: int, *, risk: float, confidence: float
+) -> int | None:
+    """How many more parts would show the risk at some threshold, were they like these; None where none would.
+
+    An estimate: as many of them accepted, and as many of these wrong, as among the parts there are.
+
+    Args:
+        tests: of these parts.
+        parts: how many there are, accepted or not.
+        risk: that is to be shown.
+        confidence: with which.
+    """
+    totals = [
+        math.ceil(parts * times)
+        for test in tests
+        if test.accepted and (times := _times_needed(test, risk, confidence)) is not None
+    ]
+    return max(1, min(totals) - parts) if totals else None
+
+
+def _times_needed(test: ThresholdTest, risk: float, confidence: float) -> float | None:
+    """How many times these parts would show the risk at a threshold; None where so many would not."""
+    if test.wrong == 0:
+        return parts_needed(risk, confidence=confidence) / test.accepted
+    if test.wrong / test.accepted >= risk:
+        return None
+    times = 1.0
+    while times < _MOST_TIMES:
+        accepted, wrong = round(test.accepted * times), math.ceil(test.wrong * times - 1e-9)
+        if share_bounds(wrong, accepted, confidence=confidence)[1] <= risk:
+            return times
+        times *= _STEP
+    return None
+
+
+def _check_share(name: str, value: float) -> None:
+    if not 0.0 < value < 1.0:
+        raise ValueError(f"a {name} of {value} cannot be shown; it lies between 0 and 1")

@@ -1,0 +1,44 @@
+"""What a certificate allows: no reading less sure than those that were shown to be right often enough."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Decision, Reading
+
+DIGITS = 6
+"""To which confidences are kept in records, on which a certificate rests."""
+
+
+@dataclass(frozen=True)
+class CertifiedAcceptance:
+    """What may be accepted, beside what the settings say.
+
+    Attributes:
+        confidence: least confidence.
+        sources: of the readings that were certified: "tactile", "vision", "fused"; of none nothing is accepted.
+
+    Raises:
+        ValueError: a confidence that is none.
+    """
+
+    confidence: float
+    sources: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.confidence <= 1.0:
+            raise ValueError(f"a confidence of {self.confidence} lies between 0 and 1")
+
+
+def as_certified(reading: Reading, allowed: CertifiedAcceptance | None) -> Reading:
+    """The reading, sent to review where a certificate does not vouch for it; as it is without a certificate."""
+    if allowed is None or reading.decision is not Decision.ACCEPT:
+        return reading
+    if reading.source not in allowed.sources:
+        why = f"the certificate says nothing of what is read so ({reading.source})"
+    elif round(reading.confidence, DIGITS) < allowed.confidence:
+        why = f"confidence {reading.confidence:.4f}, certified from {allowed.confidence:g}"
+    else:
+        return reading
+    return replace(reading, decision=Decision.REVIEW).found(Finding(ReadingFlag.NOT_CERTIFIED, why))

@@ -1,0 +1,94 @@
+"""What may be the matter with a reading, as flags, and what a flag means on one part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Flag, auto
+from functools import reduce
+from operator import or_
+
+
+class ReadingFlag(Flag):
+    """What a person should know about a reading; none set is an untroubled one."""
+
+    NONE = 0
+    NO_CHARACTERS = auto()
+    FORMAT_NOT_MET = auto()
+    LOW_CONFIDENCE = auto()
+    AMBIGUOUS = auto()
+    CONTACT_LOST = auto()
+    JAMMED = auto()
+    OUT_OF_RANGE = auto()
+    DROPOUTS = auto()
+    FOREIGN_SHAPES = auto()
+    UNREAD_MARKS = auto()
+    TOO_SHALLOW = auto()
+    TOO_SMALL = auto()
+    DEPTH_UNKNOWN = auto()
+    FORMAT_OVERRULED = auto()
+    CHECK_BLIND = auto()
+    SEARCH_EXHAUSTED = auto()
+    MISMATCH = auto()
+    SENSES_DISAGREE = auto()
+    LINE_MISSING = auto()
+    TOO_DEEP = auto()
+    BURR_TOO_HIGH = auto()
+    NO_DEPTH_RULE = auto()
+    NOT_CERTIFIED = auto()
+    STROKES_MISSING = auto()
+
+    def messages(self) -> tuple[str, ...]:
+        """The flags in words."""
+        return tuple(text for flag, text in _MESSAGES.items() if flag in self)
+
+
+_MESSAGES = {
+    ReadingFlag.NO_CHARACTERS: "no characters found (check that the serial is in view)",
+    ReadingFlag.FORMAT_NOT_MET: "the marks do not fit the format (check the part and the format)",
+    ReadingFlag.LOW_CONFIDENCE: "low confidence",
+    ReadingFlag.AMBIGUOUS: "two characters are almost equally likely",
+    ReadingFlag.CONTACT_LOST: "the whisker lost contact in places (raise the preload)",
+    ReadingFlag.JAMMED: "the whisker jammed on walls in places (lower k = l2/l1)",
+    ReadingFlag.OUT_OF_RANGE: "the signal left the converter's range in places (lower the gain)",
+    ReadingFlag.DROPOUTS: "parts of the map are missing (measure it again if they hide characters)",
+    ReadingFlag.FOREIGN_SHAPES: "the font may lack a character that stands there (look at the part)",
+    ReadingFlag.UNREAD_MARKS: "there are marks beside the serial (check that all of it was read)",
+    ReadingFlag.TOO_SHALLOW: "the mark is too shallow",
+    ReadingFlag.TOO_DEEP: "the mark is too deep",
+    ReadingFlag.BURR_TOO_HIGH: "the burr beside the mark is too high",
+    ReadingFlag.TOO_SMALL: "the characters are too small",
+    ReadingFlag.NO_DEPTH_RULE: "the rule names no depth for characters of this height",
+    ReadingFlag.DEPTH_UNKNOWN: "the depth of a character could not be measured (scan it again)",
+    ReadingFlag.FORMAT_OVERRULED: "the format changed what was read (compare it with the part)",
+    ReadingFlag.CHECK_BLIND: "the check digit cannot tell the likeliest serials apart (look at the part)",
+    ReadingFlag.SEARCH_EXHAUSTED: "too many possible serials to try them all (look at the part)",
+    ReadingFlag.MISMATCH: "this is not the expected serial (check the part and the order)",
+    ReadingFlag.LINE_MISSING: "a line that was asked for was not found (check the part)",
+    ReadingFlag.NOT_CERTIFIED: "not covered by the certificate (look at the part)",
+    ReadingFlag.STROKES_MISSING: "most strokes of a character are missing (clean it and scan it again)",
+    ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
+}
+MEASURE_FLAGS = (
+    ReadingFlag.TOO_SHALLOW
+    | ReadingFlag.TOO_DEEP
+    | ReadingFlag.BURR_TOO_HIGH
+    | ReadingFlag.TOO_SMALL
+    | ReadingFlag.DEPTH_UNKNOWN
+    | ReadingFlag.NO_DEPTH_RULE
+)
+"""What a rule for the mark found; findings say it with places and numbers."""
+DOUBT_FLAGS = ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a flag means on one part, in words with places and numbers: "too shallow for R: 7 at place 2 0.06 mm"."""
+
+    flag: ReadingFlag
+    text: str
+
+
+def flags_of(findings: Iterable[Finding]) -> ReadingFlag:
+    """Of all of them together."""
+    return reduce(or_, (finding.flag for finding in findings), ReadingFlag.NONE)

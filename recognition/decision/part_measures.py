@@ -1,0 +1,95 @@
+"""What kind of part was read, in a few numbers: how sure one is, how large and deep the marks, how rough the land.
+
+They are compared between parts that were certified and parts that are read (`recognition.decision.likeness`), so they
+need to change with the kind of part and its soil, not to mean anything by themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recognition.decision.certified import DIGITS
+from recognition.decision.reading import Reading
+
+if TYPE_CHECKING:
+    from glyphs.camera.photo import Photo
+
+FINE_MM, COARSE_MM = 0.1, 0.4
+"""Between places of the land whose heights are compared: grains, and lumps."""
+FINE_PX, COARSE_PX = 1, 4
+"""The same of a photograph."""
+_NORMAL = 1.4826
+"""Standard deviation of normal noise whose median absolute deviation is 1."""
+
+
+class Measure(StrEnum):
+    """What is measured of a part; the value is what people read."""
+
+    CONFIDENCE = "confidence"
+    MARGIN = "least margin"
+    BELIEF = "belief before the format"
+    HEIGHT = "character height (mm)"
+    DEPTH = "mean depth (mm)"
+    FINE = "fine roughness (µm)"
+    COARSE = "coarse roughness (µm)"
+    GRAIN = "grain of the photograph"
+    PATCHES = "patches of the photograph"
+
+
+def measures_of(reading: Reading) -> Mapping[Measure, float]:
+    """What is known of the part; the others are left out."""
+    found: dict[Measure, float | None] = {
+        Measure.CONFIDENCE: round(reading.confidence, DIGITS),
+        Measure.MARGIN: min((c.margin for c in reading.characters), default=0.0),
+        Measure.BELIEF: _belief(reading),
+        Measure.HEIGHT: reading.height_mm if reading.scaled and reading.height_mm > 0.0 else None,
+        Measure.DEPTH: reading.depth_mean_mm,
+    }
+    touch, vision = reading.touch, reading.vision
+    if touch is not None and touch.trace.relief is not None:
+        relief = touch.trace.relief
+        heights_um = 1e3 * relief.height_mm.astype(np.float64)
+        found[Measure.FINE] = roughness(heights_um, max(1, round(FINE_MM / relief.pitch_mm)))
+        found[Measure.COARSE] = roughness(heights_um, max(1, round(COARSE_MM / relief.pitch_mm)))
+    if vision is not None and vision.trace.photo is not None:
+        grey = _evenly_lit(vision.trace.photo)
+        found[Measure.GRAIN], found[Measure.PATCHES] = roughness(grey, FINE_PX), roughness(grey, COARSE_PX)
+    return {name: float(value) for name, value in found.items() if value is not None and np.isfinite(value)}
+
+
+def roughness(surface: NDArray[np.float64], step: int) -> float | None:
+    """How far the land departs from straight lines, in the unit of the surface; marks and edges hardly count.
+
+    The standard deviation of normal noise with the same median of |z(-step) - 2 z(0) + z(+step)| / sqrt(6).
+
+    Args:
+        surface: (rows, cols), NaN where not known.
+        step: samples between the three.
+    """
+    bends = [
+        np.abs(z[:, 2 * step :] - 2.0 * z[:, step:-step] + z[:, : -2 * step]).ravel()
+        for z in (surface, surface.T)
+        if z.shape[1] > 2 * step
+    ]
+    known = np.concatenate([b[np.isfinite(b)] for b in bends]) if bends else np.zeros(0)
+    return float(_NORMAL * np.median(known) / np.sqrt(6.0)) if known.size else None
+
+
+def _belief(reading: Reading) -> float | None:
+    """Mean over places of the belief in the likeliest character, before the format has its say."""
+    first = reading.touch or reading.vision
+    lattice = None if first is None else first.trace.open_lattice
+    if lattice is None or lattice.n_places == 0:
+        return None
+    return float(np.exp(lattice.log_belief.max(axis=1)).mean())
+
+
+def _evenly_lit(photo: Photo) -> NDArray[np.float64]:
+    """Grey values over their median."""
+    grey = np.asarray(photo.grey(), dtype=np.float64)
+    return grey / max(float(np.median(grey)), 1.0)

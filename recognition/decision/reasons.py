@@ -1,0 +1,124 @@
+"""Why a part is not accepted, for the person who has it in hand: the one or two reasons that decide, in order.
+
+flags --importance--> the first two --findings: places and numbers--> words
+rules of the mark, what happened to the scan, notes ----------------> all of them, after these
+
+A finding says what a flag means on this part, and stands in place of the flag's general words. Rules for the mark were
+asked for, so each that is broken is named.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING
+
+from recognition.decision.flags import DOUBT_FLAGS, MEASURE_FLAGS, ReadingFlag, flags_of
+from recognition.language.confusions import CharacterState
+
+if TYPE_CHECKING:
+    from recognition import Reading
+
+IMPORTANCE = (
+    ReadingFlag.MISMATCH,
+    ReadingFlag.NO_CHARACTERS,
+    ReadingFlag.FORMAT_NOT_MET,
+    ReadingFlag.SENSES_DISAGREE,
+    ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS,
+    ReadingFlag.LINE_MISSING,
+    ReadingFlag.STROKES_MISSING,
+    ReadingFlag.UNREAD_MARKS,
+    ReadingFlag.FORMAT_OVERRULED,
+    ReadingFlag.CHECK_BLIND,
+    ReadingFlag.SEARCH_EXHAUSTED,
+    ReadingFlag.FOREIGN_SHAPES,
+    ReadingFlag.NOT_CERTIFIED,
+)
+"""Doubts about a serial; of those that a reading has, the first count."""
+MOST_REASONS = 2
+MOST_DOUBTS = 2
+"""Places that low confidence asks about."""
+MOST_NAMED = 3
+"""Characters that are named one by one."""
+DOUBTED = 0.05
+"""Probability of a second candidate from which a person is asked about it."""
+COUNT_SHARE = 0.9
+"""Of the belief in all characters together, what the confidence falls below where their number is in doubt."""
+
+
+def messages_of(reading: Reading) -> tuple[str, ...]:
+    """What to know about a reading in words: reasons, then what else was found."""
+    reasons = [words for flag in IMPORTANCE if (words := _words(reading, flag))]
+    about_serial = reduce(or_, IMPORTANCE)
+    rules = _words(reading, reading.flags & MEASURE_FLAGS)
+    scan = (reading.flags & ~(about_serial | MEASURE_FLAGS)).messages()
+    named = [text for words in reasons[:MOST_REASONS] for text in words]
+    return (*named, *rules, *scan, *reading.notes)
+
+
+def _words(reading: Reading, flag: ReadingFlag) -> tuple[str, ...]:
+    """What a flag, or several that mean one reason, say of this part; nothing where none is set."""
+    if not reading.flags & flag:
+        return ()
+    found = tuple(finding.text for finding in reading.findings if finding.flag & flag)
+    if flag & DOUBT_FLAGS:
+        found = (*found, *_doubts(reading, found))
+    unsaid = flag & reading.flags & ~flags_of(reading.findings)
+    return found if flag & DOUBT_FLAGS and found else (*found, *unsaid.messages())
+
+
+def _doubts(reading: Reading, said: tuple[str, ...]) -> Iterator[str]:
+    """What is doubtful about the characters: rivals, places that cannot be read, their number; else the least sure."""
+    places = tuple(enumerate(reading.characters, start=1))
+    unread = [k for k, c in places if c.state is not None and c.state.state is CharacterState.NOT_READ]
+    rivals = _rivals(reading)
+    if rivals:
+        yield f"low confidence: {rivals}?"
+    if unread:
+        yield f"no character can be made out: {_ranges(unread)} (look at the part)"
+    if rivals or unread or said or not places:
+        return
+    if reading.confidence < COUNT_SHARE * math.prod(c.confidence for _, c in places):
+        yield f"low confidence: are there {len(places)} characters?"
+    elif len(places) > 1:
+        k, least = min(places, key=lambda place: place[1].confidence)
+        yield f"low confidence: {least.char} at place {k} is the least sure"
+
+
+def _rivals(reading: Reading) -> str:
+    """The places that are hardest to decide, worst first: "B or 8 at place 2, 1 or I at place 5"."""
+    places = [
+        (c.margin, f"{c.char} or {c.candidates[1].char} at place {k}")
+        for k, c in enumerate(reading.characters, start=1)
+        if len(c.candidates) > 1
+        and c.candidates[1].probability >= DOUBTED
+        and not (c.state is not None and c.state.state is CharacterState.NOT_READ)
+    ]
+    return ", ".join(text for _, text in sorted(places)[:MOST_DOUBTS])
+
+
+def places_text(reading: Reading, places: Sequence[int]) -> str:
+    """Characters and their places, from 0: "I at place 1, 7 at place 4"; of many the places alone."""
+    if len(places) > MOST_NAMED:
+        return _ranges([k + 1 for k in places])
+    return ", ".join(f"{reading.characters[k].char} at place {k + 1}" for k in places)
+
+
+def _ranges(places: Sequence[int]) -> str:
+    """Rising places in words: "place 3", "places 1, 2 and 4 to 8"."""
+    runs: list[list[int]] = []
+    for k in places:
+        if runs and k == runs[-1][-1] + 1:
+            runs[-1].append(k)
+        else:
+            runs.append([k])
+    words = [
+        word
+        for run in runs
+        for word in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else [str(k) for k in run])
+    ]
+    if len(places) == 1:
+        return f"place {words[0]}"
+    return "places " + (f"{', '.join(words[:-1])} and {words[-1]}" if len(words) > 1 else words[0])

@@ -1,0 +1,124 @@
+"""From labelled parts to a certificate, and to a warning where other parts are read with it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from pipeline.cli.main import main
+from pipeline.reading.certificate import load_certificate
+
+PARTS = 20
+"""The fewest that are compared; 11 without a wrong one show a risk of 0.2 at 90 %."""
+READ_SO = ("--font", "gothic", "--format", "AA99", "--height-mm", "5", "--jobs", "1")
+MADE_SO = ("--parts", str(PARTS), "--format", "AA99", "--no-photo")
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("certify") / "workshop"
+    assert main(["synth", str(folder), "--seed", "1", "--soil", "workshop", "--dirt", "0.3", *MADE_SO]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def certificate(workshop: Path) -> Path:
+    path = workshop.parent / "certificate.json"
+    risk = ("--risk", "0.2", "--confidence", "0.9", "--out", str(path))
+    assert main(["certify", str(workshop), "--truth", str(workshop / "truth.csv"), *risk, *READ_SO]) == 0
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
+    made = load_certificate(certificate)
+    assert (made.risk, made.confidence, made.parts) == (0.2, 0.9, PARTS)
+    assert made.accepted >= 11
+    assert made.bound <= 0.2
+    assert made.sources == ("tactile",)
+    assert made.threshold >= 0.9  # what the reader accepts by itself
+    assert made.settings == {"font": ["gothic"], "format": ["AA99"], "height_mm": 5.0}
+    page = certificate.with_suffix(".html").read_text(encoding="utf-8")
+    assert made.data_sha256 in page
+    assert "fine roughness" in page
+
+
+def test_other_parts_are_read_with_a_warning_and_the_same_parts_without(
+    workshop: Path, certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["synth", "rust", "--seed", "2", "--soil", "rust", "--dirt", "0.9", *MADE_SO]) == 0
+    vouched = ("--certificate", str(certificate), *READ_SO)
+    assert main(["read", "rust", *vouched, "--out", "rust.csv", "--summary", "rust.json"]) == 0
+    warning = capsys.readouterr().err
+    assert "unlike the certified ones" in warning
+    assert "roughness" in warning
+    assert "roughness" in json.loads(Path("rust.json").read_text(encoding="utf-8"))["drift"]
+    assert main(["read", str(workshop), *vouched, "--out", "again.csv"]) == 0
+    assert "unlike" not in capsys.readouterr().err
+    with Path("again.csv").open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    made = load_certificate(certificate)
+    # exactly the parts that the certificate counts are accepted again
+    assert sum(row["decision"] == "accept" for row in rows) == made.accepted
+    assert all(float(row["confidence"]) >= made.threshold for row in rows if row["decision"] == "accept")
+
+
+def test_too_few_parts_say_how_many_are_missing(workshop: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    few = [str(workshop / f"part-00{k}.npz") for k in range(2)]
+    assert main(["certify", *few, "--truth", str(workshop / "truth.csv"), *READ_SO]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert "not certified: a risk of 0.001 at 95% confidence takes 2,995 accepted parts" in said
+    assert "more parts like these are missing" in said
+    assert not Path("certificate.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("--risk", "0"), "risk is 0"),
+        (("--confidence", "1.5"), "confidence is 1.5"),
+        (("--out", "c.toml"), "ends in .json"),
+        (("--certificate", "CERTIFICATE"), "a certificate is set"),
+        (("--truth", "nowhere.csv"), "nowhere.csv"),
+    ],
+)
+def test_bad_usage_is_one_line(
+    arguments: tuple[str, str],
+    says: str,
+    workshop: Path,
+    certificate: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    changed = tuple(str(certificate) if a == "CERTIFICATE" else a for a in arguments)
+    truth = () if "--truth" in arguments else ("--truth", str(workshop / "truth.csv"))
+    assert main(["certify", str(workshop), *truth, *changed, *READ_SO]) in (1, 2)
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1
+
+
+def test_it_is_refused_with_other_settings(
+    workshop: Path, certificate: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = str(workshop / "part-000.npz")
+    assert main(["read", part, "--format", "A999", "--certificate", str(certificate)]) == 2
+    assert "made with other settings" in capsys.readouterr().err
+
+
+def test_a_benchmark_accepts_what_it_vouches_for(certificate: Path) -> None:
+    made_so = ("--dirt", "0", "--parts", "1", "--format", "AA99", "--height-mm", "5")
+    read_so = ("--mode", "tactile,vision", "--give", "font,height,format", "--certificate", str(certificate))
+    assert main(["benchmark", "--out", "b", *made_so, *read_so]) == 0
+    with Path("b/benchmark.csv").open(newline="", encoding="utf-8") as stream:
+        decisions = {row["mode"]: (row["decision"], row["flags"]) for row in csv.DictReader(stream)}
+    assert decisions["tactile"][0] == "accept"
+    assert decisions["vision"][0] == "review"
+    assert "not covered by the certificate" in decisions["vision"][1]
+    assert 'id="certificate"' in Path("b/report.html").read_text(encoding="utf-8")

@@ -1,0 +1,147 @@
+"""What flips under perturbations: counted by hand, shown, and a fault that fails the run."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from pipeline.benchmark.analysis.changes import changes
+from pipeline.benchmark.analysis.stability import Fault, stability_of
+from pipeline.benchmark.analysis.statistics import statistics_of
+from pipeline.benchmark.analysis.targets import Outcome, verdicts
+from pipeline.benchmark.exam.condition import PERTURBED
+from pipeline.benchmark.readers.own_reader import Answer, ExamPart
+from pipeline.benchmark.report import writing
+from pipeline.benchmark.report.worst_parts import WorstPart
+from pipeline.benchmark.trials.journal import Trial
+from pipeline.benchmark.trials.run import Benchmark, run_benchmark
+from pipeline.cli.main import main
+from pipeline.reading.perturbation import PERTURBATIONS
+from recognition.senses.settings import ReaderSettings
+from tests.factories import designed_parts
+from whisker_array.simulation.traces import Fidelity
+
+
+def trial(part: int, read: str, perturbed: str = "") -> Trial:
+    """`read` is a text and the first letter of a decision."""
+    text, letter = read.split()
+    levels = {"severity": 0.3, **({PERTURBED: perturbed} if perturbed else {})}
+    decision = {"a": "accept", "r": "review"}[letter]
+    return Trial(f"p{part}", part, levels, "tactile", "A1", text, decision, 0.9)
+
+
+TRIALS = [
+    *(trial(k, read) for k, read in enumerate(["A1 a", "A1 a", "A7 a", "A1 r"])),
+    *(trial(k, read, "shift") for k, read in enumerate(["A1 a", "A1 r", "A1 a", "A7 r"])),
+    *(trial(k, read, "noise") for k, read in enumerate(["A1 a", "A1 r", "A7 a", "A1 a"])),
+]
+
+
+def test_flips_are_counted_part_by_part() -> None:
+    whole, shift, noise = stability_of(TRIALS)
+    assert (whole.perturbation, shift.perturbation, noise.perturbation) == ("", "shift", "noise")
+    counted = [
+        (s.verdicts.count, s.verdicts.total, s.texts.count, s.accepted_texts.count, s.accepted_texts.total)
+        for s in (whole, shift, noise)
+    ]
+    # of any: p1 and p3 change their decision (p1 twice, counted once), p2 and p3 their text
+    assert counted == [(2, 4, 2, 1, 3), (1, 4, 2, 1, 3), (2, 4, 0, 0, 3)]
+    assert shift.faults == whole.faults == (Fault("p2", "shift", "A1", "A7", "A1"),)
+    assert noise.faults == ()
+    # Clopper and Pearson: none of 3, 1 - 0.05^(1/3)
+    assert noise.accepted_texts.high == pytest.approx(1.0 - 0.05 ** (1 / 3))
+
+
+def test_all_other_findings_are_of_parts_as_they_are() -> None:
+    found = statistics_of(TRIALS)
+    assert [g.serials.total for g in found.by_mode] == [4]
+    assert PERTURBED not in found.levels
+    assert statistics_of(TRIALS[:4]).stability == ()
+    assert changes(TRIALS, TRIALS[:4]).flips == ()
+    judged = {v.target: v for v in verdicts(found) if "perturbation" in v.target}
+    assert [v.outcome for v in judged.values()] == [Outcome.NOT_MET, Outcome.NOT_MET]
+
+
+def test_few_steady_parts_show_nothing_and_many_do() -> None:
+    def of(parts: int) -> list[Outcome]:
+        trials = [trial(k, "A1 a", how) for how in ("", "noise") for k in range(parts)]
+        return [v.outcome for v in verdicts(statistics_of(trials)) if "perturbation" in v.target]
+
+    assert of(298) == [Outcome.NOT_SHOWN, Outcome.NOT_SHOWN]
+    assert of(299) == [Outcome.MET, Outcome.MET]  # ln(0.05) / ln(0.99) = 298.07
+
+
+SIZES: dict[str, float] = {}
+
+
+def misled(part: ExamPart) -> Answer:
+    """Accepts another serial once the part is of another size."""
+    width = part.surface[0].shape[1] * part.surface[1]
+    same = SIZES.setdefault(part.name, width) == width
+    return Answer("A1" if same else "B2", 0.95)
+
+
+def steadfast(part: ExamPart) -> str:
+    return "A1"
+
+
+def test_every_part_is_read_again_by_those_whom_the_perturbation_reaches(tmp_path: Path) -> None:
+    SIZES.clear()
+    reading = ReaderSettings(fidelity=Fidelity.POINTWISE)
+    names = tuple(f"{__name__}:{own.__name__}" for own in (misled, steadfast))
+    benchmark = Benchmark(designed_parts(), names, reading, PERTURBATIONS)
+    trials = run_benchmark(benchmark, tmp_path)
+    assert [t.perturbed for t in trials if t.mode == names[0]] == ["", *(p.name for p in PERTURBATIONS)]
+    assert [t.text for t in trials if t.mode == names[0]] == ["A1", "A1", "A1", "A1", "B2", "A1"]
+    assert run_benchmark(benchmark, tmp_path) == trials  # from the journal
+    with pytest.raises(Exception, match="holds another benchmark"):
+        run_benchmark(Benchmark(designed_parts(), names, reading), tmp_path)
+
+
+def test_the_senses_that_a_perturbation_does_not_reach_are_not_asked_again(tmp_path: Path) -> None:
+    benchmark = Benchmark(
+        designed_parts(severities=(0.0,)),
+        ("tactile", "vision", "fused"),
+        ReaderSettings(fidelity=Fidelity.POINTWISE),
+        tuple(p for p in PERTURBATIONS if p.name in ("light", "order")),
+    )
+    trials = run_benchmark(benchmark, tmp_path)
+    read = {(t.perturbed, t.mode): t for t in trials}
+    assert list(read) == [
+        ("", "tactile"), ("", "vision"), ("", "fused"), ("light", "vision"), ("light", "fused"),
+        ("order", "tactile"), ("order", "fused"),
+    ]  # fmt: skip
+    assert not any(t.error for t in trials)
+    # the time of touch is charged to the fused reading, though the scan is that of before
+    assert read["light", "fused"].scan_s == read["", "fused"].scan_s > 0.0
+    assert {t.text for t in trials if t.mode == "tactile"} == {trials[0].truth}
+
+
+def test_an_accepted_serial_that_becomes_another_fails_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def undrawn(_: Benchmark, ranked: tuple[WorstPart, object]) -> WorstPart:
+        return ranked[0]
+
+    monkeypatch.setattr(writing, "draw_worst", undrawn)
+    SIZES.clear()
+    arguments = [
+        "benchmark", "--perturb", "--dirt", "0", "--parts", "1", "--format", "A9", "--mode", "",
+    ]  # fmt: skip
+    bad, good = (f"{__name__}:{own.__name__}" for own in (misled, steadfast))
+    assert main([*arguments, "--reader", bad, "--out", str(tmp_path / "bad")]) == 1
+    said = capsys.readouterr()
+    assert "accepted as A1, and under scale as B2" in said.out
+    assert "became other accepted serials" in said.err
+    page = (tmp_path / "bad" / "report.html").read_text(encoding="utf-8")
+    assert 'id="stability"' in page
+    assert "Accepted, and accepted as another" in page
+    stability = json.loads((tmp_path / "bad" / "benchmark.json").read_text())["stability"]
+    assert [s["perturbation"] for s in stability] == ["", *(p.name for p in PERTURBATIONS)]
+    with (tmp_path / "bad" / "benchmark.csv").open(encoding="utf-8") as stream:
+        assert [row["perturbed"] for row in csv.DictReader(stream)] == ["", *(p.name for p in PERTURBATIONS)]
+    assert main([*arguments, "--reader", good, "--out", str(tmp_path / "good")]) == 0
+    assert "FAULT" not in capsys.readouterr().out

@@ -1,0 +1,137 @@
+"""Which trials a study makes of which files, and what people's answers add."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from glyphs.errors import FileError, MarksError
+from pipeline.benchmark.study import repeats
+from pipeline.benchmark.study.repeats import Measured, StudyPlan, measure, studied_parts
+from pipeline.benchmark.study.reviews import load_reviews
+from pipeline.benchmark.study.study import study_of
+from pipeline.common.settings import ReadSettings
+from pipeline.files.listed import ListedPart
+from pipeline.reading.perturbation import Retake
+from pipeline.workers.executors import InlineExecutor
+from recognition.decision.reading import Candidate, CharacterReading, Decision, MarkDepth, Reading
+from recognition.language.box import Box
+
+MAP, RECORDED = ListedPart("m", height_map="m.npz"), ListedPart("r.1", scan="r.1.h5")
+SECOND = ListedPart("r.2", scan="r.2.h5")
+
+
+def reading(text: str, depth_mm: float | None = 0.2) -> Reading:
+    depth = None if depth_mm is None else MarkDepth(depth_mm, depth_mm, depth_mm)
+    return Reading(
+        tuple(CharacterReading((Candidate(c, 1.0, 1.0),), Box(0, 0, 1, 1), depth) for c in text),
+        Decision.ACCEPT, 0.99,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Retake | None]]:
+    """Every measurement that is asked for."""
+    given: list[tuple[str, Retake | None]] = []
+
+    def read(_: ReadSettings, listed: ListedPart, again: Retake | None) -> Reading:
+        given.append((listed.name, again))
+        if listed.name == "bad":
+            raise MarksError("is broken")
+        if listed.name == "faulty":
+            raise ZeroDivisionError("a fault")
+        return reading("A 1")
+
+    monkeypatch.setattr(repeats, "_read", read)
+    return given
+
+
+def test_numbered_recordings_are_one_part_and_a_number_alone_is_none() -> None:
+    parts = studied_parts([SECOND, MAP, RECORDED, ListedPart("v.1", scan="v.1.h5")])
+    assert [(p.name, [r.name for r in p.recordings]) for p in parts] == [
+        ("r", ["r.1", "r.2"]), ("m", ["m"]), ("v.1", ["v.1"]),
+    ]  # fmt: skip
+    assert [p.simulated for p in parts] == [False, True, False]
+
+
+def test_recordings_come_as_they_are_and_what_lacks_is_perturbed(
+    asked: list[tuple[str, Retake | None]],
+) -> None:
+    plan = StudyPlan(ReadSettings(), repeats=3, arrays=1)
+    found = measure(plan, studied_parts([RECORDED, SECOND, MAP]), InlineExecutor())
+    assert [(m.part, m.trial, m.recorded) for m in found] == [
+        ("r", 1, True), ("r", 2, True), ("r", 3, False), ("m", 1, False), ("m", 2, False), ("m", 3, False),
+    ]  # fmt: skip
+    assert [name for name, _ in asked] == ["r.1", "r.2", "r.1", "m", "m", "m"]
+    seeds = [again.seed for _, again in asked if again is not None]
+    assert len(set(seeds)) == 4
+    assert {m.text for m in found} == {"A1"}
+    assert {m.appraiser for m in found} == {"the reader"}
+
+
+def test_an_array_keeps_its_sensors_from_trial_to_trial(asked: list[tuple[str, Retake | None]]) -> None:
+    found = measure(StudyPlan(ReadSettings(), 2, 2), studied_parts([MAP]), InlineExecutor())
+    assert [(m.appraiser, m.trial) for m in found] == [
+        ("array 1", 1), ("array 1", 2), ("array 2", 1), ("array 2", 2),
+    ]  # fmt: skip
+    assert [again.array for _, again in asked if again is not None] == [0, 0, 1, 1]
+    assert len({again.seed for _, again in asked if again is not None}) == 4
+
+
+def test_what_cannot_be_read_is_a_trial_with_its_error(asked: list[tuple[str, Retake | None]]) -> None:
+    parts = studied_parts([ListedPart("bad", scan="bad.h5"), ListedPart("faulty", scan="f.h5")])
+    bad, faulty = measure(StudyPlan(ReadSettings(), 1, 1), parts, InlineExecutor())
+    assert (bad.text, bad.error) == ("", "is broken")
+    assert "please report it" in faulty.error
+
+
+def test_answers_are_put_to_their_trials(tmp_path: Path) -> None:
+    table = tmp_path / "reviews.csv"
+    table.write_text("part,Reviewer,text\nm,Ada,A 1\nm.npz,Ada,A7\nm,Ben,\nother,Ben,X\n", encoding="utf-8")
+    found = load_reviews(table, {"m"})
+    assert found.answers == {"Ada": {"m": ("A1", "A7")}, "Ben": {"m": ("",)}}
+    assert found.unknown == ("other",)
+
+
+@pytest.mark.parametrize(
+    ("lines", "complaint"),
+    [
+        ("part,text\nm,A1\n", "names no reviewer"),
+        ("part,reviewer,text\nm,,A1\n", "line 2 names no reviewer"),
+        ("part,reviewer,text\nx,Ada,A1\n", "answers no part"),
+        ("part,reviewer,text\nm,Ada,A1\nm,Ada,A1\nn,Ada,A1\n", "2 times and others less often: n"),
+    ],
+)
+def test_answers_that_cannot_be_used_are_refused(tmp_path: Path, lines: str, complaint: str) -> None:
+    table = tmp_path / "reviews.csv"
+    table.write_text(lines, encoding="utf-8")
+    with pytest.raises(FileError, match=complaint):
+        load_reviews(table, {"m", "n"})
+
+
+def trials(part: str, depths: list[float | None], text: str = "A1") -> list[Measured]:
+    return [
+        Measured(part, f"array {1 + k // 2}", 1 + k % 2, False, text, "accept", 0.9, d)
+        for k, d in enumerate(depths)
+    ]
+
+
+def test_a_part_whose_depth_is_not_known_each_time_is_left_out() -> None:
+    measured = [
+        *trials("a", [0.20, 0.21, 0.20, 0.21]), *trials("b", [0.30, 0.31, 0.30, 0.31]),
+        *trials("c", [0.30, None, 0.30, 0.31]),
+    ]  # fmt: skip
+    found = study_of(measured, {"Ada": {"a": ("A1",), "b": ("B1",)}}, {"a": "A 1"})
+    assert found.depthless == ("c",)
+    assert found.depth is not None
+    assert (found.depth.parts, found.depth.appraisers, found.depth.trials) == (2, 2, 2)
+    assert found.appraisers == ("array 1", "array 2", "Ada")
+    between = next(a for a in found.serials if a.kind == "between")
+    assert between.disagreed == ("b",)
+    assert all(not a.disagreed for a in found.serials if "truth" in a.kind)
+    few = study_of(measured[:4])
+    assert few.depth is None
+    assert "fewer than two parts" in few.no_depth
+    once = study_of([m for m in measured if m.trial == 1])
+    assert "measured once" in once.no_depth

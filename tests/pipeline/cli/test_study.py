@@ -1,0 +1,113 @@
+"""`study`: parts measured several times, from the command line."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from pipeline.cli.main import main
+from tests.pipeline.benchmark.report.test_report import Page
+
+
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("study") / "parts"
+    assert (
+        main(["synth", str(folder), "--parts", "2", "--format", "A9", "--font", "gothic", "--seed", "4"]) == 0
+    )
+    return folder
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_two_parts_three_times(parts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, reviews = tmp_path / "out", tmp_path / "reviews.csv"
+    truth = {row["part"]: row["text"] for row in rows(parts / "truth.csv")}
+    first, second = truth
+    reviews.write_text(
+        f"part,reviewer,text\n{first},Ada,{truth[first]}\n{second},Ada,??\nx,Ada,A1\n", encoding="utf-8"
+    )
+    arguments = [
+        "study", str(parts), "--repeats", "3", "--font", "gothic", "--format", "A9", "--fidelity", "pointwise",
+        "--height-mm", "5", "--truth", str(parts / "truth.csv"), "--reviewers", str(reviews), "--out", str(out),
+    ]  # fmt: skip
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    read = rows(out / "readings.csv")
+    assert [(r["appraiser"], r["trial"]) for r in read if r["part"] == first] == [
+        *((f"array {a}", str(k)) for a in (1, 2) for k in (1, 2, 3)), ("Ada", "1"),
+    ]  # fmt: skip
+    own = [r for r in read if r["appraiser"] != "Ada"]
+    assert all(r["text"] == truth[r["part"]] and r["right"] == "1" for r in own)
+    depths = [float(r["depth_mean_mm"]) for r in own]
+    assert len(set(depths)) == len(depths)  # no two trials are the same
+    # as it is stamped unless --depth-mm is given, less what practice, ball and place take
+    assert all(0.1 < d < 0.3 for d in depths)
+    agreement = {(r["attribute"], r["comparison"], r["appraisers"]): r for r in rows(out / "agreement.csv")}
+    assert agreement["serial", "within", "array 1"]["agree"] == "2"
+    assert agreement["serial", "between", "array 1, array 2, Ada"]["disagreed"] == second
+    assert agreement["serial", "against truth", "Ada"]["agree"] == "1"
+    assert ("decision", "between", "array 1, array 2") in agreement
+    sources = {r["source"]: r["standard_deviation_mm"] for r in rows(out / "depth.csv")}
+    assert float(sources["repeatability"]) > 0.0
+    page = Page((out / "study.html").read_text(encoding="utf-8"))
+    assert page.open == []
+    assert {"serials", "decisions", "depth", "parts", "settings"} <= set(page.ids)
+    assert {r[1:] for r in page.refers if r.startswith("#")} <= set(page.ids)
+    assert not any(r.startswith("http") for r in page.refers)
+    assert "Reviewers read 1 parts that are not in this study: x." in page.text
+    assert "??" in page.text
+    assert f"wrote {out / 'study.html'}" in said
+    assert "depth, " in said
+
+
+def test_a_photograph_has_one_array_and_no_depth(
+    parts: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [
+        "study", str(parts), "--repeats", "2", "--mode", "vision", "--format", "A9", "--out", str(tmp_path),
+    ]  # fmt: skip
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert "have one array" in said
+    assert "no gauge study" in said
+    assert {r["appraiser"] for r in rows(tmp_path / "readings.csv")} == {"the reader"}
+    assert not (tmp_path / "depth.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "complaint"),
+    [
+        ([], 2, "name parts"),
+        (["PARTS", "--repeats", "0"], 2, "at least 1"),
+        (["PARTS", "--format", "A(", "--font", "nowhere"], 2, "nowhere"),
+        (["missing/"], 1, "missing"),
+    ],
+)
+def test_what_cannot_be_studied_is_refused(
+    parts: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    status: int,
+    complaint: str,
+) -> None:
+    given = [str(parts) if a == "PARTS" else a for a in arguments]
+    assert main(["study", *given, "--out", str(tmp_path / "out")]) == status
+    assert complaint in capsys.readouterr().err
+
+
+def test_a_part_that_cannot_be_read_is_named_and_fails(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bad.npz").write_bytes(b"no archive")
+    assert main(["study", str(tmp_path / "bad.npz"), "--repeats", "2", "--out", str(tmp_path / "out")]) == 1
+    read = rows(tmp_path / "out" / "readings.csv")
+    assert len(read) == 4
+    assert all(r["error"] for r in read)
+    assert "1 parts could not be read each time" in capsys.readouterr().err

@@ -1,0 +1,116 @@
+"""Certificates in files, for what they hold, and parts that are unlike the certified ones."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from glyphs.errors import FileError
+from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.reading.certificate import acceptance_of, certificate_of, load_certificate
+from pipeline.reading.drift import EVERY, DriftWatch
+from pipeline.reading.readers import open_reader
+from tests.support.certificates import a_certificate, measured, written
+
+SETTINGS = ReadSettings(format=("AA99",))
+
+
+def test_a_certificate_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    path = written(tmp_path / "c.json", SETTINGS)
+    assert load_certificate(path) == a_certificate(SETTINGS)
+    assert (
+        "accepted from confidence 0.99: at most 0.1 of the accepted are wrong" in a_certificate().describe()
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"bound": 0.0001}, "is at most"),
+        ({"risk": 0.01}, "is at most"),
+        ({"wrong": 3}, "is at most"),
+        ({"accepted": 50}, "cannot be"),
+        ({"threshold": 0.9}, "not the one that its tests show"),
+        ({"threshold": "0.99"}, "threshold: Input should be a valid number"),
+        ({"vouched_by": "me"}, "vouched_by"),
+        ({"format_version": 2}, "format version 2"),
+    ],
+)
+def test_a_file_that_was_changed_is_refused(change: dict[str, Any], says: str, tmp_path: Path) -> None:
+    path = written(tmp_path / "c.json")
+    path.write_text(json.dumps({**json.loads(path.read_text(encoding="utf-8")), **change}), encoding="utf-8")
+    with pytest.raises(FileError, match=says) as caught:
+        load_certificate(path)
+    assert "tactile-marks certify" in caught.value.hint
+
+
+@pytest.mark.parametrize("content", ["", "no JSON", "[]", '{"risk": 0.1}'])
+def test_what_is_no_certificate_is_refused(content: str, tmp_path: Path) -> None:
+    path = tmp_path / "c.json"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(FileError):
+        load_certificate(path)
+    with pytest.raises(FileError, match="not there"):
+        load_certificate(tmp_path / "none.json")
+
+
+def test_it_holds_for_the_settings_that_it_was_made_with(tmp_path: Path) -> None:
+    path = written(tmp_path / "c.json", SETTINGS)
+    # senses stand in the certificate itself, and the unit is the file's
+    same = SETTINGS.model_copy(update={"certificate": path, "mode": "tactile", "unit": "um"})
+    assert certificate_of(same) is not None
+    found = open_reader(same).settings.certified
+    assert found is not None
+    assert (found.confidence, found.sources) == (0.99, ("tactile",))
+    other = same.model_copy(update={"format": ("A999",)})
+    with pytest.raises(SettingsError, match="made with other settings"):
+        certificate_of(other)
+    # a part with a format of its own, in the midst of a run
+    nothing = acceptance_of(other)
+    assert nothing is not None
+    assert nothing.sources == ()
+    assert acceptance_of(SETTINGS) is None
+
+
+def test_a_lexicon_counts_by_what_it_holds(tmp_path: Path) -> None:
+    for name, text in (("a.txt", "AB12\n"), ("same.txt", "AB12\n"), ("other.txt", "AB13\n")):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    settings = ReadSettings(lexicon=tmp_path / "a.txt")
+    settings = settings.model_copy(update={"certificate": written(tmp_path / "c.json", settings)})
+    assert certificate_of(settings.model_copy(update={"lexicon": tmp_path / "same.txt"})) is not None
+    with pytest.raises(SettingsError, match="lexicon"):
+        certificate_of(settings.model_copy(update={"lexicon": tmp_path / "other.txt"}))
+
+
+def test_it_does_not_hold_for_other_networks(tmp_path: Path) -> None:
+    versions = {**a_certificate().versions, "lines/finder.onnx": "another"}
+    settings = ReadSettings(certificate=written(tmp_path / "c.json", versions=versions))
+    for use in (certificate_of, acceptance_of):
+        with pytest.raises(SettingsError, match=r"does not hold for this program \(lines/finder.onnx"):
+            use(settings)
+
+
+def test_parts_that_change_are_told_of_once_until_they_are_alike_again() -> None:
+    watch = DriftWatch(a_certificate())
+    told = [watch.add("tactile", part) for part in measured(2 * EVERY, seed=2)]
+    assert not any(told)
+    assert watch.message() == ""
+    told = [watch.add("tactile", part) for part in measured(10 * EVERY, rough_um=3.0, seed=3)]
+    assert sum(told) == 1
+    assert "fine roughness" in watch.message()
+    assert "certify again" in watch.first
+    told = [watch.add("tactile", part) for part in measured(10 * EVERY, seed=4)]
+    assert not any(told)
+    assert watch.message() == ""
+
+
+def test_only_parts_of_the_certified_senses_are_compared() -> None:
+    watch = DriftWatch(a_certificate())
+    for part in measured(3 * EVERY, rough_um=9.0):
+        assert not watch.add("vision", part)
+        assert not watch.add("tactile", {})
+    assert not watch.compare()
+    assert watch.parts == 0
