@@ -55,7 +55,7 @@ def taught(folder, tmp_path_factory):
     return path, report
 
 
-def test_an_unknown_die_is_read_once_it_was_enrolled(taught):
+def test_an_unknown_die_is_accepted_once_it_was_enrolled(taught):
     """Parts that were not enrolled; by templates, for the network reads any font."""
     path, _ = taught
     parts = [make_part(SPEC, k) for k in (1004, 1002)]
@@ -65,7 +65,6 @@ def test_an_unknown_die_is_read_once_it_was_enrolled(taught):
     first = [before.read(p.height_map) for p in parts]
     second = [after.read(p.height_map) for p in parts]
     assert all(r.decision in ("review", "reject") for r in first)
-    assert sum(r.text == p.text for r, p in zip(first, parts, strict=True)) == 0
     assert [(r.text, r.font) for r in second] == [(p.text, "press-7") for p in parts]
     whole = [Reader(given, fonts=fonts, experts=()).read(p.height_map) for p in parts]
     assert [(r.text, r.decision, r.font) for r in whole] == [(p.text, "accept", "press-7") for p in parts]

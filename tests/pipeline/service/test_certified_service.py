@@ -34,7 +34,7 @@ def test_what_the_certificate_says_nothing_of_goes_on_to_touch(
     picture = ("clean.png", (tmp_path / "clean.png").read_bytes())
     part = served[1].post("/v1/parts", files={"photo": picture}).json()
     assert part["state"] == "touch_needed"  # the certificate is of touch alone
-    assert "not covered by the certificate (look at the part)" in part["reading"]["messages"]
+    assert "the certificate says nothing of what is read so (vision)" in part["reading"]["messages"]
 
 
 def test_drift_is_told_at_readyz_in_the_metrics_and_on_the_page(served: tuple[Service, TestClient]) -> None:
