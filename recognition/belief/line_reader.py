@@ -221,13 +221,14 @@ class LineReader:
         pictures = generic.looks_at(view, best.line)[:MOST_PRINT] if self.print_too else []
         if pictures:
             heard["print"] = generic.steps_of(pictures[:1], chars=self.chars)
-        belief = believed(heard, grammar, weights=weights_of(view.kind))
+        weights = weights_of(view.kind).among(self.experts & heard.keys())
+        belief = believed(heard, grammar, weights=weights)
         if belief is None or not _agreed(belief):
             strips = [view.strip(moved(best.line, down, size)) for down, size in JITTERS]
             heard["own"] = [*heard["own"], *recogniser.steps_of(strips, chars=self.chars)]
             if pictures[1:]:
                 heard["print"] = [*heard["print"], *generic.steps_of(pictures[1:], chars=self.chars)]
-            belief = believed(heard, grammar, weights=weights_of(view.kind))
+            belief = believed(heard, grammar, weights=weights)
         if belief is None:
             return None
         more = judge(best.line, belief) if judge is not None else {}

@@ -9,8 +9,8 @@ Dirt that leaves one expert in doubt leaves the others in doubt, too, and not al
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from recognition.views.view import ViewKind
 
 EXPERTS = ("own", "print", "templates")
 """Our own recogniser, the generic one of print, templates of fonts."""
+NETWORKS = frozenset({"own", "print"})
 FITTED = Path(__file__).with_name("weights.fit.json")
 
 
@@ -47,6 +48,18 @@ class ExpertWeights:
     def __post_init__(self) -> None:
         if not 0.0 <= self.slip < 0.5:
             raise ValueError(f"slip is {self.slip}; it is a share below 0.5")
+
+    def among(self, experts: Collection[str]) -> ExpertWeights:
+        """The weights where only these have a say: one network without the other is taken at its word.
+
+        Their powers were fitted for both; one alone to such a power would be less sure than it is right.
+        """
+        alone = NETWORKS & {*experts}
+        return (
+            replace(self, powers={**self.powers, **{name: Power(1.0) for name in alone}})
+            if len(alone) == 1
+            else self
+        )
 
 
 @cache

@@ -74,7 +74,8 @@ def alone(whole: Reading, experts: Sequence[str], settings: ReaderSettings) -> R
         return replace(decided((), 0.0, settings), source=whole.source, seconds=whole.seconds)
     kind = ViewKind.PHOTO if whole.source == "vision" else ViewKind.FELT
     # an expert by itself is taken at its word
-    lattice = pooled(heard, weights_of(kind)) if len(experts) > 1 else next(iter(heard.values()))
+    weights = weights_of(kind).among(heard)
+    lattice = pooled(heard, weights) if len(experts) > 1 else next(iter(heard.values()))
     choice = choose(lattice, settings.grammar)
     return decided(
         characters_of(choice, lattice),

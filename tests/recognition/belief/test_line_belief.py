@@ -158,3 +158,13 @@ def test_looks_of_one_expert_are_no_more_than_one() -> None:
     assert once is not None
     assert thrice is not None
     np.testing.assert_allclose(thrice.lattice.log_belief, once.lattice.log_belief, atol=1e-9)
+
+
+def test_a_network_without_the_other_is_taken_at_its_word() -> None:
+    weights = weights_of(ViewKind.FELT)
+    both = weights.among(("own", "print", "templates"))
+    assert both is weights
+    alone = weights.among(("own", "templates"))
+    assert alone.powers["own"] == Power(1.0)
+    assert alone.powers["templates"] == weights.powers["templates"]
+    assert weights.among(("templates",)) is weights
