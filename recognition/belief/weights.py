@@ -3,7 +3,7 @@
     power of expert e at a place = sure_e + doubt_e * d        d: mean of 1 - (share of the likeliest), over experts
 
 Dirt that leaves one expert in doubt leaves the others in doubt, too, and not alike. The numbers stand in
-`weights.fit.json`, with what they were fitted on; `python -m recognition.learning.fit_beliefs` makes them again.
+`weights.fit.json`, with what they were fitted on; `python -m pipeline.benchmark.fit_beliefs` fits them.
 """
 
 from __future__ import annotations

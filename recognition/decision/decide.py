@@ -29,7 +29,7 @@ LEAST_VALID_MASS = 0.02
 """Belief in all serials of the format together below which another one stands there."""
 LEAST_STROKES = 0.5
 """Share of a character's strokes that must be there for it to be accepted."""
-_TODO = {
+_REMEDIES = {
     Action.NONE: "look at the part",
     Action.CLEAN: "clean it and scan it again",
     Action.CLEAN_FIRST: "clean it and scan it again",
@@ -140,9 +140,9 @@ def strokes_asked(reading: Reading, *, vouched: Collection[int] = ()) -> Reading
     }
     if lacking:
         where = places_text(reading, list(lacking))
-        todo = _TODO[max(lacking.values(), key=list(lacking.values()).count)]
+        remedy = _REMEDIES[max(lacking.values(), key=list(lacking.values()).count)]
         reading = reading.found(
-            Finding(ReadingFlag.STROKES_MISSING, f"most strokes are missing: {where} ({todo})")
+            Finding(ReadingFlag.STROKES_MISSING, f"most strokes are missing: {where} ({remedy})")
         )
     return decided_anew(reading)
 
