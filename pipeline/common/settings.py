@@ -213,8 +213,8 @@ class ReadSettings(Settings):
     """Another line that stands on the part, as NAME=FORMAT, such as lot=AAA99; may be repeated. A part without it goes
     to review. In the file also a table, [line] with lot = "AAA99"; in the environment also JSON, {"lot": "AAA99"}."""
     layout: Path | None = None
-    """TOML file of other lines that stand on the part, with the regions where they do: [lines.lot] with format =
-    "AAA99" and region = [left, top, right, bottom], shares from 0 to 1."""
+    """TOML file of where the serial and other lines stand on the part: [serial] with region = [left, top, right,
+    bottom], shares from 0 to 1; [lines.lot] with format = "AAA99" and region."""
     height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
     """Character height in mm; measured unless given."""
     fidelity: Literal["pointwise", "contact"] = "contact"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from glyphs.fonts.glyph import Font
-from pipeline.common.other_lines import other_lines
+from pipeline.common.part_layout import layout_of
 from pipeline.common.serial_format import serial_format
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.certificate import acceptance_of
@@ -31,6 +31,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         generic.check_installed()
     given = {key: getattr(settings, key) for key in ("accept_confidence", "accept_margin")}
     thresholds: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    layout = layout_of(settings)
     return Reader(
         fonts=_fonts(settings),
         format=serial_format(settings),
@@ -38,7 +39,8 @@ def open_reader(settings: ReadSettings) -> Reader:
         fidelity=Fidelity(settings.fidelity),
         depth_rules=_depth_rules(settings),
         experts=settings.experts,
-        lines=other_lines(settings),
+        region=layout.region,
+        lines=layout.lines,
         certified=acceptance_of(settings),
         **thresholds,
     )

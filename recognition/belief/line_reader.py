@@ -16,7 +16,15 @@ from types import MappingProxyType
 import numpy as np
 
 from recognition.belief.line_belief import LineBelief, believed, pooled
-from recognition.belief.part_lines import NO_LINES, Judge, LineFormat, PartLines, ReadLine
+from recognition.belief.part_lines import (
+    NO_LINES,
+    Judge,
+    LineFormat,
+    PartLines,
+    ReadLine,
+    Region,
+    stands_in,
+)
 from recognition.belief.weights import EXPERTS, weights_of
 from recognition.experts import generic, recogniser
 from recognition.experts.steps import Steps
@@ -71,6 +79,7 @@ class LineReader:
         *,
         height_mm: float | None = None,
         experts: Sequence[str] = (),
+        region: Region | None = None,
         lines: Mapping[str, LineFormat] = NO_LINES,
     ) -> None:
         """Prepare.
@@ -80,9 +89,10 @@ class LineReader:
             chars: all that is looked for.
             height_mm: of the characters, if known.
             experts: whose belief counts, of those there are; all unless given.
+            region: where the middle of the serial's line lies; anywhere unless given.
             lines: others that stand on the part, by name.
         """
-        self.lines = lines
+        self.lines, self.region = lines, region
         self.grammar, self.chars, self.height_mm = grammar, chars, height_mm
         self.experts = frozenset(experts or EXPERTS)
         self.print_too = "print" in self.experts and generic.is_installed()
@@ -96,9 +106,10 @@ class LineReader:
             judge: other experts.
         """
         seen = self._look(view, [about]) if about is not None else self._seen(view)
-        if not seen:
+        meant = self._meant(view, seen)
+        if not meant:
             return PartLines(None)
-        best = self._settled(view, seen)
+        best = self._settled(view, meant)
         belief = self._believed(view, best, self.grammar, judge)
         if belief is None and "own" not in self.experts:
             return PartLines(None)  # who was asked has nothing to say
@@ -122,7 +133,7 @@ class LineReader:
         fits = [
             ReadLine(one.line, belief)
             for one in rest
-            if asked.covers(one.line, view)
+            if stands_in(asked.region, one.line, view)
             and (belief := believed(one.belief.heard, asked.grammar, weights=weights)) is not None
         ]
         if not fits:
@@ -156,9 +167,13 @@ class LineReader:
         )
         for candidates, enough in tries:
             seen = _ranked([*seen, *self._look(view, candidates(view, seen))])
-            if _says_much(seen, enough):
+            if _says_much(self._meant(view, seen), enough):
                 break
         return seen
+
+    def _meant(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
+        """The lines that the serial's may be, by where they stand."""
+        return [one for one in seen if stands_in(self.region, one.line, view)]
 
     def _usual(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         found = find_lines(view, height_mm=self.height_mm)

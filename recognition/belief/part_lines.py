@@ -14,6 +14,8 @@ from recognition.lines.places import boxes_of
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
+Region = tuple[float, float, float, float]
+"""Left, top, right and bottom as shares of a view."""
 Judge = Callable[[TextLine, LineBelief], dict[str, Lattice]]
 """Lattices of other experts, of the places that are believed."""
 
@@ -24,30 +26,38 @@ class LineFormat:
 
     Attributes:
         grammar: what it may be.
-        region: where its middle lies: left, top, right and bottom as shares of the view; anywhere unless given.
+        region: where its middle lies; anywhere unless given.
 
     Raises:
         ValueError: a region that is none.
     """
 
     grammar: Grammar
-    region: tuple[float, float, float, float] | None = None
+    region: Region | None = None
 
     def __post_init__(self) -> None:
-        if self.region is not None:
-            left, top, right, bottom = self.region
-            if not (0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0):
-                raise ValueError(
-                    f"region {self.region} is none; give left, top, right, bottom as shares, 0 to 1"
-                )
+        check_region(self.region)
 
-    def covers(self, line: TextLine, view: View) -> bool:
-        """Whether a line of a view stands where this one does."""
-        if self.region is None:
-            return True
-        x, y = (line.centre_mm.mean(axis=0) - view.origin_mm) / view.size_mm
-        left, top, right, bottom = self.region
-        return bool(left <= x <= right and top <= y <= bottom)
+
+def check_region(region: Region | None) -> None:
+    """Whether a region is one.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if region is not None:
+        left, top, right, bottom = region
+        if not (0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0):
+            raise ValueError(f"region {region} is none; give left, top, right, bottom as shares, 0 to 1")
+
+
+def stands_in(region: Region | None, line: TextLine, view: View) -> bool:
+    """Whether the middle of a line of a view lies in a region; None is the whole view."""
+    if region is None:
+        return True
+    x, y = (line.centre_mm.mean(axis=0) - view.origin_mm) / view.size_mm
+    left, top, right, bottom = region
+    return bool(left <= x <= right and top <= y <= bottom)
 
 
 NO_LINES: Mapping[str, LineFormat] = MappingProxyType({})

@@ -52,6 +52,7 @@ class VisionReader:
                 self.chars,
                 height_mm=self.settings.height_mm if scaled else None,
                 experts=self.settings.experts,
+                region=self.settings.region,
                 lines=self.settings.asked,
             )
             for scaled in (True, False)

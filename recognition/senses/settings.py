@@ -13,7 +13,7 @@ from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import load_font
 from glyphs.fonts.serials import FormatError
 from glyphs.surface.display import one_line
-from recognition.belief.part_lines import LineFormat
+from recognition.belief.part_lines import LineFormat, Region, check_region
 from recognition.belief.weights import EXPERTS
 from recognition.decision.certified import CertifiedAcceptance
 from recognition.decision.depth_rules import DepthRule
@@ -36,6 +36,7 @@ class ReaderOptions(TypedDict, total=False):
     accept_margin: float
     depth_rules: tuple[DepthRule, ...]
     experts: tuple[str, ...]
+    region: Region | None
     lines: Mapping[str, str | LineFormat]
     certified: CertifiedAcceptance | None
 
@@ -54,6 +55,8 @@ class ReaderSettings:
         accept_margin: least lead of the first over the second candidate for acceptance.
         depth_rules: what the mark must meet; one that does not is read all the same and goes to review.
         experts: who has a say, of `EXPERTS`; empty for all there are.
+        region: where the middle of the serial's line lies, in shares of the photograph, or of what was scanned;
+            anywhere unless given.
         lines: other lines that stand on the part, by name: their formats, and where they stand.
         certified: what a certificate allows to accept; None where there is none.
 
@@ -70,6 +73,7 @@ class ReaderSettings:
     accept_margin: float = 0.3
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()
+    region: Region | None = None
     lines: Mapping[str, str | LineFormat] | tuple[tuple[str, str | LineFormat], ...] = ()
     certified: CertifiedAcceptance | None = None
 
@@ -83,6 +87,7 @@ class ReaderSettings:
         for name in ("accept_confidence", "accept_margin"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it lies between 0 and 1")
+        check_region(self.region)
         # pairs, so that settings can be keys
         object.__setattr__(self, "lines", tuple(dict(self.lines).items()))
         experts = (self.experts,) if isinstance(self.experts, str) else tuple(self.experts)

@@ -65,6 +65,7 @@ class TactileReader:
             self.chars,
             height_mm=self.settings.height_mm,
             experts=self.settings.experts,
+            region=self.settings.region,
             lines=self.settings.asked,
         )
         # all fonts that are named compete for every part

@@ -60,6 +60,17 @@ def test_another_line_is_named_where_it_reads_and_stands_as_asked(
     assert [text_of(one.belief.openly[0]) for one in part.others] == ([] if named else ["2938174"])
 
 
+@pytest.mark.parametrize(("region", "meant"), [(UPPER, "KXB4071"), (LOWER, "2938174")])
+def test_the_serial_stands_in_its_region(
+    region: tuple[float, float, float, float] | None, meant: str
+) -> None:
+    either = Grammar(sets=("K2", "X9", "B3", "48", "01", "77", "14"))
+    part = LineReader(either, ALPHANUMERIC, region=region).read(heights_view(PART))
+    assert part.main is not None
+    assert text_of(part.main.belief.lattice) == meant
+    assert len(part.others) == 1
+
+
 def test_what_lies_upside_down_is_read() -> None:
     over = HeightMap(np.rot90(stamp("KXB4071", font="gothic", seed=1).height_map.z_mm, 2).copy(), 5.0 / 60)
     part = LineReader(Grammar(format="AAA9999"), ALPHANUMERIC).read(heights_view(level(over)))

@@ -1,4 +1,4 @@
-"""Other lines of a part, from settings and layout files."""
+"""Which lines stand on a part, and where, from settings and layout files."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from glyphs.errors import FileError
-from pipeline.common.other_lines import other_lines, read_layout
+from pipeline.common.part_layout import Layout, layout_of, read_layout
 from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.reading.readers import open_reader
 from recognition.belief.part_lines import LineFormat
 from recognition.language.grammar import Grammar
 
@@ -26,21 +27,28 @@ def layout(tmp_path: Path) -> Path:
 
 
 def test_no_lines_unless_asked_for() -> None:
-    assert other_lines(ReadSettings()) == {}
+    assert layout_of(ReadSettings()) == Layout()
 
 
 def test_lines_of_settings_and_layout_stand_together(layout: Path) -> None:
-    found = other_lines(ReadSettings(line=("heat=re:H[0-9]=[0-9]",), layout=layout))
+    found = layout_of(ReadSettings(line=("heat=re:H[0-9]=[0-9]",), layout=layout)).lines
     assert list(found) == ["lot", "date", "heat"]
     assert found["lot"] == LineFormat(Grammar.parse("AAA99"), (0.0, 0.5, 1.0, 1.0))
     assert found["date"].region is None
     assert found["heat"].grammar.allows("H1=2")  # only the first = ends the name
-    assert other_lines(ReadSettings.of(line={"lot": "AAA99"})) == {"lot": LOT}
+    assert layout_of(ReadSettings.of(line={"lot": "AAA99"})).lines == {"lot": LOT}
 
 
 def test_a_line_is_asked_for_once(layout: Path) -> None:
     with pytest.raises(SettingsError, match=r"line lot is in the settings and in .*layout\.toml; take one"):
-        other_lines(ReadSettings(line=("lot=AAA99",), layout=layout))
+        layout_of(ReadSettings(line=("lot=AAA99",), layout=layout))
+
+
+def test_the_serial_has_a_region_too(tmp_path: Path) -> None:
+    path = tmp_path / "layout.toml"
+    path.write_text("[serial]\nregion = [0, 0, 1, 0.5]\n", encoding="utf-8")
+    assert read_layout(path) == Layout(region=(0.0, 0.0, 1.0, 0.5))
+    assert open_reader(ReadSettings(layout=path)).settings.region == (0.0, 0.0, 1.0, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -49,6 +57,9 @@ def test_a_line_is_asked_for_once(layout: Path) -> None:
         ("lines = ", "is not TOML .*; correct that line"),
         ("\n", "names no line; write a table for each line"),
         ("lines = 3", "names no line"),
+        ("[serial]", "names no line"),
+        ('[serial]\nformat = "A"', "has 'format' at the serial; it has region"),
+        ("[serial]\nregion = [0, 1]", r"the region \[0, 1\] at the serial; give left, top"),
         ('[line.lot]\nformat = "A"', "has 'line', which no layout has; write a table for each line"),
         ("[lines.lot]\nregion = [0, 0, 1, 1]", "says of line lot no format"),
         ("[lines]\nlot = 3", "says of line lot no format"),
@@ -70,4 +81,4 @@ def test_files_that_are_no_layout(written: str, message: str, tmp_path: Path) ->
 
 def test_a_layout_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="is not there"):
-        other_lines(ReadSettings(layout=tmp_path / "none.toml"))
+        layout_of(ReadSettings(layout=tmp_path / "none.toml"))

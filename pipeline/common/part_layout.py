@@ -1,31 +1,50 @@
-"""Other lines of a part than its serial, from the settings.
+"""What lines stand on a part, and where, from the settings.
 
 line = ("date=99/99",)                         anywhere on the part
-layout = layout.toml  [lines.lot]
+layout = layout.toml  [serial]
+                      region = [0, 0, 1, 0.5]  where its middle lies: left, top, right, bottom, as shares
+                      [lines.lot]
                       format = "AAA99"
-                      region = [0, 0.5, 1, 1]  where its middle lies: left, top, right, bottom, as shares
+                      region = [0, 0.5, 1, 1]
 """
 
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from glyphs.errors import FileError, MarksError, require_file
 from pipeline.common.settings import ReadSettings, SettingsError, check_line_name, named_line
 
 if TYPE_CHECKING:
-    from recognition.belief.part_lines import LineFormat
+    from recognition.belief.part_lines import LineFormat, Region
 
 _MAX_FILE_BYTES = 1_000_000
 _KEYS = ("format", "region")
 _EXAMPLE = 'write a table for each line: [lines.lot] with format = "AAA99"'
+_TABLES = ("serial", "lines")
 _REGION_HINT = "give left, top, right and bottom as shares, 0 to 1: region = [0.0, 0.5, 1.0, 1.0]"
 
 
-def other_lines(settings: ReadSettings) -> dict[str, LineFormat]:
-    """The lines that should stand on a part beside its serial, by name.
+@dataclass(frozen=True)
+class Layout:
+    """What stands where on a part.
+
+    Attributes:
+        region: of the serial; None where it may stand anywhere.
+        lines: that should stand beside it, by name.
+    """
+
+    region: Region | None = None
+    lines: Mapping[str, LineFormat] = field(default_factory=lambda: MappingProxyType({}))
+
+
+def layout_of(settings: ReadSettings) -> Layout:
+    """The lines that should stand on a part.
 
     Raises:
         FileError: a layout that cannot be used.
@@ -34,34 +53,43 @@ def other_lines(settings: ReadSettings) -> dict[str, LineFormat]:
     from recognition.belief.part_lines import LineFormat
     from recognition.language.grammar import Grammar
 
-    found = {} if settings.layout is None else read_layout(settings.layout)
+    layout = Layout() if settings.layout is None else read_layout(settings.layout)
+    found = dict(layout.lines)
     for name, written in map(named_line, settings.line):
         if name in found:
             raise SettingsError(
                 f"line {name} is in the settings and in {settings.layout}", hint="take one of them out"
             )
         found[name] = LineFormat(Grammar.parse(written))
-    return found
+    return replace(layout, lines=found)
 
 
-def read_layout(path: Path) -> dict[str, LineFormat]:
-    """The lines of a layout file, by name.
+def read_layout(path: Path) -> Layout:
+    """A layout file.
 
     Raises:
-        FileError: no such file, no TOML, no lines in it, or one that cannot be.
+        FileError: no such file, no TOML, neither serial nor lines in it, or one that cannot be.
     """
     require_file(path, most_bytes=_MAX_FILE_BYTES)
     try:
         written = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise FileError(path, f"is not TOML ({error})", "correct that line") from error
-    unknown = next((key for key in written if key != "lines"), None)
+    unknown = next((key for key in written if key not in _TABLES), None)
     if unknown is not None:
         raise FileError(path, f"has {unknown!r}, which no layout has", _EXAMPLE)
-    lines = written.get("lines")
-    if not isinstance(lines, dict) or not lines:
+    serial, lines = written.get("serial", {}), written.get("lines", {})
+    if not isinstance(serial, dict) or not isinstance(lines, dict) or not (serial or lines):
         raise FileError(path, "names no line", _EXAMPLE)
-    return {name: _line(path, name, table) for name, table in lines.items()}
+    unknown = next((key for key in serial if key != "region"), None)
+    if unknown is not None:
+        raise FileError(
+            path, f"has {unknown!r} at the serial", "it has region; its format is a setting of its own"
+        )
+    return Layout(
+        _region(path, "the serial", serial),
+        {name: _line(path, name, table) for name, table in lines.items()},
+    )
 
 
 def _line(path: Path, name: str, table: Any) -> LineFormat:
@@ -85,13 +113,25 @@ def _line(path: Path, name: str, table: Any) -> LineFormat:
         raise FileError(
             path, f"has a format at line {name} that cannot be: {error.what}", error.hint
         ) from error
+    return LineFormat(grammar, _region(path, f"line {name}", table))
+
+
+def _region(path: Path, whose: str, table: Mapping[str, Any]) -> Region | None:
+    """The region that a table names, if it does.
+
+    Raises:
+        FileError: one that is none.
+    """
+    from recognition.belief.part_lines import check_region
+
     region = table.get("region")
     if region is None:
-        return LineFormat(grammar)
+        return None
     if not isinstance(region, list) or len(region) != 4 or not all(type(n) in (int, float) for n in region):
-        raise FileError(path, f"has the region {region!r} at line {name}", _REGION_HINT)
+        raise FileError(path, f"has the region {region!r} at {whose}", _REGION_HINT)
     left, top, right, bottom = map(float, region)
     try:
-        return LineFormat(grammar, (left, top, right, bottom))
+        check_region((left, top, right, bottom))
     except ValueError as error:
-        raise FileError(path, f"has the region {region!r} at line {name}", _REGION_HINT) from error
+        raise FileError(path, f"has the region {region!r} at {whose}", _REGION_HINT) from error
+    return (left, top, right, bottom)
