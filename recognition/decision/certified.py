@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+from recognition.decision.accept import decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Decision, Reading
 
@@ -41,4 +42,4 @@ def as_certified(reading: Reading, allowed: CertifiedAcceptance | None) -> Readi
         why = f"confidence {reading.confidence:.4f}, certified from {allowed.confidence:g}"
     else:
         return reading
-    return replace(reading, decision=Decision.REVIEW).found(Finding(ReadingFlag.NOT_CERTIFIED, why))
+    return decided_anew(reading.found(Finding(ReadingFlag.NOT_CERTIFIED, why)))

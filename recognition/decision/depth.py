@@ -37,7 +37,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.decision.centre_lines import centre_line
-from recognition.decision.depth_sampling import across, crest, deepest, mean_depths, percentile, robust_plane
+from recognition.decision.depth_sampling import (
+    DepthField,
+    across,
+    crest,
+    deepest,
+    mean_depths,
+    percentile,
+    robust_plane,
+    turn_matrix,
+)
 from recognition.decision.reading import MarkDepth
 from recognition.experts.templates.placed_line import PlacedLine
 from recognition.experts.templates.refine import Cell
@@ -83,7 +92,7 @@ def mark_depths(
         cells: one a character.
         chars: what each was read as.
     """
-    field = _Field(relief, raised=line.raised)
+    field = DepthField(relief, raised=line.raised)
     marks = [
         _settled(field, _placed(field, line, cell, char), height_mm=line.height_mm)
         for cell, char in zip(cells, chars, strict=True)
@@ -101,37 +110,22 @@ class _Mark:
     half_width_mm: float
 
 
-class _Field:
-    """The relief as depth into the mark, with a margin of unknown samples."""
-
-    def __init__(self, relief: Relief, *, raised: bool) -> None:
-        felt = relief.height_mm if raised else -relief.height_mm
-        self.depth_mm = np.pad(felt.astype(np.float64), 1, constant_values=np.nan)
-        self.pitch_mm = relief.pitch_mm
-        self.origin_mm = (relief.origin_mm[0] - relief.pitch_mm, relief.origin_mm[1] - relief.pitch_mm)
-
-
-def _placed(field: _Field, line: PlacedLine, cell: Cell, char: str) -> _Mark:
+def _placed(field: DepthField, line: PlacedLine, cell: Cell, char: str) -> _Mark:
     """The centre line of a character where it was read."""
     shape = centre_line(line.font, char, face=line.face)
     x, y = line.image.plate_from_line(cell.u_mm, cell.v_mm)
-    turn = line.image.rotation_deg + cell.turn_deg
-    across, down = _turned(shape.points * line.height_mm, turn).T
+    matrix = turn_matrix(line.image.rotation_deg + cell.turn_deg)
+    across, down = (shape.points * line.height_mm @ matrix).T
     row = (y + down - field.origin_mm[1]) / field.pitch_mm
     col = (x + across - field.origin_mm[0]) / field.pitch_mm
     return _Mark(
         np.column_stack([row, col]),
-        _turned(shape.normals, turn)[:, ::-1],
+        (shape.normals @ matrix)[:, ::-1],
         shape.half_width * line.height_mm,
     )
 
 
-def _turned(offsets: Points, angle_deg: float) -> Points:
-    """(n, 2) offsets (right, down) turned from +u towards +v."""
-    return np.asarray(offsets @ _turn(angle_deg))
-
-
-def _settled(field: _Field, mark: _Mark, *, height_mm: float) -> _Mark:
+def _settled(field: DepthField, mark: _Mark, *, height_mm: float) -> _Mark:
     """The character moved, turned and sized a little to where its centre line lies deepest as a whole."""
     if not len(mark.points):
         return mark
@@ -145,7 +139,7 @@ def _settled(field: _Field, mark: _Mark, *, height_mm: float) -> _Mark:
         tried = np.stack([thinned @ pose for pose in poses])
         return np.asarray(mean_depths(field.depth_mm, tried, middle, moves))
 
-    poses = [_turn(angle) for angle in SETTLE_TURNS_DEG]
+    poses = [turn_matrix(angle) for angle in SETTLE_TURNS_DEG]
     turn = poses[int(np.argmax(along(poses).max(axis=(1, 2))))]
     poses = [turn * size for size in SETTLE_SIZES]
     table = along(poses)
@@ -158,12 +152,6 @@ def _settled(field: _Field, mark: _Mark, *, height_mm: float) -> _Mark:
     return _Mark(points, mark.normals @ turn, mark.half_width_mm)
 
 
-def _turn(angle_deg: float) -> Points:
-    """Matrix that turns row vectors by an angle."""
-    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    return np.array([[cos, sin], [-sin, cos]])
-
-
 def _vertex(values: NDArray[np.float64], at: int) -> float:
     """Where between neighbours the parabola through a maximum has its vertex, in steps."""
     if not 0 < at < values.size - 1:
@@ -173,7 +161,7 @@ def _vertex(values: NDArray[np.float64], at: int) -> float:
     return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0.0 else 0.0
 
 
-def _land(field: _Field, marks: Sequence[_Mark], *, height_mm: float) -> NDArray[np.bool_]:
+def _land(field: DepthField, marks: Sequence[_Mark], *, height_mm: float) -> NDArray[np.bool_]:
     """Samples that were felt and lie clear of every character's ink and burr."""
     from scipy import ndimage
 
@@ -186,7 +174,7 @@ def _land(field: _Field, marks: Sequence[_Mark], *, height_mm: float) -> NDArray
     return np.asarray((ndimage.distance_transform_edt(bare) > clear) & np.isfinite(field.depth_mm))
 
 
-def _depth(field: _Field, mark: _Mark, land: NDArray[np.bool_], *, height_mm: float) -> MarkDepth | None:
+def _depth(field: DepthField, mark: _Mark, land: NDArray[np.bool_], *, height_mm: float) -> MarkDepth | None:
     n = len(mark.points)
     if n == 0:
         return None
@@ -205,7 +193,7 @@ def _depth(field: _Field, mark: _Mark, land: NDArray[np.bool_], *, height_mm: fl
     return MarkDepth(mean_mm=float(below.mean()), min_mm=low, max_mm=high, burr_mm=burr)
 
 
-def _burr_mm(field: _Field, mark: _Mark, plane: NDArray[np.float64], *, height_mm: float) -> float | None:
+def _burr_mm(field: DepthField, mark: _Mark, plane: NDArray[np.float64], *, height_mm: float) -> float | None:
     """Height of the rim beside the strokes above the land; None where too little of it was felt."""
     half = mark.half_width_mm / field.pitch_mm
     beside = half + np.linspace(0.0, BURR_REACH_HEIGHTS * height_mm / field.pitch_mm, BURR_STEPS)
@@ -221,7 +209,7 @@ def _burr_mm(field: _Field, mark: _Mark, plane: NDArray[np.float64], *, height_m
 
 
 def _plane(
-    field: _Field, mark: _Mark, land: NDArray[np.bool_], *, height_mm: float
+    field: DepthField, mark: _Mark, land: NDArray[np.bool_], *, height_mm: float
 ) -> NDArray[np.float64] | None:
     """Level and slopes (per sample, along rows and columns) of the land about a character; robust."""
     reach = LAND_REACH_HEIGHTS * height_mm / field.pitch_mm

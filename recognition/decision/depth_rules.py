@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
-from recognition.decision.decide import decided_anew
+from recognition.decision.accept import decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import CharacterReading, Reading
 

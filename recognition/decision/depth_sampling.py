@@ -1,4 +1,4 @@
-"""A map of depths looked up at many places: along lines moved and turned, across strokes, and the plane of its land."""
+"""Depths looked up at many places: along lines moved and turned, across strokes, and the plane of their land."""
 
 from __future__ import annotations
 
@@ -8,11 +8,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import kernel
+from whisker_array.estimation.relief import Relief
 
 Floats: TypeAlias = NDArray[np.float64]
 
 LEAST_PIVOT = 1e-9
 """Of the largest element of the normal equations: below, they do not tell all three terms of a plane."""
+
+
+class DepthField:
+    """A relief as depth into the mark, with a margin of unknown samples.
+
+    Attributes:
+        depth_mm: (rows, cols), NaN where not known.
+        pitch_mm: of its samples.
+        origin_mm: x, y of the first.
+    """
+
+    def __init__(self, relief: Relief, *, raised: bool) -> None:
+        felt = relief.height_mm if raised else -relief.height_mm
+        self.depth_mm = np.pad(felt.astype(np.float64), 1, constant_values=np.nan)
+        self.pitch_mm = relief.pitch_mm
+        self.origin_mm = (relief.origin_mm[0] - relief.pitch_mm, relief.origin_mm[1] - relief.pitch_mm)
+
+
+def turn_matrix(angle_deg: float) -> Floats:
+    """Matrix that turns row vectors (right, down) by an angle, from +u towards +v."""
+    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return np.array([[cos, sin], [-sin, cos]])
 
 
 def percentile(values: NDArray[np.floating], percent: float) -> float:

@@ -37,6 +37,7 @@ class ReadingFlag(Flag):
     NO_DEPTH_RULE = auto()
     NOT_CERTIFIED = auto()
     STROKES_MISSING = auto()
+    STROKES_UNDECIDED = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -67,6 +68,7 @@ _MESSAGES = {
     ReadingFlag.LINE_MISSING: "a line that was asked for was not found (check the part)",
     ReadingFlag.NOT_CERTIFIED: "not covered by the certificate (look at the part)",
     ReadingFlag.STROKES_MISSING: "most strokes of a character are missing (clean it and scan it again)",
+    ReadingFlag.STROKES_UNDECIDED: "the strokes that tell two characters apart were not felt (clean it)",
     ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
 }
 MEASURE_FLAGS = (

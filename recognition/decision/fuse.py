@@ -20,10 +20,11 @@ from recognition.belief.fuse_lattices import (
     fuse_lattices,
     tempered,
 )
-from recognition.decision.decide import CHOICE_FLAGS, Thresholds, decided, strokes_asked
+from recognition.decision.decide import CHOICE_FLAGS, Thresholds, decided
 from recognition.decision.flags import Finding, ReadingFlag, flags_of
 from recognition.decision.reading import Decision, OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import characters_of, doubts_of_lines, hull
+from recognition.decision.stroke_doubts import strokes_asked
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
@@ -57,9 +58,8 @@ def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
         and never where both senses are sure of different characters.
     """
     made = _fused(touch, vision, settings)
-    return replace(
-        made, source="fused", trace=ReadingTrace(touch=touch, vision=vision, photo=vision.trace.photo)
-    )
+    trace = ReadingTrace(strokes=made.trace.strokes, touch=touch, vision=vision, photo=vision.trace.photo)
+    return replace(made, source="fused", trace=trace)
 
 
 def _fused(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
@@ -133,7 +133,9 @@ def _reading(
         grammar=settings.grammar,
         findings=(*kept.findings, *doubts_of_lines(others, settings.asked, settings), *disagree),
     )
-    made = strokes_asked(made, vouched=_sure_places(vision, made.text, settings))
+    if tactile.trace.felt_line is not None:
+        made = made.traced(strokes=tactile.trace.felt_line.strokes(choice.text, lattice))
+    made = strokes_asked(replace(made, font=tactile.font), vouched=_sure_places(vision, made.text, settings))
     return replace(
         tactile,
         characters=made.characters,
@@ -143,6 +145,7 @@ def _reading(
         findings=made.findings,
         others=others,
         seconds=_seconds(tactile, vision),
+        trace=made.trace,
     )
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import TraceDirection
-from recognition.decision.decide import strokes_asked
 from recognition.decision.grade import GradeError, grade_character
 from recognition.decision.reading import CharacterReading, Reading
 from recognition.experts.templates.frames import LineImage, is_edge_channel, resampled
@@ -51,12 +50,12 @@ def graded(reading: Reading, judged: JudgedLine, directions: tuple[TraceDirectio
 def explained(reading: Reading, *, by_font: bool) -> Reading:
     """What may be said of a reading's marks by the font that they were graded and measured by.
 
-    Where a font explains the marks (it was named, or it suits them), a character that lacks most of its strokes is
-    doubted. One that only stands for a font that nobody named grades nothing: strokes that another font does not have
-    are not missing. It measures depth where its strokes are the part's, too.
+    A font explains the marks where it was named, or suits them. One that only stands for a font that nobody named
+    grades nothing: strokes that another font does not have are not missing. It measures depth where its strokes are
+    the part's, too.
     """
     if by_font:
-        return strokes_asked(reading)
+        return reading
     characters = tuple(
         replace(c, grade=None, depth=c.depth if _is_alike(c) else None) for c in reading.characters
     )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap, HeightMap
+    from recognition.decision.strokes_felt import FeltLine, PlaceStrokes
     from recognition.decision.verify import Verification
     from recognition.language.constrained_decoding import Choice
     from recognition.language.lattice import Lattice
@@ -151,6 +152,8 @@ class ReadingTrace:
         line: where the line lies.
         experts: names of those that had a say, joined by "+".
         by_expert: the lattice of each by itself.
+        felt_line: of touch: what can be asked for the strokes of characters; None without heights.
+        strokes: what was felt, place by place, of the characters read and their rivals; empty where it is not known.
         touch: the reading of touch that was fused.
         vision: the reading of vision that was fused.
         verification: of the text expected.
@@ -167,6 +170,8 @@ class ReadingTrace:
     line: TextLine | None = None
     experts: str = ""
     by_expert: Mapping[str, Lattice] = field(default_factory=lambda: MappingProxyType({}))
+    felt_line: FeltLine | None = None
+    strokes: tuple[PlaceStrokes, ...] = ()
     touch: Reading | None = None
     vision: Reading | None = None
     verification: Verification | None = None
@@ -286,6 +291,11 @@ class Reading:
         """Mean depth of the characters whose depth is known; None without any."""
         known = [c.depth.mean_mm for c in self.characters if c.depth is not None]
         return math.fsum(known) / len(known) if known else None
+
+    @property
+    def evidence_margin(self) -> float | None:
+        """Nats by which felt strokes speak for the text against its strongest rival; None where nothing rivals it."""
+        return min((r.margin for place in self.trace.strokes for r in place.rivals), default=None)
 
     def found(self, *findings: Finding) -> Reading:
         """The same reading with these findings and their flags."""

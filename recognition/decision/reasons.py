@@ -29,6 +29,7 @@ IMPORTANCE = (
     ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS,
     ReadingFlag.LINE_MISSING,
     ReadingFlag.STROKES_MISSING,
+    ReadingFlag.STROKES_UNDECIDED,
     ReadingFlag.UNREAD_MARKS,
     ReadingFlag.FORMAT_OVERRULED,
     ReadingFlag.CHECK_BLIND,

@@ -7,10 +7,10 @@ A character is doubted where it is such a guess, or where a guess comes near it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
+from recognition.decision.accept import decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
-from recognition.decision.reading import Decision, Reading
+from recognition.decision.reading import Reading
 from recognition.experts.templates.judge import JudgedLine
 
 NEAR_SCORE = 0.05
@@ -43,7 +43,4 @@ def doubted_guesses(reading: Reading, judged: JudgedLine, places: Sequence[str] 
             doubted.append(f"place {k + 1}: {', '.join(near)} was never enrolled in {reading.font}")
     if not doubted:
         return reading
-    decision = Decision.REVIEW if reading.decision is Decision.ACCEPT else reading.decision
-    return replace(reading, decision=decision).found(
-        *(Finding(ReadingFlag.FOREIGN_SHAPES, text) for text in doubted)
-    )
+    return decided_anew(reading.found(*(Finding(ReadingFlag.FOREIGN_SHAPES, text) for text in doubted)))

@@ -123,6 +123,7 @@ class Repertoire:
 
     Attributes:
         fonts: loaded; of those that nobody named, a few that stand for them.
+        strokes_of: fonts whose strokes may be a part's: those, and the ones that stand for others.
         grammar: what serials may be.
         places: characters at each place; None where their number is open.
         gaps: places followed by a word gap.
@@ -137,6 +138,9 @@ class Repertoire:
         """
         named = settings.fonts or STAND_INS
         self.fonts = tuple(font if isinstance(font, Font) else load_font(font) for font in named)
+        stand_ins = [load_font(font) for font in STAND_INS]
+        known = {font.name for font in self.fonts}
+        self.strokes_of = (*self.fonts, *(font for font in stand_ins if font.name not in known))
         self.grammar = settings.grammar
         self.places: tuple[str, ...] | None = None
         self.gaps: frozenset[int] = frozenset()

@@ -17,14 +17,16 @@ from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from recognition.belief.line_belief import LineBelief
 from recognition.belief.line_reader import MOST_SCANS, LineReader
-from recognition.belief.part_lines import PartLines
-from recognition.decision.decide import serial_is_sure
+from recognition.belief.part_lines import PartLines, ReadLine
+from recognition.decision.accept import serial_is_sure
 from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.grading import explained, graded
 from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
+from recognition.decision.stroke_doubts import strokes_asked
+from recognition.decision.strokes_felt import FeltLine
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.experts.templates.judge import JudgedLine, judged
 from recognition.experts.templates.placed_line import TouchedPart
@@ -60,6 +62,7 @@ class TactileReader:
         self.chars, self.grammar = repertoire.chars, repertoire.grammar
         self.places, self.gaps = repertoire.places, repertoire.gaps
         self.fonts, self.named = repertoire.fonts, bool(self.settings.fonts)
+        self.strokes_of = repertoire.strokes_of
         self.lines = LineReader(
             self.grammar,
             self.chars,
@@ -148,6 +151,10 @@ class TactileReader:
         if shapes.judged is not None and reading.characters:
             with timer.step("measure"):
                 reading = self._measured(reading, shapes.judged, edges, relief)
+        if relief is not None and part.main is not None and reading.characters:
+            with timer.step("strokes"):
+                reading = self._stroked(reading, part.main, relief)
+        reading = strokes_asked(reading)
         reading = judged_by(reading, self.settings.depth_rules)
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds))).traced(
             edge_map=edges, relief=relief
@@ -183,6 +190,12 @@ class TactileReader:
             )
             reading = doubted_guesses(settled, shapes, self.places)
         return explained(reading, by_font=shapes.lattice is not None)
+
+    def _stroked(self, reading: Reading, main: ReadLine, relief: Relief) -> Reading:
+        """The reading with what was felt of its characters' strokes and of their rivals'."""
+        line = FeltLine(relief, main.line, main.belief.columns, reading.raised, self.strokes_of)
+        chars = [c.char for c in reading.characters]
+        return reading.traced(felt_line=line, strokes=line.strokes(chars, main.belief.lattice))
 
 
 class _Shapes:

@@ -19,7 +19,8 @@ from recognition.belief.fuse_lattices import (
     fuse_lattices,
     tempered,
 )
-from recognition.decision.decide import DOUBTS, decided
+from recognition.decision.accept import DOUBTS
+from recognition.decision.decide import decided
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.fuse import fuse
 from recognition.decision.reading import Decision, OtherLine, Reading

@@ -1,0 +1,103 @@
+"""Doubts about the strokes of a reading: those that are missing, and those that leave two characters undecided.
+
+The prior has no say here: a J whose hook is filled is an I to the eye, and to whoever believes in I's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from recognition.decision.accept import decided_anew
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.grade import Action
+from recognition.decision.reading import Reading
+from recognition.decision.reasons import places_text
+from recognition.decision.strokes_felt import LIVE, RivalStrokes
+
+LEAST_STROKES, LEAST_FELT = 0.5, 0.4
+"""Share of a character's strokes that must be there: of the edges of a font that explains the marks, and of the depth
+of the strokes of whichever font suits best, which is not quite the part's."""
+ALL_THERE = 0.7
+"""Share of strokes felt in another font from which that font explains the mark."""
+LEAST_MARGIN = 3.0
+"""Nats by which strokes must speak against a live rival: 20 to 1."""
+TOLD_HEIGHTS = 0.15
+"""Length of the strokes that tell two characters apart below which touch says nothing of them."""
+HIDDEN_SHARE = 0.5
+"""Of a rival's strokes, that could not be felt, from which it is not excluded whatever is believed."""
+_REMEDIES = {
+    Action.NONE: "look at the part",
+    Action.CLEAN: "clean it and scan it again",
+    Action.CLEAN_FIRST: "clean it and scan it again",
+    Action.RE_STRIKE: "strike it again",
+    Action.SCAN_AGAIN: "scan it again",
+}
+
+
+def strokes_asked(reading: Reading, *, vouched: Collection[int] = ()) -> Reading:
+    """The reading, doubted where most strokes of a character are missing, or where strokes fit a rival as well.
+
+    Args:
+        reading: with the grades of its marks, and the strokes in its trace.
+        vouched: places, from 0, that another sense is sure of: what is missing or hidden there was seen.
+    """
+    reading = reading.without(ReadingFlag.STROKES_MISSING | ReadingFlag.STROKES_UNDECIDED)
+    found = (*_missing(reading, vouched), *_undecided(reading, vouched))
+    return decided_anew(reading.found(*found))
+
+
+def _missing(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
+    strokes = reading.trace.strokes
+    lacking, foreign = {}, []
+    for k, c in enumerate(reading.characters):
+        if k in vouched:
+            continue
+        place = strokes[k] if k < len(strokes) else None
+        edges = None if c.grade is None else (c.grade.value("completeness") or 0.0)
+        if place is not None and place.felt is not None and place.felt < LEAST_FELT:
+            lacking[k] = Action.CLEAN if c.grade is None else c.grade.action
+        elif edges is not None and edges < LEAST_STROKES:
+            if (
+                place is not None
+                and place.font not in ("", reading.font)
+                and (place.felt or 0.0) >= ALL_THERE
+            ):
+                foreign.append(k)
+            elif c.grade is not None:
+                lacking[k] = c.grade.action
+    if lacking:
+        remedy = _REMEDIES[max(lacking.values(), key=list(lacking.values()).count)]
+        where = places_text(reading, list(lacking))
+        yield Finding(ReadingFlag.STROKES_MISSING, f"most strokes are missing: {where} ({remedy})")
+    if foreign:
+        where = places_text(reading, foreign)
+        yield Finding(
+            ReadingFlag.FOREIGN_SHAPES,
+            f"another font than {reading.font} explains the marks better: {where} (name the right font)",
+        )
+
+
+def _undecided(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
+    for k, (c, place) in enumerate(zip(reading.characters, reading.trace.strokes, strict=False)):
+        rivals = [r for r in place.rivals if _stands(r, seen=k in vouched)]
+        if rivals:
+            rival = min(rivals, key=lambda r: r.margin)
+            yield Finding(
+                ReadingFlag.STROKES_UNDECIDED,
+                f"{c.char} or {rival.char} at place {k + 1}: {_why(rival)}",
+            )
+
+
+def _stands(rival: RivalStrokes, *, seen: bool) -> bool:
+    """Whether a rival is not excluded."""
+    if rival.margin >= LEAST_MARGIN or rival.apart_heights < TOLD_HEIGHTS or seen:
+        return False
+    return rival.belief >= LIVE or rival.hidden >= HIDDEN_SHARE
+
+
+def _why(rival: RivalStrokes) -> str:
+    if rival.hidden >= HIDDEN_SHARE:
+        return "the strokes that tell them apart are covered (clean it and scan it again)"
+    if rival.margin < 0.0:
+        return "the strokes that were felt fit both (look at the part)"
+    return "the strokes that tell them apart may be filled (clean it and scan it again)"
