@@ -19,10 +19,12 @@ LEAST_STROKES, LEAST_FELT = 0.5, 0.4
 of the strokes of whichever font suits best, which is not quite the part's."""
 ALL_THERE = 0.7
 """Share of strokes felt in another font from which that font explains the mark."""
-LEAST_MARGIN = 3.0
-"""Nats by which strokes must speak against a live rival: 20 to 1."""
+LEAST_MARGIN = 2.5
+"""Nats by which strokes must speak against a live rival: less than a piece that was felt, more than a doubtful gap."""
 TOLD_HEIGHTS = 0.15
 """Length of the strokes that tell two characters apart below which touch says nothing of them."""
+UNTOLD = 0.03
+"""Belief in a rival from which it is not excluded where touch says nothing."""
 HIDDEN_SHARE = 0.5
 """Of a rival's strokes, that could not be felt, from which it is not excluded whatever is believed."""
 _REMEDIES = {
@@ -90,13 +92,21 @@ def _undecided(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
 
 def _stands(rival: RivalStrokes, *, seen: bool) -> bool:
     """Whether a rival is not excluded."""
-    if rival.margin >= LEAST_MARGIN or rival.apart_heights < TOLD_HEIGHTS or seen:
+    if seen:
         return False
-    return rival.belief >= LIVE or rival.hidden >= HIDDEN_SHARE
+    if rival.apart_heights < TOLD_HEIGHTS:
+        return rival.belief >= UNTOLD
+    return rival.margin < LEAST_MARGIN and (rival.belief >= LIVE or _hides(rival))
+
+
+def _hides(rival: RivalStrokes) -> bool:
+    return rival.more_heights >= TOLD_HEIGHTS and rival.hidden >= HIDDEN_SHARE
 
 
 def _why(rival: RivalStrokes) -> str:
-    if rival.hidden >= HIDDEN_SHARE:
+    if rival.apart_heights < TOLD_HEIGHTS:
+        return "touch hardly tells them apart (look at the part)"
+    if _hides(rival):
         return "the strokes that tell them apart are covered (clean it and scan it again)"
     if rival.margin < 0.0:
         return "the strokes that were felt fit both (look at the part)"

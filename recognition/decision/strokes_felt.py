@@ -72,15 +72,17 @@ class RivalStrokes:
         char: the rival.
         belief: in it without its strokes.
         margin: nats by which strokes speak for the character that was read; negative for the rival.
-        hidden: share of the strokes that only the rival has where nothing could be felt.
         apart_heights: length of the strokes that only one of them has.
+        more_heights: of these, what only the rival has.
+        hidden: share of the latter where nothing could be felt.
     """
 
     char: str
     belief: float
     margin: float
-    hidden: float
     apart_heights: float
+    more_heights: float
+    hidden: float
 
 
 @dataclass(frozen=True)
@@ -187,8 +189,9 @@ def _against(
         char=char,
         belief=belief,
         margin=float(margin),
-        hidden=_share(~rival.open, theirs),
         apart_heights=float(own.sum() + theirs.sum()) * STEP_HEIGHTS,
+        more_heights=float(theirs.sum()) * STEP_HEIGHTS,
+        hidden=_share(~rival.open, theirs),
     )
 
 

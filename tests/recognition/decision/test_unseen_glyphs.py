@@ -9,6 +9,7 @@ from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.language.box import Box
+from recognition.language.confusions import CharacterState, PlaceState
 
 CHARS = ("E", "F", "Q", "O")
 BOX = Box(0.0, 0.0, 1.0, 1.0)
@@ -24,9 +25,9 @@ def font(guessed):
     return replace(gothic, glyphs={c: replace(gothic.glyphs[c], guessed=c in guessed) for c in CHARS})
 
 
-def doubted(text, scores, *, guessed, places=None, decision=Decision.ACCEPT):
+def doubted(text, scores, *, guessed, places=None, decision=Decision.ACCEPT, state=None):
     reading = Reading(
-        characters=tuple(CharacterReading((Candidate(c, 0.9, 0.99),), BOX) for c in text),
+        characters=tuple(CharacterReading((Candidate(c, 0.9, 0.99),), BOX, state=state) for c in text),
         decision=decision,
         confidence=0.99,
         flags=ReadingFlag.NONE,
@@ -62,6 +63,10 @@ def test_a_guess_far_off_or_not_allowed_there_does_not():
     assert doubted("E", near, guessed="F", places=("EFQ",)).decision is Decision.REVIEW
 
 
-@pytest.mark.parametrize("decision", [Decision.REVIEW, Decision.REJECT])
-def test_nothing_becomes_better_by_it(decision):
-    assert doubted("E", [(0.93, 0.92, 0.1, 0.1)], guessed="F", decision=decision).decision is decision
+@pytest.mark.parametrize(
+    ("decision", "state"),
+    [(Decision.REVIEW, None), (Decision.REJECT, PlaceState(CharacterState.NOT_READ, "E", 0.1))],
+)
+def test_nothing_becomes_better_by_it(decision, state):
+    made = doubted("E", [(0.93, 0.92, 0.1, 0.1)], guessed="F", decision=decision, state=state)
+    assert made.decision is decision

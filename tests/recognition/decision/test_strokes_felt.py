@@ -1,0 +1,198 @@
+"""Strokes that were felt, filled, or hidden: what they say of a character and of its rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glyphs.fonts.glyph import Font
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.stamp import StampedPart
+from recognition.decision.accept import ACCEPTED_WHERE_NOT, DOUBTS, decision_of
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
+from recognition.decision.stroke_doubts import LEAST_MARGIN, strokes_asked
+from recognition.decision.strokes_felt import LIVE, MOST_ABSENT, FeltLine, PlaceStrokes, RivalStrokes
+from recognition.language.box import Box
+from recognition.language.lattice import Lattice
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from whisker_array.estimation.relief import Relief, Route
+
+TEXT = "RJ3E8"
+CHARS = tuple("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789")
+DEEP_MM = 0.1
+"""What fills or covers a stroke in these tests; the marks are 0.19 mm deep."""
+Make = Callable[..., StampedPart]
+
+
+@pytest.fixture(scope="module")
+def part(make_part: Make) -> StampedPart:
+    return make_part(TEXT, calm=True)
+
+
+def relief_of(part: StampedPart) -> Relief:
+    """The surface itself for what was felt of it."""
+    z = part.height_map.z_mm[::2, ::2]
+    return Relief(z, None, None, 2 * part.height_map.pitch_mm, (0.0, 0.0), 0.2, None, next(iter(Route)))
+
+
+def felt_line(
+    part: StampedPart, relief: Relief, *, fonts: tuple[Font, ...] = (), raised: bool = False
+) -> FeltLine:
+    """The line where it was stamped."""
+    boxes = np.array(part.boxes_mm)
+    start, middle = boxes[0, 0], 0.5 * (boxes[:, 1] + boxes[:, 3]).mean()
+    line = TextLine.straight(start, middle, length_mm=boxes[-1, 2] - start, height_mm=part.height_mm)
+    at = (0.5 * (boxes[:, 0] + boxes[:, 2]) - start) / part.height_mm
+    columns = (at + MARGIN) * HEIGHT_ROWS - 0.5
+    return FeltLine(relief, line, columns, raised, fonts or (load_font("gothic"),))
+
+
+def lattice(text: str, **rivals: float) -> Lattice:
+    """Sure of a text but for rivals, by place: p0=("P", 0.03)."""
+    log = np.full((len(text), len(CHARS)), -40.0)
+    for k, char in enumerate(text):
+        log[k, CHARS.index(char)] = np.log(0.9)
+    for place, (char, belief) in rivals.items():  # type: ignore[misc]
+        log[int(place[1:]), CHARS.index(char)] = np.log(belief)
+    return Lattice(CHARS, log)
+
+
+def filled(
+    relief: Relief, part: StampedPart, which: int, *, window: tuple[float, ...], up_mm: float = 0.0
+) -> Relief:
+    """A share of a character's box (left, top, right, bottom) at the level of the land, or above it."""
+    x0, y0, x1, y1 = part.boxes_mm[which]
+    left, top, right, bottom = window
+    z = relief.height_mm.copy()
+    rows = slice(
+        round((y0 + top * (y1 - y0)) / relief.pitch_mm), round((y0 + bottom * (y1 - y0)) / relief.pitch_mm)
+    )
+    cols = slice(
+        round((x0 + left * (x1 - x0)) / relief.pitch_mm), round((x0 + right * (x1 - x0)) / relief.pitch_mm)
+    )
+    z[rows, cols] = up_mm
+    return replace(relief, height_mm=z)
+
+
+def rival(places: tuple[PlaceStrokes, ...], place: int, char: str) -> RivalStrokes:
+    return next(r for r in places[place].rivals if r.char == char)
+
+
+def test_a_stroke_that_was_felt_excludes_who_lacks_it(part: StampedPart) -> None:
+    found = felt_line(part, relief_of(part)).strokes(TEXT, lattice(TEXT, p0=("P", 0.05), p3=("F", 0.05)))
+    for place, char in ((0, "P"), (3, "F")):
+        assert rival(found, place, char).margin > LEAST_MARGIN
+    assert all(place.felt is not None and place.felt > 0.95 for place in found)
+
+
+def test_the_wrong_claim_is_refuted_by_the_stroke_that_it_lacks(part: StampedPart) -> None:
+    found = felt_line(part, relief_of(part)).strokes(
+        "PJ3F8", lattice("PJ3F8", p0=("R", 0.05), p3=("E", 0.05))
+    )
+    assert rival(found, 0, "R").margin < -LEAST_MARGIN
+    assert rival(found, 3, "E").margin < -LEAST_MARGIN
+
+
+def test_absence_says_less_the_more_is_missing_and_never_all(part: StampedPart) -> None:
+    leg = filled(relief_of(part), part, 0, window=(0.3, 0.52, 1.1, 1.1))
+    beliefs = lattice("PJ3E8", p0=("R", 0.05))
+    clean = rival(felt_line(part, leg).strokes("PJ3E8", beliefs), 0, "R")
+    worn = leg
+    for which in (1, 2, 3, 4):
+        worn = filled(worn, part, which, window=(-0.1, 0.5, 1.1, 1.1))
+    dirty = rival(felt_line(part, worn).strokes("PJ3E8", beliefs), 0, "R")
+    assert 0.0 < dirty.margin < 0.7 * clean.margin
+    assert clean.margin <= MOST_ABSENT
+    assert dirty.hidden == clean.hidden == 0.0
+
+
+def test_what_is_covered_excludes_nobody_whatever_is_believed(part: StampedPart) -> None:
+    heap = filled(relief_of(part), part, 0, window=(0.3, 0.5, 1.1, 1.1), up_mm=2 * DEEP_MM)
+    unknown = filled(relief_of(part), part, 0, window=(0.3, 0.5, 1.1, 1.1), up_mm=np.nan)
+    for surface in (heap, unknown):
+        found = rival(felt_line(part, surface).strokes("PJ3E8", lattice("PJ3E8")), 0, "R")
+        assert found.belief < LIVE  # declared to be taken for P
+        assert found.hidden > 0.5
+        assert found.margin < LEAST_MARGIN
+
+
+def test_a_character_filled_to_the_land_was_not_felt(part: StampedPart) -> None:
+    surface = filled(relief_of(part), part, 1, window=(-0.2, -0.2, 1.2, 1.2))
+    found = felt_line(part, surface).strokes("RI3E8", lattice("RI3E8", p1=("J", 0.01)))
+    assert found[1].felt is not None
+    assert found[1].felt < 0.1
+    made = strokes_asked(reading("RI3E8", found))
+    assert made.decision is Decision.REVIEW
+    assert "I at place 2" in made.messages()[0]
+
+
+def test_raised_marks_are_sunk_ones_upside_down(part: StampedPart) -> None:
+    relief = relief_of(part)
+    beliefs = lattice(TEXT, p0=("P", 0.05))
+    sunk = felt_line(part, relief).strokes(TEXT, beliefs)
+    raised = felt_line(part, replace(relief, height_mm=-relief.height_mm), raised=True).strokes(TEXT, beliefs)
+    assert sunk == raised
+
+
+def test_a_font_that_nobody_named_tells_the_same_rivals_apart(part: StampedPart) -> None:
+    others = (load_font("futuram"), load_font("timesr"))
+    found = felt_line(part, relief_of(part), fonts=others).strokes("PJ3E8", lattice("PJ3E8", p0=("R", 0.05)))
+    assert rival(found, 0, "R").margin < 0.0
+    assert found[0].font in {font.name for font in others}
+
+
+def test_of_what_no_font_has_nothing_is_said(part: StampedPart) -> None:
+    line = felt_line(part, relief_of(part))
+    font = replace(line.fonts[0], glyphs={c: g for c, g in line.fonts[0].glyphs.items() if c != "R"})
+    found = replace(line, fonts=(font,)).strokes(TEXT, lattice(TEXT))
+    assert found[0] == PlaceStrokes(None)
+    assert replace(line, columns=line.columns[:-1]).strokes(TEXT, lattice(TEXT)) == ()
+
+
+def reading(text: str, strokes: tuple[PlaceStrokes, ...]) -> Reading:
+    box = Box(0.0, 0.0, 1.0, 1.0)
+    places = tuple(CharacterReading((Candidate(c, 0.99, 0.99),), box) for c in text)
+    return Reading(places, Decision.ACCEPT, 0.98).traced(strokes=strokes)
+
+
+def stands(**changed: float) -> RivalStrokes:
+    """A live rival that strokes do not exclude."""
+    return replace(
+        RivalStrokes("J", belief=0.01, margin=1.0, apart_heights=0.5, more_heights=0.4, hidden=0.0), **changed
+    )
+
+
+@pytest.mark.parametrize(
+    ("one", "why"),
+    [
+        (stands(hidden=0.8, belief=0.0), "covered"),
+        (stands(), "may be filled"),
+        (stands(margin=-2.0), "fit both"),
+        (stands(belief=0.5 * LIVE), ""),
+        (stands(margin=LEAST_MARGIN), ""),
+        (stands(apart_heights=0.1, margin=0.0), ""),
+        (stands(apart_heights=0.1, belief=0.05), "hardly"),
+        (stands(hidden=1.0, more_heights=0.05, belief=0.0), ""),
+    ],
+)
+def test_two_characters_stay_undecided_where_strokes_do_not_tell(one: RivalStrokes, why: str) -> None:
+    made = strokes_asked(reading("I", (PlaceStrokes(1.0, "gothic", (one,)),)))
+    assert made.decision is (Decision.REVIEW if why else Decision.ACCEPT)
+    assert (ReadingFlag.STROKES_UNDECIDED in made.flags) == bool(why)
+    if why:
+        assert made.messages()[0].startswith("I or J at place 1: ")
+        assert why in made.messages()[0]
+    # a camera that is sure has seen what could not be felt
+    assert strokes_asked(made, vouched={0}).decision is Decision.ACCEPT
+
+
+def test_every_doubt_keeps_a_reading_from_being_accepted() -> None:
+    places = reading("I", ()).characters
+    assert decision_of(ReadingFlag.NONE, places) is Decision.ACCEPT
+    assert all(decision_of(flag, places) is Decision.REVIEW for flag in ReadingFlag if flag & DOUBTS)
+    assert decision_of(ReadingFlag.JAMMED, places) is Decision.ACCEPT
+    assert all(ACCEPTED_WHERE_NOT.values())
