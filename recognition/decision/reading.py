@@ -294,8 +294,8 @@ class Reading:
 
     @property
     def evidence_margin(self) -> float | None:
-        """Nats by which felt strokes speak for the text against its strongest rival; None where nothing rivals it."""
-        return min((r.margin for place in self.trace.strokes for r in place.rivals), default=None)
+        """Nats by which beliefs and strokes speak for the text against its strongest rival; None without any."""
+        return min((r.excluded_nats for place in self.trace.strokes for r in place.rivals), default=None)
 
     def found(self, *findings: Finding) -> Reading:
         """The same reading with these findings and their flags."""

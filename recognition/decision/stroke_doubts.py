@@ -5,6 +5,7 @@ The prior has no say here: a J whose hook is filled is an I to the eye, and to w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator
 
 from recognition.decision.accept import decided_anew
@@ -17,16 +18,20 @@ from recognition.decision.strokes_felt import LIVE, RivalStrokes
 LEAST_STROKES, LEAST_FELT = 0.5, 0.4
 """Share of a character's strokes that must be there: of the edges of a font that explains the marks, and of the depth
 of the strokes of whichever font suits best, which is not quite the part's."""
+SUITED = 0.35
+"""Score of a font's character over the surface from which there is something in its shape, however shallow."""
 ALL_THERE = 0.7
 """Share of strokes felt in another font from which that font explains the mark."""
-LEAST_MARGIN = 2.5
-"""Nats by which strokes must speak against a live rival: less than a piece that was felt, more than a doubtful gap."""
-TOLD_HEIGHTS = 0.15
+LEFT = 0.002
+"""Belief that may be left in a live rival once strokes have spoken."""
+TOLD_HEIGHTS = 0.25
 """Length of the strokes that tell two characters apart below which touch says nothing of them."""
 UNTOLD = 0.03
 """Belief in a rival from which it is not excluded where touch says nothing."""
 HIDDEN_SHARE = 0.5
 """Of a rival's strokes, that could not be felt, from which it is not excluded whatever is believed."""
+HIDDEN_MARGIN = 2.5
+"""Nats from which a stroke of the other character was felt all the same: less than a piece of one."""
 _REMEDIES = {
     Action.NONE: "look at the part",
     Action.CLEAN: "clean it and scan it again",
@@ -56,7 +61,7 @@ def _missing(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
             continue
         place = strokes[k] if k < len(strokes) else None
         edges = None if c.grade is None else (c.grade.value("completeness") or 0.0)
-        if place is not None and place.felt is not None and place.felt < LEAST_FELT:
+        if place is not None and place.felt is not None and place.felt < LEAST_FELT and place.score < SUITED:
             lacking[k] = Action.CLEAN if c.grade is None else c.grade.action
         elif edges is not None and edges < LEAST_STROKES:
             if (
@@ -83,7 +88,7 @@ def _undecided(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
     for k, (c, place) in enumerate(zip(reading.characters, reading.trace.strokes, strict=False)):
         rivals = [r for r in place.rivals if _stands(r, seen=k in vouched)]
         if rivals:
-            rival = min(rivals, key=lambda r: r.margin)
+            rival = min(rivals, key=lambda r: r.excluded_nats)
             yield Finding(
                 ReadingFlag.STROKES_UNDECIDED,
                 f"{c.char} or {rival.char} at place {k + 1}: {_why(rival)}",
@@ -96,11 +101,13 @@ def _stands(rival: RivalStrokes, *, seen: bool) -> bool:
         return False
     if rival.apart_heights < TOLD_HEIGHTS:
         return rival.belief >= UNTOLD
-    return rival.margin < LEAST_MARGIN and (rival.belief >= LIVE or _hides(rival))
+    return (rival.belief >= LIVE and rival.excluded_nats < -math.log(LEFT)) or _hides(rival)
 
 
 def _hides(rival: RivalStrokes) -> bool:
-    return rival.more_heights >= TOLD_HEIGHTS and rival.hidden >= HIDDEN_SHARE
+    """Whether what the rival has more of could not be felt, and nothing else speaks against it."""
+    covered = rival.more_heights >= TOLD_HEIGHTS and rival.hidden >= HIDDEN_SHARE
+    return covered and rival.margin < HIDDEN_MARGIN
 
 
 def _why(rival: RivalStrokes) -> str:
