@@ -23,6 +23,7 @@ from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.grading import explained, graded
+from recognition.decision.other_lines import felt_others
 from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.stroke_doubts import strokes_asked
@@ -147,6 +148,9 @@ class TactileReader:
         shapes = _Shapes(self, edges, touch)
         with timer.step("read"):
             part = self.lines.read(felt_view(edges, relief), judge=shapes)
+            if relief is not None and part.others:
+                raised = shapes.judged is not None and shapes.judged.line.raised
+                part = felt_others(part, relief, raised=raised, fonts=self.strokes_of)
         reading = self._answer(part, flags)
         if shapes.judged is not None and reading.characters:
             with timer.step("measure"):
