@@ -9,10 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from glyphs.fonts.glyph import Font
 from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.decision.strokes_felt import FeltLine
-from whisker_array.estimation.relief import Relief
 
 LEAST_DEPTH = 0.25
 """Of the serial's depth. Of 36 second lines of the exam, at any dirt, the shallowest had 0.46 of it."""
@@ -20,26 +18,22 @@ LEAST_FELT = 0.5
 """Share of strokes felt, mean of the characters: those lines had 0.8 at least."""
 
 
-def felt_others(part: PartLines, relief: Relief, *, raised: bool, fonts: tuple[Font, ...]) -> PartLines:
+def felt_others(part: PartLines, main: FeltLine) -> PartLines:
     """The lines of a part without those that nobody asked for and that were not felt as marks are.
 
     Args:
         part: its lines.
-        relief: the surface.
-        raised: whether the serial stands out.
-        fonts: whose strokes may be looked for.
+        main: the serial's as it was felt.
     """
-    if part.main is None or not part.others:
+    if not part.others:
         return part
-    main = part.main
-    least_mm = LEAST_DEPTH * FeltLine(relief, main.line, main.belief.columns, raised, fonts).places.depth_mm()
-    others = tuple(one for one in part.others if _is_felt(one, relief, raised, fonts, least_mm))
-    return replace(part, others=others)
+    least_mm = LEAST_DEPTH * main.places.depth_mm()
+    return replace(part, others=tuple(one for one in part.others if _is_felt(one, main, least_mm)))
 
 
-def _is_felt(one: ReadLine, relief: Relief, raised: bool, fonts: tuple[Font, ...], least_mm: float) -> bool:
+def _is_felt(one: ReadLine, main: FeltLine, least_mm: float) -> bool:
     lattice, columns = one.belief.openly
-    line = FeltLine(relief, one.line, columns, raised, fonts)
+    line = replace(main, line=one.line, columns=columns)
     text = [lattice.chars[k] for k in lattice.log_belief.argmax(axis=1)]
     felt = [place.felt for place in line.strokes(text, lattice) if place.felt is not None]
     return line.places.depth_mm() >= least_mm and (not felt or float(np.mean(felt)) >= LEAST_FELT)

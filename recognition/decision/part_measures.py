@@ -33,6 +33,9 @@ class Measure(StrEnum):
     CONFIDENCE = "confidence"
     MARGIN = "least margin"
     BELIEF = "belief before the format"
+    EVIDENCE = "evidence against the strongest rival (nats)"
+    STROKES = "share of strokes felt"
+    UNLIKENESS = "share of the marks that known fonts leave unexplained"
     HEIGHT = "character height (mm)"
     DEPTH = "mean depth (mm)"
     FINE = "fine roughness (µm)"
@@ -47,6 +50,9 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
         Measure.CONFIDENCE: round(reading.confidence, DIGITS),
         Measure.MARGIN: min((c.margin for c in reading.characters), default=0.0),
         Measure.BELIEF: _belief(reading),
+        Measure.EVIDENCE: reading.evidence_margin,
+        Measure.STROKES: reading.strokes_felt,
+        Measure.UNLIKENESS: reading.unlikeness,
         Measure.HEIGHT: reading.height_mm if reading.scaled and reading.height_mm > 0.0 else None,
         Measure.DEPTH: reading.depth_mean_mm,
     }

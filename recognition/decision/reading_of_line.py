@@ -62,6 +62,9 @@ def reading_of_line(
     choice = choose(lattice, grammar)
     if not choice.text or np.exp(lattice.log_belief.max(initial=-np.inf)) < LEAST_READ:
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
+    if grammar is None and len(choice.text) == 1 and choice.probability < settings.accept_confidence:
+        # a scratch reads as a 1, a dent as an O
+        return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
     changed = format_changed(main, choice.text) if main.belief.evidence < math.log(LEAST_VALID_MASS) else ()
     others = [_other(name, one, asked[name].grammar) for name, one in part.named.items()]
     others += [OtherLine("", text_of(one), _likely(one), hull(one.open_boxes())) for one in part.others]

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 
-from recognition.decision.accept import decided_anew
+from recognition.decision.accept import DOUBTS, decided_anew
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.grade import Action
-from recognition.decision.reading import Reading
+from recognition.decision.reading import Decision, Reading
 from recognition.decision.reasons import places_text
 from recognition.decision.strokes_felt import LIVE, RivalStrokes
 
@@ -20,8 +21,10 @@ LEAST_STROKES, LEAST_FELT = 0.5, 0.4
 of the strokes of whichever font suits best, which is not quite the part's."""
 SUITED = 0.35
 """Score of a font's character over the surface from which there is something in its shape, however shallow."""
-ALL_THERE = 0.7
-"""Share of strokes felt in another font from which that font explains the mark."""
+ALL_THERE = 0.6
+"""Share of strokes felt, though their edges are not those of the font that was named, from which none is missing."""
+TEXT_FELT = 0.35
+"""Share of strokes felt below which a line of which most cannot be read is none: dirt, and land."""
 LEFT = 0.002
 """Belief that may be left in a live rival once strokes have spoken."""
 TOLD_HEIGHTS = 0.25
@@ -49,8 +52,25 @@ def strokes_asked(reading: Reading, *, vouched: Collection[int] = ()) -> Reading
         vouched: places, from 0, that another sense is sure of: what is missing or hidden there was seen.
     """
     reading = reading.without(ReadingFlag.STROKES_MISSING | ReadingFlag.STROKES_UNDECIDED)
+    felt = reading.strokes_felt
+    if reading.decision is Decision.REJECT and felt is not None and felt < TEXT_FELT and not vouched:
+        return no_text(reading)
     found = (*_missing(reading, vouched), *_undecided(reading, vouched))
     return decided_anew(reading.found(*found))
+
+
+def no_text(reading: Reading) -> Reading:
+    """The reading of a part on which there is no text: without characters, and without doubts about them."""
+    bare = reading.without(DOUBTS)
+    return replace(
+        bare,
+        characters=(),
+        decision=Decision.REJECT,
+        confidence=0.0,
+        flags=bare.flags | ReadingFlag.NO_CHARACTERS,
+        box=None,
+        spaces_after=frozenset(),
+    )
 
 
 def _missing(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
@@ -64,11 +84,7 @@ def _missing(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
         if place is not None and place.felt is not None and place.felt < LEAST_FELT and place.score < SUITED:
             lacking[k] = Action.CLEAN if c.grade is None else c.grade.action
         elif edges is not None and edges < LEAST_STROKES:
-            if (
-                place is not None
-                and place.font not in ("", reading.font)
-                and (place.felt or 0.0) >= ALL_THERE
-            ):
+            if place is not None and (place.felt or 0.0) >= ALL_THERE:
                 foreign.append(k)
             elif c.grade is not None:
                 lacking[k] = c.grade.action
@@ -78,10 +94,10 @@ def _missing(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
         yield Finding(ReadingFlag.STROKES_MISSING, f"most strokes are missing: {where} ({remedy})")
     if foreign:
         where = places_text(reading, foreign)
-        yield Finding(
-            ReadingFlag.FOREIGN_SHAPES,
-            f"another font than {reading.font} explains the marks better: {where} (name the right font)",
-        )
+        better = all(strokes[k].font != reading.font for k in foreign)
+        what = f"another font than {reading.font} explains the marks better"
+        what = what if better else f"the marks are not quite those of {reading.font}"
+        yield Finding(ReadingFlag.FOREIGN_SHAPES, f"{what}: {where} (name the right font)")
 
 
 def _undecided(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:

@@ -145,19 +145,18 @@ class TactileReader:
     ) -> Reading:
         """Read an edge map of the given touch. Without a relief the reading has no depths."""
         timer = timer if timer is not None else StepTimer()
-        shapes = _Shapes(self, edges, touch)
+        shapes = _Shapes(self, edges, touch, relief)
         with timer.step("read"):
             part = self.lines.read(felt_view(edges, relief), judge=shapes)
-            if relief is not None and part.others:
-                raised = shapes.judged is not None and shapes.judged.line.raised
-                part = felt_others(part, relief, raised=raised, fonts=self.strokes_of)
+            if shapes.felt_line is not None:
+                part = felt_others(part, shapes.felt_line)
         reading = self._answer(part, flags)
         if shapes.judged is not None and reading.characters:
             with timer.step("measure"):
                 reading = self._measured(reading, shapes.judged, edges, relief)
-        if relief is not None and part.main is not None and reading.characters:
+        if shapes.felt_line is not None and part.main is not None and reading.characters:
             with timer.step("strokes"):
-                reading = self._stroked(reading, part.main, relief)
+                reading = _stroked(reading, part.main, shapes.felt_line)
         reading = strokes_asked(reading)
         reading = judged_by(reading, self.settings.depth_rules)
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds))).traced(
@@ -195,33 +194,43 @@ class TactileReader:
             reading = doubted_guesses(settled, shapes, self.places)
         return explained(reading, by_font=shapes.lattice is not None)
 
-    def _stroked(self, reading: Reading, main: ReadLine, relief: Relief) -> Reading:
-        """The reading with what was felt of its characters' strokes and of their rivals'."""
-        line = FeltLine(relief, main.line, main.belief.columns, reading.raised, self.strokes_of)
-        chars = [c.char for c in reading.characters]
-        return reading.traced(felt_line=line, strokes=line.strokes(chars, main.belief.lattice))
+
+def _stroked(reading: Reading, main: ReadLine, line: FeltLine) -> Reading:
+    """The reading with what was felt of its characters' strokes and of their rivals'."""
+    strokes = line.strokes([c.char for c in reading.characters], main.belief.lattice)
+    resized = line.line is not main.line and reading.height_mm == main.line.height_mm
+    sized = replace(reading, height_mm=line.line.height_mm) if resized else reading
+    return sized.traced(felt_line=line, strokes=strokes)
 
 
 class _Shapes:
     """Asks the templates once the places of a line are known, and keeps what they have found."""
 
-    def __init__(self, reader: TactileReader, edges: EdgeMap, touch: Touch) -> None:
-        self.reader = reader
+    def __init__(self, reader: TactileReader, edges: EdgeMap, touch: Touch, relief: Relief | None) -> None:
+        self.reader, self.relief = reader, relief
+        self.felt_line: FeltLine | None = None
         self.part = TouchedPart(edges, touch, reader.cache, chars=reader.chars)
         self.judged: JudgedLine | None = None
 
     def __call__(self, line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
-        reader = self.reader
+        reader, columns = self.reader, belief.columns
+        if self.relief is not None:
+            text = [belief.lattice.chars[k] for k in belief.lattice.log_belief.argmax(axis=1)]
+            felt = FeltLine(self.relief, line, columns, raised=False, fonts=reader.strokes_of)
+            self.felt_line = felt.sized(text)
+            line, columns = self.felt_line.line, self.felt_line.columns
         found = judged(
             self.part,
             reader.fonts,
             line,
             belief.lattice,
-            belief.columns,
+            columns,
             named=reader.named,
             gaps=reader.gaps,
         )
         self.judged = found
+        if found is not None and found.line.raised and self.felt_line is not None:
+            self.felt_line = replace(self.felt_line, raised=True)
         return {} if found is None or found.lattice is None else {"templates": found.lattice}
 
 
