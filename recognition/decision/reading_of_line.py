@@ -24,6 +24,8 @@ from recognition.views.text_line import HEIGHT_ROWS
 CANDIDATES = 5
 LEAST_READ = 0.5
 """Belief in the surest character below which there is no line at all: land, seen by who looks for characters."""
+LEAST_PLACES = 3
+"""Characters of a line of which nothing is known, from which it is text although it is not sure."""
 TWINS = ("0O", "1I")
 """Characters that most dies cut alike."""
 UNCHANGED = 0.5
@@ -62,8 +64,12 @@ def reading_of_line(
     choice = choose(lattice, grammar)
     if not choice.text or np.exp(lattice.log_belief.max(initial=-np.inf)) < LEAST_READ:
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
-    if grammar is None and len(choice.text) == 1 and choice.probability < settings.accept_confidence:
-        # a scratch reads as a 1, a dent as an O
+    if (
+        grammar is None
+        and len(choice.text) < LEAST_PLACES
+        and choice.probability < settings.accept_confidence
+    ):
+        # a scratch reads as a 1, two dents as OO
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
     changed = format_changed(main, choice.text) if main.belief.evidence < math.log(LEAST_VALID_MASS) else ()
     others = [_other(name, one, asked[name].grammar) for name, one in part.named.items()]

@@ -12,12 +12,15 @@ from glyphs.fonts.glyph import Font
 from glyphs.fonts.outlines import load_font
 from glyphs.stamping.stamp import StampedPart
 from recognition.decision.accept import ACCEPTED_WHERE_NOT, DOUBTS, decision_of
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.grade import Action, MarkGrade, Parameter
 from recognition.decision.reading import Candidate, CharacterReading, Decision, Reading
 from recognition.decision.stroke_doubts import HIDDEN_MARGIN, LEFT, strokes_asked
 from recognition.decision.strokes_felt import LIVE, MOST_ABSENT, FeltLine, PlaceStrokes, RivalStrokes
 from recognition.language.box import Box
+from recognition.language.confusions import CharacterState, PlaceState
 from recognition.language.lattice import Lattice
+from recognition.lines.places import places_mm
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.estimation.relief import Relief, Route
 
@@ -197,3 +200,50 @@ def test_every_doubt_keeps_a_reading_from_being_accepted() -> None:
     assert all(decision_of(flag, places) is Decision.REVIEW for flag in ReadingFlag if flag & DOUBTS)
     assert decision_of(ReadingFlag.JAMMED, places) is Decision.ACCEPT
     assert all(ACCEPTED_WHERE_NOT.values())
+
+
+@pytest.mark.parametrize("wrong", [0.9, 1.0, 1.52, 1.7])
+def test_a_height_that_was_mistaken_is_settled_by_the_strokes(part: StampedPart, wrong: float) -> None:
+    right = felt_line(part, relief_of(part))
+    found = right._at_height(wrong * part.height_mm).sized(TEXT)
+    # heights are tried in steps of 15 %
+    assert found.line.height_mm == pytest.approx(part.height_mm, rel=0.16)
+    assert places_mm(found.line, found.columns) == pytest.approx(places_mm(right.line, right.columns))
+
+
+def test_a_height_stays_where_strokes_say_nothing(part: StampedPart) -> None:
+    relief = relief_of(part)
+    line = felt_line(part, replace(relief, height_mm=np.zeros_like(relief.height_mm)))
+    assert line.sized(TEXT) is line
+
+
+def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
+    unread = PlaceState(CharacterState.NOT_READ, "K", 0.1)
+    bare = tuple(PlaceStrokes(0.1, 0.1, "gothic") for _ in range(4))
+    junk = reading("K7B2", bare)
+    junk = replace(junk, characters=tuple(replace(c, state=unread) for c in junk.characters))
+    made = strokes_asked(replace(junk, decision=Decision.REJECT).found(Finding(ReadingFlag.AMBIGUOUS, "?")))
+    assert (made.text, made.decision, made.flags) == ("", Decision.REJECT, ReadingFlag.NO_CHARACTERS)
+    # felt, and yet not read: a person may
+    felt = replace(junk, decision=Decision.REJECT).traced(strokes=tuple(replace(p, felt=0.8) for p in bare))
+    assert strokes_asked(felt).text == "K7B2"
+
+
+@pytest.mark.parametrize(
+    ("suited", "words"),
+    [
+        ("timesr", "another font than gothic explains the marks better"),
+        ("gothic", "not quite those of gothic"),
+    ],
+)
+def test_strokes_of_another_font_are_not_missing(suited: str, words: str) -> None:
+    worn = MarkGrade((Parameter("completeness", 0.3, 0),), Action.CLEAN_FIRST)
+    there = replace(reading("K", (PlaceStrokes(0.9, 0.8, suited),)), font="gothic")
+    there = replace(there, characters=(replace(there.characters[0], grade=worn),))
+    made = strokes_asked(there)
+    assert made.flags == ReadingFlag.FOREIGN_SHAPES
+    assert words in made.messages()[0]
+    assert "(name the right font)" in made.messages()[0]
+    # half filled, it is missing all the same
+    filled = there.traced(strokes=(PlaceStrokes(0.5, 0.5, suited),))
+    assert strokes_asked(filled).flags == ReadingFlag.STROKES_MISSING

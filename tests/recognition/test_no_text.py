@@ -1,0 +1,82 @@
+"""Where there is no text none is read: bare and dirty plates without a mark, and pictures of other things."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from glyphs.camera.photo import Photo
+from glyphs.soiling.soiled import Soiling, soil_part
+from glyphs.stamping.plate import plate_texture
+from glyphs.stamping.stamp import StampedPart
+from glyphs.stamping.variation import PlateVariation
+from glyphs.surface.maps import HeightMap
+from recognition.decision.flags import ReadingFlag
+from recognition.decision.reading import Decision, Reading
+from recognition.reader import Reader
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import default_touch
+
+HEIGHT_MM = 5.0
+PITCH_MM = HEIGHT_MM / 60
+SHAPE = (200, 700)
+Readers = Callable[..., Reader]
+
+
+def is_nothing(reading: Reading) -> bool:
+    return (
+        reading.text == ""
+        and reading.decision is Decision.REJECT
+        and ReadingFlag.NO_CHARACTERS in reading.flags
+    )
+
+
+def bare_plate(soil: str, severity: float) -> Scan:
+    """A milled plate on which nothing was struck, dirty, as felt."""
+    rows, cols = SHAPE
+    z = plate_texture(
+        np.arange(cols) * PITCH_MM, np.arange(rows) * PITCH_MM, PlateVariation(), rng=np.random.default_rng(7)
+    )
+    part = StampedPart(HeightMap(z, PITCH_MM), "", HEIGHT_MM, (), "gothic")
+    soiled = soil_part(part, Soiling((soil,), severity), rng=np.random.default_rng(3))
+    plan = default_plan((0.0, 0.0, *soiled.height_map.size_mm), character_height_mm=HEIGHT_MM)
+    return trace_scan(soiled.height_map, touch=default_touch(HEIGHT_MM), plan=plan, soil=soiled.soil)
+
+
+@pytest.mark.parametrize(
+    ("soil", "severity"), [("workshop", 0.0), ("weld", 0.3), ("casting", 0.6), ("mud", 0.9)]
+)
+def test_a_plate_without_a_mark_has_no_text(reader: Readers, soil: str, severity: float) -> None:
+    scan = bare_plate(soil, severity)
+    for form in (None, "AA999999"):
+        assert is_nothing(reader(format=form).touch.read_scan(scan))
+
+
+def pictures() -> dict[str, NDArray[np.float64]]:
+    """Brightness, 0 to 1, of what is no text."""
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[:160, :480].astype(np.float64)
+    noise = rng.random(x.shape)
+    sky = y < 80.0 + 30.0 * np.sin(x / 70.0) + 12.0 * np.sin(x / 19.0)
+    return {
+        "noise": noise,
+        "gradient": x,
+        "grating": np.sin(x / 6.0),
+        "checkerboard": (x // 24 + y // 24) % 2,
+        "landscape": sky + 2.0 * ndimage.gaussian_filter(noise, 3.0),
+        "nothing": np.zeros(x.shape),
+    }
+
+
+@pytest.mark.parametrize("name", list(pictures()))
+def test_a_picture_of_something_else_has_no_text(reader: Readers, name: str) -> None:
+    grey = pictures()[name]
+    grey = (grey - grey.min()) / max(float(np.ptp(grey)), 1e-9)
+    photo = Photo((255 * grey).astype(np.uint8))
+    for form in (None, "AA999999"):
+        assert is_nothing(reader(format=form).vision.read_photo(photo))
