@@ -23,7 +23,8 @@ from recognition.views.text_line import HEIGHT_ROWS
 
 CANDIDATES = 5
 LEAST_READ = 0.5
-"""Belief in the surest character below which there is no line at all: land, seen by who looks for characters."""
+"""Belief in the surest character, with the format and without it, below which there is no line at all: land, seen by
+who looks for characters."""
 LEAST_PLACES = 3
 """Characters of a line of which nothing is known, from which it is text although it is not sure."""
 TWINS = ("0O", "1I")
@@ -62,7 +63,7 @@ def reading_of_line(
     spaces = gaps if grammar is not None and grammar.format is not None else word_gaps(main.belief.columns)
     lattice = replace(main.belief.lattice, boxes=boxes, spaces_after=spaces)
     choice = choose(lattice, grammar)
-    if not choice.text or np.exp(lattice.log_belief.max(initial=-np.inf)) < LEAST_READ:
+    if not choice.text or min(_surest(lattice), _surest(main.belief.openly[0])) < LEAST_READ:
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
     if (
         grammar is None
@@ -205,6 +206,11 @@ def word_gaps(columns: NDArray[np.float64]) -> frozenset[int]:
     usual = float(np.median(step))
     wide = (step > usual + WORD_GAP_HEIGHTS) & (step > WORD_STEP * usual)
     return frozenset(int(k) for k in np.flatnonzero(wide))
+
+
+def _surest(lattice: Lattice) -> float:
+    """Belief in the character that is surest of all places."""
+    return float(np.exp(lattice.log_belief.max(initial=-np.inf)))
 
 
 def _likely(line: ReadLine) -> float:

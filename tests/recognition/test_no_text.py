@@ -68,6 +68,7 @@ def pictures() -> dict[str, NDArray[np.float64]]:
         "gradient": x,
         "grating": np.sin(x / 6.0),
         "checkerboard": (x // 24 + y // 24) % 2,
+        "clouds": ndimage.gaussian_filter(noise, 10.0),
         "landscape": sky + 2.0 * ndimage.gaussian_filter(noise, 3.0),
         "nothing": np.zeros(x.shape),
     }
