@@ -21,13 +21,13 @@ from recognition.belief.part_lines import (
     Judge,
     LineFormat,
     PartLines,
+    Place,
     ReadLine,
     Region,
     stands_in,
 )
 from recognition.belief.weights import EXPERTS, weights_of
 from recognition.experts import generic, recogniser
-from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.lines.find import find_lines, overlap
 from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
@@ -50,6 +50,9 @@ SURE, SOME = 0.7, 0.4
 """Of what a place may say at most, from which no fainter lines are looked for, and no turned ones."""
 JITTERS = ((0.08, 1.0), (-0.08, 1.0), (0.0, 1.1), (0.0, 0.91))
 """More looks of our own recogniser at a line: moved down and higher, character heights."""
+HERE = (0.0, 1.0)
+RIVALS = 2
+"""Lines of those seen from which who knows shapes may choose, beside the best."""
 MOST_PRINT = 2
 """Looks of the generic one."""
 AGREED, AGREED_EVIDENCE = 0.99, -1.0
@@ -97,23 +100,31 @@ class LineReader:
         self.experts = frozenset(experts or EXPERTS)
         self.print_too = "print" in self.experts and generic.is_installed()
 
-    def read(self, view: View, *, about: TextLine | None = None, judge: Judge | None = None) -> PartLines:
+    def read(
+        self,
+        view: View,
+        *,
+        about: TextLine | None = None,
+        judge: Judge | None = None,
+        place: Place | None = None,
+    ) -> PartLines:
         """The lines of a view.
 
         Args:
             view: to be read.
             about: where the line lies, if that is known.
             judge: other experts.
+            place: who knows more closely where a line stands that is not surely read.
         """
         seen = self._look(view, [about]) if about is not None else self._seen(view)
         meant = self._meant(view, seen)
         if not meant:
             return PartLines(None)
         best = self._settled(view, meant)
-        belief = self._believed(view, best, self.grammar, judge)
-        if belief is None and "own" not in self.experts:
+        main = self._believed(view, best, self.grammar, judge=judge, place=place, rivals=meant[:RIVALS])
+        if main is None and "own" not in self.experts:
             return PartLines(None)  # who was asked has nothing to say
-        main = ReadLine(best.line, belief) if belief is not None else best
+        main = main or best
         rest = [one for one in seen if _apart(one, main)]
         named: dict[str, ReadLine] = {}
         for name, line in self.lines.items():
@@ -139,8 +150,8 @@ class LineReader:
         if not fits:
             return None
         best = max(fits, key=_promise)
-        belief = self._believed(view, best, asked.grammar, None) or best.belief
-        return ReadLine(best.line, belief) if belief.evidence > ASKED_EVIDENCE else None
+        best = self._believed(view, best, asked.grammar) or best
+        return best if best.belief.evidence > ASKED_EVIDENCE else None
 
     def glance(self, view: View) -> list[TextLine]:
         """Lines of a view by a look each, most promising first."""
@@ -184,7 +195,7 @@ class LineReader:
     def _hidden(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         found = find_lines(view, height_mm=self.height_mm, faint=True)[:MOST_LINES]
         if self.height_mm is not None:
-            return [one.line for one in found]
+            return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
         found += find_lines(view, small=True)[:MOST_LINES]
         return [*(one.line for one in found), *anywhere(view)]
 
@@ -229,30 +240,50 @@ class LineReader:
         return best
 
     def _believed(
-        self, view: View, best: ReadLine, grammar: Grammar | None, judge: Judge | None
-    ) -> LineBelief | None:
-        """What all experts believe of a line: of one look each where they are sure of the same, or of several."""
-        heard: dict[str, Sequence[Steps]] = dict(best.belief.heard)
-        pictures = generic.looks_at(view, best.line)[:MOST_PRINT] if self.print_too else []
+        self,
+        view: View,
+        best: ReadLine,
+        grammar: Grammar | None,
+        *,
+        judge: Judge | None = None,
+        place: Place | None = None,
+        rivals: Sequence[ReadLine] = (),
+    ) -> ReadLine | None:
+        """What all experts believe of a line: of one look each where they are sure of the same, or of several.
+
+        Several looks are taken where `place` has the line, of these and its rivals.
+        """
+        line, heard = best.line, dict(best.belief.heard)
+        pictures = self._pictures(view, line)
         if pictures:
             heard["print"] = generic.steps_of(pictures[:1], chars=self.chars)
         weights = weights_of(view.kind).among(self.experts & heard.keys())
         belief = believed(heard, grammar, weights=weights)
-        if belief is None or not _agreed(belief):
-            strips = [view.strip(moved(best.line, down, size)) for down, size in JITTERS]
+        if belief is None or not agreed(belief):
+            moves, first = JITTERS, 1
+            near = place([line, *(one.line for one in rivals)], belief or best.belief) if place else None
+            if near is not None:
+                line, heard, moves, first = near, {"own": [], "print": []}, (HERE, *JITTERS), 0
+                pictures = self._pictures(view, line)
+            strips = [view.strip(moved(line, down, size)) for down, size in moves]
             heard["own"] = [*heard["own"], *recogniser.steps_of(strips, chars=self.chars)]
-            if pictures[1:]:
-                heard["print"] = [*heard["print"], *generic.steps_of(pictures[1:], chars=self.chars)]
-            belief = believed(heard, grammar, weights=weights)
+            if pictures[first:]:
+                heard["print"] = [*heard["print"], *generic.steps_of(pictures[first:], chars=self.chars)]
+            belief = believed(
+                {name: looks for name, looks in heard.items() if looks}, grammar, weights=weights
+            )
         if belief is None:
             return None
-        more = judge(best.line, belief) if judge is not None else {}
+        more = judge(line, belief) if judge is not None else {}
         by_expert = {name: own for name, own in {**belief.by_expert, **more}.items() if name in self.experts}
         if not by_expert:
             return None
-        if by_expert.keys() == belief.by_expert.keys():
-            return belief
-        return replace(belief, lattice=pooled(by_expert, belief.weights), by_expert=by_expert)
+        if by_expert.keys() != belief.by_expert.keys():
+            belief = replace(belief, lattice=pooled(by_expert, belief.weights), by_expert=by_expert)
+        return ReadLine(line, belief)
+
+    def _pictures(self, view: View, line: TextLine) -> list[generic.Picture]:
+        return generic.looks_at(view, line)[:MOST_PRINT] if self.print_too else []
 
 
 def _apart(one: ReadLine, other: ReadLine) -> bool:
@@ -274,7 +305,7 @@ def _says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
     return belief.promise > enough * belief.lattice.n_places and belief.lattice.n_places > 1
 
 
-def _agreed(belief: LineBelief) -> bool:
+def agreed(belief: LineBelief) -> bool:
     """Whether all experts are sure of the same text."""
     texts = {tuple(own.log_belief.argmax(axis=1)) for own in belief.by_expert.values()}
     least = float(np.exp(belief.lattice.log_belief.max(axis=1)).min())

@@ -26,6 +26,9 @@ CROPS = (0.85, 0.62)
 BLIND = ((0.5, 0.5), (0.38, 0.5), (0.28, 0.5), (0.28, 0.3), (0.28, 0.7))
 """Where a line may stand that dirt hides from who finds lines: its height and middle, of the view's height."""
 
+BLIND_STEP, MOST_BLIND = 0.6, 10
+"""Of the height, if it is known, between such lines, and how many are tried."""
+
 
 def moved(line: TextLine, down: float, size: float, turn_deg: float = 0.0) -> TextLine:
     """Moved down by a share of its height, as much higher, and turned about its middle."""
@@ -44,9 +47,20 @@ def whole_view(view: View) -> list[TextLine]:
     return _across(view, [(share, 0.5) for share in CROPS])
 
 
-def anywhere(view: View) -> list[TextLine]:
-    """Lines right across a view in which none was found."""
-    return _across(view, BLIND)
+def anywhere(view: View, *, height_mm: float | None = None) -> list[TextLine]:
+    """Lines right across a view in which none was found.
+
+    Args:
+        view: where nothing was found.
+        height_mm: of the characters, if known.
+    """
+    if height_mm is None:
+        return _across(view, BLIND)
+    share = height_mm / view.size_mm[1]
+    if not 1.0 / MOST_BLIND < share <= 1.0:
+        return []
+    n = min(MOST_BLIND, math.ceil((1.0 - share) / (BLIND_STEP * share)) + 1)
+    return _across(view, [(share, middle) for middle in np.linspace(0.5 * share, 1.0 - 0.5 * share, n)])
 
 
 def _across(view: View, places: Sequence[tuple[float, float]]) -> list[TextLine]:

@@ -5,22 +5,28 @@ photograph --pixels enough--> view --LineReader--> line and beliefs --format--> 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from types import MappingProxyType
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from recognition.belief.line_reader import LineReader
+from recognition.belief.line_belief import LineBelief
+from recognition.belief.line_reader import LineReader, agreed
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
+from recognition.experts.templates.photo_judge import SCALES, allowed_of, judged_photo, placed
+from recognition.experts.templates.photo_shapes import PhotoShapes, photo_shapes
+from recognition.language.lattice import Lattice
 from recognition.senses.photo_sizes import read_at_sizes
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
 from recognition.views.text_line import TextLine
-from recognition.views.view import photo_view
+from recognition.views.view import View, photo_view
 
-PHOTO_EXPERTS = frozenset({"own", "print"})
+PHOTO_EXPERTS = frozenset({"own", "print", "templates"})
 """Those that read photographs."""
 
 
@@ -46,6 +52,7 @@ class VisionReader:
         repertoire = Repertoire(self.settings)
         self.chars, self.grammar = repertoire.chars, repertoire.grammar
         self.places, self.gaps = repertoire.places, repertoire.gaps
+        self.fonts = repertoire.fonts
         self._readers = {
             scaled: LineReader(
                 self.grammar,
@@ -71,7 +78,11 @@ class VisionReader:
         timer = StepTimer()
         scaled = photo.pitch_mm is not None
         with timer.step("read"):
-            part = self._readers[scaled].read(photo_view(photo), about=about)
+            view = photo_view(photo)
+            pictures = _Pictures(self, view, scaled=scaled) if self.shapes else None
+            part = self._readers[scaled].read(
+                view, about=about, judge=pictures, place=None if pictures is None else pictures.place
+            )
         made = reading_of_line(
             part,
             self.settings,
@@ -84,3 +95,40 @@ class VisionReader:
         return replace(
             made, unit="mm" if scaled else "px", seconds=MappingProxyType(dict(timer.seconds))
         ).traced(photo=photo)
+
+    @cached_property
+    def shapes(self) -> tuple[tuple[PhotoShapes, ...], ...]:
+        """Pictures of the fonts that are named, at the scales at which they are compared."""
+        if not self.settings.fonts:
+            return ()
+        has = [(font, "".join(c for c in self.chars if c in font.glyphs)) for font in self.fonts]
+        return tuple(tuple(photo_shapes(font, chars, pixels=n) for n in SCALES) for font, chars in has)
+
+
+class _Pictures:
+    """Places and judges a line by the pictures of the named fonts, where the networks are not sure of it."""
+
+    def __init__(self, reader: VisionReader, view: View, *, scaled: bool) -> None:
+        self.reader, self.view = reader, view
+        self.height_mm = reader.settings.height_mm if scaled else None
+
+    def place(self, lines: Sequence[TextLine], belief: LineBelief) -> TextLine | None:
+        """The line as the font has it that suits it best."""
+        fits = [
+            placed(self.view, scales[0], lines, allowed, self.reader.gaps, height_mm=self.height_mm)
+            for scales in self.reader.shapes
+            if (allowed := allowed_of(scales[0], belief.lattice)) is not None
+        ]
+        best = max((fit for fit in fits if fit is not None), key=lambda fit: fit.value, default=None)
+        return None if best is None else best.placed
+
+    def __call__(self, line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
+        """What the pictures believe."""
+        if agreed(belief):
+            return {}
+        told = [
+            judged_photo(self.view, scales, line, belief.lattice, self.reader.gaps)
+            for scales in self.reader.shapes
+        ]
+        best = max((one for one in told if one is not None), key=lambda one: one[0], default=None)
+        return {} if best is None else {"templates": best[1]}
