@@ -120,7 +120,7 @@ class LineReader:
         meant = self._meant(view, seen)
         if not meant:
             return PartLines(None)
-        best = self._settled(view, meant)
+        best = self._settled(view, meant) if place is None else meant[0]
         main = self._believed(view, best, self.grammar, judge=judge, place=place, rivals=meant[:RIVALS])
         if main is None and "own" not in self.experts:
             return PartLines(None)  # who was asked has nothing to say

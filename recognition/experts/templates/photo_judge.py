@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.experts.templates.photo_chain import Settled, gap_of, settled
+from recognition.experts.templates.photo_chain import Settled, gap_of, log_sum, settled
 from recognition.experts.templates.photo_shapes import PhotoShapes, photo_edges
 from recognition.language.lattice import Lattice
 from recognition.lines.moves import moved
@@ -164,12 +164,14 @@ def placed(
         fits = [*others, *(fitted(view, shapes, line, allowed, gaps) for line in tried)]
         return max((fit for fit in fits if fit is not None), key=lambda fit: fit.value, default=None)
 
-    if height_mm is None:
-        best = best_of([moved(line, 0.0, size) for line in lines for size in HEIGHTS])
-    else:
-        best = best_of([TextLine(line.centre_mm, height_mm) for line in lines])
+    high = [
+        moved(line, 0.0, size)
+        for line in lines
+        for size in (HEIGHTS if height_mm is None else (height_mm / line.height_mm,))
+    ]
+    best = best_of(high)
     if best is not None and best.value < PLAIN_VALUE * len(allowed):
-        best = best_of([moved(best.line, 0.0, 1.0, turn) for turn in TURNS_DEG], best)
+        best = best_of([moved(line, 0.0, 1.0, turn) for line in high for turn in TURNS_DEG], best)
     if best is not None:
         best = best_of([best.placed], best)
     if best is not None:
@@ -259,7 +261,7 @@ def _followed(
             score = 0.5 * independence * np.maximum(lit, 0.0) ** 2 / power[:, None, None]
         else:
             score = independence * (lit - 0.5 * power[:, None, None])
-        evidence = np.logaddexp.reduce(score, axis=1) - math.log(score.shape[1])
+        evidence = log_sum(score, 1) - math.log(score.shape[1])
         found = settled(evidence, shapes, allowed, gap=gap, word_gaps=gaps)
         if found is None:
             return None
