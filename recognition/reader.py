@@ -81,19 +81,20 @@ class Reader:
     ) -> Reading:
         """Read one part by all that is given of it.
 
-        A scan goes before a height map; touch and a photograph are fused. The middle of a photograph of known scale
-        is taken to lie over the middle of the height map.
+        A scan goes before a height map; touch and photographs are fused. Several photographs, from one place under
+        other lights or at other exposures, are read as one. The middle of a photograph of known scale is taken to lie
+        over the middle of the height map.
 
         Args:
             part: its height map, scan or photograph.
-            more: others of the same part, one of a kind.
+            more: others of the same part, one of a kind; any number of photographs.
             soil: dirt on the height map into which the tip sinks, and the part's friction, if known.
             part_id: what the part is called.
 
         Raises:
-            MapError: a map that cannot be scanned, a soil on another grid.
+            MapError: a map that cannot be scanned, a soil on another grid, photographs of different sizes.
             TypeError: something else than a height map, a scan or a photograph.
-            ValueError: two of a kind.
+            ValueError: two height maps or scans.
         """
         from glyphs.camera.photo import Photo
         from glyphs.surface.maps import HeightMap
@@ -104,7 +105,11 @@ class Reader:
             kind = next((k for k in (HeightMap, Scan, Photo) if isinstance(one, k)), None)
             if kind is None:
                 raise TypeError(f"a {type(one).__name__} cannot be read; give a HeightMap, a Scan or a Photo")
-            if kind in given:
+            first = given.get(kind)
+            if isinstance(one, Photo) and isinstance(first, Photo):
+                given[kind] = replace(first, others=(*first.others, one))
+                continue
+            if first is not None:
                 raise ValueError(f"two of {kind.__name__} are given; read one part at a time")
             given[kind] = one
         surface, scan, photo = given.get(HeightMap), given.get(Scan), given.get(Photo)

@@ -20,15 +20,18 @@ class Photo:
         pitch_mm: size of a pixel on the part, if known.
         centre_mm: plate-frame (x, y) under the middle of the picture, if the stage knows it.
         shrunk: pixels of the photograph as taken that one of these is wide, where the pitch is not known.
+        others: further photographs of the part from the same place, under other lights or at other exposures.
 
     Raises:
-        MapError: no picture of that kind, too small, too large, or a pitch that is not positive.
+        MapError: no picture of that kind, too small, too large, a pitch that is not positive, or others of another
+            size.
     """
 
     pixels: NDArray[np.uint8]
     pitch_mm: float | None = None
     centre_mm: tuple[float, float] | None = None
     shrunk: float = 1.0
+    others: tuple[Photo, ...] = ()
 
     __repr__ = one_line
 
@@ -51,6 +54,13 @@ class Photo:
             )
         if self.pitch_mm is not None and not (np.isfinite(self.pitch_mm) and self.pitch_mm > 0.0):
             raise MapError(f"pitch_mm is {self.pitch_mm}", hint="it must be a positive number of millimetres")
+        for other in self.others:
+            if other.shape != p.shape[:2] or other.others:
+                raise MapError(
+                    f"photographs of one part are {p.shape[0]} x {p.shape[1]} and "
+                    f"{other.shape[0]} x {other.shape[1]} pixels",
+                    hint="take them from one place, with one camera",
+                )
         if p is self.pixels and p.flags.writeable:
             p = p.copy()
         p.flags.writeable = False

@@ -3,7 +3,8 @@
     Steps of each look --places of the format--> posteriors --mean of an expert's looks--> one lattice an expert
     lattices --product, each to a power--> the lattice that the format decides on
 
-Looks of one expert are much alike: their logarithms are averaged. Experts differ, and their agreement counts: the
+Looks of one expert at one view are much alike: their logarithms are averaged. Photographs under other lights are less
+so: their logarithms are summed and divided by a power of their number. Experts differ, and their agreement counts: the
 powers add up to more than 1.
 """
 
@@ -34,6 +35,8 @@ MOST_LENGTHS = 6
 """Of a format, that are tried: those nearest to what is counted."""
 MOST_COUNTED = 32
 """Characters of a line whose number nobody knows."""
+ALIKE = 0.5
+"""How much the views of a part are alike: 1 is so much that they count as one, 0 not at all."""
 _LEAST = 1e-12
 
 
@@ -173,23 +176,29 @@ def pooled(lattices: Mapping[str, Lattice], weights: ExpertWeights) -> Lattice:
 
 
 def _lattice(looks: Sequence[Steps], told: Sequence[PlaceBelief | None]) -> tuple[Lattice, Floats] | None:
-    """An expert's lattice and where its places stand on the strip: the mean of its looks."""
-    logs, columns, read = [], [], []
+    """An expert's lattice and where its places stand on the strip: the mean of its looks, by view."""
+    logs: dict[int, list[Floats]] = {}
+    columns, read = [], []
     for steps, found in zip(looks, told, strict=True):
         if found is None:
             continue
         at = np.clip(found.frame, 0, steps.columns.size - 1)
         columns.append(np.interp(at, np.arange(steps.columns.size), steps.columns))
-        logs.append(found.log_belief)
+        logs.setdefault(steps.view, []).append(found.log_belief)
         shown = 1.0 - np.exp(steps.log_blank)
         steps_at = np.arange(shown.size)
         near = np.abs(steps_at[None] - found.frame[:, None]) <= np.maximum(NEAR_STEPS, found.spread)[:, None]
         read.append(np.where(near, shown[None], 0.0).max(axis=1).clip(_LEAST, 1.0))
     if not logs:
         return None
-    log = np.mean(logs, axis=0)
+    log = over_views([np.mean(of_view, axis=0) for of_view in logs.values()])
     log = log - np.logaddexp.reduce(log, axis=1)[:, None] + np.log(np.mean(read, axis=0))[:, None]
     return Lattice(tuple(looks[0].chars), np.minimum(log, 0.0)), np.asarray(np.mean(columns, axis=0))
+
+
+def over_views(logs: Sequence[Floats]) -> Floats:
+    """What several views of a part say together, as logarithms."""
+    return np.asarray(np.sum(logs, axis=0) / len(logs) ** ALIKE)
 
 
 def _mean_columns(told: Mapping[str, tuple[Lattice, Floats]]) -> Floats:

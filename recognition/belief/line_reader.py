@@ -28,6 +28,7 @@ from recognition.belief.part_lines import (
 )
 from recognition.belief.weights import EXPERTS, weights_of
 from recognition.experts import generic, recogniser
+from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
 from recognition.lines.find import find_lines, overlap
 from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
@@ -103,7 +104,7 @@ class LineReader:
     def read(
         self,
         view: View,
-        *,
+        *others: View,
         about: TextLine | None = None,
         judge: Judge | None = None,
         place: Place | None = None,
@@ -112,16 +113,27 @@ class LineReader:
 
         Args:
             view: to be read.
+            others: further views of the same part, in its frame: other lights. They are looked at where one is not
+                enough.
             about: where the line lies, if that is known.
             judge: other experts.
             place: who knows more closely where a line stands that is not surely read.
         """
-        seen = self._look(view, [about]) if about is not None else self._seen(view)
+        looked: list[tuple[View, list[ReadLine]]] = []
+        for one in (view, *others):
+            looked.append((one, self._look(one, [about]) if about is not None else self._seen(one)))
+            if _says_much(self._meant(*looked[-1])):
+                break
+        others = (view, *others)
+        view, seen = max(looked, key=lambda each: max(map(_promise, self._meant(*each)), default=-np.inf))
+        others = tuple(one for one in others if one is not view)
         meant = self._meant(view, seen)
         if not meant:
             return PartLines(None)
         best = self._settled(view, meant) if place is None else meant[0]
-        main = self._believed(view, best, self.grammar, judge=judge, place=place, rivals=meant[:RIVALS])
+        main = self._believed(
+            view, best, self.grammar, others=others, judge=judge, place=place, rivals=meant[:RIVALS]
+        )
         if main is None and "own" not in self.experts:
             return PartLines(None)  # who was asked has nothing to say
         main = main or best
@@ -245,6 +257,7 @@ class LineReader:
         best: ReadLine,
         grammar: Grammar | None,
         *,
+        others: Sequence[View] = (),
         judge: Judge | None = None,
         place: Place | None = None,
         rivals: Sequence[ReadLine] = (),
@@ -261,14 +274,20 @@ class LineReader:
         belief = believed(heard, grammar, weights=weights)
         if belief is None or not agreed(belief):
             moves, first = JITTERS, 1
-            near = place([line, *(one.line for one in rivals)], belief or best.belief) if place else None
+            near = (
+                place(view, [line, *(one.line for one in rivals)], belief or best.belief) if place else None
+            )
             if near is not None:
                 line, heard, moves, first = near, {"own": [], "print": []}, (HERE, *JITTERS), 0
                 pictures = self._pictures(view, line)
-            strips = [view.strip(moved(line, down, size)) for down, size in moves]
-            heard["own"] = [*heard["own"], *recogniser.steps_of(strips, chars=self.chars)]
+            heard["own"] = [*heard["own"], *self._own(view, line, moves)]
             if pictures[first:]:
                 heard["print"] = [*heard["print"], *generic.steps_of(pictures[first:], chars=self.chars)]
+            for number, other in enumerate(others, start=1):
+                heard["own"] = [*heard["own"], *_of_view(number, self._own(other, line, (HERE, *JITTERS)))]
+                if pictures:
+                    shown = generic.steps_of(self._pictures(other, line), chars=self.chars)
+                    heard["print"] = [*heard["print"], *_of_view(number, shown)]
             belief = believed(
                 {name: looks for name, looks in heard.items() if looks}, grammar, weights=weights
             )
@@ -282,8 +301,16 @@ class LineReader:
             belief = replace(belief, lattice=pooled(by_expert, belief.weights), by_expert=by_expert)
         return ReadLine(line, belief)
 
+    def _own(self, view: View, line: TextLine, moves: Sequence[tuple[float, float]]) -> list[Steps]:
+        strips = [view.strip(moved(line, down, size)) for down, size in moves]
+        return recogniser.steps_of(strips, chars=self.chars)
+
     def _pictures(self, view: View, line: TextLine) -> list[generic.Picture]:
         return generic.looks_at(view, line)[:MOST_PRINT] if self.print_too else []
+
+
+def _of_view(number: int, looks: Sequence[Steps]) -> list[Steps]:
+    return [replace(one, view=number) for one in looks]
 
 
 def _apart(one: ReadLine, other: ReadLine) -> bool:

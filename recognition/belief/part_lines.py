@@ -18,8 +18,8 @@ Region = tuple[float, float, float, float]
 """Left, top, right and bottom as shares of a view."""
 Judge = Callable[[TextLine, LineBelief], dict[str, Lattice]]
 """Lattices of other experts, of the places that are believed."""
-Place = Callable[[Sequence[TextLine], LineBelief], TextLine | None]
-"""The best of lines, and where it stands more closely, by who knows shapes; None where that is not known."""
+Place = Callable[[View, Sequence[TextLine], LineBelief], TextLine | None]
+"""The best of lines of a view, and where it stands more closely, by who knows shapes; None where that is not known."""
 
 
 @dataclass(frozen=True)

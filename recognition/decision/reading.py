@@ -204,6 +204,7 @@ class Reading:
         notes: what else there is to say: "read by touch alone".
         unit: of height and boxes: "px", of the photograph as taken, where its scale is not known.
         others: the part's other lines.
+        photos: photographs that it is of; 0 of touch alone.
         trace: what it was made from.
     """
 
@@ -223,6 +224,7 @@ class Reading:
     notes: tuple[str, ...] = ()
     unit: Unit = "mm"
     others: tuple[OtherLine, ...] = ()
+    photos: int = 0
     trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
 
     @property

@@ -32,12 +32,14 @@ class Steps:
         log_chars: (steps, C) of each of `chars`.
         chars: which.
         columns: (steps,) of the strip, where each step's middle lies.
+        view: number of the view that was looked at, of several of one part.
     """
 
     log_blank: Floats
     log_chars: Floats
     chars: str
     columns: Floats
+    view: int = 0
 
     __repr__ = one_line
 

@@ -5,14 +5,17 @@ photograph --pixels enough--> view --LineReader--> line and beliefs --format--> 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
 
+import numpy as np
+
 from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
-from recognition.belief.line_belief import LineBelief
+from recognition.belief.line_belief import LineBelief, over_views
 from recognition.belief.line_reader import LineReader, agreed
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
@@ -23,11 +26,13 @@ from recognition.language.lattice import Lattice
 from recognition.senses.photo_sizes import read_at_sizes
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
+from recognition.views.registered import photo_views
 from recognition.views.text_line import TextLine
-from recognition.views.view import View, photo_view
+from recognition.views.view import View
 
 PHOTO_EXPERTS = frozenset({"own", "print", "templates"})
 """Those that read photographs."""
+LEFT_OUT = "photograph {} does not show what the first one shows; it was left out"
 
 
 class VisionReader:
@@ -78,10 +83,10 @@ class VisionReader:
         timer = StepTimer()
         scaled = photo.pitch_mm is not None
         with timer.step("read"):
-            view = photo_view(photo)
-            pictures = _Pictures(self, view, scaled=scaled) if self.shapes else None
+            views, left_out = photo_views(photo)
+            pictures = _Pictures(self, views, scaled=scaled) if self.shapes else None
             part = self._readers[scaled].read(
-                view, about=about, judge=pictures, place=None if pictures is None else pictures.place
+                *views, about=about, judge=pictures, place=None if pictures is None else pictures.place
             )
         made = reading_of_line(
             part,
@@ -92,8 +97,13 @@ class VisionReader:
             source="vision",
             asked=self.settings.asked,
         )
+        notes = (*made.notes, *(LEFT_OUT.format(number) for number in left_out))
         return replace(
-            made, unit="mm" if scaled else "px", seconds=MappingProxyType(dict(timer.seconds))
+            made,
+            unit="mm" if scaled else "px",
+            seconds=MappingProxyType(dict(timer.seconds)),
+            photos=len(views),
+            notes=notes,
         ).traced(photo=photo)
 
     @cached_property
@@ -108,14 +118,14 @@ class VisionReader:
 class _Pictures:
     """Places and judges a line by the pictures of the named fonts, where the networks are not sure of it."""
 
-    def __init__(self, reader: VisionReader, view: View, *, scaled: bool) -> None:
-        self.reader, self.view = reader, view
+    def __init__(self, reader: VisionReader, views: Sequence[View], *, scaled: bool) -> None:
+        self.reader, self.views = reader, views
         self.height_mm = reader.settings.height_mm if scaled else None
 
-    def place(self, lines: Sequence[TextLine], belief: LineBelief) -> TextLine | None:
+    def place(self, view: View, lines: Sequence[TextLine], belief: LineBelief) -> TextLine | None:
         """The line as the font has it that suits it best."""
         fits = [
-            placed(self.view, scales[0], lines, allowed, self.reader.gaps, height_mm=self.height_mm)
+            placed(view, scales[0], lines, allowed, self.reader.gaps, height_mm=self.height_mm)
             for scales in self.reader.shapes
             if (allowed := allowed_of(scales[0], belief.lattice)) is not None
         ]
@@ -123,12 +133,22 @@ class _Pictures:
         return None if best is None else best.placed
 
     def __call__(self, line: TextLine, belief: LineBelief) -> dict[str, Lattice]:
-        """What the pictures believe."""
+        """What the pictures of the font believe that suits the line best in all views."""
         if agreed(belief):
             return {}
-        told = [
-            judged_photo(self.view, scales, line, belief.lattice, self.reader.gaps)
-            for scales in self.reader.shapes
-        ]
-        best = max((one for one in told if one is not None), key=lambda one: one[0], default=None)
-        return {} if best is None else {"templates": best[1]}
+        best: tuple[float, list[Lattice]] = (-math.inf, [])
+        for scales in self.reader.shapes:
+            told = [judged_photo(v, scales, line, belief.lattice, self.reader.gaps) for v in self.views]
+            found = [one for one in told if one is not None]
+            if found:
+                best = max(best, (sum(value for value, _ in found), [own for _, own in found]), key=_first)
+        if not best[1]:
+            return {}
+        log = over_views([np.maximum(own.log_belief, -1e9) for own in best[1]])
+        log = np.where(np.isfinite(best[1][0].log_belief), log, -np.inf)
+        log -= np.maximum(np.logaddexp.reduce(log, axis=1), 0.0)[:, None]
+        return {"templates": replace(best[1][0], log_belief=np.minimum(log, 0.0))}
+
+
+def _first(one: tuple[float, list[Lattice]]) -> float:
+    return one[0]

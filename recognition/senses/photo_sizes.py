@@ -45,7 +45,8 @@ def shrunk(photo: Photo, pixels: int) -> Photo:
     # the rims stay where they are: the first pixel's middle does not, and with it the frame's origin
     pitch = photo_pitch_mm(photo) * cols / size[0]
     size_of_pixels = {"shrunk": pitch} if photo.pitch_mm is None else {"pitch_mm": pitch}
-    return replace(photo, pixels=made, centre_mm=photo_middle_mm(photo), **size_of_pixels)
+    others = tuple(shrunk(other, pixels) for other in photo.others)
+    return replace(photo, pixels=made, centre_mm=photo_middle_mm(photo), others=others, **size_of_pixels)
 
 
 def _sizes(photo: Photo) -> Iterator[Photo]:

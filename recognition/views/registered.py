@@ -1,0 +1,92 @@
+"""Several photographs of a part laid over the first: each a view of its own, all in one frame.
+
+    photographs --gradient's size, whatever the light--> phase correlation, then ECC --> shift and turn --> views
+
+A lamp from another side turns bright flanks dark, but edges stay where they are: the size of the gradient is compared.
+Source: G. Evangelidis, E. Psarakis, IEEE PAMI 30 (2008) 1858 (ECC).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.camera.photo import Photo
+from recognition.views.view import GREY, KNOWN, View, photo_view
+
+Floats = NDArray[np.float32]
+_PIXELS = 480
+"""Of the longer side, at which photographs are compared."""
+_DARK, _FOCUS, _CUT = 0.05, 1.2, 3.0
+"""Brightness added before the logarithm; blur, pixels; gradients cut, in root mean squares: glints do not vote."""
+_STEPS, _LEAST_GAIN = 60, 1e-5
+LEAST_ALIKE = 0.15
+"""Correlation of the gradients' sizes from which two photographs show the same."""
+
+
+def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
+    """A view of each photograph, in the frame of the first, and which do not show the same and are left out.
+
+    Args:
+        photo: with its others.
+
+    Returns:
+        The views, the first photograph's first; numbers of those left out, where the first one is 1.
+    """
+    first = photo_view(photo)
+    if not photo.others:
+        return [first], ()
+    scale = min(1.0, _PIXELS / max(photo.shape))
+    steady = _gradient(first.layers[GREY], scale)
+    views, left_out = [first], []
+    for number, other in enumerate(photo.others, start=2):
+        grey = other.grey()
+        motion = _motion(steady, _gradient(grey, scale))
+        if motion is None:
+            left_out.append(number)
+        else:
+            motion[:, 2] /= scale
+            views.append(_laid_over(first, grey, motion))
+    return views, tuple(left_out)
+
+
+def _gradient(grey: Floats, scale: float) -> Floats:
+    from glyphs.opencv import cv2
+
+    small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1.0 else grey
+    log = cv2.GaussianBlur(np.log(small + np.float32(_DARK)), (0, 0), _FOCUS)
+    size = np.hypot(cv2.Sobel(log, cv2.CV_32F, 1, 0), cv2.Sobel(log, cv2.CV_32F, 0, 1))
+    top = _CUT * float(np.sqrt((size**2).mean())) or 1.0
+    return np.asarray(np.minimum(size, top) / top, dtype=np.float32)
+
+
+def _motion(steady: Floats, moving: Floats) -> NDArray[np.float32] | None:
+    """(2, 3) from places of the first photograph to those of the other; None where they show different things."""
+    from glyphs.opencv import cv2
+
+    (x, y), _ = cv2.phaseCorrelate(steady, moving, cv2.createHanningWindow(steady.shape[::-1], cv2.CV_32F))
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, _STEPS, _LEAST_GAIN)
+    found: list[tuple[float, NDArray[np.float32]]] = []
+    for start in ((x, y), (0.0, 0.0)):
+        motion = np.array([[1.0, 0.0, start[0]], [0.0, 1.0, start[1]]], dtype=np.float32)
+        try:
+            alike, motion = cv2.findTransformECC(steady, moving, motion, cv2.MOTION_EUCLIDEAN, stop, None, 3)
+        except cv2.error:
+            continue  # it did not converge
+        found.append((float(alike), np.asarray(motion, dtype=np.float32)))
+        if alike > 2.0 * LEAST_ALIKE:
+            break
+    alike, motion = max(found, key=lambda one: one[0], default=(0.0, None))
+    return motion if alike >= LEAST_ALIKE else None
+
+
+def _laid_over(first: View, grey: Floats, motion: NDArray[np.float32]) -> View:
+    from glyphs.opencv import cv2
+
+    size = first.layers.shape[:0:-1]
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    known = cv2.warpAffine(np.ones_like(grey), motion, size, flags=flags) > 0.999
+    layers = np.zeros_like(first.layers)
+    layers[KNOWN] = known
+    layers[GREY] = cv2.warpAffine(grey, motion, size, flags=flags) * known
+    return View(first.kind, layers, first.pitch_mm, first.origin_mm)
