@@ -153,7 +153,7 @@ def _read_and_hashed(order: RunOrder, listed: ListedPart) -> tuple[ReadPart, str
     read, digest = read_listed(order, listed), hashlib.sha256()
     if not read.record.error:
         with fetched(listed) as part:
-            for path in (part.height_map, part.scan, part.photo):
+            for path in (part.height_map, part.scan, part.photo, *part.more_photos):
                 digest.update(b"" if path is None else path.read_bytes())
     return read, digest.hexdigest()
 

@@ -121,6 +121,12 @@ def absolute(parts: Sequence[ListedPart]) -> list[ListedPart]:
         return name if not name or is_url(name) else os.path.abspath(name)
 
     return [
-        replace(part, height_map=at(part.height_map), scan=at(part.scan), photo=at(part.photo))
+        replace(
+            part,
+            height_map=at(part.height_map),
+            scan=at(part.scan),
+            photo=at(part.photo),
+            more_photos=tuple(map(at, part.more_photos)),
+        )
         for part in parts
     ]

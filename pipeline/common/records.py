@@ -174,6 +174,7 @@ class ReadingRecord:
         lines: the part's other lines: those asked for, then those that nobody has asked for.
         program: version of the program that read it.
         settings: hash of the settings that it was read with.
+        photos: photographs that it is of; 0 of touch alone.
     """
 
     source: str
@@ -199,6 +200,7 @@ class ReadingRecord:
     lines: tuple[LineRecord, ...] = ()
     program: str = ""
     settings: str = ""
+    photos: int = 0
 
     @classmethod
     def failed(cls, part: str, error: str, *, seconds: float = 0.0) -> ReadingRecord:

@@ -38,6 +38,7 @@ class ListedPart:
         font: font of its mark; empty where the run's are meant.
         problem: why it cannot be read, found before any file was opened.
         photo_problem: why its photograph cannot be used, likewise.
+        more_photos: files of others of it, under other lights or at other exposures.
 
     Raises:
         ValueError: a part without a name.
@@ -52,6 +53,7 @@ class ListedPart:
     font: str = ""
     problem: FileError | None = None
     photo_problem: FileError | None = None
+    more_photos: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -59,8 +61,8 @@ class ListedPart:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Those named: height map, scan, photograph."""
-        return tuple(name for name in (self.height_map, self.scan, self.photo) if name)
+        """Those named: height map, scan, photographs."""
+        return tuple(name for name in (self.height_map, self.scan, self.photo, *self.more_photos) if name)
 
 
 def settings_of(settings: ReadSettings, listed: ListedPart) -> ReadSettings:

@@ -3,6 +3,7 @@
 part,height_map,scan,photo,expected,format,font
 A1,maps/A1.npz,,photos/A1.png,KB74,AA99,block          relative to the table
 A2,s3://lots/7/A2.npz
+A3,,,A3.light-1.png | A3.light-2.png                    several photographs of one part
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ FILES = COLUMNS[1:4]
 """Those of files."""
 _OTHERS = ("height_mm", "height_px")
 """Columns of this program's own tables that are spelled much like one of these, and are none."""
+_SEVERAL = "|"
+"""Between files of one cell."""
 _CLOSE = 0.8
 _DELIMITERS = ",;\t"
 _MAX_BYTES = 2_000_000_000
@@ -103,8 +106,10 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> ListedPart:
         raise problem_of(
             source, f"{where} has a line break or control character under {column}", "check its quotes"
         )
-    files = {column: beside(source, cells[column]) for column in FILES if cells.get(column)}
-    lasts = [split_name(file)[1] for file in files.values()]
+    photo, *more = (name.strip() for name in cells.get("photo", "").split(_SEVERAL))
+    files = {c: beside(source, name) for c in FILES if (name := photo if c == "photo" else cells.get(c))}
+    more_photos = tuple(beside(source, name) for name in more)
+    lasts = [split_name(file)[1] for file in (*files.values(), *more_photos)]
     if not lasts:
         raise problem_of(source, f"{where} names no file", f"fill one of {', '.join(FILES)}")
     if not all(lasts):
@@ -114,6 +119,7 @@ def _part_of(source: str, where: str, cells: Mapping[str, str]) -> ListedPart:
         height_map=files.get("height_map", ""),
         scan=files.get("scan", ""),
         photo=files.get("photo", ""),
+        more_photos=more_photos,
         expected=cells.get("expected", ""),
         format=sys.intern(cells.get("format", "")),
         font=sys.intern(cells.get("font", "")),

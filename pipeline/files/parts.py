@@ -1,5 +1,7 @@
 """Which parts a command line means: files of one stem in one folder are one part.
 
+    part-003.h5  part-003.light-1.png  part-003.light-2.png     one part, felt and photographed under two lights
+
 folder, glob, file --FoundFiles--> ListedPart (words) --discover--> Part (paths)
 """
 
@@ -7,6 +9,7 @@ from __future__ import annotations
 
 import glob
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +25,8 @@ _KINDS = {
     **dict.fromkeys(PHOTO_SUFFIXES, "photo"),
 }
 """Attribute of a part that a file of each suffix is."""
+_SEVERAL = re.compile(r"(?P<stem>.+)\.(?:light|exposure|shot)-[0-9]+$")
+"""Stem of one of several photographs of a part."""
 _MOST_NAME = 80
 
 
@@ -36,6 +41,7 @@ class Part:
         photo: file of its photograph.
         problem: why it cannot be read, found before any file was opened.
         photo_problem: why its photograph cannot be used, likewise.
+        more_photos: files of others of it, from the same place.
     """
 
     name: str
@@ -44,6 +50,7 @@ class Part:
     photo: Path | None = None
     problem: FileError | None = None
     photo_problem: FileError | None = None
+    more_photos: tuple[Path, ...] = ()
 
     @property
     def felt(self) -> bool:
@@ -92,6 +99,7 @@ def _part_of(listed: ListedPart) -> Part:
         height_map=Path(listed.height_map) if listed.height_map else None,
         scan=Path(listed.scan) if listed.scan else None,
         photo=Path(listed.photo) if listed.photo else None,
+        more_photos=tuple(map(Path, listed.more_photos)),
         problem=listed.problem,
         photo_problem=listed.photo_problem,
     )
@@ -201,12 +209,19 @@ def key_and_kind(file: str) -> tuple[tuple[str, str] | None, str]:
     if not last or last.startswith("."):
         return None, ""
     stem, suffix = os.path.splitext(last)
-    return (folder, stem), _KINDS.get(suffix.lower(), "")
+    kind = _KINDS.get(suffix.lower(), "")
+    several = _SEVERAL.match(stem) if kind == "photo" else None
+    return (folder, several["stem"] if several else stem), kind
 
 
 def _with(part: ListedPart, kind: str, file: str) -> ListedPart:
-    """The part with one more file; two different files of one kind: which is meant, nobody can tell."""
+    """The part with one more file; two different files of one kind: which is meant, nobody can tell.
+
+    Photographs that are numbered (part.light-2.png) are all meant.
+    """
     first: str = getattr(part, kind)
+    if kind == "photo" and first and file not in (first, *part.more_photos) and _numbered(file):
+        return replace(part, more_photos=(*part.more_photos, file))
     problem = None
     if first and first != file:
         beside = split_name(first)[1]
@@ -216,6 +231,10 @@ def _with(part: ListedPart, kind: str, file: str) -> ListedPart:
     if kind == "scan":
         return replace(part, scan=file, problem=part.problem or problem)
     return replace(part, height_map=file, problem=part.problem or problem)
+
+
+def _numbered(file: str) -> bool:
+    return _SEVERAL.match(os.path.splitext(split_name(file)[1])[0]) is not None
 
 
 def _stem_name(stem: str) -> str:

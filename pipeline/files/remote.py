@@ -96,6 +96,7 @@ def fetched(listed: ListedPart, *, photos: bool = True) -> Iterator[Part]:
     felt = bool(names["height_map"] or names["scan"])
     if felt and not photos:
         names["photo"] = ""
+    more = listed.more_photos if names["photo"] else ()
     problem, photo_problem = listed.problem, listed.photo_problem
     with contextlib.ExitStack() as copies:
         paths: dict[str, Path | None] = {}
@@ -111,7 +112,15 @@ def fetched(listed: ListedPart, *, photos: bool = True) -> Iterator[Part]:
                     if kind != "photo" or not felt:
                         raise
                     paths[kind], photo_problem = Path(name), fault
-        part = Part(listed.name, **paths, problem=problem, photo_problem=photo_problem)
+        others = [
+            copies.enter_context(copied(name, most_bytes=_most_bytes("photo")))
+            if is_url(name)
+            else Path(name)
+            for name in map(local_name, () if problem or photo_problem else more)
+        ]
+        part = Part(
+            listed.name, **paths, more_photos=tuple(others), problem=problem, photo_problem=photo_problem
+        )
         try:
             yield part
         except FileError as fault:

@@ -94,6 +94,7 @@ def reading_record(
         verify_probability=None if verification is None else _share(verification.probability),
         rivals=rivals_of(reading, reading.trace.lattice, grammar),
         lines=tuple(_line(one, scaled) for one in reading.others),
+        photos=reading.photos,
         program=program_version(),
         settings=key_of(settings.model_dump(mode="json", exclude_defaults=True)),
     )

@@ -123,15 +123,17 @@ class PartReader:
         if part.problem is not None:
             raise part.problem
         self._check_expected(part, expected)
-        senses, note, photo = senses_of(part, self.mode), "", None
+        senses, photo = senses_of(part, self.mode), None
+        notes: list[str] = []
         if Sense.VISION in senses:
             # before touch takes its time
             try:
-                photo = load_photo(part, self.limits)
+                photo, problems = load_photos(part, self.limits)
+                notes += [f"read without one of its photographs: {problem}" for problem in problems]
             except FileError as problem:
                 if self.mode is not Mode.AUTO or Sense.TOUCH not in senses:
                     raise
-                note = f"read by touch alone: {problem}"
+                notes.append(f"read by touch alone: {problem}")
         if photo is not None and again is not None:
             photo = again.photo(photo)
         touch = self._touch(part, again) if Sense.TOUCH in senses else None
@@ -140,8 +142,9 @@ class PartReader:
         if touch is None or vision is None:
             reading = touch or vision
             assert reading is not None
-            return replace(reading, notes=(*reading.notes, note)) if note else reading
-        return self.reader.fuse(touch, vision)
+            return replace(reading, notes=(*reading.notes, *notes))
+        fused = self.reader.fuse(touch, vision)
+        return replace(fused, notes=(*fused.notes, *notes))
 
     def verified(self, reading: Reading, expected: str) -> Reading:
         """The reading with the verdict on the text expected, if there is one.
@@ -243,6 +246,30 @@ def load_photo(part: Part, limits: Limits | None = None) -> Photo:
         if limits is not None:
             check_photo(part.photo, most=limits.max_photo_pixels)
         return read_photo(part.photo)
+
+
+def load_photos(part: Part, limits: Limits | None = None) -> tuple[Photo, tuple[MarksError, ...]]:
+    """The photographs of a part as one, and what is wrong with those that cannot be used.
+
+    Raises:
+        FileError: it has none, or none can be used: what is wrong with the first.
+    """
+    found: list[Photo] = []
+    problems: list[MarksError] = []
+    for path in (part.photo, *part.more_photos):
+        try:
+            photo = load_photo(replace(part, photo=path), limits)
+            if found:
+                photo = replace(found[0], others=(*found[0].others, photo))
+        except FileError as problem:
+            problems.append(problem)
+        except MarksError as problem:
+            problems.append(FileError(path or part.name, problem.what, problem.hint))
+        else:
+            found[:] = [photo]
+    if not found:
+        raise problems[0]
+    return found[0], tuple(problems)
 
 
 @contextlib.contextmanager

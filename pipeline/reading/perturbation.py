@@ -123,7 +123,8 @@ class Retake:
             if how.noise:
                 bright += np.float32(255.0 * CAMERA_NOISE) * _normal(self.seed, bright.shape)
             pixels = np.clip(np.rint(bright), 0.0, 255.0).astype(np.uint8)
-        return replace(photo, pixels=pixels, centre_mm=centre)
+        others = tuple(self.photo(other) for other in photo.others)
+        return replace(photo, pixels=pixels, centre_mm=centre, others=others)
 
     def feel(self, *, fidelity: Fidelity, soil: Soil | None, part_id: str) -> Feel:
         """How touch scans the surface again."""

@@ -35,7 +35,7 @@ MOST_LENGTHS = 6
 """Of a format, that are tried: those nearest to what is counted."""
 MOST_COUNTED = 32
 """Characters of a line whose number nobody knows."""
-ALIKE = 0.5
+ALIKE = 0.75
 """How much the views of a part are alike: 1 is so much that they count as one, 0 not at all."""
 _LEAST = 1e-12
 

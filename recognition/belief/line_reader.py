@@ -49,7 +49,7 @@ TURNED_COST = 1.5
 """Nats that a line must say more than another, to be read upside down, or down the plate."""
 SURE, SOME = 0.7, 0.4
 """Of what a place may say at most, from which no fainter lines are looked for, and no turned ones."""
-JITTERS = ((0.08, 1.0), (-0.08, 1.0), (0.0, 1.1), (0.0, 0.91))
+JITTERS: tuple[tuple[float, float], ...] = ((0.08, 1.0), (-0.08, 1.0), (0.0, 1.1), (0.0, 0.91))
 """More looks of our own recogniser at a line: moved down and higher, character heights."""
 HERE = (0.0, 1.0)
 RIVALS = 2
@@ -124,31 +124,31 @@ class LineReader:
             looked.append((one, self._look(one, [about]) if about is not None else self._seen(one)))
             if _says_much(self._meant(*looked[-1])):
                 break
-        others = (view, *others)
+        views = (view, *others)
         view, seen = max(looked, key=lambda each: max(map(_promise, self._meant(*each)), default=-np.inf))
-        others = tuple(one for one in others if one is not view)
+        dimmer = [one for one in views if one is not view]
         meant = self._meant(view, seen)
         if not meant:
             return PartLines(None)
         best = self._settled(view, meant) if place is None else meant[0]
         main = self._believed(
-            view, best, self.grammar, others=others, judge=judge, place=place, rivals=meant[:RIVALS]
+            view, best, self.grammar, others=dimmer, judge=judge, place=place, rivals=meant[:RIVALS]
         )
         if main is None and "own" not in self.experts:
             return PartLines(None)  # who was asked has nothing to say
         main = main or best
         rest = [one for one in seen if _apart(one, main)]
         named: dict[str, ReadLine] = {}
-        for name, line in self.lines.items():
-            found = self._named(view, rest, line)
+        for name, asked in self.lines.items():
+            found = self._named(view, rest, asked)
             if found is not None:
                 named[name] = found
                 rest = [one for one in rest if _apart(one, found)]
-        others: list[ReadLine] = []
-        for one in rest:
-            if _is_text(one) and all(_apart(one, other) for other in others):
-                others.append(one)
-        return PartLines(main, MappingProxyType(named), tuple(others))
+        unclaimed: list[ReadLine] = []
+        for line in rest:
+            if _is_text(line) and all(_apart(line, other) for other in unclaimed):
+                unclaimed.append(line)
+        return PartLines(main, MappingProxyType(named), tuple(unclaimed))
 
     def _named(self, view: View, rest: Sequence[ReadLine], asked: LineFormat) -> ReadLine | None:
         """The line of these that this format and region mean; None where none does."""

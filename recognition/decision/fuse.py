@@ -59,7 +59,7 @@ def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
     """
     made = _fused(touch, vision, settings)
     trace = ReadingTrace(strokes=made.trace.strokes, touch=touch, vision=vision, photo=vision.trace.photo)
-    return replace(made, source="fused", trace=trace)
+    return replace(made, source="fused", photos=vision.photos, trace=trace)
 
 
 def _fused(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:

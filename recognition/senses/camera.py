@@ -17,6 +17,7 @@ from glyphs.camera.photo import Photo
 from glyphs.errors import MarksError
 from recognition.belief.line_belief import LineBelief, over_views
 from recognition.belief.line_reader import LineReader, agreed
+from recognition.belief.weights import EXPERTS
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
@@ -30,8 +31,8 @@ from recognition.views.registered import photo_views
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
-PHOTO_EXPERTS = frozenset({"own", "print", "templates"})
-"""Those that read photographs."""
+PHOTO_EXPERTS = frozenset({"own", "print"})
+"""Those that read photographs; templates of named fonts help them where they are not sure."""
 LEFT_OUT = "photograph {} does not show what the first one shows; it was left out"
 
 
@@ -109,7 +110,7 @@ class VisionReader:
     @cached_property
     def shapes(self) -> tuple[tuple[PhotoShapes, ...], ...]:
         """Pictures of the fonts that are named, at the scales at which they are compared."""
-        if not self.settings.fonts:
+        if not self.settings.fonts or "templates" not in (self.settings.experts or EXPERTS):
             return ()
         has = [(font, "".join(c for c in self.chars if c in font.glyphs)) for font in self.fonts]
         return tuple(tuple(photo_shapes(font, chars, pixels=n) for n in SCALES) for font, chars in has)

@@ -66,18 +66,21 @@ def _motion(steady: Floats, moving: Floats) -> NDArray[np.float32] | None:
 
     (x, y), _ = cv2.phaseCorrelate(steady, moving, cv2.createHanningWindow(steady.shape[::-1], cv2.CV_32F))
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, _STEPS, _LEAST_GAIN)
+    everywhere = np.ones(steady.shape, dtype=np.uint8)
     found: list[tuple[float, NDArray[np.float32]]] = []
     for start in ((x, y), (0.0, 0.0)):
         motion = np.array([[1.0, 0.0, start[0]], [0.0, 1.0, start[1]]], dtype=np.float32)
         try:
-            alike, motion = cv2.findTransformECC(steady, moving, motion, cv2.MOTION_EUCLIDEAN, stop, None, 3)
+            alike, motion = cv2.findTransformECC(
+                steady, moving, motion, cv2.MOTION_EUCLIDEAN, stop, everywhere, 3
+            )
         except cv2.error:
             continue  # it did not converge
         found.append((float(alike), np.asarray(motion, dtype=np.float32)))
         if alike > 2.0 * LEAST_ALIKE:
             break
-    alike, motion = max(found, key=lambda one: one[0], default=(0.0, None))
-    return motion if alike >= LEAST_ALIKE else None
+    best = max(found, key=lambda one: one[0], default=None)
+    return best[1] if best is not None and best[0] >= LEAST_ALIKE else None
 
 
 def _laid_over(first: View, grey: Floats, motion: NDArray[np.float32]) -> View:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recognition.experts.templates.photo_chain import Settled, gap_of, log_sum, settled
-from recognition.experts.templates.photo_shapes import PhotoShapes, photo_edges
+from recognition.experts.templates.photo_shapes import PICTURES, PhotoShapes, photo_edges
 from recognition.language.lattice import Lattice
 from recognition.lines.moves import moved
 from recognition.views.curves import straight_through
@@ -100,7 +100,7 @@ def fitted(
     best, trust, columns, rows = max(found, key=lambda one: one[0].log_evidence)
     zoom = HEIGHT_ROWS / shapes.pixels
     points = line.places_mm(
-        (columns + 0.5) * zoom - 0.5,
+        (columns.astype(np.float64) + 0.5) * zoom - 0.5,
         (rows - products.shape[2] // 2) * zoom + 0.5 * (ROWS - 1),
         margin=MARGIN_HEIGHTS,
     )
@@ -268,9 +268,10 @@ def _followed(
         which = found.log_belief.argmax(axis=1)
         columns = found.column[np.arange(which.size), which]
         rows = score[which, :, columns].argmax(axis=1)
-        if turn < ROUNDS:
-            seen = near[:, which, rows, columns].sum(axis=1)
-            light = np.linalg.solve(shapes.gram[which].sum(axis=0) + np.eye(3), seen)
-            gap = gap_of(shapes, which, columns, gaps)
+        if turn == ROUNDS:
+            break
+        seen = near[:, which, rows, columns].sum(axis=1)
+        light = np.linalg.solve(shapes.gram[which].sum(axis=0) + np.eye(PICTURES), seen)
+        gap = gap_of(shapes, which, columns, gaps)
     odds = np.clip(evidence[which, columns] - math.log(len(shapes.chars)), -50.0, 50.0)
     return found, 1.0 / (1.0 + np.exp(-odds)), columns, rows + row - reach
