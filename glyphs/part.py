@@ -35,7 +35,7 @@ from glyphs.stamping.variation import PRACTICES, PlateVariation
 from glyphs.surface.display import picture_html
 from glyphs.surface.maps import HeightMap
 
-_SOIL_STREAM, _PHOTO_STREAM, _LAYOUT_STREAM = 1, 2, 3
+_SOIL_STREAM, _PHOTO_STREAM, _LAYOUT_STREAM, _NOISE_STREAM = 1, 2, 3, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +93,7 @@ class Part:
         light_azimuth_deg: float | None = None,
         light_elevation_deg: float | None = None,
         pixel_mm: float = DEFAULT_PIXEL_MM,
+        lights: int = 1,
     ) -> Photo:
         """Take a picture of the part; what is not given is drawn, the same whatever lies on the part.
 
@@ -102,6 +103,8 @@ class Part:
             light_azimuth_deg: where the lamp stands, if the light is drawn.
             light_elevation_deg: how high it stands, likewise.
             pixel_mm: size of a pixel on the part, if the camera is drawn.
+            lights: photographs, each with the lamp on another side, evenly all round; those after the first are the
+                others of the first.
 
         Raises:
             MapError: a light, pixel or picture that cannot be.
@@ -109,7 +112,19 @@ class Part:
         rng = self._rng(_PHOTO_STREAM)
         drawn = draw_light(rng, azimuth_deg=light_azimuth_deg, elevation_deg=light_elevation_deg)
         camera_drawn = draw_camera(rng, pitch_mm=pixel_mm)
-        return photograph(self.soiled, light or drawn, camera or camera_drawn, rng=rng)
+        first, stands = light or drawn, camera or camera_drawn
+        taken = photograph(self.soiled, first, stands, rng=rng)
+        noise = self._rng(_NOISE_STREAM)
+        others = tuple(
+            photograph(
+                self.soiled,
+                replace(first, azimuth_deg=(first.azimuth_deg + 360.0 * k / lights) % 360.0),
+                stands,
+                rng=noise,
+            )
+            for k in range(1, lights)
+        )
+        return replace(taken, others=others)
 
     def _rng(self, stream: int) -> np.random.Generator:
         return np.random.default_rng([*self.seed, stream])

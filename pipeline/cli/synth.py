@@ -41,6 +41,7 @@ def synth(
     pixel_mm: float = 0.06,
     light_azimuth_deg: float | None = None,
     light_elevation_deg: float | None = None,
+    lights: int = 1,
     jobs: int | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -103,6 +104,8 @@ def synth(
         Size of a pixel on the part, mm.
     light_azimuth_deg
         Where the lamp stands: 0 at the right, 90 below, 270 above; drawn at random unless given.
+    lights
+        Photographs of each part, PART.light-1.png and so on, the lamp on another side each time.
     light_elevation_deg
         How high it stands over the plate; drawn from 25 to 65 unless given.
     jobs
@@ -149,6 +152,7 @@ def synth(
             soiling=soiling,
             light_azimuth_deg=light_azimuth_deg,
             light_elevation_deg=light_elevation_deg,
+            lights=lights,
             pixel_mm=pixel_mm,
         )
         with ExecutorOptions(jobs=jobs).opened(parts) as executor:

@@ -37,6 +37,7 @@ from pipeline.files.photos import write_photo
 
 TRUTH_FILE = "truth.csv"
 MAX_PARTS = 1_000_000
+MOST_LIGHTS = 12
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,7 @@ class SynthSpec:
         light_azimuth_deg: where the lamp stands (`Light`); drawn for every part unless given.
         light_elevation_deg: how high it stands; likewise.
         pixel_mm: size of a pixel of the photographs on the part.
+        lights: photographs of each part, the lamp on another side each time.
 
     Raises:
         SettingsError: a format, font, die, light or pixel that cannot be; a practice without variation.
@@ -85,8 +87,11 @@ class SynthSpec:
     light_azimuth_deg: float | None = None
     light_elevation_deg: float | None = None
     pixel_mm: float = DEFAULT_PIXEL_MM
+    lights: int = 1
 
     def __post_init__(self) -> None:
+        if not 1 <= self.lights <= MOST_LIGHTS:
+            raise SettingsError(f"lights is {self.lights}", hint=f"it lies between 1 and {MOST_LIGHTS}")
         if self.seed < 0:
             raise SettingsError(f"seed is {self.seed}", hint="it cannot be negative")
         allowed_characters(self.format)
@@ -119,11 +124,12 @@ class SynthSpec:
         )
 
     def photograph(self, part: Part) -> Photo:
-        """The photograph of one of its parts."""
+        """The photograph of one of its parts, with its others under other lights."""
         return part.photograph(
             light_azimuth_deg=self.light_azimuth_deg,
             light_elevation_deg=self.light_elevation_deg,
             pixel_mm=self.pixel_mm,
+            lights=self.lights,
         )
 
 
@@ -217,7 +223,12 @@ def write_part(spec: SynthSpec, stem: Path, number: int, *, photos: bool) -> str
     part = make_part(spec, number)
     write_surface(stem.with_suffix(".npz"), part.height_map, part.soil)
     if photos:
-        write_photo(stem.with_suffix(".png"), spec.photograph(part))
+        photo = spec.photograph(part)
+        if photo.others:
+            for number, one in enumerate((photo, *photo.others), start=1):
+                write_photo(stem.with_name(f"{stem.name}.light-{number}.png"), one)
+        else:
+            write_photo(stem.with_suffix(".png"), photo)
     return part.text
 
 

@@ -71,12 +71,12 @@ def _motion(steady: Floats, moving: Floats) -> NDArray[np.float32] | None:
     for start in ((x, y), (0.0, 0.0)):
         motion = np.array([[1.0, 0.0, start[0]], [0.0, 1.0, start[1]]], dtype=np.float32)
         try:
-            alike, motion = cv2.findTransformECC(
+            alike, moved = cv2.findTransformECC(
                 steady, moving, motion, cv2.MOTION_EUCLIDEAN, stop, everywhere, 3
             )
         except cv2.error:
             continue  # it did not converge
-        found.append((float(alike), np.asarray(motion, dtype=np.float32)))
+        found.append((float(alike), np.asarray(moved, dtype=np.float32)))
         if alike > 2.0 * LEAST_ALIKE:
             break
     best = max(found, key=lambda one: one[0], default=None)

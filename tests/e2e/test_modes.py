@@ -54,3 +54,34 @@ def test_a_dirty_part_in_every_mode(parts: Path, capsys: pytest.CaptureFixture[s
     first = row["characters"][0]
     assert (first["state"], first["state_chars"]) == ("mismatch", [truth[0], wrong[0]])
     assert any("this is not the expected serial" in said for said in row["messages"])
+
+
+def test_a_part_under_several_lights(tmp_path: Path) -> None:
+    made = [
+        "synth",
+        "lit",
+        "--parts",
+        "2",
+        "--format",
+        FORMAT,
+        "--seed",
+        "11",
+        "--dirt",
+        "0.2",
+        "--lights",
+        "3",
+    ]
+    assert main(made) == 0
+    lit = Path("lit")
+    assert len(list(lit.glob("part-00?.light-[123].png"))) == 6
+    (lit / "part-001.light-2.png").write_bytes(b"no picture")
+    told = ["--mode", "vision", "--format", FORMAT, "--font", "gothic", "--truth", "lit/truth.csv"]
+    assert main(["read", "lit", *told, "--out", "t.jsonl"]) == 0
+    with (lit / "truth.csv").open(newline="", encoding="utf-8") as stream:
+        truth = {row["part"]: row["text"] for row in csv.DictReader(stream)}
+    lines = Path("t.jsonl").read_text(encoding="utf-8").splitlines()
+    rows = {row["part"]: row for row in map(json.loads, lines)}
+    assert {part: row["text"] for part, row in rows.items()} == truth
+    assert [rows[part]["photos"] for part in ("part-000", "part-001")] == [3, 2]
+    assert not any("photograph" in said for said in rows["part-000"]["messages"])
+    assert any("light-2.png: is not a picture" in said for said in rows["part-001"]["messages"])

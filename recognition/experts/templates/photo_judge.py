@@ -253,6 +253,7 @@ def _followed(
     near = products[:, :, row - reach : row + reach + 1].astype(np.float64)
     independence = _INDEPENDENCE / shapes.pixels**2
     gap: float | None = None
+    found: Settled | None = None
     for turn in range(ROUNDS + 1):
         power = shapes.gram @ light @ light
         lit = np.einsum("b,btrx->trx", light, near)
@@ -268,10 +269,9 @@ def _followed(
         which = found.log_belief.argmax(axis=1)
         columns = found.column[np.arange(which.size), which]
         rows = score[which, :, columns].argmax(axis=1)
-        if turn == ROUNDS:
-            break
         seen = near[:, which, rows, columns].sum(axis=1)
         light = np.linalg.solve(shapes.gram[which].sum(axis=0) + np.eye(PICTURES), seen)
         gap = gap_of(shapes, which, columns, gaps)
+    assert found is not None
     odds = np.clip(evidence[which, columns] - math.log(len(shapes.chars)), -50.0, 50.0)
     return found, 1.0 / (1.0 + np.exp(-odds)), columns, rows + row - reach

@@ -26,7 +26,7 @@ from glyphs.stamping.faces import Face, default_die
 Floats = NDArray[np.float64]
 Edges = NDArray[np.float32]
 
-PICTURES, LAYERS = 3, 2
+PICTURES = 3
 SCALE_HEIGHTS = 0.022
 """Scale of the derivative, character heights: a sixth of a stroke."""
 DARK = 0.03
@@ -35,6 +35,8 @@ GLARE, BLACK = 0.98, 0.008
 """Brightness from and to which a pixel is clipped and tells nothing."""
 CLIP = 0.8
 """Edges stronger than so many times the median edge count no more than that: glints and rims of paint do not vote."""
+_LEAST_EDGE = 1e-4
+"""Relative change of brightness below which there is none: a grey level is a hundred times as much."""
 _RIM_HEIGHTS = 0.16
 """Land around the ink in a picture, character heights."""
 _FOCUS_HEIGHTS = 0.02
@@ -119,7 +121,8 @@ def photo_edges(grey: Edges, known: NDArray[np.bool_], *, pixels: int) -> Edges:
     layers = _derivatives(np.log(grey + np.float32(DARK)), pixels)
     reach = 2 * math.ceil(2.0 * SCALE_HEIGHTS * pixels) + 1
     clear = cv2.erode(told.astype(np.uint8), np.ones((reach, reach), dtype=np.uint8), borderValue=1) > 0
-    if not clear.any():
+    strength = float(np.sqrt((layers[:, clear] ** 2).mean())) if clear.any() else 0.0
+    if strength < _LEAST_EDGE:
         return np.zeros_like(layers)
     size = np.hypot(*layers)
     top = CLIP * float(np.median(size[clear]))

@@ -45,12 +45,14 @@ def test_every_column_is_read(tmp_path: Path) -> None:
         tmp_path,
         "part,height_map,scan,photo,expected,format,font\n"
         'A1,a.npz,a.h5,a.png,KB74,"AA99,x",block\n'
-        "A2,,,s3://lots/7/b.jpg,,,\n",
+        "A2,,,s3://lots/7/b.jpg,,,\n"
+        "A3,,,c.png | more/d.png|s3://e.png,,,\n",
     )
-    one, other = read_manifest(source)
+    one, other, several = read_manifest(source)
     files = [str(tmp_path / name) for name in ("a.npz", "a.h5", "a.png")]
     assert one == ListedPart("A1", *files, "KB74", "AA99,x", "block")
     assert other == ListedPart("A2", photo="s3://lots/7/b.jpg")
+    assert several.files == (str(tmp_path / "c.png"), str(tmp_path / "more/d.png"), "s3://e.png")
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])

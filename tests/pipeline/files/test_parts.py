@@ -145,3 +145,27 @@ def test_nothing_found_is_said(given: list[str], tmp_path: Path, monkeypatch: py
     monkeypatch.chdir(tmp_path)
     with pytest.raises(NothingFoundError, match="no height map"):
         discover(given)
+
+
+def test_numbered_photographs_are_of_one_part(tmp_path: Path) -> None:
+    for name in (
+        "a.npz",
+        "a.light-1.png",
+        "a.light-2.jpg",
+        "b.exposure-1.png",
+        "b.shot-2.png",
+        "c.light-x.png",
+    ):
+        (tmp_path / name).write_bytes(b"x")
+    a, b, c = discover([tmp_path], photos=True)
+    assert (a.name, a.photo, a.more_photos) == (
+        "a",
+        tmp_path / "a.light-1.png",
+        (tmp_path / "a.light-2.jpg",),
+    )
+    assert (b.name, len(b.more_photos), b.photo_problem) == ("b", 1, None)
+    assert c.name == "c.light-x"
+    (beside,) = discover([tmp_path / "a.npz"], beside=True)
+    assert len(beside.more_photos) == 1
+    two = discover([tmp_path / "b.exposure-1.png", tmp_path / "b.shot-2.png"])
+    assert [(p.name, p.more_photos) for p in two] == [("b", (tmp_path / "b.shot-2.png",))]

@@ -240,3 +240,24 @@ def test_a_part_with_a_problem_is_not_opened(folder: Path) -> None:
     problem = FileError("a", "b", "c")
     with pytest.raises(FileError):
         PartReader(FakeReader()).read(replace(part(folder, "felt"), problem=problem))
+
+
+def test_several_photographs_are_given_as_one_and_a_bad_one_is_named(tmp_path: Path) -> None:
+    sizes = ((20, 30), (20, 30), (8, 9))
+    paths = [tmp_path / f"part.light-{n}.png" for n in range(4)]
+    for path, size in zip(paths, sizes, strict=False):
+        write_photo(path, Photo(np.full(size, 90, dtype=np.uint8)))
+    paths[3].write_bytes(b"no picture")
+    (part,) = discover([tmp_path], photos=True)
+    reader = FakeReader()
+    found = PartReader(reader).read(part)
+    (given,) = reader.given
+    assert [one.shape for one in (given, *given.others)] == [(20, 30), (20, 30)]
+    unlike, damaged = found.notes
+    assert "part.light-2.png: photographs of one part are 20 x 30 and 8 x 9 pixels" in unlike
+    assert damaged.startswith("read without one of its photographs: ")
+    assert "part.light-3.png: is not a picture" in damaged
+    for path in paths:
+        path.write_bytes(b"no picture")
+    with pytest.raises(FileError, match=r"part\.light-0\.png: is not a picture"):
+        PartReader(reader).read(part)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -142,3 +143,28 @@ def test_nothing_written_is_not_accepted() -> None:
     found = VisionReader(ReaderSettings(format="AA99")).read_photo(Photo(grey))
     assert found.decision is not Decision.ACCEPT
     assert found.confidence < 0.5
+
+
+def hidden(picture: Photo, part: StampedPart, places: slice) -> Photo:
+    """The photograph with a glare over some characters."""
+    pixels = np.array(picture.pixels)
+    for x0, y0, x1, y1 in part.boxes_mm[places]:
+        left, top, right, bottom = (round(v / part.height_map.pitch_mm) for v in (x0, y0, x1, y1))
+        pixels[top - 4 : bottom + 4, left - 2 : right + 2] = 255
+    return replace(picture, pixels=pixels)
+
+
+def test_photographs_that_each_hide_other_characters_are_read_as_one(
+    reader: VisionReader, photo: tuple[StampedPart, Photo]
+) -> None:
+    part, picture = photo
+    y, x = np.mgrid[: picture.shape[0], : picture.shape[1]]
+    paint = 20.0 * np.sin(x / 9.0) * np.sin(y / 7.0)  # on the part, so in every photograph
+    painted = taken(picture.pixels + paint, part)
+    first, second = hidden(painted, part, slice(0, 2)), hidden(painted, part, slice(3, 5))
+    unlike = taken(np.random.default_rng(3).uniform(0.0, 255.0, painted.shape), part)
+    assert TEXT not in {reader.read_photo(one).text for one in (first, second)}
+    found = reader.read_photo(replace(first, others=(second, unlike)))
+    assert (found.text, found.photos) == (TEXT, 2)
+    assert found.notes == ("photograph 3 does not show what the first one shows; it was left out",)
+    check_places(found, part)
