@@ -121,6 +121,7 @@ class LineReader:
         """
         looked: list[tuple[View, list[ReadLine]]] = []
         for one in (view, *others):
+            # that one of several lights is sure of a text, where the first one was not, is chance: all are heard then
             looked.append((one, self._look(one, [about]) if about is not None else self._seen(one)))
             if _says_much(self._meant(*looked[-1])):
                 break
@@ -132,7 +133,14 @@ class LineReader:
             return PartLines(None)
         best = self._settled(view, meant) if place is None else meant[0]
         main = self._believed(
-            view, best, self.grammar, others=dimmer, judge=judge, place=place, rivals=meant[:RIVALS]
+            view,
+            best,
+            self.grammar,
+            others=dimmer,
+            closely=len(looked) > 1,
+            judge=judge,
+            place=place,
+            rivals=meant[:RIVALS],
         )
         if main is None and "own" not in self.experts:
             return PartLines(None)  # who was asked has nothing to say
@@ -258,13 +266,14 @@ class LineReader:
         grammar: Grammar | None,
         *,
         others: Sequence[View] = (),
+        closely: bool = False,
         judge: Judge | None = None,
         place: Place | None = None,
         rivals: Sequence[ReadLine] = (),
     ) -> ReadLine | None:
         """What all experts believe of a line: of one look each where they are sure of the same, or of several.
 
-        Several looks are taken where `place` has the line, of these and its rivals.
+        Several looks are taken where `place` has the line, of these and its rivals; where asked for `closely`, always.
         """
         line, heard = best.line, dict(best.belief.heard)
         pictures = self._pictures(view, line)
@@ -272,7 +281,7 @@ class LineReader:
             heard["print"] = generic.steps_of(pictures[:1], chars=self.chars)
         weights = weights_of(view.kind).among(self.experts & heard.keys())
         belief = believed(heard, grammar, weights=weights)
-        if belief is None or not agreed(belief):
+        if belief is None or closely or not agreed(belief):
             moves, first = JITTERS, 1
             near = (
                 place(view, [line, *(one.line for one in rivals)], belief or best.belief) if place else None
