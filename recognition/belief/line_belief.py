@@ -3,9 +3,9 @@
     Steps of each look --places of the format--> posteriors --mean of an expert's looks--> one lattice an expert
     lattices --product, each to a power--> the lattice that the format decides on
 
-Looks of one expert at one view are much alike: their logarithms are averaged. Photographs under other lights are less
-so: their logarithms are summed and divided by a power of their number. Experts differ, and their agreement counts: the
-powers add up to more than 1.
+Looks of one expert are much alike: their logarithms are averaged, first at each view and then over the views. The same
+dirt lies under every light: counted as more than one look, a wrong serial was accepted. Experts differ, and their
+agreement counts: the powers add up to more than 1.
 """
 
 from __future__ import annotations
@@ -35,8 +35,6 @@ MOST_LENGTHS = 6
 """Of a format, that are tried: those nearest to what is counted."""
 MOST_COUNTED = 32
 """Characters of a line whose number nobody knows."""
-ALIKE = 0.75
-"""How much the views of a part are alike: 1 is so much that they count as one, 0 not at all."""
 _LEAST = 1e-12
 
 
@@ -198,7 +196,7 @@ def _lattice(looks: Sequence[Steps], told: Sequence[PlaceBelief | None]) -> tupl
 
 def over_views(logs: Sequence[Floats]) -> Floats:
     """What several views of a part say together, as logarithms."""
-    return np.asarray(np.sum(logs, axis=0) / len(logs) ** ALIKE)
+    return np.asarray(np.mean(logs, axis=0))
 
 
 def _mean_columns(told: Mapping[str, tuple[Lattice, Floats]]) -> Floats:
