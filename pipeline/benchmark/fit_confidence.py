@@ -31,6 +31,8 @@ from recognition.senses.settings import ReaderSettings
 SOURCES = ("tactile", "vision", "fused")
 SERVES = "log odds"
 """The way whose calibration serves."""
+THRESHOLDS = (0.9, 0.95, 0.97, 0.98, 0.985, 0.99, 0.995, 0.998)
+"""Of acceptance, that are compared."""
 _FEWEST = 30
 """Readings of a group below which it has no row of its own."""
 
@@ -45,6 +47,7 @@ class KnownReading:
         right: whether it is.
         soil: of the part.
         font: of the mark.
+        severity: of the dirt.
         kept_out: nothing may be fitted to it.
     """
 
@@ -53,6 +56,7 @@ class KnownReading:
     right: bool
     soil: str
     font: str
+    severity: float
     kept_out: bool
 
 
@@ -72,7 +76,9 @@ def known_readings(folder: Path) -> Iterator[KnownReading]:
                 soil = str(trial.levels.get("soil", ""))
                 belief = calibration_of(trial.mode).belief(trial.confidence)
                 kept_out = trial.part.startswith(sections) or bool(soils & {*soil.split("+")})
-                yield KnownReading(trial.mode, belief, trial.right, soil, trial.font, kept_out)
+                yield KnownReading(
+                    trial.mode, belief, trial.right, soil, trial.font, trial.severity or 0.0, kept_out
+                )
 
 
 @dataclass(frozen=True)
@@ -82,11 +88,13 @@ class LeftOut:
     Attributes:
         name: what was left out.
         right: (n,) whether they are.
+        severity: (n,) of their dirt.
         by_way: (n,) confidences.
     """
 
     name: str
     right: Bools
+    severity: Floats
     by_way: Mapping[str, Floats]
 
     def row(self, threshold: float) -> str:
@@ -118,14 +126,20 @@ def left_out(readings: Sequence[KnownReading], factor: str) -> Iterator[LeftOut]
 def _judged(name: str, own: Sequence[KnownReading], others: Sequence[KnownReading]) -> LeftOut:
     known, right = _columns(others)
     beliefs, own_right = _columns(own)
-    return LeftOut(name, own_right, {way: judge(known, right, beliefs) for way, judge in WAYS.items()})
+    severity = np.array([one.severity for one in own])
+    return LeftOut(
+        name, own_right, severity, {way: judge(known, right, beliefs) for way, judge in WAYS.items()}
+    )
 
 
 def _together(name: str, parts: Collection[LeftOut]) -> Iterator[LeftOut]:
     """All of them in one, each by the fit without it; nothing of fewer than two."""
     if len(parts) > 1:
         right = np.concatenate([one.right for one in parts])
-        yield LeftOut(name, right, {way: np.concatenate([one.by_way[way] for one in parts]) for way in WAYS})
+        severity = np.concatenate([one.severity for one in parts])
+        yield LeftOut(
+            name, right, severity, {way: np.concatenate([one.by_way[way] for one in parts]) for way in WAYS}
+        )
 
 
 def _columns(readings: Sequence[KnownReading]) -> tuple[Floats, Bools]:
@@ -158,6 +172,24 @@ def tables(source: str, readings: Sequence[KnownReading], *, threshold: float) -
         errors = [_ece(one.by_way[way], one.right) for one in by_soil]
         losses = [loss(one.by_way[way], one.right) for one in by_soil]
         yield f"| {way} | {np.mean(errors):.3f} | {np.mean(losses):.4f} | {max(losses):.4f} |"
+    yield ""
+    if len(by_soil) > 1:
+        yield from _by_threshold(by_soil)
+
+
+def _by_threshold(parts: Sequence[LeftOut]) -> Iterator[str]:
+    """Lines of Markdown: what would be accepted from which confidence, every soil by the fit without it."""
+    (joined,) = _together("", parts)
+    dirt = joined.severity
+    levels = sorted({float(one) for one in dirt})
+    yield f"| accepted from | wrong | accepted | {' | '.join(f'dirt {level:g}' for level in levels)} |"
+    yield "|" + "---|" * (3 + len(levels))
+    for threshold in THRESHOLDS:
+        accepted = joined.by_way[SERVES] >= threshold
+        wrong = bounded(int((accepted & ~joined.right).sum()), int(accepted.sum()))
+        cells = [f"{wrong.count} of {wrong.total:,}, at most {wrong.high:.2%}", f"{accepted.mean():.1%}"]
+        cells += [f"{accepted[dirt == level].mean():.1%}" for level in levels]
+        yield f"| {threshold:g} | {' | '.join(cells)} |"
     yield ""
 
 

@@ -24,7 +24,7 @@ def reading(k: int, rng: np.random.Generator, soil: str = "mould", *, kept_out: 
     """A belief, right as often as the square root of its odds says."""
     odds = float(rng.normal(1.0, 3.0))
     right = bool(rng.random() < 1.0 / (1.0 + np.exp(-0.5 * odds)))
-    return KnownReading("tactile", 1.0 / (1.0 + np.exp(-odds)), right, soil, f"font{k % 3}", kept_out)
+    return KnownReading("tactile", 1.0 / (1.0 + np.exp(-odds)), right, soil, f"font{k % 3}", 0.3, kept_out)
 
 
 @pytest.fixture
@@ -59,8 +59,8 @@ def test_a_soil_is_judged_by_the_others_and_by_nothing_kept_out() -> None:
     rng = np.random.default_rng(5)
     fair = [reading(k, rng) for k in range(400)]
     # what is left out and what is kept out lie: sure of what is wrong
-    lies = [KnownReading("tactile", 0.99, False, "ash", "font0", False) for _ in range(200)]
-    kept = [KnownReading("tactile", 0.99, False, "tar", "font9", True) for _ in range(200)]
+    lies = [KnownReading("tactile", 0.99, False, "ash", "font0", 0.3, False) for _ in range(200)]
+    kept = [KnownReading("tactile", 0.99, False, "tar", "font9", 0.3, True) for _ in range(200)]
     alone, beside = next(left_out([*fair, *lies], "soil")), next(left_out([*fair, *lies, *kept], "soil"))
     assert alone.name == beside.name == "ash"
     assert (alone.by_way["log odds"] == beside.by_way["log odds"]).all()
