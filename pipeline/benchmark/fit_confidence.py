@@ -24,11 +24,10 @@ import numpy as np
 from pipeline.benchmark.analysis.bounds import bounded
 from pipeline.benchmark.analysis.calibration import reliability
 from pipeline.benchmark.trials.journal import TrialJournal
-from recognition.belief.calibration import CALIBRATED, calibration_of
+from recognition.belief.calibration import CALIBRATED, SOURCES, Calibration
 from recognition.learning.fit_calibration import WAYS, Bools, Floats, fit_calibration, loss
 from recognition.senses.settings import ReaderSettings
 
-SOURCES = ("tactile", "vision", "fused")
 SERVES = "log odds"
 """The way whose calibration serves."""
 THRESHOLDS = (0.9, 0.95, 0.97, 0.98, 0.985, 0.99, 0.995, 0.998)
@@ -68,17 +67,26 @@ def known_readings(folder: Path) -> Iterator[KnownReading]:
     """
     journal = TrialJournal.read(folder)
     design: Mapping[str, Any] = journal.description["parts"]
+    # benchmarks from before there were any told the belief itself
+    used = journal.description.get("calibrations", {})
+    worth = {source: Calibration(**used.get(source, {})) for source in SOURCES}
     soils = frozenset(design.get("kept_out_soils", ()))
     sections = tuple(f"{s['name']}-" for s in design.get("section", ()) if s["kept_out"])
     for trials in journal.done.values():
         for trial in trials:
             if trial.mode in SOURCES and trial.text and not trial.perturbed:
                 soil = str(trial.levels.get("soil", ""))
-                belief = calibration_of(trial.mode).belief(trial.confidence)
+                belief = worth[trial.mode].belief(trial.confidence)
                 kept_out = trial.part.startswith(sections) or bool(soils & {*soil.split("+")})
                 yield KnownReading(
                     trial.mode, belief, trial.right, soil, trial.font, trial.severity or 0.0, kept_out
                 )
+
+
+def _size(folder: Path) -> tuple[str, int]:
+    """The design of a benchmark, and how many of its parts were read."""
+    journal = TrialJournal.read(folder)
+    return str(journal.description["parts"].get("name", "")), len(journal.done)
 
 
 @dataclass(frozen=True)
@@ -218,7 +226,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "made": date.today().isoformat(),
             "fonts": sorted({one.font for one in known}),
             "soils": sorted({one.soil for one in known}),
-            "editions": {},
+            "editions": {design: parts for folder in given.benchmarks for design, parts in [_size(folder)]},
             "readings": counts,
             "calibrations": {
                 source: {name: round(value, 3) for name, value in one.items()}

@@ -22,6 +22,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+SOURCES = ("tactile", "vision", "fused")
+"""Of readings."""
 CALIBRATED = Path(__file__).with_name("calibration.fit.json")
 
 
@@ -55,7 +57,7 @@ class Calibration:
 
 @cache
 def calibration_of(source: str) -> Calibration:
-    """Of readings from "tactile", "vision" or "fused", as it was fitted."""
+    """Of readings from one of `SOURCES`, as it was fitted."""
     return Calibration(**json.loads(CALIBRATED.read_text(encoding="utf-8"))["calibrations"][source])
 
 

@@ -12,12 +12,16 @@ from pipeline.benchmark import fit_confidence
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.fit_confidence import KnownReading, known_readings, left_out
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
-from recognition.belief.calibration import calibration_of
 
 DESIGN = {
+    "name": "made-up",
     "kept_out_soils": ["tar"],
     "section": [{"name": "own", "kept_out": False}, {"name": "else", "kept_out": True}],
 }
+
+
+USED = {"tactile": {"slope": 0.5, "bias": 0.0}}
+"""By which the benchmark's confidences of touch came from beliefs; of the others they are the beliefs."""
 
 
 def reading(k: int, rng: np.random.Generator, soil: str = "mould", *, kept_out: bool = False) -> KnownReading:
@@ -30,7 +34,7 @@ def reading(k: int, rng: np.random.Generator, soil: str = "mould", *, kept_out: 
 @pytest.fixture
 def exam(tmp_path: Path) -> Path:
     """Parts of two soils, a third that is kept out and a section that is, read by every mode."""
-    journal = TrialJournal.open(tmp_path / "run", {"parts": DESIGN})
+    journal = TrialJournal.open(tmp_path / "run", {"parts": DESIGN, "calibrations": USED})
     rng = np.random.default_rng(8)
     for k in range(480):
         soil = ("mould", "ash", "tar")[k % 3]
@@ -52,7 +56,9 @@ def test_readings_come_back_with_the_belief_behind_their_confidence(exam: Path) 
     assert len(found) == 3 * 480
     assert all(one.kept_out == (one.soil == "tar" or one.font.startswith("else")) for one in found)
     (trial, *_), *_ = TrialJournal.read(exam).done.values()
-    assert calibration_of("tactile").confidence(found[0].belief) == pytest.approx(trial.confidence, rel=1e-6)
+    odds = trial.confidence / (1.0 - trial.confidence)
+    assert found[0].belief == pytest.approx(odds**2 / (1.0 + odds**2))
+    assert found[1].belief == pytest.approx(trial.confidence)
 
 
 def test_a_soil_is_judged_by_the_others_and_by_nothing_kept_out() -> None:
@@ -76,6 +82,7 @@ def test_the_fit_names_what_it_rests_on_and_nothing_kept_out(
     fit_confidence.main([str(exam), "--threshold", "0.8", "--write"])
     made = json.loads(path.read_text(encoding="utf-8"))
     assert made["soils"] == ["ash", "mould"]
+    assert made["editions"] == {"made-up": 480}
     assert {font[:3] for font in made["fonts"]} == {"own"}
     assert made["readings"] == dict.fromkeys(fit_confidence.SOURCES, 160)
     assert set(made["calibrations"]["vision"]) == {"slope", "bias"}
