@@ -5,8 +5,9 @@
 
 Of each mode the known readings of the exam fit a calibration (`recognition.belief.calibration`), those with soils and
 fonts that the exam keeps out excepted. Printed are tables in Markdown. Every soil in turn is left out of the fit, and
-its readings, those of fonts kept out among them, are judged by what the others say; likewise every font. "Before" is
-the belief itself. A reading counts as accepted here by its confidence alone, whatever other doubts there are.
+its readings, those of fonts kept out among them, are judged by what the others say; likewise every font. What stands
+before an arrow is the belief itself. A reading counts as accepted here by its confidence alone, whatever other doubts
+there are.
 """
 
 from __future__ import annotations
@@ -107,13 +108,18 @@ class LeftOut:
 
     def row(self, threshold: float) -> str:
         """A line of the table."""
-        cells = [self.name, f"{self.right.size:,}", f"{self.right.mean():.1%}"]
-        for way in ("as believed", SERVES):
-            said = self.by_way[way]
-            accepted = said >= threshold
-            wrong = bounded(int((accepted & ~self.right).sum()), int(accepted.sum()))
-            cells += [f"{_ece(said, self.right):.3f}", f"{loss(said, self.right):.3f}"]
-            cells += [f"{wrong.count} of {wrong.total:,}, at most {wrong.high:.2%}"]
+        before, after = (self.by_way[way] for way in ("as believed", SERVES))
+        wrong = [
+            bounded(int((accepted & ~self.right).sum()), int(accepted.sum()))
+            for accepted in (before >= threshold, after >= threshold)
+        ]
+        cells = [
+            f"{self.name} | {self.right.size:,} | {self.right.mean():.1%}",
+            f"{_ece(before, self.right):.3f} → {_ece(after, self.right):.3f}",
+            f"{loss(before, self.right):.3f} → {loss(after, self.right):.3f}",
+            " → ".join(f"{one.count} of {one.total:,}" for one in wrong),
+            f"{wrong[1].high:.2%}",
+        ]
         return f"| {' | '.join(cells)} |"
 
 
@@ -162,9 +168,8 @@ def tables(source: str, readings: Sequence[KnownReading], *, threshold: float) -
     """Lines of Markdown: what became of the readings of one source that were left out."""
     by_soil, by_font = (list(left_out(readings, factor)) for factor in ("soil", "font"))
     yield from (f"### {source}", "")
-    accepted = f"wrong of accepted from {threshold:g}"
-    yield f"| left out | readings | right | ECE before | log loss | {accepted} | ECE after | log loss | {accepted} |"
-    yield "|" + "---|" * 9
+    yield f"| left out | readings | right | ECE | log loss | wrong of accepted from {threshold:g} | at most |"
+    yield "|" + "---|" * 7
     for one in (
         *by_soil,
         *_together("every soil in turn", by_soil),
