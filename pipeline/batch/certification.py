@@ -1,21 +1,25 @@
 """Certifying: labelled parts are read as `read` reads them, and show from which confidence their kind may be accepted.
 
-parts, truth --worker--> reading, measures, hash --> thresholds tested --> Certificate, or what is missing
+parts --worker--> reading, measures, hash (kept) --truth--> thresholds tested --> Certificate, or what is missing
+
+What is read is kept beside the certificate until it is written: the same command goes on where it was broken off.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from glyphs.compiling import compiling_shown, part_done
 from glyphs.errors import FileError
 from pipeline.batch.progress import Progress
 from pipeline.batch.setup import absolute, parts_for
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
+from pipeline.common.line_journal import LineJournal
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.common.version import reader_versions
 from pipeline.files.listed import ListedPart
@@ -31,26 +35,76 @@ from recognition.decision.accepted_risk import (
     threshold_tests,
 )
 from recognition.decision.likeness import KindOfParts
+from recognition.decision.part_measures import Measure
+
+
+@dataclass(frozen=True)
+class HashedPart:
+    """A part as it was read, and the hash of its files.
+
+    Attributes:
+        text: as read.
+        decision: accept, review or reject.
+        confidence: that all of it is right.
+        source: of the reading.
+        error: why there is none; empty where there is one.
+        measures: of the part, by name.
+        sha256: of its files; empty with an error.
+    """
+
+    text: str
+    decision: str
+    confidence: float
+    source: str
+    error: str
+    measures: Mapping[str, float]
+    sha256: str
+
+    @classmethod
+    def of(cls, read: ReadPart, sha256: str) -> HashedPart:
+        """Of a part as it was read."""
+        r = read.record
+        measures = {str(name): value for name, value in read.measures.items()}
+        return cls(r.text, r.decision, r.confidence, r.source, r.error, measures, sha256)
+
+
+class CertificationJournal(LineJournal[HashedPart]):
+    """The parts that a broken-off certification has read."""
+
+    kind, version = "certification", 1
+
+    @classmethod
+    def at(cls, place: Path) -> Path:
+        """Beside the certificate."""
+        return place.with_name(f"{place.name}.unfinished")
+
+    def encoded(self, kept: HashedPart) -> dict[str, Any]:
+        """See `LineJournal`."""
+        return asdict(kept)
+
+    def decoded(self, line: Mapping[str, Any]) -> HashedPart:
+        """See `LineJournal`."""
+        return HashedPart(**{name: value for name, value in line.items() if name != "part"})
 
 
 @dataclass(frozen=True)
 class LabelledPart:
-    """A part of known text, as it was read.
+    """A part of known text.
 
     Attributes:
-        read: its reading, or why there is none, and its measures.
+        name: of the part.
+        read: as it was read.
         truth: what is stamped on it, without blanks.
-        sha256: of its files.
     """
 
-    read: ReadPart
+    name: str
+    read: HashedPart
     truth: str
-    sha256: str
 
     @property
     def right(self) -> bool:
         """Whether it was read without any error."""
-        return without_blanks(self.read.record.text) == self.truth
+        return without_blanks(self.read.text) == self.truth
 
 
 @dataclass(frozen=True)
@@ -80,6 +134,7 @@ def certify(
     settings: ReadSettings,
     executors: ExecutorOptions,
     *,
+    out: Path,
     risk: float,
     confidence: float,
     manifests: Sequence[str] = (),
@@ -91,12 +146,14 @@ def certify(
         truth: CSV with the columns part and text.
         settings: of reading; the certificate holds for these.
         executors: who reads.
+        out: the certificate that is to be written, beside which parts that were read are kept.
         risk: share of wrong ones among the accepted that is not to be passed.
         confidence: with which that is to be shown.
         manifests: tables of parts.
 
     Raises:
-        FileError: a table that cannot be used, or that names none of the parts.
+        FileError: a table that cannot be used, or that names none of the parts; another certification was broken off
+            there.
         SettingsError: settings that cannot be certified.
         NothingFoundError: no part.
         ValueError: a risk or confidence that is none, settings that cannot be used.
@@ -116,10 +173,24 @@ def certify(
         )
     least = open_reader(settings).settings.accept_confidence
     labels = {part.name: without_blanks(known[str(name_in(known, part.name))]) for part in parts}
-    read = _all_read(parts, labels, settings, executors)
-    return _certification(
+    journal = CertificationJournal.open(out, _description(inputs, settings, manifests))
+    read = _all_read(parts, labels, settings, executors, journal)
+    found_out = _certification(
         read, len(found) - len(parts), settings, risk=risk, confidence=confidence, least=least
     )
+    journal.path.unlink()
+    return found_out
+
+
+def _description(inputs: Sequence[str], settings: ReadSettings, manifests: Sequence[str]) -> dict[str, Any]:
+    """What the readings depend on."""
+    return {
+        "settings": settings_described(settings),
+        "mode": settings.mode,
+        "unit": settings.unit,
+        "inputs": [*inputs, *manifests],
+        "versions": reader_versions(),
+    }
 
 
 def _all_read(
@@ -127,35 +198,40 @@ def _all_read(
     labels: dict[str, str],
     settings: ReadSettings,
     executors: ExecutorOptions,
+    journal: CertificationJournal,
 ) -> list[LabelledPart]:
-    """Every part with its label, by name."""
+    """Every part with its label, by name; those that were read before are taken from the journal."""
     from pipeline.batch.run import lost_part
     from pipeline.batch.setting_files import files_to_send
 
     sent = files_to_send(settings) if executors.cluster is not None else {}
-    order, found = RunOrder(settings, measures=True, sent=sent), []
-    tasks = absolute(parts) if executors.cluster is not None else parts
+    order = RunOrder(settings, measures=True, sent=sent)
+    missing = [part for part in parts if part.name not in journal.done]
+    tasks = absolute(missing) if executors.cluster is not None else missing
+    if len(missing) < len(parts):
+        print(f"continuing a broken-off certification: {len(parts) - len(missing):,} parts are read already")
     with Progress() as progress, compiling_shown(progress.line), executors.opened(len(parts)) as executor:
-        progress.start(len(parts))
+        progress.start(len(missing))
         for outcome in executor.calls(_read_and_hashed, order, tasks):
-            sha256 = outcome.result[1] if outcome.result is not None else ""
-            one = outcome.result[0] if outcome.result is not None else lost_part(outcome.task, outcome.error)
-            found.append(LabelledPart(one, labels[outcome.task.name], sha256))
+            read = outcome.result or HashedPart.of(lost_part(outcome.task, outcome.error), "")
+            journal.add(outcome.task.name, read)
             part_done()
-            progress.advance(failed=bool(one.record.error))
-    return sorted(found, key=lambda part: part.read.listed.name)
+            progress.advance(failed=bool(read.error))
+    return [LabelledPart(name, journal.done[name], labels[name]) for name in sorted(labels)]
 
 
-def _read_and_hashed(order: RunOrder, listed: ListedPart) -> tuple[ReadPart, str]:
+def _read_and_hashed(order: RunOrder, listed: ListedPart) -> HashedPart:
     """A part as it was read, and the hash of its files."""
     from pipeline.files.remote import fetched
 
-    read, digest = read_listed(order, listed), hashlib.sha256()
-    if not read.record.error:
-        with fetched(listed) as part:
-            for path in (part.height_map, part.scan, part.photo, *part.more_photos):
-                digest.update(b"" if path is None else path.read_bytes())
-    return read, digest.hexdigest()
+    read = read_listed(order, listed)
+    if read.record.error:
+        return HashedPart.of(read, "")
+    digest = hashlib.sha256()
+    with fetched(listed) as part:
+        for path in (part.height_map, part.scan, part.photo, *part.more_photos):
+            digest.update(b"" if path is None else path.read_bytes())
+    return HashedPart.of(read, digest.hexdigest())
 
 
 def _certification(
@@ -168,19 +244,19 @@ def _certification(
     least: float,
 ) -> Certification:
     """What the parts show of confidences from the least that the settings accept."""
-    accepted = [part for part in parts if part.read.record.decision == "accept"]
+    accepted = [part for part in parts if part.read.decision == "accept"]
     tests = threshold_tests(
-        [part.read.record.confidence for part in accepted],
+        [part.read.confidence for part in accepted],
         [part.right for part in accepted],
         risk=risk,
         confidence=confidence,
         thresholds=(*(t for t in THRESHOLDS if t > least), least),
     )
-    errors, chosen = sum(bool(part.read.record.error) for part in parts), certified(tests)
+    errors, chosen = sum(bool(part.read.error) for part in parts), certified(tests)
     if chosen is None:
         missing = parts_missing(tests, len(parts), risk=risk, confidence=confidence)
         return Certification(None, tests, len(parts), errors, without_truth, missing)
-    sure = [part.read.record for part in accepted if part.read.record.confidence >= chosen.threshold]
+    sure = [part.read for part in accepted if part.read.confidence >= chosen.threshold]
     sources = tuple(sorted({record.source for record in sure}))
     made = Certificate(
         made_at=datetime.now(UTC).replace(microsecond=0),
@@ -193,7 +269,13 @@ def _certification(
         wrong=chosen.wrong,
         bound=chosen.bound,
         tests=tests,
-        kind=KindOfParts.of([part.read.measures for part in parts if part.read.record.source in sources]),
+        kind=KindOfParts.of(
+            [
+                {Measure(name): value for name, value in part.read.measures.items()}
+                for part in parts
+                if part.read.source in sources
+            ]
+        ),
         data_sha256=_hash_of(parts),
         settings=settings_described(settings),
         versions=reader_versions(),
@@ -203,5 +285,5 @@ def _certification(
 
 def _hash_of(parts: Sequence[LabelledPart]) -> str:
     """Of all files and labels, by the names of the parts."""
-    lines = (f"{part.read.listed.name}\t{part.truth}\t{part.sha256}\n" for part in parts)
+    lines = (f"{part.name}\t{part.truth}\t{part.read.sha256}\n" for part in parts)
     return hashlib.sha256("".join(lines).encode()).hexdigest()

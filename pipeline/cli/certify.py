@@ -33,7 +33,7 @@ def certify(
     Parts are read as read does, with the same settings. The certificate names the confidence from which at most RISK
     of what is accepted is wrong, by a guarantee that allows for the number of parts; a page of it stands beside it, in
     .html. Give it to read, serve and benchmark as --certificate. Where no confidence can be shown, it says about how
-    many parts are missing, and the exit status is 1.
+    many parts are missing, and the exit status is 1. What was broken off, the same command goes on with.
 
     Parameters
     ----------
@@ -70,12 +70,21 @@ def certify(
         check_writable(out)
         try:
             found = certified_by(
-                inputs, truth, reading, executors, risk=risk, confidence=confidence, manifests=manifest
+                inputs,
+                truth,
+                reading,
+                executors,
+                out=out,
+                risk=risk,
+                confidence=confidence,
+                manifests=manifest,
             )
         except ClusterError as error:
             raise CommandError(str(error)) from error
         except KeyboardInterrupt as error:
-            raise CommandError("interrupted", hint="nothing was written", status=INTERRUPTED) from error
+            raise CommandError(
+                "interrupted", hint="start the same command again to go on", status=INTERRUPTED
+            ) from error
         _print_tests(found, confidence)
         if found.certificate is None:
             print(_what_is_missing(found, risk, confidence))

@@ -11,7 +11,7 @@ from pipeline.cli.exit_status import FAILED, INTERRUPTED, USAGE, CommandError, f
 from pipeline.cli.settings import READING, Config, Reading
 
 if TYPE_CHECKING:
-    from pipeline.benchmark.study.repeats import Measured, StudiedPart, StudyPlan
+    from pipeline.benchmark.study.repeats import Measured, StudiedPart, StudyJournal, StudyPlan
     from pipeline.benchmark.study.study import Study
     from pipeline.files.listed import ListedPart
 
@@ -33,7 +33,7 @@ def study(
 
     Height maps are scanned anew for every trial; files NAME.1, NAME.2 ... are trials of one part; of a single scan or
     photograph every trial is perturbed. Writes study.html, readings.csv, agreement.csv and depth.csv. The exit status
-    is 1 if any trial has no reading.
+    is 1 if any trial has no reading. What was broken off, the same command goes on with.
 
     Parameters
     ----------
@@ -61,10 +61,11 @@ def study(
             raise CommandError("study: --repeats, --arrays and --jobs are at least 1", status=USAGE)
         from pipeline.benchmark.report.page import check_report
         from pipeline.benchmark.report.writing import command_line
-        from pipeline.benchmark.study.repeats import StudyPlan, studied_parts
+        from pipeline.benchmark.study.repeats import StudyJournal, StudyPlan, studied_parts
         from pipeline.benchmark.study.report import write_study
         from pipeline.benchmark.study.reviews import Reviews, load_reviews
         from pipeline.benchmark.study.study import study_of
+        from pipeline.common.version import program_mark
         from pipeline.files.listing import list_parts
         from pipeline.reading.kept_readers import reader_of
 
@@ -78,9 +79,18 @@ def study(
         felt = reading.mode != "vision" and all(part.simulated for part in parts)
         plan = StudyPlan(reading, repeats, arrays if felt else 1)
         notes = _notes(plan, arrays, reviews.unknown)
-        measured = _measure(plan, parts, jobs)
+        description = {
+            "settings": reading.model_dump(mode="json", exclude_defaults=True),
+            "inputs": list(inputs),
+            "repeats": plan.repeats,
+            "arrays": plan.arrays,
+            "program": program_mark(),
+        }
+        journal = StudyJournal.open(out, description)
+        measured = _measure(plan, parts, jobs, journal)
         found = study_of(measured, reviews.answers, true)
         written = write_study(found, out, notes=notes, command=command_line())
+        journal.path.unlink()
     _print(found, notes)
     for path in written.files:
         print(f"wrote {path}")
@@ -118,20 +128,24 @@ def _notes(plan: StudyPlan, arrays: int, unknown: Sequence[str]) -> list[str]:
     return notes
 
 
-def _measure(plan: StudyPlan, parts: Sequence[StudiedPart], jobs: int | None) -> list[Measured]:
+def _measure(
+    plan: StudyPlan, parts: Sequence[StudiedPart], jobs: int | None, journal: StudyJournal
+) -> list[Measured]:
     from pipeline.batch.progress import Progress
     from pipeline.benchmark.study.repeats import measure
     from pipeline.workers.options import ExecutorOptions
     from pipeline.workers.pool import WorkerLostError
 
+    if journal.done:
+        print(f"continuing a broken-off study: {len(journal.done):,} parts are measured already")
     with Progress() as progress:
-        progress.start(len(parts))
+        progress.start(len(parts) - len(journal.done))
         try:
             with ExecutorOptions(jobs).opened(len(parts)) as executor:
-                return measure(plan, parts, executor, progress.advance)
+                return measure(plan, parts, executor, journal, progress.advance)
         except KeyboardInterrupt as error:
             raise CommandError(
-                "interrupted", hint="nothing is kept of a study", status=INTERRUPTED
+                "interrupted", hint="start the same command again to go on", status=INTERRUPTED
             ) from error
         except WorkerLostError as error:
             raise CommandError(str(error)) from error

@@ -13,6 +13,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Protocol
 
+from recognition.belief.calibration import calibration_of
 from recognition.belief.fuse_lattices import (
     VISION_ALONE,
     Reliability,
@@ -31,6 +32,8 @@ from recognition.language.lattice import Lattice
 
 ALONE_WRONG = 0.02
 """Share of places at which the camera may be wrong whatever it believes, with no touch to compare it with."""
+VOUCHED = 0.9
+"""Belief of the camera in a character by which it vouches for it where touch felt few of its strokes."""
 
 
 class FusionSettings(Thresholds, Protocol):
@@ -126,7 +129,7 @@ def _reading(
     disagree = tuple(Finding(ReadingFlag.SENSES_DISAGREE, words) for words in contradicted)
     made = decided(
         characters,
-        choice.probability,
+        calibration_of("fused").confidence(choice.probability),
         settings,
         flags=kept.flags,
         choice=choice,
@@ -135,7 +138,7 @@ def _reading(
     )
     if tactile.trace.felt_line is not None:
         made = made.traced(strokes=tactile.trace.felt_line.strokes(choice.text, lattice))
-    made = strokes_asked(replace(made, font=tactile.font), vouched=_sure_places(vision, made.text, settings))
+    made = strokes_asked(replace(made, font=tactile.font), vouched=_sure_places(vision, made.text))
     return replace(
         tactile,
         characters=made.characters,
@@ -149,14 +152,14 @@ def _reading(
     )
 
 
-def _sure_places(vision: Reading, text: str, settings: Thresholds) -> frozenset[int]:
+def _sure_places(vision: Reading, text: str) -> frozenset[int]:
     """Places, from 0, at which the camera is by itself sure of the character read."""
     lattice = vision.trace.lattice
     chars = text.replace(" ", "")
     if lattice is None or lattice.n_places != len(chars):
         return frozenset()
     beliefs = (lattice.log_belief[k, lattice.chars.index(c)] for k, c in enumerate(chars))
-    return frozenset(k for k, log in enumerate(beliefs) if math.exp(log) >= settings.accept_confidence)
+    return frozenset(k for k, log in enumerate(beliefs) if math.exp(log) >= VOUCHED)
 
 
 def _joined_lines(touch: Reading, vision: Reading) -> tuple[tuple[OtherLine, ...], tuple[str, ...]]:

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from recognition.belief.calibration import Calibration, calibration_of
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.decide import LEAST_VALID_MASS, Thresholds, decided
 from recognition.decision.flags import Finding, ReadingFlag
@@ -73,11 +74,15 @@ def reading_of_line(
         # a scratch reads as a 1, two dents as OO
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
     changed = format_changed(main, choice.text) if main.belief.evidence < math.log(LEAST_VALID_MASS) else ()
-    others = [_other(name, one, asked[name].grammar) for name, one in part.named.items()]
-    others += [OtherLine("", text_of(one), _likely(one), hull(one.open_boxes())) for one in part.others]
+    worth = calibration_of(source)
+    others = [_other(name, one, asked[name].grammar, worth) for name, one in part.named.items()]
+    others += [
+        OtherLine("", text_of(one), worth.confidence(_likely(one)), hull(one.open_boxes()))
+        for one in part.others
+    ]
     reading = decided(
         characters_of(choice, lattice),
-        choice.probability * main.belief.likely,
+        worth.confidence(choice.probability * main.belief.likely),
         settings,
         flags=flags,
         choice=choice,
@@ -180,9 +185,9 @@ def _twins(char: str) -> str:
     return next((twins for twins in TWINS if char in twins), char)
 
 
-def _other(name: str, one: ReadLine, grammar: Grammar) -> OtherLine:
+def _other(name: str, one: ReadLine, grammar: Grammar, worth: Calibration) -> OtherLine:
     choice = choose(one.belief.lattice, grammar)
-    return OtherLine(name, choice.text, choice.probability, hull(one.boxes()))
+    return OtherLine(name, choice.text, worth.confidence(choice.probability), hull(one.boxes()))
 
 
 def characters_of(choice: Choice, lattice: Lattice) -> list[CharacterReading]:

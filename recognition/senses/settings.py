@@ -69,7 +69,7 @@ class ReaderSettings:
     format: str | Grammar | None = None
     height_mm: float | None = None
     fidelity: Fidelity = Fidelity.CONTACT
-    accept_confidence: float = 0.9
+    accept_confidence: float = 0.98
     accept_margin: float = 0.3
     depth_rules: tuple[DepthRule, ...] = ()
     experts: tuple[str, ...] = ()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.batch.certification import CertificationJournal, HashedPart
 from pipeline.cli.main import main
 from pipeline.reading.certificate import load_certificate
 
@@ -77,6 +78,32 @@ def test_too_few_parts_say_how_many_are_missing(workshop: Path, capsys: pytest.C
     assert "not certified: a risk of 0.001 at 95% confidence takes 2,995 accepted parts" in said
     assert "more parts like these are missing" in said
     assert not Path("certificate.json").exists()
+
+
+def test_what_was_broken_off_goes_on(
+    workshop: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = [str(workshop / f"part-00{k}.npz") for k in range(3)]
+    given = ["certify", *few, "--truth", str(workshop / "truth.csv"), *READ_SO]
+    kept = CertificationJournal.add
+
+    def broken_off(journal: CertificationJournal, part: str, read: HashedPart) -> None:
+        if len(journal.done) == 2:
+            raise KeyboardInterrupt
+        kept(journal, part, read)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(CertificationJournal, "add", broken_off)
+        assert main(given) == 130
+    assert "start the same command again" in capsys.readouterr().err
+    assert Path("certificate.json.unfinished").exists()
+    assert main(["4" if a == "5" else a for a in given]) == 1
+    assert "holds another certification" in capsys.readouterr().err
+    assert main(given) == 1  # three parts show nothing
+    said = capsys.readouterr().out
+    assert "continuing a broken-off certification: 2 parts are read already" in said
+    assert "3 labelled parts" in said
+    assert not Path("certificate.json.unfinished").exists()
 
 
 @pytest.mark.parametrize(

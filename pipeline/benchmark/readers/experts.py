@@ -62,6 +62,7 @@ def alone(whole: Reading, experts: Sequence[str], settings: ReaderSettings) -> R
         experts: their names.
         settings: thresholds and format.
     """
+    from recognition.belief.calibration import calibration_of
     from recognition.belief.line_belief import pooled
     from recognition.belief.weights import weights_of
     from recognition.decision.decide import decided
@@ -79,7 +80,7 @@ def alone(whole: Reading, experts: Sequence[str], settings: ReaderSettings) -> R
     choice = choose(lattice, settings.grammar)
     return decided(
         characters_of(choice, lattice),
-        choice.probability,
+        calibration_of(whole.source).confidence(choice.probability),
         settings,
         choice=choice,
         grammar=settings.grammar,

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from pipeline.common.line_journal import LineJournal
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart, settings_of
 from pipeline.reading.perturbation import ANEW, Retake
@@ -93,6 +95,25 @@ class Measured:
     error: str = ""
 
 
+class StudyJournal(LineJournal[tuple[Measured, ...]]):
+    """The trials of a broken-off study."""
+
+    kind, version = "study", 1
+
+    @classmethod
+    def at(cls, place: Path) -> Path:
+        """In the study's folder."""
+        return place / "study.unfinished"
+
+    def encoded(self, kept: tuple[Measured, ...]) -> dict[str, Any]:
+        """See `LineJournal`."""
+        return {"trials": [asdict(trial) for trial in kept]}
+
+    def decoded(self, line: Mapping[str, Any]) -> tuple[Measured, ...]:
+        """See `LineJournal`."""
+        return tuple(Measured(**values) for values in line["trials"])
+
+
 def studied_parts(listed: Sequence[ListedPart]) -> list[StudiedPart]:
     """The parts, those that only a number after a full stop tells apart put together."""
     stems: dict[str, list[tuple[int, ListedPart]]] = {}
@@ -114,25 +135,34 @@ def measure(
     plan: StudyPlan,
     parts: Sequence[StudiedPart],
     executor: Executor,
+    journal: StudyJournal,
     on_part: Callable[[], None] = lambda: None,
 ) -> list[Measured]:
-    """Every trial of every part, in their order; what fails is in the trial."""
+    """Every trial of every part, in their order; what fails is in the trial.
+
+    Args:
+        plan: how they are measured.
+        parts: which.
+        executor: who measures.
+        journal: what is measured already, and is kept.
+        on_part: told of every part as it is done.
+    """
     from glyphs.errors import fault_of
 
-    done: dict[str, tuple[Measured, ...]] = {}
-    for outcome in executor.calls(measure_part, plan, parts):
+    missing = [part for part in parts if part.name not in journal.done]
+    for outcome in executor.calls(measure_part, plan, missing):
         part, error = outcome.task, outcome.error
-        if outcome.result is not None:
-            done[part.name] = outcome.result
-        else:
+        trials = outcome.result
+        if trials is None:
             assert error is not None
-            done[part.name] = tuple(
+            trials = tuple(
                 Measured(part.name, plan.appraiser(array), trial, False, error=fault_of(error))
                 for array in range(plan.arrays)
                 for trial in range(1, plan.repeats + 1)
             )
+        journal.add(part.name, trials)
         on_part()
-    return [m for part in parts for m in done[part.name]]
+    return [m for part in parts for m in journal.done[part.name]]
 
 
 def measure_part(plan: StudyPlan, part: StudiedPart) -> tuple[Measured, ...]:

@@ -1,24 +1,14 @@
-"""What a benchmark keeps: one trial a part and mode, one line of JSON a part, appended as soon as it is done.
-
-    trials.jsonl    {"format_version": 3, "benchmark": {...}, "key": "..."}    the first line: what is tried, its hash
-                    {"part": "...", "trials": [{...}, {...}]}                  a part, read by every mode
-                    {"part": "...", "tri                                       a torn last line is tried again
-
-A folder that was left half done is taken up where it stood; one that holds another benchmark is refused.
-"""
+"""What a benchmark keeps of every part: one trial a mode and what it was given, in a journal of lines."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from glyphs.errors import FileError, require_file
 from pipeline.benchmark.exam.condition import GIVEN, PERTURBED, Condition, Level
-from pipeline.common.atomic import replacing
-from pipeline.common.run_description import differences, in_short, key_of
+from pipeline.common.line_journal import LineJournal
 
 if TYPE_CHECKING:
     from recognition.decision.reading import Reading
@@ -27,7 +17,6 @@ TRIALS_FILE = "trials.jsonl"
 FORMAT_VERSION = 3
 """2 had severity, font and format in place of the levels; 1 no version, nor simulated_s."""
 _SIMULATION = ("mount", "scan")  # steps of a reading's time that a real array has not
-_MAX_FILE_BYTES = 4_000_000_000
 
 
 @dataclass(frozen=True)
@@ -140,149 +129,23 @@ def answer_of(reading: Reading) -> dict[str, Any]:
     }
 
 
-@dataclass
-class TrialJournal:
-    """The trials of one benchmark in its folder.
+class TrialJournal(LineJournal[tuple[Trial, ...]]):
+    """The trials of one benchmark in its folder: trials of a part by its name."""
 
-    Attributes:
-        path: the file.
-        description: what is tried: plain JSON values.
-        done: trials by the part's name.
-
-    Raises:
-        FileError: the folder holds another benchmark, or a file that is damaged before its last line.
-    """
-
-    path: Path
-    description: Mapping[str, Any]
-    done: dict[str, tuple[Trial, ...]] = field(default_factory=dict)
+    kind, version = "benchmark", FORMAT_VERSION
 
     @classmethod
-    def open(cls, folder: Path, description: Mapping[str, Any]) -> TrialJournal:
-        """Take up the book in a folder, or begin one.
+    def at(cls, place: Path) -> Path:
+        """The journal of a benchmark's folder."""
+        return place / TRIALS_FILE
 
-        Raises:
-            FileError: see the class; or the folder cannot be written.
-        """
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FileError(folder, f"cannot be made ({error.strerror})", "name another folder") from error
-        book = cls(folder / TRIALS_FILE, description)
-        lines, whole_bytes = _whole_lines(book.path) if book.path.exists() else ([], 0)
-        if not lines:
-            with replacing(book.path) as temporary:
-                temporary.write_text(book._heading(), encoding="utf-8")
-            return book
-        book._check_heading(lines[0])
-        for number, line in enumerate(lines[1:], start=2):
-            book._take(line, number)
-        if whole_bytes < book.path.stat().st_size:
-            with book.path.open("rb+") as stream:
-                stream.truncate(whole_bytes)
-        return book
+    def encoded(self, kept: tuple[Trial, ...]) -> dict[str, Any]:
+        """See `LineJournal`."""
+        return {"trials": [asdict(trial) for trial in kept]}
 
-    @classmethod
-    def read(cls, folder: Path) -> TrialJournal:
-        """The book that a folder holds; nothing in it is changed.
-
-        Raises:
-            FileError: no book, of another format version, or damaged before its last line.
-        """
-        path = folder / TRIALS_FILE
-        lines = _whole_lines(path)[0] if path.is_file() else []
-        if not lines:
-            raise FileError(
-                path,
-                "is not there" if not path.is_file() else "is empty",
-                "name the folder of a benchmark (--out)",
-            )
-        book = cls(path, _description(path, lines[0])[0])
-        for number, line in enumerate(lines[1:], start=2):
-            book._take(line, number)
-        return book
-
-    def add(self, part: str, trials: Iterable[Trial]) -> None:
-        """Append one part and keep it.
-
-        Raises:
-            FileError: it cannot be written.
-        """
-        kept = tuple(trials)
-        line = json.dumps({"part": part, "trials": [asdict(t) for t in kept]}, ensure_ascii=False)
-        try:
-            with self.path.open("a", encoding="utf-8") as stream:
-                stream.write(line + "\n")
-        except OSError as error:
-            raise FileError(
-                self.path, f"cannot be written ({error.strerror or error})", "make room and start it again"
-            ) from error
-        self.done[part] = kept
-
-    def _heading(self) -> str:
-        heading = {
-            "format_version": FORMAT_VERSION,
-            "benchmark": dict(self.description),
-            "key": key_of(self.description),
-        }
-        return json.dumps(heading, ensure_ascii=False) + "\n"
-
-    def _check_heading(self, line: str) -> None:
-        held, key = _description(self.path, line)
-        if key != key_of(self.description):
-            changes = differences(held, self.description)
-            raise FileError(
-                self.path, f"holds another benchmark ({changes})", "name another folder or remove that one"
-            )
-
-    def _take(self, line: str, number: int) -> None:
-        record = _parsed(line)
-        try:
-            if record is None:
-                raise ValueError("no JSON")
-            self.done[record["part"]] = tuple(_trial(values) for values in record["trials"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise FileError(
-                self.path, f"line {number} is damaged ({error})", "remove that line; its part is tried again"
-            ) from error
-
-
-def _description(path: Path, line: str) -> tuple[dict[str, Any], object]:
-    """What the heading says is tried, and its key."""
-    heading = _parsed(line)
-    held = heading.get("benchmark") if heading else None
-    if heading is None or not isinstance(held, dict):
-        raise FileError(path, "is not a book of trials", "name another folder")
-    version = heading.get("format_version", 1)
-    if version != FORMAT_VERSION:
-        newer = isinstance(version, int) and version > FORMAT_VERSION
-        raise FileError(
-            path,
-            f"has format version {in_short(version)}; this program writes {FORMAT_VERSION}",
-            "update this program, or name another folder" if newer else "name another folder",
-        )
-    return held, heading.get("key")
-
-
-def _whole_lines(path: Path) -> tuple[list[str], int]:
-    """The lines that end, and how many bytes they take; a file without one is as good as none."""
-    if path.stat().st_size == 0:
-        return [], 0
-    require_file(path, most_bytes=_MAX_FILE_BYTES)
-    data = path.read_bytes()
-    whole = data[: data.rfind(b"\n") + 1]
-    try:
-        return whole.decode("utf-8").split("\n")[:-1], len(whole)
-    except UnicodeDecodeError as error:
-        raise FileError(path, "is not UTF-8 text", "name another folder") from error
-
-
-def _parsed(line: str) -> dict[str, Any] | None:
-    try:
-        value = json.loads(line)
-    except ValueError:
-        return None
-    return value if isinstance(value, dict) else None
+    def decoded(self, line: Mapping[str, Any]) -> tuple[Trial, ...]:
+        """See `LineJournal`."""
+        return tuple(_trial(values) for values in line["trials"])
 
 
 _FIELDS = frozenset(f.name for f in fields(Trial))

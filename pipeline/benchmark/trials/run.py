@@ -25,6 +25,7 @@ from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_mark
 from pipeline.reading.perturbation import Perturbation
 from pipeline.workers.executors import Executor, InlineExecutor
+from recognition.belief.calibration import SOURCES, calibration_of
 from recognition.decision.part_measures import measures_of
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
@@ -70,6 +71,7 @@ class Benchmark:
                 "fidelity": reading.fidelity.value,
                 **({} if reading.certified is None else {"certified": asdict(reading.certified)}),
             },
+            "calibrations": {source: asdict(calibration_of(source)) for source in SOURCES},
             "program": program_mark(),
             **({"perturbations": [asdict(p) for p in self.perturbations]} if self.perturbations else {}),
         }

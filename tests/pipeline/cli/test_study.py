@@ -78,6 +78,7 @@ def test_a_photograph_has_one_array_and_no_depth(
     assert "no gauge study" in said
     assert {r["appraiser"] for r in rows(tmp_path / "readings.csv")} == {"the reader"}
     assert not (tmp_path / "depth.csv").exists()
+    assert not (tmp_path / "study.unfinished").exists()
 
 
 @pytest.mark.parametrize(

@@ -208,8 +208,8 @@ def test_reliability_is_checked() -> None:
 
 
 def test_both_doubtful_of_the_same_are_sure_together() -> None:
-    doubtful = touch(of_text("AB1234", [0.99, 0.99, 0.8, 0.99, 0.99, 0.99], rival="AB7234"))
-    read = fuse(doubtful, vision(of_text("AB1234", 0.97)), SETTINGS)
+    doubtful = touch(of_text("AB1234", [0.999, 0.999, 0.8, 0.999, 0.999, 0.999], rival="AB7234"))
+    read = fuse(doubtful, vision(of_text("AB1234", 0.999)), SETTINGS)
     assert doubtful.decision is Decision.REVIEW
     assert (read.text, read.decision, read.source) == ("AB1234", Decision.ACCEPT, "fused")
     assert read.confidence > 0.9

@@ -30,7 +30,7 @@ class Rules:
 
 
 def line_of(
-    text: str, *, sure: float = 0.99, rival: str = "", grammar: Grammar | None = None, at: TextLine = LINE
+    text: str, *, sure: float = 0.999, rival: str = "", grammar: Grammar | None = None, at: TextLine = LINE
 ) -> ReadLine:
     """A line that our own recogniser reads so, a character every 20 columns and a gap where there is a blank."""
     plain = text.replace(" ", "")

@@ -33,7 +33,7 @@ def lattice(**belief: tuple[float, float]) -> Lattice:
 
 
 def test_an_expert_alone_reads_what_the_format_makes_of_its_beliefs() -> None:
-    own = lattice(B=(0.01, 0.0), Z=(0.97, 0.01), _2=(0.01, 0.98), _8=(0.01, 0.01))
+    own = lattice(B=(0.001, 0.0), Z=(0.997, 0.001), _2=(0.001, 0.998), _8=(0.001, 0.001))
     doubting = lattice(B=(0.3, 0.6), Z=(0.2, 0.0), _2=(0.0, 0.2), _8=(0.5, 0.2))
     whole = Reading((), Decision.ACCEPT, 0.9, source="tactile", seconds={"scan": 2.0}).traced(
         by_expert=MappingProxyType({"own": own, "print": doubting})

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from glyphs.errors import FileError, MarksError
 from pipeline.benchmark.study import repeats
-from pipeline.benchmark.study.repeats import Measured, StudyPlan, measure, studied_parts
+from pipeline.benchmark.study.repeats import Measured, StudiedPart, StudyJournal, StudyPlan, studied_parts
 from pipeline.benchmark.study.reviews import load_reviews
 from pipeline.benchmark.study.study import study_of
 from pipeline.common.settings import ReadSettings
@@ -28,6 +29,13 @@ def reading(text: str, depth_mm: float | None = 0.2) -> Reading:
         tuple(CharacterReading((Candidate(c, 1.0, 1.0),), Box(0, 0, 1, 1), depth) for c in text),
         Decision.ACCEPT, 0.99,
     )  # fmt: skip
+
+
+def measured(plan: StudyPlan, parts: Sequence[StudiedPart], folder: Path) -> list[Measured]:
+    """All trials of a study in a folder, by this process."""
+    return repeats.measure(
+        plan, parts, InlineExecutor(), StudyJournal.open(folder, {"repeats": plan.repeats})
+    )
 
 
 @pytest.fixture
@@ -56,10 +64,10 @@ def test_numbered_recordings_are_one_part_and_a_number_alone_is_none() -> None:
 
 
 def test_recordings_come_as_they_are_and_what_lacks_is_perturbed(
-    asked: list[tuple[str, Retake | None]],
+    asked: list[tuple[str, Retake | None]], tmp_path: Path
 ) -> None:
     plan = StudyPlan(ReadSettings(), repeats=3, arrays=1)
-    found = measure(plan, studied_parts([RECORDED, SECOND, MAP]), InlineExecutor())
+    found = measured(plan, studied_parts([RECORDED, SECOND, MAP]), tmp_path)
     assert [(m.part, m.trial, m.recorded) for m in found] == [
         ("r", 1, True), ("r", 2, True), ("r", 3, False), ("m", 1, False), ("m", 2, False), ("m", 3, False),
     ]  # fmt: skip
@@ -70,8 +78,10 @@ def test_recordings_come_as_they_are_and_what_lacks_is_perturbed(
     assert {m.appraiser for m in found} == {"the reader"}
 
 
-def test_an_array_keeps_its_sensors_from_trial_to_trial(asked: list[tuple[str, Retake | None]]) -> None:
-    found = measure(StudyPlan(ReadSettings(), 2, 2), studied_parts([MAP]), InlineExecutor())
+def test_an_array_keeps_its_sensors_from_trial_to_trial(
+    asked: list[tuple[str, Retake | None]], tmp_path: Path
+) -> None:
+    found = measured(StudyPlan(ReadSettings(), 2, 2), studied_parts([MAP]), tmp_path)
     assert [(m.appraiser, m.trial) for m in found] == [
         ("array 1", 1), ("array 1", 2), ("array 2", 1), ("array 2", 2),
     ]  # fmt: skip
@@ -79,11 +89,26 @@ def test_an_array_keeps_its_sensors_from_trial_to_trial(asked: list[tuple[str, R
     assert len({again.seed for _, again in asked if again is not None}) == 4
 
 
-def test_what_cannot_be_read_is_a_trial_with_its_error(asked: list[tuple[str, Retake | None]]) -> None:
+def test_what_cannot_be_read_is_a_trial_with_its_error(
+    asked: list[tuple[str, Retake | None]], tmp_path: Path
+) -> None:
     parts = studied_parts([ListedPart("bad", scan="bad.h5"), ListedPart("faulty", scan="f.h5")])
-    bad, faulty = measure(StudyPlan(ReadSettings(), 1, 1), parts, InlineExecutor())
+    bad, faulty = measured(StudyPlan(ReadSettings(), 1, 1), parts, tmp_path)
     assert (bad.text, bad.error) == ("", "is broken")
     assert "please report it" in faulty.error
+
+
+def test_a_study_goes_on_where_it_was_broken_off(
+    asked: list[tuple[str, Retake | None]], tmp_path: Path
+) -> None:
+    plan = StudyPlan(ReadSettings(), repeats=2, arrays=1)
+    first = measured(plan, studied_parts([MAP]), tmp_path)
+    asked.clear()
+    both = measured(plan, studied_parts([MAP, ListedPart("n", height_map="n.npz")]), tmp_path)
+    assert both[:2] == first
+    assert [name for name, _ in asked] == ["n", "n"]
+    with pytest.raises(FileError, match=r"another study \(repeats was 2, now 3\)"):
+        measured(StudyPlan(ReadSettings(), repeats=3, arrays=1), studied_parts([MAP]), tmp_path)
 
 
 def test_answers_are_put_to_their_trials(tmp_path: Path) -> None:

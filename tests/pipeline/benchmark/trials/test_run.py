@@ -145,13 +145,13 @@ def test_another_benchmark_in_the_folder_is_refused(tmp_path: Path) -> None:
 
 def test_a_book_damaged_before_its_end_is_told_by_line(tmp_path: Path) -> None:
     book = TrialJournal.open(tmp_path, {"a": 1})
-    book.add("p", [])
+    book.add("p", ())
     with book.path.open("a") as stream:
         stream.write('{"part": 3}\n{"part": "q", "trials": []}\n')
     with pytest.raises(FileError, match="line 3 is damaged"):
         TrialJournal.open(tmp_path, {"a": 1})
     book.path.write_text("no book\n")
-    with pytest.raises(FileError, match="not a book of trials"):
+    with pytest.raises(FileError, match="is no journal of a benchmark"):
         TrialJournal.open(tmp_path, {"a": 1})
 
 

@@ -30,7 +30,7 @@ TRIAL = Trial(
 def with_heading(folder: Path, **changed: object) -> Path:
     """A book of one part whose first line says something else."""
     book = TrialJournal.open(folder, DESCRIPTION)
-    book.add("p", [TRIAL])
+    book.add("p", (TRIAL,))
     first, rest = book.path.read_text(encoding="utf-8").split("\n", 1)
     heading = {k: v for k, v in {**json.loads(first), **changed}.items() if v is not None}
     book.path.write_text(f"{json.dumps(heading)}\n{rest}", encoding="utf-8")

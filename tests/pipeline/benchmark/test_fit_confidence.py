@@ -1,0 +1,92 @@
+"""The command that fits confidences: what it learns from, what it leaves out, and what it writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.benchmark import fit_confidence
+from pipeline.benchmark.exam.condition import Level
+from pipeline.benchmark.fit_confidence import KnownReading, known_readings, left_out
+from pipeline.benchmark.trials.journal import Trial, TrialJournal
+
+DESIGN = {
+    "name": "made-up",
+    "kept_out_soils": ["tar"],
+    "section": [{"name": "own", "kept_out": False}, {"name": "else", "kept_out": True}],
+}
+
+
+USED = {"tactile": {"slope": 0.5, "bias": 0.0}}
+"""By which the benchmark's confidences of touch came from beliefs; of the others they are the beliefs."""
+
+
+def reading(k: int, rng: np.random.Generator, soil: str = "mould", *, kept_out: bool = False) -> KnownReading:
+    """A belief, right as often as the square root of its odds says."""
+    odds = float(rng.normal(1.0, 3.0))
+    right = bool(rng.random() < 1.0 / (1.0 + np.exp(-0.5 * odds)))
+    return KnownReading("tactile", 1.0 / (1.0 + np.exp(-odds)), right, soil, f"font{k % 3}", 0.3, kept_out)
+
+
+@pytest.fixture
+def exam(tmp_path: Path) -> Path:
+    """Parts of two soils, a third that is kept out and a section that is, read by every mode."""
+    journal = TrialJournal.open(tmp_path / "run", {"parts": DESIGN, "calibrations": USED})
+    rng = np.random.default_rng(8)
+    for k in range(480):
+        soil = ("mould", "ash", "tar")[k % 3]
+        section = ("own", "else")[k // 3 % 2]
+        one = reading(k, rng, soil)
+        levels: dict[str, Level] = {"soil": soil, "font": f"{section}{k % 4}"}
+        text = "A1" if one.right else "B1"
+        trials = [
+            Trial(f"{section}-{soil}-{k}", k, levels, mode, "A1", text, confidence=one.belief)
+            for mode in fit_confidence.SOURCES
+        ]
+        nothing = Trial(f"{section}-{soil}-{k}", k, levels, "easyocr-photo", "A1", "", confidence=0.0)
+        journal.add(trials[0].part, (*trials, nothing))
+    return tmp_path / "run"
+
+
+def test_readings_come_back_with_the_belief_behind_their_confidence(exam: Path) -> None:
+    found = list(known_readings(exam))
+    assert len(found) == 3 * 480
+    assert all(one.kept_out == (one.soil == "tar" or one.font.startswith("else")) for one in found)
+    (trial, *_), *_ = TrialJournal.read(exam).done.values()
+    odds = trial.confidence / (1.0 - trial.confidence)
+    assert found[0].belief == pytest.approx(odds**2 / (1.0 + odds**2))
+    assert found[1].belief == pytest.approx(trial.confidence)
+
+
+def test_a_soil_is_judged_by_the_others_and_by_nothing_kept_out() -> None:
+    rng = np.random.default_rng(5)
+    fair = [reading(k, rng) for k in range(400)]
+    # what is left out and what is kept out lie: sure of what is wrong
+    lies = [KnownReading("tactile", 0.99, False, "ash", "font0", 0.3, False) for _ in range(200)]
+    kept = [KnownReading("tactile", 0.99, False, "tar", "font9", 0.3, True) for _ in range(200)]
+    alone, beside = next(left_out([*fair, *lies], "soil")), next(left_out([*fair, *lies, *kept], "soil"))
+    assert alone.name == beside.name == "ash"
+    assert (alone.by_way["log odds"] == beside.by_way["log odds"]).all()
+    assert alone.by_way["log odds"][0] > 0.8  # the square root of 99 to 1
+    assert not alone.right.any()
+
+
+def test_the_fit_names_what_it_rests_on_and_nothing_kept_out(
+    exam: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "calibration.fit.json"
+    monkeypatch.setattr(fit_confidence, "CALIBRATED", path)
+    fit_confidence.main([str(exam), "--threshold", "0.8", "--write"])
+    made = json.loads(path.read_text(encoding="utf-8"))
+    assert made["soils"] == ["ash", "mould"]
+    assert made["editions"] == {"made-up": 480}
+    assert {font[:3] for font in made["fonts"]} == {"own"}
+    assert made["readings"] == dict.fromkeys(fit_confidence.SOURCES, 160)
+    assert set(made["calibrations"]["vision"]) == {"slope", "bias"}
+    said = capsys.readouterr().out
+    assert "| tar | 160 |" in said
+    assert "every soil in turn" in said
+    assert "| isotonic |" in said

@@ -1,0 +1,53 @@
+"""What a belief is worth: rising, undone by its opposite, and the same at the ends."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from recognition.belief.calibration import Calibration, calibration_of
+
+SLOPES, BIASES = st.floats(0.2, 5.0), st.floats(-3.0, 3.0)
+SHARES = st.floats(1e-6, 1.0 - 1e-6)
+
+
+@given(SHARES)
+def test_without_slope_and_bias_a_belief_is_a_confidence(belief: float) -> None:
+    # two logarithms and an exponential: some rounding
+    assert Calibration().confidence(belief) == pytest.approx(belief, rel=1e-9)
+
+
+@given(SLOPES, BIASES, SHARES, SHARES)
+def test_it_rises_and_is_undone(slope: float, bias: float, one: float, other: float) -> None:
+    made = Calibration(slope, bias)
+    low, high = sorted((one, other))
+    assert 0.0 <= made.confidence(low) <= made.confidence(high) <= 1.0
+    said = made.confidence(one)
+    if 1e-9 < said < 1.0 - 1e-9:  # nearer to the ends the digits of a float are used up
+        assert made.belief(said) == pytest.approx(one, rel=1e-4)
+
+
+@given(SLOPES, BIASES)
+def test_what_is_certain_stays_certain(slope: float, bias: float) -> None:
+    made = Calibration(slope, bias)
+    assert (made.confidence(0.0), made.confidence(1.0)) == (0.0, 1.0)
+
+
+def test_a_temperature_is_a_power_of_the_odds() -> None:
+    # odds 9 to 1, to the power of a half: 3 to 1
+    assert Calibration(slope=0.5).confidence(0.9) == pytest.approx(0.75)
+    assert Calibration(bias=-math.log(9.0)).confidence(0.9) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("slope", "bias"), [(0.0, 0.0), (-1.0, 0.0), (math.nan, 0.0), (1.0, math.inf)])
+def test_what_does_not_rise_is_none(slope: float, bias: float) -> None:
+    with pytest.raises(ValueError, match="is no calibration"):
+        Calibration(slope, bias)
+
+
+@pytest.mark.parametrize("source", ["tactile", "vision", "fused"])
+def test_every_source_has_one(source: str) -> None:
+    assert 0.3 < calibration_of(source).slope < 2.0
