@@ -5,15 +5,17 @@ from .estimation.edges import edge_map
 from .estimation.friction import LandFriction, land_friction
 from .estimation.profiled import estimate_relief
 from .estimation.relief import Relief, relief_from_edges
+from .scan.felt_sweep import Sweep
 from .scan.recording import load_scan, save_calibration, save_scan
-from .scan.scan import Scan, Sweep, trace_scan
+from .scan.scan import Scan, trace_scan
 from .scan.sensor import Calibration, SensorChain, SensorError, calibrate_lead_in, draw_sensor_chain
 from .simulation.traces import Fidelity, SampleFlag
-from .whisker.array import RasterPlan, SweepPlan, WhiskerArray, default_plan
+from .whisker.array import RasterPlan, WhiskerArray, default_plan
 from .whisker.beam import Segment
 from .whisker.defaults import default_preload_mm, default_whisker
 from .whisker.elastica import ElasticaError, LargeDeflection, large_deflection
 from .whisker.enhancement import enhancement_factor, moment_ratio
+from .whisker.passes import SweepPlan
 from .whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, Taper, Tube, WhiskerError
 from .whisker.shapes import Chain, LShaped, Straight, TipModel
 from .whisker.touch import Touch, default_touch, profiling_touch
