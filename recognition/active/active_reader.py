@@ -1,29 +1,48 @@
-"""The active reader: a pass, a look, and either a stop or the next pass.
+"""The active reader: a step, a look, and either a stop or the next step.
 
-session --feel--> passes so far --edge map--> view --a look--> beliefs --sure? worth more?--> stop
-                       ^-------------------- next pass <----------------------'
+    session --feel--> passes so far --edge map--> view --a look--> beliefs --sure? worth more?--> stop
+                           ^-------------------- next step <----------------------'
+
+A look takes some 50 milliseconds; when it is sure, a full reading decides, as of any scan.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
-from glyphs.surface.maps import MapError, TraceDirection
-from recognition.active.active_reading import ActiveReading, PassFelt, PlaceBelief, StopReason
-from recognition.decision.decide import serial_is_sure
-from recognition.decision.flags import ReadingFlag
+from glyphs.surface.maps import EdgeMap, MapError
+from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
+from recognition.active.moves import Region, Step
+from recognition.active.policy import LADDER, Policy, Progress
+from recognition.active.watch import LineWatch, Look
+from recognition.decision.decide import decided_anew, serial_is_sure
+from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Decision, Reading
 from recognition.senses.touch import TactileReader
+from recognition.views.text_line import TextLine
+from recognition.views.view import felt_view, relief_of
+from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import Fitting, StageSession, gathered
 from whisker_array.scan.stage_error import StageError
-from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
-from whisker_array.whisker.passes import Pass
+from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S
 
-Region = tuple[float, float, float, float]
+AROUND_HEIGHTS = (0.8, 0.5)
+"""Land felt before and behind, and above and below, a line that was found; character heights."""
+WORTH_ASKING = 0.8
+"""Of the confidence that a reading is accepted with, the share that a look must have for a full reading."""
+TOUCHABLE = (
+    ReadingFlag.LOW_CONFIDENCE
+    | ReadingFlag.AMBIGUOUS
+    | ReadingFlag.FORMAT_OVERRULED
+    | ReadingFlag.SEARCH_EXHAUSTED
+    | ReadingFlag.FOREIGN_SHAPES
+    | ReadingFlag.NO_CHARACTERS
+)
+"""Doubts that more touch may settle."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +51,14 @@ class ActiveSettings:
 
     Attributes:
         budget_s: most stage seconds a part.
+        policy: chooses the steps, and when no more are worth their time.
 
     Raises:
         ValueError: a budget that is not positive.
     """
 
     budget_s: float = 20.0
+    policy: Policy = LADDER
 
     def __post_init__(self) -> None:
         if not self.budget_s > 0.0:
@@ -45,51 +66,167 @@ class ActiveSettings:
 
 
 class ActiveReader:
-    """Reads parts that lie on a stage, pass by pass."""
+    """Reads parts that lie on a stage, pass by pass.
+
+    Example::
+
+        session = open_session(part.height_map, height_mm=5.0)
+        found = ActiveReader(Reader(format="AA999999").touch).read(session)
+        print(found.describe())
+    """
 
     def __init__(self, reader: TactileReader, settings: ActiveSettings | None = None) -> None:
+        """Take a reader by touch; it keeps its templates between parts."""
         self.reader = reader
         self.settings = settings if settings is not None else ActiveSettings()
 
-    def read(self, session: StageSession, *, region_mm: Region | None = None) -> ActiveReading:
+    def read(
+        self, session: StageSession, *, region_mm: Region | None = None, line: TextLine | None = None
+    ) -> ActiveReading:
         """Feel the part and read it; the session stays open.
 
         Args:
             session: with the part mounted.
-            region_mm: (x0, y0, x1, y1) around the line, where that is known; plate frame.
+            region_mm: (x0, y0, x1, y1) around the line, where that is known, plate frame: nothing else is felt or read.
+            line: where the camera sees the line; the region is made around it unless given.
         """
-        fitting = session.fitting
-        region = region_mm if region_mm is not None else fitting.field_mm
-        felt: list[Sweep] = []
-        passes: list[PassFelt] = []
-        reading = _nothing()
-        spent, stop, problem = 0.0, StopReason.ALL_FELT, ""
-        for order in _ladder(fitting, region):
-            if spent + order.stage_s > self.settings.budget_s:
-                stop = StopReason.BUDGET
+        if region_mm is None and line is not None:
+            region_mm = around(line, session.fitting.field_mm)
+        return _Part(self, session, region_mm, line).read()
+
+
+@dataclass
+class _Part:
+    """One part while it is felt."""
+
+    active: ActiveReader
+    session: StageSession
+    asked_mm: Region | None
+    line: TextLine | None
+    felt: list[Sweep] = field(default_factory=list)
+    passes: list[PassFelt] = field(default_factory=list)
+    reading: Reading | None = None
+    problem: str = ""
+
+    def __post_init__(self) -> None:
+        self.fitting = self.session.fitting
+        self.region = self.asked_mm if self.asked_mm is not None else self.fitting.field_mm
+        self.watch = LineWatch(self.active.reader.lines, line=self.line)
+        self.progress = Progress(self.fitting)
+        self.edges: EdgeMap | None = None
+        self.scan: Scan | None = None
+
+    def read(self) -> ActiveReading:
+        settings = self.active.settings
+        while True:
+            chosen = settings.policy.choose(
+                self.progress, self.region, left_s=settings.budget_s - self.progress.stage_s
+            )
+            if isinstance(chosen, StopReason):
                 break
-            try:
-                felt.append(session.feel(order))
-            except StageError as error:
-                stop, problem = StopReason.STAGE_FAILED, str(error)
+            before = len(self.passes)
+            if not self._feel(chosen):
+                chosen = StopReason.STAGE_FAILED
                 break
-            spent += order.stage_s
             start = time.process_time()
-            reading = self._read(fitting, felt)
-            passes.append(_felt(order, spent, time.process_time() - start, reading))
-            if serial_is_sure(reading):
-                stop = StopReason.SURE
+            look = self._look()
+            self.progress = self.progress.after(chosen, look)
+            stop = self._asked(look)
+            self._note(before, look, time.process_time() - start)
+            if stop is not None:
+                chosen = stop
                 break
-        return ActiveReading(reading, tuple(passes), stop, problem, scan_of(fitting, felt) if felt else None)
+        if self.reading is None or chosen is not StopReason.SURE:
+            self._look()
+            self.reading = self._full()
+            if serial_is_sure(self.reading) and chosen is not StopReason.STAGE_FAILED:
+                chosen = StopReason.SURE
+        if not self.reading.characters and chosen is StopReason.NO_GAIN:
+            chosen = StopReason.NOTHING_FOUND
+        if chosen is StopReason.STAGE_FAILED:
+            failed = Finding(ReadingFlag.NONE, f"the stage failed between passes: {self.problem}")
+            decision = Decision.REVIEW if self.reading.decision is Decision.ACCEPT else self.reading.decision
+            self.reading = replace(self.reading.found(failed), decision=decision)
+        return ActiveReading(self.reading, tuple(self.passes), chosen, self.problem, self.scan)
 
-    def _read(self, fitting: Fitting, felt: list[Sweep]) -> Reading:
+    def _feel(self, step: Step) -> bool:
+        """Whether every pass of a step could be felt; those that were are kept."""
+        spent = self.progress.stage_s
+        for order in step.passes:
+            try:
+                self.felt.append(self.session.feel(order))
+            except StageError as error:
+                self.problem = str(error)
+                return False
+            spent += order.stage_s
+            self.passes.append(PassFelt(order, spent, why=step.way.describe()))
+        return True
+
+    def _look(self) -> Look | None:
+        if not self.felt:
+            return None
+        self.scan = scan_of(self.fitting, self.felt)
         try:
-            return self.reader.read_scan(scan_of(fitting, felt))
+            self.edges = edge_map(self.scan, within_mm=self.region)
         except MapError:
-            return _nothing()
+            self.edges = None
+            return None
+        look = self.watch.look(felt_view(self.edges, relief_of(self.scan, self.edges)))
+        if look is not None and self.asked_mm is None and self.watch.found and not look.others:
+            self.region = around(look.read.line, self.fitting.field_mm)
+        return look
+
+    def _asked(self, look: Look | None) -> StopReason | None:
+        """What a full reading says where the look is sure enough to ask for one."""
+        settings = self.active.reader.settings
+        if look is None or look.confidence < WORTH_ASKING * settings.accept_confidence:
+            return None
+        if self.progress.unchanged < 1 and look.confidence < 1.0 - (1.0 - settings.accept_confidence) / 10.0:
+            return None
+        self.reading = self._full()
+        if self.reading.text.replace(" ", "") != look.text:
+            return None
+        if serial_is_sure(self.reading):
+            return StopReason.SURE
+        doubts = self.reading.flags & ~TOUCHABLE
+        return StopReason.NO_GAIN if doubts and not self.reading.flags & TOUCHABLE else None
+
+    def _full(self) -> Reading:
+        if self.edges is None or self.scan is None:
+            return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS)
+        relief = relief_of(self.scan, self.edges)
+        reading = self.active.reader.read_edge_map(
+            self.edges, self.scan.touch, relief=relief, about=self.line if self.line is not None else None
+        )
+        return decided_anew(reading).traced(scan=self.scan)
+
+    def _note(self, before: int, look: Look | None, thought_s: float) -> None:
+        """Write down what is believed after a step, with its last pass."""
+        last = replace(self.passes[-1], thought_s=thought_s)
+        if look is not None:
+            last = replace(last, text=look.text, confidence=look.confidence, places=look.places())
+        self.passes[-1] = last
 
 
-def scan_of(fitting: Fitting, felt: list[Sweep]) -> Scan:
+def around(line: TextLine, field_mm: Region) -> Region:
+    """A line and the land about it that is felt, within the field."""
+    along, across = AROUND_HEIGHTS
+    (x0, y0), (x1, y1) = line.centre_mm.min(axis=0), line.centre_mm.max(axis=0)
+    wide, high = (
+        (along, across)
+        if abs(line.turned_deg) % 180.0 < 45.0 or abs(line.turned_deg) > 135.0
+        else (across, along)
+    )
+    wide, high = wide * line.height_mm, (high + 0.5) * line.height_mm
+    return (
+        max(field_mm[0], float(x0) - wide),
+        max(field_mm[1], float(y0) - high),
+        min(field_mm[2], float(x1) + wide),
+        min(field_mm[3], float(y1) + high),
+    )
+
+
+def scan_of(fitting: Fitting, felt: Sequence[Sweep]) -> Scan:
     """The passes felt so far as one scan."""
     line_pitch_mm = fitting.height_mm / LINES_PER_HEIGHT
     return Scan(
@@ -100,51 +237,4 @@ def scan_of(fitting: Fitting, felt: list[Sweep]) -> Scan:
         calibration=fitting.calibration,
         part_id=fitting.part_id,
         fidelity=fitting.fidelity,
-    )
-
-
-def _ladder(fitting: Fitting, region: Region) -> Iterator[Pass]:
-    """Passes along x, forward and back in turns, each between those before it."""
-    x0, y0, x1, y1 = region
-    array, height = fitting.array, fitting.height_mm
-    pitch = height / LINES_PER_HEIGHT / SAMPLES_PER_LINE_PITCH
-    tall = array.n_whiskers * array.pitch_mm
-    blocks = max(1, round((y1 - y0) / tall + 0.49))
-    top = 0.5 * (y0 + y1) - 0.5 * blocks * tall
-    for k in range(20):
-        share = _between(k)
-        for direction in (TraceDirection.FORWARD_X, TraceDirection.BACK_X):
-            for block in range(blocks):
-                first = top + block * tall + share * array.pitch_mm
-                yield Pass(
-                    direction=direction,
-                    line_mm=tuple(first + array.pitch_mm * i for i in range(array.n_whiskers)),
-                    along_mm=(x0, x1),
-                    sample_pitch_mm=pitch,
-                    speed_mm_s=min(10.0 * height, SAFE_SPEED_MM_S),
-                    lead_mm=0.3 * height,
-                )
-
-
-def _between(k: int) -> float:
-    """0, 1/2, 1/4, 3/4, 1/8 ...: each as far from those before it as can be (van der Corput)."""
-    share, bit = 0.0, 0.5
-    while k:
-        share += bit * (k & 1)
-        k, bit = k >> 1, bit / 2
-    return share
-
-
-def _nothing() -> Reading:
-    return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS)
-
-
-def _felt(order: Pass, stage_s: float, thought_s: float, reading: Reading) -> PassFelt:
-    places = []
-    for c in reading.characters:
-        middle = (0.5 * (c.box.x0_mm + c.box.x1_mm), 0.5 * (c.box.y0_mm + c.box.y1_mm))
-        rival = c.candidates[1].char if len(c.candidates) > 1 else ""
-        places.append(PlaceBelief(c.char, c.confidence, rival, middle))
-    return PassFelt(
-        order, stage_s, thought_s, text=reading.text, confidence=reading.confidence, places=tuple(places)
     )

@@ -105,7 +105,7 @@ class LineReader:
             about: where the line lies, if that is known.
             judge: other experts.
         """
-        seen = self._look(view, [about]) if about is not None else self._seen(view)
+        seen = self.looks(view, [about]) if about is not None else self._seen(view)
         meant = self._meant(view, seen)
         if not meant:
             return PartLines(None)
@@ -114,16 +114,16 @@ class LineReader:
         if belief is None and "own" not in self.experts:
             return PartLines(None)  # who was asked has nothing to say
         main = ReadLine(best.line, belief) if belief is not None else best
-        rest = [one for one in seen if _apart(one, main)]
+        rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
         for name, line in self.lines.items():
             found = self._named(view, rest, line)
             if found is not None:
                 named[name] = found
-                rest = [one for one in rest if _apart(one, found)]
+                rest = [one for one in rest if apart(one, found)]
         others: list[ReadLine] = []
         for one in rest:
-            if _is_text(one) and all(_apart(one, other) for other in others):
+            if is_text(one) and all(apart(one, other) for other in others):
                 others.append(one)
         return PartLines(main, MappingProxyType(named), tuple(others))
 
@@ -166,8 +166,8 @@ class LineReader:
             (self._running_down, SOME),
         )
         for candidates, enough in tries:
-            seen = _ranked([*seen, *self._look(view, candidates(view, seen))])
-            if _says_much(self._meant(view, seen), enough):
+            seen = _ranked([*seen, *self.looks(view, candidates(view, seen))])
+            if says_much(self._meant(view, seen), enough):
                 break
         return seen
 
@@ -195,7 +195,7 @@ class LineReader:
         found = [one.line for one in find_lines(view, height_mm=self.height_mm, down=True)[:MOST_TURNED]]
         return [*found, *(line.reversed for line in found)]
 
-    def _look(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
+    def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """One look of our own recogniser at each line, most promising first."""
         least_mm, most_mm = LEAST_PIXELS * view.pitch_mm, MOST_SIDES * min(view.size_mm)
         lines = [
@@ -210,32 +210,46 @@ class LineReader:
     def _settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """The best line, moved and grown where that lets it say more."""
         best = seen[0]
-        if not _says_much([best]):
+        if not says_much([best]):
             tried = [moved(one.line, *move) for one in seen[:2] for move in MOVES]
             tried += [line for one in seen[:2] for line in longer(one.line)]
-            best = _ranked([best, *self._look(view, tried)])[0]
+            best = _ranked([best, *self.looks(view, tried)])[0]
         elif self.grammar is None:
             # nobody says how long it is: a word may stand beyond a gap
-            best = _ranked([best, *self._look(view, longer(best.line))])[0]
+            best = _ranked([best, *self.looks(view, longer(best.line))])[0]
         for _ in range(MOST_GROWTHS):
             first, last = _at_ends(best)
             if not (first or last):
                 break
             tried = [grown(best.line, first * far, last * far) for far in GROWTHS]
-            looked = self._look(view, tried)
+            looked = self.looks(view, tried)
             if not looked or _promise(looked[0]) <= _promise(best):
                 break
             best = looked[0]
         return best
 
-    def _believed(
-        self, view: View, best: ReadLine, grammar: Grammar | None, judge: Judge | None
-    ) -> LineBelief | None:
-        """What all experts believe of a line: of one look each where they are sure of the same, or of several."""
+    def heard(self, view: View, best: ReadLine) -> ReadLine:
+        """A line that was looked at, by a look of each expert: quick, for parts that are still being felt."""
+        heard, _ = self._first_looks(view, best)
+        weights = weights_of(view.kind).among(self.experts & heard.keys())
+        belief = believed(heard, self.grammar, weights=weights)
+        return best if belief is None else ReadLine(best.line, belief)
+
+    def _first_looks(
+        self, view: View, best: ReadLine
+    ) -> tuple[dict[str, Sequence[Steps]], Sequence[generic.Picture]]:
+        """What every expert hears at a look, and the generic one's pictures."""
         heard: dict[str, Sequence[Steps]] = dict(best.belief.heard)
         pictures = generic.looks_at(view, best.line)[:MOST_PRINT] if self.print_too else []
         if pictures:
             heard["print"] = generic.steps_of(pictures[:1], chars=self.chars)
+        return heard, pictures
+
+    def _believed(
+        self, view: View, best: ReadLine, grammar: Grammar | None, judge: Judge | None
+    ) -> LineBelief | None:
+        """What all experts believe of a line: of one look each where they are sure of the same, or of several."""
+        heard, pictures = self._first_looks(view, best)
         weights = weights_of(view.kind).among(self.experts & heard.keys())
         belief = believed(heard, grammar, weights=weights)
         if belief is None or not _agreed(belief):
@@ -255,18 +269,19 @@ class LineReader:
         return replace(belief, lattice=pooled(by_expert, belief.weights), by_expert=by_expert)
 
 
-def _apart(one: ReadLine, other: ReadLine) -> bool:
+def apart(one: ReadLine, other: ReadLine) -> bool:
+    """Whether two lines are different ink."""
     return not overlap(one.line, other.line) and not overlap(other.line, one.line)
 
 
-def _is_text(one: ReadLine) -> bool:
+def is_text(one: ReadLine) -> bool:
     """Whether a line can be read, whatever it says."""
     lattice, _ = one.belief.openly
     best = np.exp(lattice.log_belief.max(axis=1, initial=-np.inf))
     return lattice.n_places >= OTHER_PLACES and float(best.mean()) > OTHER_BELIEF
 
 
-def _says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
+def says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
     """Whether the most promising line says so much of what its places may say."""
     if not seen:
         return False
