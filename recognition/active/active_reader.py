@@ -34,6 +34,9 @@ AROUND_HEIGHTS = (0.8, 0.5)
 """Land felt before and behind, and above and below, a line that was found; character heights."""
 WORTH_ASKING = 0.8
 """Of the confidence that a reading is accepted with, the share that a look must have for a full reading."""
+AT_ONCE = 0.1
+"""Of the doubt that a reading may be accepted with, what a look may leave to be taken at its first word: looks at few
+lines may be sure of a wrong text, and seldom twice."""
 TOUCHABLE = (
     ReadingFlag.LOW_CONFIDENCE
     | ReadingFlag.AMBIGUOUS
@@ -181,7 +184,8 @@ class _Part:
         settings = self.active.reader.settings
         if look is None or look.confidence < WORTH_ASKING * settings.accept_confidence:
             return None
-        if self.progress.unchanged < 1 and look.confidence < 1.0 - (1.0 - settings.accept_confidence) / 10.0:
+        at_once = 1.0 - AT_ONCE * (1.0 - settings.accept_confidence)
+        if self.progress.steady < 1 and look.confidence < at_once:
             return None
         self.reading = self._full()
         if self.reading.text.replace(" ", "") != look.text:
@@ -204,7 +208,13 @@ class _Part:
         """Write down what is believed after a step, with its last pass."""
         last = replace(self.passes[-1], thought_s=thought_s)
         if look is not None:
-            last = replace(last, text=look.text, confidence=look.confidence, places=look.places())
+            last = replace(
+                last,
+                text=look.text,
+                confidence=look.confidence,
+                doubt_nats=look.doubt_nats,
+                places=look.places(),
+            )
         self.passes[-1] = last
 
 

@@ -65,6 +65,7 @@ class PassFelt:
         why: what it was chosen for, in words.
         text: what is believed to stand there.
         confidence: that all of it is right; 0 where nothing is believed yet.
+        doubt_nats: entropy of all places between the rivals that the format leaves; NaN where nothing is believed yet.
         places: beliefs place by place.
     """
 
@@ -74,6 +75,7 @@ class PassFelt:
     why: str = ""
     text: str = ""
     confidence: float = 0.0
+    doubt_nats: float = math.nan
     places: tuple[PlaceBelief, ...] = ()
 
 

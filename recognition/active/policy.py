@@ -7,11 +7,16 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Protocol
 
+import numpy as np
+
 from glyphs.surface.display import one_line
 from recognition.active.active_reading import StopReason
+from recognition.active.gain import LOOKS_AHEAD, Gain, fitted_gain
 from recognition.active.moves import Region, Step, Way, next_step
 from recognition.active.watch import Look
 from whisker_array.scan.session import Fitting
+
+EVEN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +30,8 @@ class Progress:
         doubts_nats: entropy after each look; NaN where there was no line.
         text: of the last look.
         confidence: of the last look; 0 without one.
-        unchanged: looks before the last one that said the same.
+        confidences: of all looks.
+        steady: looks before the last one that said the same and believed it more likely than not.
         steps: ways of the steps, in order.
     """
 
@@ -35,7 +41,8 @@ class Progress:
     doubts_nats: tuple[float, ...] = ()
     text: str = ""
     confidence: float = 0.0
-    unchanged: int = 0
+    steady: int = 0
+    confidences: tuple[float, ...] = ()
     steps: tuple[Way, ...] = ()
 
     __repr__ = one_line
@@ -50,7 +57,8 @@ class Progress:
             doubts_nats=(*self.doubts_nats, float("nan") if look is None else look.doubt_nats),
             text=text,
             confidence=0.0 if look is None else look.confidence,
-            unchanged=self.unchanged + 1 if text and text == self.text else 0,
+            steady=self.steady + 1 if text and text == self.text and self.confidence > EVEN else 0,
+            confidences=(*self.confidences, 0.0 if look is None else look.confidence),
             steps=(*self.steps, step.way),
         )
 
@@ -93,13 +101,69 @@ class Ladder:
 
 
 LADDER = Ladder(
-    (
-        (Way.ALONG, 8),
-        (Way.CROSS, 6),
-        (Way.BACK, 6),
-        (Way.ALONG, 12),
-        (Way.CROSS, 12),
-        (Way.BACK, 12),
-        (Way.ALONG, 16),
-    )
+    ((Way.ALONG, 8), (Way.BACK, 8), (Way.ALONG, 16), (Way.CROSS, 8), (Way.BACK, 16), (Way.CROSS, 16))
 )
+"""Every line along x to 16 a character's height, as many on the way back, then twice as many, and those across."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Steps drawn at random, each way as likely; the first is always along the line.
+
+    Attributes:
+        seed: of the draws; a part's steps depend on how many there were.
+    """
+
+    seed: int
+
+    def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
+        """See `Policy`."""
+        n = len(progress.steps)
+        rng = np.random.default_rng((self.seed, n))
+        ways = [Way.ALONG] if n == 0 else [list(Way)[k] for k in rng.permutation(len(Way))]
+        steps = [step for way in ways if (step := progress.step(way, region_mm)) is not None]
+        if not steps:
+            return StopReason.ALL_FELT
+        return steps[0] if steps[0].stage_s <= left_s or n == 0 else StopReason.BUDGET
+
+
+@dataclass(frozen=True)
+class Greedy:
+    """The step that brings most for its stage time, one ahead, as long as it is worth it.
+
+    What a step brings is the chance that the serial is sure within the next looks (`recognition.active.gain`).
+
+    Attributes:
+        gain: what steps bring.
+        worth_s: stage seconds that one more serial read without a person is worth.
+
+    Raises:
+        ValueError: a worth that is not positive.
+    """
+
+    gain: Gain = field(default_factory=fitted_gain)
+    worth_s: float = 120.0
+
+    def __post_init__(self) -> None:
+        if not self.worth_s > 0.0:
+            raise ValueError(f"worth_s is {self.worth_s}; it must be positive")
+
+    def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
+        """See `Policy`."""
+        if not progress.steps:
+            first = progress.step(Way.ALONG, region_mm)
+            return first if first is not None else StopReason.ALL_FELT
+        steps = [step for way in Way if (step := progress.step(way, region_mm)) is not None]
+        if not steps:
+            return StopReason.ALL_FELT
+        usual_s = min(step.stage_s for step in steps)
+        within = [step for step in steps if step.stage_s <= left_s]
+        if not within:
+            return StopReason.BUDGET
+
+        def value(step: Step) -> float:
+            chance = self.gain.chance(step.way, progress.lines, progress.confidences)
+            return chance / (step.stage_s + (LOOKS_AHEAD - 1) * usual_s)
+
+        best = max(within, key=value)
+        return best if value(best) * self.worth_s >= 1.0 else StopReason.NO_GAIN
