@@ -116,6 +116,9 @@ class _Part:
         self.region = self.asked_mm if self.asked_mm is not None else self.fitting.field_mm
         self.watch = LineWatch(self.active.reader.lines, line=self.line)
         self.progress = Progress(self.fitting)
+        lines = self.active.reader.lines
+        # where the line stands on the whole part, and which others do, is asked of the whole part
+        self.may_shrink = self.asked_mm is None and lines.region is None and not lines.lines
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
 
@@ -139,7 +142,8 @@ class _Part:
             if stop is not None:
                 chosen = stop
                 break
-        if self.reading is None or chosen is not StopReason.SURE:
+        sure_at_look = chosen is StopReason.SURE
+        if self.reading is None or not sure_at_look:
             self._look()
             self.reading = self._full()
             if serial_is_sure(self.reading) and chosen is not StopReason.STAGE_FAILED:
@@ -150,7 +154,15 @@ class _Part:
             failed = Finding(ReadingFlag.NONE, f"the stage failed between passes: {self.problem}")
             decision = Decision.REVIEW if self.reading.decision is Decision.ACCEPT else self.reading.decision
             self.reading = replace(self.reading.found(failed), decision=decision)
-        return ActiveReading(self.reading, tuple(self.passes), chosen, self.problem, self.scan)
+        return ActiveReading(
+            self.reading,
+            tuple(self.passes),
+            chosen,
+            steps=self.progress.taken,
+            sure_at_look=sure_at_look,
+            problem=self.problem,
+            scan=self.scan,
+        )
 
     def _feel(self, step: Step) -> bool:
         """Whether every pass of a step could be felt; those that were are kept."""
@@ -175,7 +187,7 @@ class _Part:
             self.edges = None
             return None
         look = self.watch.look(felt_view(self.edges, relief_of(self.scan, self.edges)))
-        if look is not None and self.asked_mm is None and self.watch.found and not look.others:
+        if look is not None and self.may_shrink and self.watch.found and not look.others:
             self.region = around(look.read.line, self.fitting.field_mm)
         return look
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from glyphs.surface.display import one_line
+from recognition.active.moves import Way
 from recognition.decision.reading import Decision, Reading
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.passes import Pass
@@ -87,6 +88,8 @@ class ActiveReading:
         reading: of all passes together; sent to review where the stage failed.
         passes: in the order in which they were felt.
         stop: why there are no more.
+        steps: the way of every step, its lines to a whisker's pitch, and the confidence of the look after it.
+        sure_at_look: whether a look asked for the reading that was accepted; otherwise it came when no more was felt.
         problem: what the stage said where it failed; empty otherwise.
         scan: all passes as one scan; None where none was felt.
     """
@@ -94,6 +97,8 @@ class ActiveReading:
     reading: Reading
     passes: tuple[PassFelt, ...]
     stop: StopReason
+    steps: tuple[tuple[Way, int, float], ...] = ()
+    sure_at_look: bool = False
     problem: str = ""
     scan: Scan | None = field(default=None, repr=False)
 

@@ -12,7 +12,7 @@ import numpy as np
 from glyphs.surface.display import one_line
 from recognition.active.active_reading import StopReason
 from recognition.active.gain import LOOKS_AHEAD, Gain, fitted_gain
-from recognition.active.moves import Region, Step, Way, next_step
+from recognition.active.moves import FIRST, Region, Step, Way, next_step
 from recognition.active.watch import Look
 from whisker_array.scan.session import Fitting
 
@@ -61,6 +61,16 @@ class Progress:
             confidences=(*self.confidences, 0.0 if look is None else look.confidence),
             steps=(*self.steps, step.way),
         )
+
+    @property
+    def taken(self) -> tuple[tuple[Way, int, float], ...]:
+        """Way of every step, its lines after it, and the confidence of the look that followed."""
+        upto: dict[Way, int] = {}
+        found = []
+        for way, confidence in zip(self.steps, self.confidences, strict=True):
+            upto[way] = upto[way] + 1 if way in upto else FIRST
+            found.append((way, upto[way], confidence))
+        return tuple(found)
 
     def step(self, way: Way, region_mm: Region) -> Step | None:
         """The next step of a way."""
