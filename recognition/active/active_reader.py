@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from glyphs.surface.maps import EdgeMap, MapError
 from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
 from recognition.active.moves import Region, Step
-from recognition.active.policy import LADDER, Policy, Progress
+from recognition.active.policy import Greedy, Policy, Progress
 from recognition.active.watch import LineWatch, Look
 from recognition.decision.decide import decided_anew, serial_is_sure
 from recognition.decision.flags import Finding, ReadingFlag
@@ -55,13 +55,15 @@ class ActiveSettings:
     Attributes:
         budget_s: most stage seconds a part.
         policy: chooses the steps, and when no more are worth their time.
+        until_sure: stop as soon as the serial is sure; otherwise only the policy and the budget end it.
 
     Raises:
         ValueError: a budget that is not positive.
     """
 
     budget_s: float = 20.0
-    policy: Policy = LADDER
+    policy: Policy = field(default_factory=Greedy)
+    until_sure: bool = True
 
     def __post_init__(self) -> None:
         if not self.budget_s > 0.0:
@@ -137,7 +139,7 @@ class _Part:
             start = time.process_time()
             look = self._look()
             self.progress = self.progress.after(chosen, look)
-            stop = self._asked(look)
+            stop = self._asked(look) if settings.until_sure else None
             self._note(before, look, time.process_time() - start)
             if stop is not None:
                 chosen = stop
@@ -146,7 +148,7 @@ class _Part:
         if self.reading is None or not sure_at_look:
             self._look()
             self.reading = self._full()
-            if serial_is_sure(self.reading) and chosen is not StopReason.STAGE_FAILED:
+            if serial_is_sure(self.reading) and chosen is not StopReason.STAGE_FAILED and settings.until_sure:
                 chosen = StopReason.SURE
         if not self.reading.characters and chosen is StopReason.NO_GAIN:
             chosen = StopReason.NOTHING_FOUND
