@@ -32,8 +32,6 @@ from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S
 
 AROUND_HEIGHTS = (0.8, 0.5)
 """Land felt before and behind, and above and below, a line that was found; character heights."""
-WORTH_ASKING = 0.8
-"""Of the confidence that a reading is accepted with, the share that a look must have for a full reading."""
 AT_ONCE = 0.1
 """Of the doubt that a reading may be accepted with, what a look may leave to be taken at its first word: looks at few
 lines may be sure of a wrong text, and seldom twice."""
@@ -196,7 +194,8 @@ class _Part:
     def _asked(self, look: Look | None) -> StopReason | None:
         """What a full reading says where the look is sure enough to ask for one."""
         settings = self.active.reader.settings
-        if look is None or look.confidence < WORTH_ASKING * settings.accept_confidence:
+        # many looks are many chances to be wrong: the look must be as sure as the reading that it asks for
+        if look is None or look.confidence < settings.accept_confidence:
             return None
         at_once = 1.0 - AT_ONCE * (1.0 - settings.accept_confidence)
         if self.progress.steady < 1 and look.confidence < at_once:

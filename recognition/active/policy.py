@@ -17,6 +17,8 @@ from recognition.active.watch import Look
 from whisker_array.scan.session import Fitting
 
 EVEN = 0.5
+WORTH_S = 250.0
+"""Stage seconds that one more serial without a person is worth: some four minutes of a stage."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +154,7 @@ class Greedy:
     """
 
     gain: Gain = field(default_factory=fitted_gain)
-    worth_s: float = 120.0
+    worth_s: float = WORTH_S
 
     def __post_init__(self) -> None:
         if not self.worth_s > 0.0:

@@ -14,7 +14,7 @@ import numpy as np
 
 from glyphs.surface.display import one_line
 from recognition.active.active_reading import PlaceBelief
-from recognition.belief.line_reader import LineReader, apart, is_text, says_much
+from recognition.belief.line_reader import LineReader, apart, says_much
 from recognition.belief.part_lines import ReadLine
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.lines.find import find_lines
@@ -36,7 +36,7 @@ class Look:
     Attributes:
         read: the line and the beliefs of all experts, a look each.
         choice: what the format makes of them.
-        others: lines beside it that can be read, whatever they say.
+        others: there may be lines beside it; few lines of samples do not show whether they can be read.
     """
 
     read: ReadLine
@@ -105,7 +105,7 @@ class LineWatch:
         if not seen:
             return None
         if not self._sure:
-            self._others = any(apart(one, seen[0]) and is_text(one) for one in seen[1:])
+            self._others = any(apart(one, seen[0]) for one in seen[1:])
         self.line, self._sure = seen[0].line, says_much(seen)
         # the generic expert takes as long as four looks: it is asked where the line says something
         read = self.lines.heard(view, seen[0]) if self._sure else seen[0]

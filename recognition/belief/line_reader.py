@@ -123,7 +123,7 @@ class LineReader:
                 rest = [one for one in rest if apart(one, found)]
         others: list[ReadLine] = []
         for one in rest:
-            if is_text(one) and all(apart(one, other) for other in others):
+            if _is_text(one) and all(apart(one, other) for other in others):
                 others.append(one)
         return PartLines(main, MappingProxyType(named), tuple(others))
 
@@ -274,7 +274,7 @@ def apart(one: ReadLine, other: ReadLine) -> bool:
     return not overlap(one.line, other.line) and not overlap(other.line, one.line)
 
 
-def is_text(one: ReadLine) -> bool:
+def _is_text(one: ReadLine) -> bool:
     """Whether a line can be read, whatever it says."""
     lattice, _ = one.belief.openly
     best = np.exp(lattice.log_belief.max(axis=1, initial=-np.inf))

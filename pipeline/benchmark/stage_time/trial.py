@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from glyphs.errors import MarksError
 from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.moves import MOST, Way
-from recognition.active.policy import Drawn, Greedy, Ladder, Policy
+from recognition.active.policy import WORTH_S, Drawn, Greedy, Ladder, Policy
 from recognition.decision.reading import Decision
 from recognition.reader import Reader
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pipeline.benchmark.exam.specimens import Item, Parts, Specimen
     from whisker_array.scan.simulated_session import SimulatedSession
 
-WORTHS_S = (25.0, 100.0, 200.0, 400.0)
+WORTHS_S = (30.0, 100.0, WORTH_S, 600.0)
 UNIFORM_LINES = (4, 6, 8, 12, 16)
 RANDOM_BUDGETS_S = (6.0, 12.0, 24.0, 48.0)
 _NO_LIMIT_S = 1e6
