@@ -18,7 +18,7 @@ from recognition.active.moves import Region, Step
 from recognition.active.policy import Greedy, Policy, Progress
 from recognition.active.watch import LineWatch, Look
 from recognition.decision.decide import decided_anew, serial_is_sure
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Decision, Reading
 from recognition.senses.touch import TactileReader
 from recognition.views.text_line import TextLine
@@ -151,9 +151,10 @@ class _Part:
         if not self.reading.characters and chosen is StopReason.NO_GAIN:
             chosen = StopReason.NOTHING_FOUND
         if chosen is StopReason.STAGE_FAILED:
-            failed = Finding(ReadingFlag.NONE, f"the stage failed between passes: {self.problem}")
-            decision = Decision.REVIEW if self.reading.decision is Decision.ACCEPT else self.reading.decision
-            self.reading = replace(self.reading.found(failed), decision=decision)
+            note = f"the stage failed between passes: {self.problem}"
+            accepted = self.reading.decision is Decision.ACCEPT
+            decision = Decision.REVIEW if accepted else self.reading.decision
+            self.reading = replace(self.reading, notes=(*self.reading.notes, note), decision=decision)
         return ActiveReading(
             self.reading,
             tuple(self.passes),

@@ -7,7 +7,7 @@ looked at where it was last, and at a few places beside it in turns.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import cycle
 
 import numpy as np
@@ -87,7 +87,9 @@ class LineWatch:
         """
         self.lines, self.line = lines, line
         self._sure, self._others = line is not None, False
-        self._beside = cycle([*(("moved", *move) for move in MOVES), *(("grown", *more) for more in LONGER)])
+        self._beside = cycle(
+            [*(partial(_moved, by=move) for move in MOVES), *(partial(_grown, by=far) for far in LONGER)]
+        )
 
     @property
     def found(self) -> bool:
@@ -113,8 +115,12 @@ class LineWatch:
         return Look(read, choice, self._others) if choice.text else None
 
     def _near(self, line: TextLine) -> list[TextLine]:
-        near = []
-        for _ in range(BESIDE):
-            kind, *by = next(self._beside)
-            near.append(moved(line, *by) if kind == "moved" else grown(line, *by))
-        return near
+        return [next(self._beside)(line) for _ in range(BESIDE)]
+
+
+def _moved(line: TextLine, *, by: tuple[float, float, float]) -> TextLine:
+    return moved(line, *by)
+
+
+def _grown(line: TextLine, *, by: tuple[float, float]) -> TextLine:
+    return grown(line, *by)
