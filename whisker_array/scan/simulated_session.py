@@ -78,7 +78,7 @@ class SimulatedSession:
             friction: true friction; that of the soil unless given, and the nominal one without soil.
             soil: dirt that yields; none unless given.
             sensor: gains, noise, converter; ideal unless given.
-            calibration: of the sensor.
+            calibration: of the sensor, if it is known; ideal sensors are.
             rng: needed with a sensor.
             part_id: what the part is called.
 
@@ -90,6 +90,10 @@ class SimulatedSession:
             raise ValueError("a sensor chain draws noise: give it a random generator, rng=default_rng(seed)")
         if friction is None:
             friction = touch.friction if soil is None else soil.friction
+        if sensor is None:
+            # lines that lie far apart do not show gains by what neighbours feel
+            whiskers = array.n_whiskers * array.rows
+            calibration = Calibration(np.ones(whiskers), np.zeros(whiskers))
         self.fitting = Fitting(
             touch=touch,
             array=array,

@@ -146,7 +146,7 @@ def test_a_fit_finds_the_gain_that_made_its_steps() -> None:
         sure = rng.random() < true.chance(way, lines, confidences)
         tried.append(Tried(way, lines, confidences, bool(sure)))
     found = fit_gain(tried)
-    #  no fit may be worse than the truth on its own steps
+    # no fit may be worse than the truth on its own steps
     assert loss_nats(found, tried) <= loss_nats(true, tried) + 0.001
     probe = ((Way.CROSS, {Way.ALONG: 8}, (0.3, 0.4)), (Way.ALONG, {Way.ALONG: 8}, (0.02,) * 4))
     for case in probe:
