@@ -12,6 +12,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, MapError
 from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
 from recognition.active.moves import Region, Step
@@ -62,6 +63,8 @@ class ActiveSettings:
     budget_s: float = 20.0
     policy: Policy = field(default_factory=Greedy)
     until_sure: bool = True
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not self.budget_s > 0.0:
