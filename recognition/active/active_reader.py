@@ -19,7 +19,7 @@ from recognition.active.moves import Region, Step
 from recognition.active.policy import Greedy, Policy, Progress
 from recognition.active.watch import LineWatch, Look
 from recognition.decision.decide import decided_anew, serial_is_sure
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Decision, Reading
 from recognition.senses.touch import TactileReader
 from recognition.views.text_line import TextLine
@@ -122,6 +122,7 @@ class _Part:
         lines = self.active.reader.lines
         # where the line stands on the whole part, and which others do, is asked of the whole part
         self.may_shrink = self.asked_mm is None and lines.region is None and not lines.lines
+        self.asked = 0
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
 
@@ -148,8 +149,11 @@ class _Part:
         sure_at_look = chosen is StopReason.SURE
         if self.reading is None or not sure_at_look:
             self._look()
+            self.asked += 1
             self.reading = self._full()
-            if serial_is_sure(self.reading) and chosen is not StopReason.STAGE_FAILED and settings.until_sure:
+            if not self._sure(self.reading):
+                self.reading = _doubted(self.reading)
+            elif settings.until_sure and chosen is not StopReason.STAGE_FAILED:
                 chosen = StopReason.SURE
         if not self.reading.characters and chosen is StopReason.NO_GAIN:
             chosen = StopReason.NOTHING_FOUND
@@ -198,19 +202,26 @@ class _Part:
     def _asked(self, look: Look | None) -> StopReason | None:
         """What a full reading says where the look is sure enough to ask for one."""
         settings = self.active.reader.settings
-        # many looks are many chances to be wrong: the look must be as sure as the reading that it asks for
-        if look is None or look.confidence < settings.accept_confidence:
+        if look is None or look.confidence < self._least_confidence(self.asked + 1):
             return None
         at_once = 1.0 - AT_ONCE * (1.0 - settings.accept_confidence)
         if self.progress.steady < 1 and look.confidence < at_once:
             return None
+        self.asked += 1
         self.reading = self._full()
         if self.reading.text.replace(" ", "") != look.text:
             return None
-        if serial_is_sure(self.reading):
+        if self._sure(self.reading):
             return StopReason.SURE
         doubts = self.reading.flags & ~TOUCHABLE
         return StopReason.NO_GAIN if doubts and not self.reading.flags & TOUCHABLE else None
+
+    def _least_confidence(self, asked: int) -> float:
+        """Of the reading that is asked for so many times: many askings are many chances to be wrong (Bonferroni)."""
+        return 1.0 - (1.0 - self.active.reader.settings.accept_confidence) / max(asked, 1)
+
+    def _sure(self, reading: Reading) -> bool:
+        return serial_is_sure(reading) and reading.confidence >= self._least_confidence(self.asked)
 
     def _full(self) -> Reading:
         if self.edges is None or self.scan is None:
@@ -233,6 +244,14 @@ class _Part:
                 places=look.places(),
             )
         self.passes[-1] = last
+
+
+def _doubted(reading: Reading) -> Reading:
+    """The reading, not accepted: it was asked for too often to be taken at its word."""
+    if reading.decision is not Decision.ACCEPT:
+        return reading
+    low = Finding(ReadingFlag.LOW_CONFIDENCE, "low confidence: it was sure only after several looks in vain")
+    return decided_anew(reading.found(low))
 
 
 def around(line: TextLine, field_mm: Region) -> Region:
