@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.active_reading import ActiveReading
 from recognition.belief.line_reader import MOST_SCANS
-from recognition.decision.decide import serial_is_sure
+from recognition.decision.accept import serial_is_sure
 from recognition.views.levelling import level
 from recognition.views.view import heights_view
 from whisker_array.simulation.traces import Fidelity

@@ -18,7 +18,7 @@ from recognition.active.active_reading import ActiveReading, PassFelt, StopReaso
 from recognition.active.moves import Region, Step
 from recognition.active.policy import Greedy, Policy, Progress
 from recognition.active.watch import LineWatch, Look
-from recognition.decision.decide import decided_anew, serial_is_sure
+from recognition.decision.accept import decided_anew, serial_is_sure
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Decision, Reading
 from recognition.senses.touch import TactileReader
@@ -43,6 +43,8 @@ TOUCHABLE = (
     | ReadingFlag.SEARCH_EXHAUSTED
     | ReadingFlag.FOREIGN_SHAPES
     | ReadingFlag.NO_CHARACTERS
+    | ReadingFlag.STROKES_MISSING
+    | ReadingFlag.STROKES_UNDECIDED
 )
 """Doubts that more touch may settle."""
 
