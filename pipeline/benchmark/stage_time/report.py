@@ -98,15 +98,21 @@ def _panel(axes: Axes, rows: Sequence[PlanResult]) -> None:
             continue
         seconds = [r.stage_s for r in own]
         axes.plot(
-            seconds, [r.accepted / r.n for r in own], color=colour, marker=marker, linestyle=line, label=name
+            seconds,
+            [r.accepted / r.n for r in own],
+            color=colour,
+            marker=marker,
+            linestyle=line,
+            zorder=3 if name == "active" else 2,
+            label=name,
         )
         wrong = [r for r in own if r.wrong]
         axes.scatter(
             [r.stage_s for r in wrong], [r.accepted / r.n for r in wrong],
-            marker="x", s=90.0, color="#c00000", zorder=4,
+            marker="x", s=90.0, color="#c00000", zorder=5,
         )  # fmt: skip
     axes.set_xlim(left=0.0)
-    axes.set_ylim(0.0, 1.0)
+    axes.set_ylim(-0.03, 1.05)
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_xlabel("mean stage time of a part, s", fontsize=9)
     axes.set_ylabel("accepted", fontsize=9)
