@@ -1,3 +1,5 @@
+from .active.active_reader import ActiveReader, ActiveSettings
+from .active.active_reading import ActiveReading, StopReason
 from .decision.depth_rules import DepthRule, depth_rule, least_depth
 from .decision.flags import Finding, ReadingFlag
 from .decision.grade import MarkGrade
@@ -23,6 +25,9 @@ from .views.text_line import TextLine
 from .views.view import View
 
 __all__ = [
+    "ActiveReader",
+    "ActiveReading",
+    "ActiveSettings",
     "Box",
     "Candidate",
     "CharacterReading",
@@ -41,6 +46,7 @@ __all__ = [
     "Reading",
     "ReadingFlag",
     "ReadingTrace",
+    "StopReason",
     "TactileReader",
     "TextLine",
     "Verdict",

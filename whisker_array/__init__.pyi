@@ -5,27 +5,34 @@ from .estimation.edges import edge_map
 from .estimation.friction import LandFriction, land_friction
 from .estimation.profiled import estimate_relief
 from .estimation.relief import Relief, relief_from_edges
+from .scan.felt_sweep import Sweep
 from .scan.recording import load_scan, save_calibration, save_scan
-from .scan.scan import Scan, Sweep, trace_scan
+from .scan.scan import Scan, trace_scan
 from .scan.sensor import Calibration, SensorChain, SensorError, calibrate_lead_in, draw_sensor_chain
+from .scan.session import Fitting, StageSession
+from .scan.simulated_session import SimulatedSession
+from .scan.stage_error import StageError
 from .simulation.traces import Fidelity, SampleFlag
-from .whisker.array import RasterPlan, SweepPlan, WhiskerArray, default_plan
+from .whisker.array import RasterPlan, WhiskerArray, default_plan
 from .whisker.beam import Segment
 from .whisker.defaults import default_preload_mm, default_whisker
 from .whisker.elastica import ElasticaError, LargeDeflection, large_deflection
 from .whisker.enhancement import enhancement_factor, moment_ratio
+from .whisker.passes import Pass, SweepPlan
 from .whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, Taper, Tube, WhiskerError
 from .whisker.shapes import Chain, LShaped, Straight, TipModel
 from .whisker.touch import Touch, default_touch, profiling_touch
 from .whisker.validity import Validity, check_validity, validity_messages
 
 __all__ = [
-    "MUSIC_WIRE", "Calibration", "Chain", "Design", "DesignError", "ElasticaError", "Fidelity", "LShaped",
-    "LandFriction", "LargeDeflection", "Limits", "Material", "RasterPlan", "Rectangle", "Relief", "Request",
-    "Round", "SampleFlag", "Scan", "Segment", "SensorChain", "SensorError", "Straight", "Sweep", "SweepPlan",
+    "MUSIC_WIRE", "Calibration", "Chain", "Design", "DesignError", "ElasticaError", "Fidelity",
+    "Fitting", "LShaped", "LandFriction", "LargeDeflection", "Limits", "Material", "Pass", "RasterPlan",
+    "Rectangle", "Relief", "Request", "Round", "SampleFlag", "Scan", "Segment", "SensorChain",
+    "SensorError", "SimulatedSession", "StageError", "StageSession", "Straight", "Sweep", "SweepPlan",
     "Taper", "TipModel", "Touch", "Tube", "Tuned", "Validity", "WhiskerArray", "WhiskerError",
     "calibrate_lead_in", "check_validity", "default_plan", "default_preload_mm", "default_touch",
     "default_whisker", "design_whisker", "draw_sensor_chain", "edge_map", "enhancement_factor",
-    "estimate_relief", "land_friction", "large_deflection", "load_scan", "moment_ratio", "profiling_touch",
-    "relief_from_edges", "save_calibration", "save_scan", "trace_scan", "tune", "validity_messages",
+    "estimate_relief", "land_friction", "large_deflection", "load_scan", "moment_ratio",
+    "profiling_touch", "relief_from_edges", "save_calibration", "save_scan", "trace_scan", "tune",
+    "validity_messages",
 ]  # fmt: skip

@@ -92,7 +92,9 @@ def _read(order: RunOrder, listed: ListedPart) -> tuple[Reading, ReadSettings, G
     reader = _reader_for(order, listed)
     try:
         with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
-            parts = PartReader(reader, mode=mode, unit=Unit(order.settings.unit))
+            parts = PartReader(
+                reader, mode=mode, unit=Unit(order.settings.unit), budget_s=order.settings.touch_budget_s
+            )
             reading = parts.read(part, expected=listed.expected)
             notes = [originally(note, part, listed) for note in reading.notes]
             if order.verify and not listed.expected:

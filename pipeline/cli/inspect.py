@@ -48,7 +48,9 @@ def inspect(
             )
         (part,) = parts
         mode = Mode(reading.mode) if reading.mode else None
-        found = PartReader(open_reader(reading), mode=mode, unit=Unit(reading.unit)).read(part)
+        found = PartReader(
+            open_reader(reading), mode=mode, unit=Unit(reading.unit), budget_s=reading.touch_budget_s
+        ).read(part)
         save_figure(reading_figure(_with_photo(found, part), title=part.name), picture)
     print(f"{part.name}: {found}")
     for message in found.messages():

@@ -5,10 +5,15 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from pipeline.cli.choices import FidelityName
 from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
+
+if TYPE_CHECKING:
+    from whisker_array.scan.simulated_session import SimulatedSession
 
 UnitName = Literal["um", "mm", "m", "in"]
 
@@ -25,6 +30,9 @@ def scan(
     friction: float | None = None,
     profilers: bool = False,
     two_way: bool = False,
+    active: Annotated[bool, Parameter(negative="")] = False,
+    budget_s: float = 60.0,
+    format: str | None = None,
     unit: UnitName = "mm",
 ) -> int:
     """Scan a height map with the virtual whisker array and record the raw moments.
@@ -53,6 +61,13 @@ def scan(
         Add a second row of whiskers that measures the profile; it separates slopes from heights.
     two_way
         Scan every pass again on its return, pushed backwards; it measures friction.
+    active
+        Choose pass after pass while reading, and stop when the serial is sure or more touch would not help, in place of
+        the whole plan; the passes felt are recorded together.
+    budget_s
+        Most stage seconds with --active.
+    format
+        What the serial looks like, with --active, such as AA999999; as read --format takes it.
     unit
         Unit of the numbers in a height file that states none (.npz, STL, PLY, XYZ).
     """
@@ -76,6 +91,12 @@ def scan(
             raise CommandError(
                 f"--height-mm is {height_mm}", hint="it lies between 0 and 1000 mm", status=USAGE
             )
+        if active and (profilers or two_way or whisker is not None):
+            raise CommandError(
+                "scan: --active chooses its passes for the usual comb",
+                hint="leave out --profilers, --two-way and --whisker",
+                status=USAGE,
+            )
         check_writable(out)
         surface = read_height_map(height_map, unit=Unit(unit))
         soil = read_soil(height_map) if height_map.suffix.lower() == ".npz" else None
@@ -85,6 +106,20 @@ def scan(
         if height_mm is None and built is not None:
             height_mm = built.character_height_mm
         height = height_mm if height_mm is not None else find_height_mm(surface, soil=soil)
+        if active:
+            from pipeline.reading.simulated_scan import open_session
+
+            session = open_session(
+                surface,
+                height_mm=height,
+                fidelity=Fidelity(fidelity),
+                noise=noise,
+                sensor_seed=seed,
+                part_id=height_map.stem,
+                friction=friction,
+                soil=soil,
+            )
+            return _scan_actively(session, out, height_mm=height, budget_s=budget_s, format=format)
         plan = default_plan(
             (0.0, 0.0, *surface.size_mm),
             character_height_mm=height,
@@ -120,6 +155,31 @@ def scan(
         f"wrote {out}: characters {height:.2f} mm, preload {felt.touch.preload_mm:.2f} mm, "
         f"{plan.n_samples:,} samples at {plan.sample_rate_hz:,.0f} Hz, scan time {plan.scan_time_s:.0f} s"
     )
+    return 0
+
+
+def _scan_actively(
+    session: SimulatedSession, out: Path, *, height_mm: float, budget_s: float, format: str | None
+) -> int:
+    """Record the passes that a reader chooses, and say why it stopped.
+
+    Raises:
+        CommandError: nothing could be felt.
+    """
+    from recognition.active.active_reader import ActiveReader, ActiveSettings
+    from recognition.reader import Reader
+    from whisker_array.scan.recording import save_scan
+
+    found = ActiveReader(Reader(format=format).touch, ActiveSettings(budget_s=budget_s)).read(session)
+    session.close()
+    if found.scan is None:
+        raise CommandError(f"scan: nothing was felt: {found.problem}", hint="see to the stage")
+    for one in found.passes:
+        print(
+            f"{one.stage_s:6.1f} s  {one.order.describe()}{f'  {one.text} {one.confidence:.2f}' if one.text else ''}"
+        )
+    save_scan(found.scan, out)
+    print(f"wrote {out}: characters {height_mm:.2f} mm; {found.describe()}")
     return 0
 
 

@@ -12,7 +12,14 @@ from pipeline.cli.settings import MODELS, flag_of
 from pipeline.common.settings import Settings
 
 _HEADINGS = ("setting", "flag", "variable", "type", "default", "what it does")
-_TYPES = {str: "text", int: "whole number", float: "number", Path: "file or folder", dict: "table"}
+_TYPES = {
+    bool: "true or false",
+    str: "text",
+    int: "whole number",
+    float: "number",
+    Path: "file or folder",
+    dict: "table",
+}
 
 
 def settings_reference() -> str:
@@ -55,4 +62,6 @@ def _default(field: FieldInfo) -> str:
     value = field.default
     if field.default_factory is not None or value in (None, "", ()):
         return ""
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
     return f"`{value:g}`" if isinstance(value, float) else f"`{value}`"

@@ -235,5 +235,15 @@ class ReadSettings(Settings):
     certificate: Path | None = None
     """Certificate (.json, see certify): nothing is accepted that it does not vouch for, and a warning comes where
     the parts are unlike the certified ones."""
+    active: bool = False
+    """Feel height maps pass by pass, and stop when the serial is sure or more touch would not help; else the whole plan
+    is felt. A message of the part says how many seconds of stage time that took."""
+    budget_s: float = Field(default=60.0, gt=0.0, le=3600.0, allow_inf_nan=False)
+    """Most stage seconds a part with --active."""
     unit: Literal["um", "mm", "m", "in"] = "mm"
     """Unit of the numbers in height files that do not state theirs (.npz, STL, PLY, XYZ)."""
+
+    @property
+    def touch_budget_s(self) -> float | None:
+        """Most stage seconds of touch that chooses its passes; None where the whole plan is felt."""
+        return self.budget_s if self.active else None

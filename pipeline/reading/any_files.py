@@ -49,5 +49,7 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
         files[kind] = path
     part = Part(Path(file).stem, files.get("height_map"), files.get("scan"), files.get("photo"))
     mode = Mode(checked.mode) if checked.mode is not None else Mode.AUTO
-    parts = PartReader(reader_of(checked), mode=mode, unit=Unit(checked.unit))
+    parts = PartReader(
+        reader_of(checked), mode=mode, unit=Unit(checked.unit), budget_s=checked.touch_budget_s
+    )
     return parts.read(part, expected=expected)

@@ -135,7 +135,9 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
         # a format is known by the suffix that the sender gave the file
         part = Part(job.name, job.height_map and _with_suffix(job), job.scan, job.photo or job.earlier_photo)
         mode = Mode.FUSED if tactile and part.photo else None
-        parts = PartReader(reader, mode=mode, unit=Unit(settings.unit), limits=limits)
+        parts = PartReader(
+            reader, mode=mode, unit=Unit(settings.unit), limits=limits, budget_s=settings.touch_budget_s
+        )
         found = parts.unverified(part, expected=expected)
         readings = [parts.verified(found, expected)]
         if job.photo is not None and found.trace.vision is not None:

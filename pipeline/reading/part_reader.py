@@ -85,6 +85,7 @@ class PartReader:
         mode: Mode | None = None,
         unit: Unit = Unit.MM,
         limits: Limits | None = None,
+        budget_s: float | None = None,
     ) -> None:
         """Take the reader.
 
@@ -93,8 +94,10 @@ class PartReader:
             mode: senses that read; see the table above.
             unit: of height files that state none.
             limits: checked from the files' heads before anything is decoded.
+            budget_s: height maps are felt pass by pass, for so many stage seconds at most; None: by the whole plan.
         """
         self.reader, self.mode, self.unit, self.limits = reader, mode, unit, limits
+        self.budget_s = budget_s
 
     def read(self, part: Part, *, expected: str = "") -> Reading:
         """Load a part, read it, and verify the text expected of it if there is one.
@@ -181,7 +184,15 @@ class PartReader:
                 surface, taken, grow = again.surface(surface), turned, again.surface
                 turned = None if taken is None else lambda: grow(taken())
                 feel = again.feel(fidelity=self.reader.settings.fidelity, soil=soil, part_id=part.name)
-            return read_surface(self.reader, surface, soil=soil, turned=turned, part_id=part.name, feel=feel)
+            return read_surface(
+                self.reader,
+                surface,
+                soil=soil,
+                turned=turned,
+                part_id=part.name,
+                feel=feel,
+                budget_s=self.budget_s,
+            )
 
     def _check_expected(self, part: Part, expected: str) -> None:
         grammar = self.reader.grammar
@@ -202,6 +213,7 @@ def read_surface(
     turned: Callable[[], HeightMap] | None = None,
     part_id: str = "",
     feel: Feel | None = None,
+    budget_s: float | None = None,
 ) -> Reading:
     """Read a height map by touch.
 
@@ -213,11 +225,20 @@ def read_surface(
             order is not accepted.
         part_id: what the part is called.
         feel: scans it in place of the default plan.
+        budget_s: feel it pass by pass instead, for so many stage seconds at most.
     """
-    found = reader.touch.read_height_map(surface, soil=soil, part_id=part_id, feel=feel)
+
+    def read(one: HeightMap, soil: Soil | None) -> Reading:
+        if budget_s is None or feel is not None:
+            return reader.touch.read_height_map(one, soil=soil, part_id=part_id, feel=feel)
+        from pipeline.reading.active_touch import read_actively
+
+        return read_actively(reader.touch, one, budget_s=budget_s, soil=soil, part_id=part_id)
+
+    found = read(surface, soil)
     if turned is None or not found.text or found.decision == "accept":
         return found
-    other = reader.touch.read_height_map(turned(), part_id=part_id, feel=feel)
+    other = read(turned(), None)
     return max(found, other, key=lambda reading: reading.confidence)
 
 

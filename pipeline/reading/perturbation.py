@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from recognition.senses.touch import Feel
-    from whisker_array.scan.scan import Scan, Sweep
+    from whisker_array.scan.felt_sweep import Sweep
+    from whisker_array.scan.scan import Scan
     from whisker_array.simulation.traces import Fidelity
 
 CAMERA_NOISE = 0.01

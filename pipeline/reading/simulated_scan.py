@@ -15,8 +15,9 @@ from recognition.reader import Reader
 from recognition.views.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
+from whisker_array.scan.simulated_session import SimulatedSession, bench_calibration
 from whisker_array.simulation.traces import Fidelity
-from whisker_array.whisker.array import RasterPlan
+from whisker_array.whisker.array import RasterPlan, default_plan
 from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
 
 _RANGE_LAND_MOMENTS = 3.0
@@ -87,3 +88,60 @@ def feel(
         others=(profiling_touch(height_mm),) if plan.array.rows > 1 else (),
     )
     return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))
+
+
+def open_session(
+    height_map: HeightMap,
+    *,
+    height_mm: float,
+    n_whiskers: int = 8,
+    fidelity: Fidelity = Fidelity.CONTACT,
+    noise: bool = True,
+    sensor_seed: int = 0,
+    part_id: str = "",
+    touch: Touch | None = None,
+    friction: float | None = None,
+    soil: Soil | None = None,
+) -> SimulatedSession:
+    """The part mounted on the simulated stage, to be felt pass by pass; the comb is that of the default plan.
+
+    With noise the sensors are as `feel` draws them, and their gains are known as from a bench.
+
+    Args:
+        height_map: the part.
+        height_mm: character height that the whiskers are built for.
+        n_whiskers: of the comb.
+        fidelity: how touch is simulated.
+        noise: sensors as from the bench.
+        sensor_seed: of gains, offsets and noise.
+        part_id: what the part is called.
+        touch: the default one for the height unless given.
+        friction: true friction of the part; that of the soil unless given, without soil the touch's nominal one.
+        soil: dirt on the part, of which the map is the top; none unless given.
+
+    Raises:
+        MapError: a map that cannot be felt, or soil on another grid.
+    """
+    touch = touch if touch is not None else default_touch(height_mm)
+    usual = default_plan(
+        (0.0, 0.0, *height_map.size_mm), character_height_mm=height_mm, n_whiskers=n_whiskers
+    )
+    rng = np.random.default_rng(sensor_seed)
+    full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
+    chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale) if noise else None
+    rate = usual.sample_rate_hz
+    known = None if chain is None else bench_calibration(chain, touch, sample_rate_hz=rate, rng=rng)
+    return SimulatedSession(
+        level(height_map),
+        touch=touch,
+        array=usual.array,
+        height_mm=height_mm,
+        sample_pitch_mm=usual.sample_pitch_mm,
+        fidelity=fidelity,
+        friction=friction,
+        soil=soil,
+        sensor=chain,
+        calibration=known,
+        rng=rng if noise else None,
+        part_id=part_id,
+    )

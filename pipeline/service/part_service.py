@@ -27,9 +27,10 @@ from pipeline.reading.triage import state_after
 from pipeline.service.idempotency import IdempotentRequests, Received
 from pipeline.service.problem import Problem
 from pipeline.service.reading_jobs import ReadingJobs
-from pipeline.service.stage import Camera, ScanOrder, SimulatedStage, Stage, StageError
+from pipeline.service.stage import Camera, ScanOrder, SimulatedStage, Stage
 from pipeline.service.uploads import Upload
 from pipeline.store.store import IdempotencyKey, Store
+from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
     from pipeline.reading.drift import DriftWatch

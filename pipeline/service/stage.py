@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.records import ScanPlanRecord
+from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
@@ -24,13 +25,6 @@ _PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 _LONGEST_NAME = 200
 _LEAST_HEIGHTS = 1.0
 """Of the plate, what a region must cover either way, character heights."""
-
-
-class StageError(MarksError):
-    """What keeps a stage or a camera from doing as it is asked."""
-
-    def __init__(self, what: str, hint: str) -> None:
-        super().__init__(what, hint=hint)
 
 
 @dataclass(frozen=True)

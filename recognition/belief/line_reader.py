@@ -122,8 +122,8 @@ class LineReader:
         looked: list[tuple[View, list[ReadLine]]] = []
         for one in (view, *others):
             # that one of several lights is sure of a text, where the first one was not, is chance: all are heard then
-            looked.append((one, self._look(one, [about]) if about is not None else self._seen(one)))
-            if _says_much(self._meant(*looked[-1])):
+            looked.append((one, self.looks(one, [about]) if about is not None else self._seen(one)))
+            if says_much(self._meant(*looked[-1])):
                 break
         views = (view, *others)
         view, seen = max(looked, key=lambda each: max(map(_promise, self._meant(*each)), default=-np.inf))
@@ -145,16 +145,16 @@ class LineReader:
         if main is None and "own" not in self.experts:
             return PartLines(None)  # who was asked has nothing to say
         main = main or best
-        rest = [one for one in seen if _apart(one, main)]
+        rest = [one for one in seen if apart(one, main)]
         named: dict[str, ReadLine] = {}
         for name, asked in self.lines.items():
             found = self._named(view, rest, asked)
             if found is not None:
                 named[name] = found
-                rest = [one for one in rest if _apart(one, found)]
+                rest = [one for one in rest if apart(one, found)]
         unclaimed: list[ReadLine] = []
         for line in rest:
-            if _is_text(line) and all(_apart(line, other) for other in unclaimed):
+            if _is_text(line) and all(apart(line, other) for other in unclaimed):
                 unclaimed.append(line)
         return PartLines(main, MappingProxyType(named), tuple(unclaimed))
 
@@ -197,8 +197,8 @@ class LineReader:
             (self._running_down, SOME),
         )
         for candidates, enough in tries:
-            seen = _ranked([*seen, *self._look(view, candidates(view, seen))])
-            if _says_much(self._meant(view, seen), enough):
+            seen = _ranked([*seen, *self.looks(view, candidates(view, seen))])
+            if says_much(self._meant(view, seen), enough):
                 break
         return seen
 
@@ -226,7 +226,7 @@ class LineReader:
         found = [one.line for one in find_lines(view, height_mm=self.height_mm, down=True)[:MOST_TURNED]]
         return [*found, *(line.reversed for line in found)]
 
-    def _look(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
+    def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """One look of our own recogniser at each line, most promising first."""
         least_mm, most_mm = LEAST_PIXELS * view.pitch_mm, MOST_SIDES * min(view.size_mm)
         lines = [
@@ -241,23 +241,39 @@ class LineReader:
     def _settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """The best line, moved and grown where that lets it say more."""
         best = seen[0]
-        if not _says_much([best]):
+        if not says_much([best]):
             tried = [moved(one.line, *move) for one in seen[:2] for move in MOVES]
             tried += [line for one in seen[:2] for line in longer(one.line)]
-            best = _ranked([best, *self._look(view, tried)])[0]
+            best = _ranked([best, *self.looks(view, tried)])[0]
         elif self.grammar is None:
             # nobody says how long it is: a word may stand beyond a gap
-            best = _ranked([best, *self._look(view, longer(best.line))])[0]
+            best = _ranked([best, *self.looks(view, longer(best.line))])[0]
         for _ in range(MOST_GROWTHS):
             first, last = _at_ends(best)
             if not (first or last):
                 break
             tried = [grown(best.line, first * far, last * far) for far in GROWTHS]
-            looked = self._look(view, tried)
+            looked = self.looks(view, tried)
             if not looked or _promise(looked[0]) <= _promise(best):
                 break
             best = looked[0]
         return best
+
+    def heard(self, view: View, best: ReadLine) -> ReadLine:
+        """A line that was looked at, by a look of each expert: quick, for parts that are still being felt."""
+        heard, _ = self._first_looks(view, best)
+        weights = weights_of(view.kind).among(self.experts & heard.keys())
+        belief = believed(heard, self.grammar, weights=weights)
+        return best if belief is None else ReadLine(best.line, belief)
+
+    def _first_looks(
+        self, view: View, best: ReadLine
+    ) -> tuple[dict[str, Sequence[Steps]], list[generic.Picture]]:
+        """What every expert hears at a look, and the generic one's pictures."""
+        heard, pictures = dict(best.belief.heard), self._pictures(view, best.line)
+        if pictures:
+            heard["print"] = generic.steps_of(pictures[:1], chars=self.chars)
+        return heard, pictures
 
     def _believed(
         self,
@@ -275,10 +291,8 @@ class LineReader:
 
         Several looks are taken where `place` has the line, of these and its rivals; where asked for `closely`, always.
         """
-        line, heard = best.line, dict(best.belief.heard)
-        pictures = self._pictures(view, line)
-        if pictures:
-            heard["print"] = generic.steps_of(pictures[:1], chars=self.chars)
+        line = best.line
+        heard, pictures = self._first_looks(view, best)
         weights = weights_of(view.kind).among(self.experts & heard.keys())
         belief = believed(heard, grammar, weights=weights)
         if belief is None or closely or not agreed(belief):
@@ -322,7 +336,8 @@ def _of_view(number: int, looks: Sequence[Steps]) -> list[Steps]:
     return [replace(one, view=number) for one in looks]
 
 
-def _apart(one: ReadLine, other: ReadLine) -> bool:
+def apart(one: ReadLine, other: ReadLine) -> bool:
+    """Whether two lines are different ink."""
     return not overlap(one.line, other.line) and not overlap(other.line, one.line)
 
 
@@ -333,7 +348,7 @@ def _is_text(one: ReadLine) -> bool:
     return lattice.n_places >= OTHER_PLACES and float(best.mean()) > OTHER_BELIEF
 
 
-def _says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
+def says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
     """Whether the most promising line says so much of what its places may say."""
     if not seen:
         return False

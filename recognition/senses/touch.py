@@ -142,12 +142,22 @@ class TactileReader:
         relief: Relief | None = None,
         timer: StepTimer | None = None,
         flags: ReadingFlag = ReadingFlag.NONE,
+        about: TextLine | None = None,
     ) -> Reading:
-        """Read an edge map of the given touch. Without a relief the reading has no depths."""
+        """Read an edge map of the given touch.
+
+        Args:
+            edges: as felt.
+            touch: how.
+            relief: heights and slopes; without them the reading has no depths.
+            timer: charged with the steps.
+            flags: known beforehand.
+            about: where the line lies, if that is known: no other is looked for.
+        """
         timer = timer if timer is not None else StepTimer()
         shapes = _Shapes(self, edges, touch, relief)
         with timer.step("read"):
-            part = self.lines.read(felt_view(edges, relief), judge=shapes)
+            part = self.lines.read(felt_view(edges, relief), about=about, judge=shapes)
             if shapes.felt_line is not None:
                 part = felt_others(part, shapes.felt_line)
         reading = self._answer(part, flags)

@@ -16,6 +16,8 @@ from glyphs import EdgeMap, TraceDirection
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import HeightMap
 from recognition import (
+    ActiveReading,
+    ActiveSettings,
     Box,
     Candidate,
     CharacterReading,
@@ -29,6 +31,7 @@ from recognition import (
     Reading,
     ReadingFlag,
     ReadingTrace,
+    StopReason,
     TextLine,
     Verification,
 )
@@ -106,6 +109,8 @@ def values() -> list[object]:
         TextLine.straight(4.0, 5.0, length_mm=7.0, height_mm=5.0, turned_deg=1.5),
         heights_view(HeightMap(np.zeros((40, 80), np.float32), 0.1)),
         Box(0.1234567891234, 0.0, 1.0, 1.0),
+        ActiveReading(read, (), StopReason.BUDGET),
+        ActiveSettings(),
     ]
 
 

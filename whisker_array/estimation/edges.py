@@ -15,7 +15,8 @@ from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
 from whisker_array.estimation.land import land_coefficients, over_land, whisker_gain, without_drift
 from whisker_array.estimation.registration import registration_mm
-from whisker_array.scan.scan import Scan, Sweep, only
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.scan import Scan, only
 from whisker_array.scan.sensor import apply_calibration
 from whisker_array.simulation.traces import SampleFlag
 
@@ -109,7 +110,13 @@ def in_order(
     return np.asarray(lines)
 
 
-def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeMap:
+def edge_map(
+    scan: Scan,
+    *,
+    register: bool = True,
+    ideal: bool = False,
+    within_mm: tuple[float, float, float, float] | None = None,
+) -> EdgeMap:
     """The signed enhancement of a scan on a grid of its line pitch, one layer per trace direction.
 
     Of a mixed array the first kind of whisker is taken; sweeps pushed back are left aside.
@@ -118,13 +125,14 @@ def edge_map(scan: Scan, *, register: bool = True, ideal: bool = False) -> EdgeM
         scan: raw or calibrated.
         register: take off play between back-and-forth and crossed passes where the maps show it.
         ideal: the land's moment is the nominal one of the touch, as in a prediction; nothing is estimated.
+        within_mm: (x0, y0, x1, y1) that is wanted of it, plate frame; the land is looked for in all that was felt.
 
     Raises:
-        MapError: a sweep without usable samples or without land.
+        MapError: a sweep without usable samples or without land; nothing was felt within.
     """
     scan = only(scan)
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]
-    grid = common_grid(swept, scan.line_pitch_mm)
+    grid = common_grid(swept, scan.line_pitch_mm, within_mm=within_mm)
     layers, valid = on_grid(swept, grid)
     if register and not ideal and len(swept) > 1:
         shift = registration_mm(layers, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm)

@@ -16,7 +16,8 @@ from glyphs.surface.maps import MapError
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
 from whisker_array.estimation.estimate import friction_from_shapes, friction_from_two_ways, is_profiler
 from whisker_array.estimation.land import plate_land
-from whisker_array.scan.scan import Scan, Sweep
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.scan import Scan
 
 LAND_BAND = 0.03
 """Samples within this share of the land's moment are land: marks are 10 % and more."""

@@ -62,11 +62,21 @@ class PlateGrid:
         return float(self.x_mm[0]), float(self.y_mm[0])
 
 
-def common_grid(swept: Sequence[SweptLines], pitch_mm: float) -> PlateGrid:
+def common_grid(
+    swept: Sequence[SweptLines],
+    pitch_mm: float,
+    *,
+    within_mm: tuple[float, float, float, float] | None = None,
+) -> PlateGrid:
     """The grid over all sweeps.
 
+    Args:
+        swept: the sweeps.
+        pitch_mm: of the grid.
+        within_mm: (x0, y0, x1, y1) beyond which nothing is asked for.
+
     Raises:
-        MapError: they do not overlap.
+        MapError: they do not overlap, there.
     """
     spans_x, spans_y = [], []
     for each in swept:
@@ -75,6 +85,10 @@ def common_grid(swept: Sequence[SweptLines], pitch_mm: float) -> PlateGrid:
         spans_y.append((spans[1].min(), spans[1].max()))
     x0, x1 = max(s[0] for s in spans_x), min(s[1] for s in spans_x)
     y0, y1 = max(s[0] for s in spans_y), min(s[1] for s in spans_y)
+    if within_mm is not None:
+        x0, y0, x1, y1 = (
+            max(x0, within_mm[0]), max(y0, within_mm[1]), min(x1, within_mm[2]), min(y1, within_mm[3])
+        )  # fmt: skip
     if x1 - x0 < pitch_mm or y1 - y0 < pitch_mm:
         raise MapError("the sweeps of the scan do not overlap on the plate")
     return PlateGrid(

@@ -25,7 +25,8 @@ from whisker_array.estimation.estimate import is_profiler, lean_from_moment, mom
 from whisker_array.estimation.friction import USABLE_SD, LandFriction, land_friction
 from whisker_array.estimation.gridding import PlateGrid, SweptLines, common_grid, on_grid
 from whisker_array.estimation.relief import STEEPEST, Relief, Route, mean_of_known, relief_from_edges, settled
-from whisker_array.scan.scan import Scan, Sweep, only
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.scan import Scan, only
 from whisker_array.simulation.contact import land_lag_mm
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.touch import Touch

@@ -1,4 +1,4 @@
-"""Averaging by a triangle one pixel (or one step, if larger) wide to each side.
+"""Averaging by a triangle one pixel wide to each side, or as wide as the next sample is away, if that is further.
 
 weight  1 |        .                 samples  x x x x x x x x x
           |      .' '.               pixels     |   |   |   |
@@ -13,22 +13,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+BRIDGED = 2.1
+"""Gaps between samples that are joined, usual steps: passes laid between passes leave some twice as wide as others."""
+
 
 def averaging(position: NDArray[Any], pixel: NDArray[Any], pitch: float) -> Any:
-    """Sparse (pixels, samples) weights of samples for pixels; a triangle reaches one pitch, or one step if larger."""
+    """Sparse (pixels, samples) weights of samples for pixels.
+
+    A triangle reaches one pitch to either side, or to the neighbouring sample if that is further away: so samples of
+    uneven distance are joined by straight lines. A gap of more than `BRIDGED` usual steps stays open.
+    """
     from scipy import sparse
 
     position, pixel = np.asarray(position, np.float64), np.asarray(pixel, np.float64)
     order = np.argsort(position, kind="stable")
     ordered = position[order]
-    steps = np.sort(np.diff(ordered))
+    gaps = np.diff(ordered)
+    steps = np.sort(gaps)
     step = float(0.5 * (steps[(steps.size - 1) // 2] + steps[steps.size // 2])) if steps.size else pitch
-    reach = max(pitch, step) * (1.0 + 1e-6)
-    begin, end = np.searchsorted(ordered, pixel - reach), np.searchsorted(ordered, pixel + reach)
-    count = end - begin
+    # to the neighbour on either side; at the ends, and into a gap that stays open, as far as usual
+    closed = np.where(gaps > BRIDGED * step, step, gaps)
+    apart = np.maximum(np.r_[step, closed, step], pitch) * (1.0 + 1e-6)
+    begin = np.searchsorted(ordered + apart[1:], pixel)
+    end = np.searchsorted(ordered - apart[:-1], pixel)
+    count = np.maximum(end - begin, 0)
     first = np.concatenate([[0], np.cumsum(count)])
     near = np.arange(first[-1]) + np.repeat(begin - first[:-1], count)
-    weight = np.clip(1.0 - np.abs(np.repeat(pixel, count) - ordered[near]) / reach, 0.0, None)
+    off = np.repeat(pixel, count) - ordered[near]
+    weight = np.clip(1.0 - np.abs(off) / np.where(off > 0.0, apart[near + 1], apart[near]), 0.0, None)
     return sparse.csr_array((weight, order[near], first), shape=(pixel.size, position.size))
 
 

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from glyphs.errors import MarksError
 from glyphs.surface.maps import TraceDirection
 from whisker_array.scan.checked import SEE_LAYOUT, CheckedFile, text_attribute
-from whisker_array.scan.scan import Scan, Sweep
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import Calibration, apply_calibration
 from whisker_array.simulation.traces import SampleFlag
-from whisker_array.whisker.array import SweepPlan
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
+from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
 from whisker_array.whisker.touch import Touch

@@ -46,7 +46,7 @@ from whisker_array.scan.checked import text_attribute
 from whisker_array.scan.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import Calibration
-from whisker_array.whisker.array import SweepPlan
+from whisker_array.whisker.passes import SweepPlan
 
 __all__ = ["FileError", "load_scan", "save_calibration", "save_scan"]
 

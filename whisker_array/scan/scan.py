@@ -10,47 +10,13 @@ from numpy.typing import NDArray
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
-from whisker_array.scan.sensor import Calibration, SensorChain, measure
-from whisker_array.simulation.regrid import fit_pitch, fit_soil, pad_soil
-from whisker_array.simulation.surface import (
-    Friction,
-    TouchSurface,
-    check_friction,
-    check_soil,
-    prepare_surface,
-)
-from whisker_array.simulation.traces import Fidelity, SampleFlag
-from whisker_array.simulation.tracing import trace_sweep
-from whisker_array.whisker.array import RasterPlan, SweepPlan
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.mounted import mounted
+from whisker_array.scan.sensor import Calibration, SensorChain
+from whisker_array.simulation.surface import Friction
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import RasterPlan
 from whisker_array.whisker.touch import Touch
-
-
-@dataclass(frozen=True, eq=False)
-class Sweep:
-    """The raw moments of all passes in one direction.
-
-    Attributes:
-        plan: where the passes ran.
-        moment_n_mm: (passes, whiskers, samples) float32, raw: sensor gain, offset and drift still in it.
-        flags: same shape, uint8 of SampleFlag.
-        air_n_mm: (passes, whiskers, air samples) float32, moments with the array lifted before each pass.
-    """
-
-    plan: SweepPlan
-    moment_n_mm: NDArray[np.float32]
-    flags: NDArray[np.uint8]
-    air_n_mm: NDArray[np.float32]
-
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        shape = (*self.plan.line_mm.shape, self.plan.n_samples)
-        if self.moment_n_mm.shape != shape or self.flags.shape != shape:
-            raise MapError(
-                f"moments {self.moment_n_mm.shape} and flags {self.flags.shape} do not fit the plan {shape}"
-            )
-        if self.air_n_mm.shape[:2] != shape[:2]:
-            raise MapError(f"air samples {self.air_n_mm.shape} do not fit the plan {shape}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,52 +148,28 @@ def trace_scan(
         )
     if friction is None:
         friction = touch.friction if soil is None else soil.friction
-    mu = check_friction(friction, height_map.shape)
-    # pad so that lead-in and outermost lines stand on replicated rim, then make the grid as fine as the steps
-    pad = int(np.ceil((plan.lead_mm + 2.0 * plan.line_pitch_mm) / height_map.pitch_mm)) + 1
-    padded = HeightMap(np.pad(height_map.z_mm, pad, mode="edge"), height_map.pitch_mm)
-    if isinstance(mu, np.ndarray):
-        mu = np.pad(mu, pad, mode="edge")
-    fitted, mu = fit_pitch(padded, mu, target_mm=plan.sample_pitch_mm)
-    if soil is not None:
-        check_soil(soil, height_map.shape)
-        soil = fit_soil(pad_soil(soil, pad), padded, fitted, target_mm=plan.sample_pitch_mm)
-    origin = -pad * height_map.pitch_mm
-    size = height_map.size_mm
     touches = (touch, *others)
-    surfaces: dict[float, TouchSurface] = {}
-    for each in touches:
-        if each.tip_radius_mm not in surfaces:
-            surfaces[each.tip_radius_mm] = prepare_surface(
-                fitted, tip_radius_mm=each.tip_radius_mm, friction=mu, soil=soil
-            )
+    part = mounted(
+        height_map,
+        touches=touches,
+        sample_pitch_mm=plan.sample_pitch_mm,
+        beyond_mm=plan.lead_mm + 2.0 * plan.line_pitch_mm,
+        friction=friction,
+        soil=soil,
+    )
     n = plan.array.n_whiskers
-    sweeps = []
-    for sweep in plan.sweeps():
-        rows = []
-        for i, each in enumerate(touches):
-            own = replace(sweep, line_mm=sweep.line_mm[:, i * n : (i + 1) * n])
-            surface = surfaces[each.tip_radius_mm]
-            traces = trace_sweep(surface, own, touch=each, fidelity=fidelity, origin_mm=origin, size_mm=size)
-            shape = (*own.line_mm.shape, own.n_samples)
-            moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
-            air = np.zeros((*shape[:2], plan.air_samples), dtype=np.float32)
-            if sensor is not None and rng is not None:
-                # row by row: they come to a place one after the other, so the base does not shake them alike
-                whiskers = range(i * n, (i + 1) * n) if others else range(sensor.n_whiskers)
-                raw, saturated = measure(
-                    np.concatenate([air, moment], axis=2),
-                    chain=sensor.of(whiskers),
-                    sample_rate_hz=plan.sample_rate_hz,
-                    rng=rng,
-                )
-                air, moment = raw[..., : plan.air_samples], raw[..., plan.air_samples :]
-                flags = flags | np.where(
-                    saturated[..., plan.air_samples :], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0)
-                )
-            rows.append((moment, flags, air))
-        moment, flags, air = (np.concatenate(parts, axis=1) for parts in zip(*rows, strict=True))
-        sweeps.append(Sweep(plan=sweep, moment_n_mm=moment, flags=flags, air_n_mm=air))
+    sweeps = [
+        part.feel(
+            sweep,
+            touches=touches,
+            fidelity=fidelity,
+            air_samples=plan.air_samples,
+            sample_rate_hz=plan.sample_rate_hz,
+            sensor=sensor,
+            rng=rng,
+        )
+        for sweep in plan.sweeps()
+    ]
     return Scan(
         sweeps=tuple(sweeps),
         touch=touch,

@@ -9,14 +9,14 @@ import numpy as np
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.soft import sunken_heights
-from whisker_array.simulation.surface import TouchSurface, orient, sample_lines
+from whisker_array.simulation.surface import TouchSurface, sample_lines
 from whisker_array.simulation.traces import Fidelity, SampleFlag, Traces
-from whisker_array.whisker.array import SweepPlan
+from whisker_array.whisker.passes import SweepPlan
 from whisker_array.whisker.touch import Touch
 
 
 def trace_sweep(
-    surface: TouchSurface,
+    oriented: TouchSurface,
     sweep: SweepPlan,
     *,
     touch: Touch,
@@ -24,12 +24,12 @@ def trace_sweep(
     origin_mm: float,
     size_mm: tuple[float, float],
 ) -> Traces:
-    """Trace one sweep over a padded surface.
+    """Trace one sweep over a padded surface that lies the way of its traces.
 
     Lead-in and lead-out may run on the replicated rim; any other sample beyond the part is OUTSIDE.
 
     Args:
-        surface: in the plate frame.
+        oriented: in the trace frame of the sweep's direction (`orient`).
         sweep: where the whiskers run.
         touch: of these whiskers.
         fidelity: pointwise formula or frictional contact.
@@ -39,8 +39,7 @@ def trace_sweep(
     Returns:
         (passes * whiskers, samples), passes first.
     """
-    oriented = orient(surface, sweep.direction)
-    length = (oriented.shape[1] - 1) * surface.pitch_mm
+    length = (oriented.shape[1] - 1) * oriented.pitch_mm
     start = sweep.start_mm - origin_mm
     if sweep.direction.backward:
         start = length - start

@@ -15,13 +15,14 @@ used too: the array is then *pushed back* over the line it was dragged along.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import TraceDirection
+from whisker_array.whisker.passes import Pass, SweepPlan
 from whisker_array.whisker.sections import WhiskerError
 
 ALL_DIRECTIONS = (
@@ -62,38 +63,6 @@ class WhiskerArray:
             raise WhiskerError(f"rows is {self.rows}", hint="an array has at least one row of whiskers")
         if not (self.pitch_mm > 0.0 and math.isfinite(self.pitch_mm)):
             raise WhiskerError(f"whisker pitch_mm is {self.pitch_mm}", hint="it must be positive")
-
-
-@dataclass(frozen=True, eq=False)
-class SweepPlan:
-    """All passes in one trace direction.
-
-    Attributes:
-        direction: the way the whiskers are dragged.
-        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); of
-            several rows the whiskers of the first come first.
-        start_mm: plate coordinate along the trace of the first sample that touches.
-        step_mm: distance of samples, mm, positive; positions decrease from start_mm when the direction is
-            backward.
-        n_samples: samples that touch, lead-in and lead-out included.
-        n_lead: of these, how many run in on land before the region, and as many out behind it.
-        pushed: the base follows the tip, as when a dragged array returns; otherwise it is ahead.
-    """
-
-    direction: TraceDirection
-    line_mm: NDArray[np.float64]
-    start_mm: float
-    step_mm: float
-    n_samples: int
-    n_lead: int
-    pushed: bool = False
-
-    __repr__ = one_line
-
-    def position_mm(self) -> NDArray[np.float64]:
-        """(samples,) plate coordinate along the trace of each touching sample."""
-        sign = -1.0 if self.direction.backward else 1.0
-        return self.start_mm + sign * self.step_mm * np.arange(self.n_samples, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -180,18 +149,36 @@ class RasterPlan:
         index = block * per_block + whisker * self.interlace + shift
         line_mm = across0 + self.line_pitch_mm * index.reshape(-1, self.array.n_whiskers).astype(np.float64)
         line_mm = np.tile(line_mm, (1, self.array.rows))
-        n_lead = round(self.lead_mm / self.sample_pitch_mm)
-        n_core = math.floor((along1 - along0) / self.sample_pitch_mm + 1e-6) + 1
-        lead = n_lead * self.sample_pitch_mm
-        start = along0 + (n_core - 1) * self.sample_pitch_mm + lead if direction.backward else along0 - lead
-        return SweepPlan(
+        first = self._pass(direction, line_mm[0], (along0, along1), pushed=pushed)
+        return replace(first.sweep_plan(), line_mm=line_mm)
+
+    def _pass(
+        self,
+        direction: TraceDirection,
+        line_mm: Iterable[float],
+        along_mm: tuple[float, float],
+        *,
+        pushed: bool,
+    ) -> Pass:
+        return Pass(
             direction=direction,
-            line_mm=line_mm,
-            start_mm=start,
-            step_mm=self.sample_pitch_mm,
-            n_samples=n_core + 2 * n_lead,
-            n_lead=n_lead,
+            line_mm=tuple(float(v) for v in line_mm),
+            along_mm=along_mm,
+            sample_pitch_mm=self.sample_pitch_mm,
+            speed_mm_s=self.speed_mm_s,
+            lead_mm=self.lead_mm,
+            air_samples=self.air_samples,
+            turnaround_s=self.turnaround_s,
             pushed=pushed,
+        )
+
+    def passes(self) -> tuple[Pass, ...]:
+        """The travels of the array, one by one, in the order they are run."""
+        x0, y0, x1, y1 = self.region_mm
+        return tuple(
+            self._pass(s.direction, lines, (x0, x1) if s.direction.along_x else (y0, y1), pushed=s.pushed)
+            for s in self.sweeps()
+            for lines in s.line_mm
         )
 
     @property
@@ -206,11 +193,8 @@ class RasterPlan:
 
     @property
     def scan_time_s(self) -> float:
-        """Time of the whole scan: all passes at tracing speed, and a turnaround after each."""
-        return math.fsum(
-            s.line_mm.shape[0] * ((s.n_samples + self.air_samples) / self.sample_rate_hz + self.turnaround_s)
-            for s in self.sweeps()
-        )
+        """Time of the whole scan: what each of its passes costs."""
+        return math.fsum(p.stage_s for p in self.passes())
 
     def describe(self) -> str:
         """One line for a person."""

@@ -61,6 +61,7 @@ def benchmark(
     experts_apart: Annotated[bool, Parameter(negative="")] = False,
     peers: Annotated[bool, Parameter(negative="")] = False,
     perturb: Annotated[bool, Parameter(negative="")] = False,
+    active: Annotated[bool, Parameter(negative="")] = False,
     reader: Annotated[list[str] | None, Parameter(negative="")] = None,
     height_mm: float | None = None,
     depth_mm: float | None = None,
@@ -117,6 +118,9 @@ def benchmark(
         Read every part again under changes that should not matter: traced lines half a pitch beside, sensor noise, 6 %
         light, 1 % scale, another order of the passes. Fail (status 1) if an accepted serial becomes another accepted
         one. Takes about five times as long.
+    active
+        Show what a serial costs in stage seconds instead: touch that chooses its passes against uniform and random
+        plans of several lengths, read by touch alone. Writes active.html and active.csv.
     reader
         A reader of your own, module:function, that takes a pipeline.ExamPart and gives its text.
     height_mm
@@ -203,6 +207,10 @@ def benchmark(
                     given=tuple(give or ("format",)),
                 )
             )
+        if active:
+            from pipeline.cli.benchmarking.active import compare_plans
+
+            return compare_plans(source, out=out, seed=1 if seed is None else seed, jobs=jobs)
         named = listed(mode) + tuple(reader or ())
         added = (*(experts_in(named) if experts_apart else ()), *(PEERS if peers else ()))
         chosen = named + tuple(mode for mode in added if mode not in named)

@@ -13,8 +13,9 @@ from pipeline.common.records import ScanPlanRecord
 from pipeline.files.npz import write_npz
 from pipeline.files.touch_file import read_scan
 from pipeline.reading.scan_plan import raster_of
-from pipeline.service.stage import FolderCamera, NoCamera, NoStage, ScanOrder, SimulatedStage, StageError
+from pipeline.service.stage import FolderCamera, NoCamera, NoStage, ScanOrder, SimulatedStage
 from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.stage_error import StageError
 
 PLAN = ScanPlanRecord(
     region_mm=(2.0, 1.0, 14.0, 9.0),

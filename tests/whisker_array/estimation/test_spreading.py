@@ -7,16 +7,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from whisker_array.estimation.spreading import averaging, spread
+from whisker_array.estimation.spreading import BRIDGED, averaging, spread
 
 Lines = NDArray[np.float64]
 
 
 def full(position: Lines, pixel: Lines, pitch: float) -> Lines:
-    """(pixels, samples) weights of a triangle one pitch, or one step if larger, to each side."""
+    """(pixels, samples) weights, sample by sample: a triangle to the neighbours, one pitch to each side at least."""
     step = float(np.median(np.diff(np.sort(position))))
-    reach = max(pitch, step) * (1.0 + 1e-6)
-    return np.clip(1.0 - np.abs(pixel[:, None] - position[None, :]) / reach, 0.0, None)
+    weights = np.zeros((pixel.size, position.size))
+    for i, x in enumerate(position):
+        below, above = position[position < x], position[position > x]
+        for j, p in enumerate(pixel):
+            beside = above if p > x else below
+            apart = abs(beside - x).min() if beside.size else step
+            reach = max(pitch, apart if apart <= BRIDGED * step else step) * (1.0 + 1e-6)
+            weights[j, i] = max(0.0, 1.0 - abs(p - x) / reach)
+    return weights
 
 
 @settings(max_examples=30, deadline=None)
@@ -51,3 +58,22 @@ def test_the_sparse_weights_are_the_full_ones() -> None:
 def test_one_sample_alone_is_reached_within_a_pitch() -> None:
     weights = averaging(np.array([1.0]), np.array([0.4, 0.5, 1.0, 1.9]), 0.5)
     np.testing.assert_array_equal(np.diff(weights.indptr), [0, 1, 1, 0])
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), fine=st.booleans())
+def test_lines_of_uneven_distance_are_joined_by_straight_lines(seed: int, fine: bool) -> None:
+    rng = np.random.default_rng(seed)
+    # no gap is wider than twice another, as where passes were laid between passes
+    position = np.cumsum(rng.uniform(1.0, 2.0, 30))
+    pixel = np.linspace(position[0], position[-1], 301 if fine else 200)
+    weights = averaging(position, pixel, 0.05)
+    slanted = (weights @ (3.0 * position - 1.0)) / weights.sum(axis=1)
+    # reaches are a millionth longer than the gaps, which run to 2
+    np.testing.assert_allclose(slanted, 3.0 * pixel - 1.0, atol=3e-5)
+
+
+def test_a_gap_of_many_steps_stays_open() -> None:
+    position = np.array([0.0, 1.0, 2.0, 3.0, 7.0, 8.0, 9.0])
+    weights = averaging(position, np.array([1.5, 5.0 + 0.2, 7.5]), 0.1).sum(axis=1)
+    assert (weights > 0.0).tolist() == [True, False, True]

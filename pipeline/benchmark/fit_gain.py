@@ -1,0 +1,130 @@
+"""What steps of touch bring, fitted on parts of a design that are felt by steps drawn at random::
+
+    python -m pipeline.benchmark.fit_gain --design marks-exam-1-240 --seed 7 --budget-s 40 --write
+
+Of the design only sections and soils that are not kept out are made, with a seed of their own, so that no part of an
+exam is among them. Every other part is held out of a first fit, which tells how well the chances hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from datetime import date
+from typing import TYPE_CHECKING, Any
+
+from glyphs.errors import MarksError
+from recognition.active.fit_gain import Tried, fit_gain, loss_nats
+from recognition.active.gain import FITTED, LOOKS_AHEAD, Gain
+from recognition.active.moves import Way
+
+if TYPE_CHECKING:
+    from recognition.active.active_reading import ActiveReading
+
+
+def tried_on(design_name: str, *, seed: int, budget_s: float, most: int | None = None) -> Iterator[Tried]:
+    """What came of every step on the parts of a design.
+
+    Raises:
+        MarksError: no such design.
+    """
+    from pipeline.benchmark.exam.designed_parts import DesignedParts
+    from pipeline.benchmark.exam.editions import design_named
+    from pipeline.reading.simulated_scan import open_session
+    from recognition.active.active_reader import ActiveReader, ActiveSettings
+    from recognition.active.policy import Drawn
+    from recognition.reader import Reader
+
+    design = design_named(design_name)
+    parts = DesignedParts(design.model_copy(update={"seed": seed}))
+    kept_out = {section.name for section in design.sections if section.kept_out}
+    items = [
+        item
+        for item in parts.items()
+        if item.condition.get("soil") not in design.kept_out_soils
+        and not any(name and item.part.startswith(f"{name}-") for name in kept_out)
+    ]
+    readers: dict[str, Any] = {}
+    for item in items[:most]:
+        made = parts.make(item)
+        if made.height_mm is None:
+            continue
+        mask = item.condition.format
+        reader = readers.setdefault(mask, Reader(format=mask)).touch
+        policy = Drawn(seed * 1000 + item.number)
+        active = ActiveReader(reader, ActiveSettings(budget_s=budget_s, policy=policy))
+        try:
+            session = open_session(
+                made.height_map, height_mm=made.height_mm, soil=made.soil, part_id=item.part
+            )
+            found = active.read(session)
+        except MarksError:
+            continue
+        yield from steps_of(found, item.part)
+
+
+def steps_of(found: ActiveReading, part: str) -> Iterator[Tried]:
+    """Every step of a reading but the first, and whether the serial was sure soon after it."""
+    lines: dict[Way, int] = {}
+    confidences: list[float] = []
+    looks = len(found.steps)
+    for k, (way, upto, confidence) in enumerate(found.steps):
+        if k:
+            sure = found.sure_at_look and looks - k <= LOOKS_AHEAD
+            # near the end of a budget nobody knows what the next looks would have said
+            if sure or looks - k >= LOOKS_AHEAD:
+                yield Tried(way, dict(lines), tuple(confidences), sure, part)
+        lines[way] = upto
+        confidences.append(confidence)
+
+
+def as_json(gain: Gain) -> dict[str, object]:
+    """The numbers, rounded as they are kept."""
+    ways = {way.value: {k: round(v, 3) for k, v in asdict(own).items()} for way, own in gain.ways.items()}
+    return {
+        "ways": ways,
+        "sure": round(gain.sure, 3),
+        "surer": round(gain.surer, 3),
+        "looks": round(gain.looks, 3),
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Fit, say what was found, and with --write keep it."""
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("--design", default="marks-exam-1-240")
+    asked.add_argument("--seed", type=int, default=7)
+    asked.add_argument("--parts", type=int, default=None)
+    asked.add_argument("--budget-s", type=float, default=40.0)
+    asked.add_argument("--write", action="store_true", help=f"replace {FITTED.name}")
+    given = asked.parse_args(arguments)
+    tried = list(tried_on(given.design, seed=given.seed, budget_s=given.budget_s, most=given.parts))
+    names = sorted({one.part for one in tried})
+    half = set(names[::2])
+    others, own = ([one for one in tried if (one.part in half) == side] for side in (True, False))
+    gain = fit_gain(tried)
+    print(f"{len(tried)} steps on {len(names)} parts, {sum(one.sure for one in tried)} of them soon sure")
+    print(
+        f"loss {loss_nats(gain, tried):.3f} nats a step; {loss_nats(fit_gain(others), own):.3f} on the other half"
+    )
+    print(json.dumps(as_json(gain), indent=1))
+    if given.write:
+        command = f"--design {given.design} --seed {given.seed} --budget-s {given.budget_s:g}"
+        manifest = {
+            "what": "chances that a step of touch makes the serial sure (recognition/active/gain.py)",
+            "command": f"python -m pipeline.benchmark.fit_gain {command} --write",
+            "made": date.today().isoformat(),
+            "fonts": ["of the design, those of sections that are not kept out"],
+            "soils": ["of the design, those that are not kept out"],
+            "editions": {},
+            "parts": len(names),
+            "steps": len(tried),
+            "gain": as_json(gain),
+        }
+        FITTED.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""A height map on the simulated stage, felt pass by pass until its serial is sure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from recognition.active.active_reader import ActiveReader, ActiveSettings
+from recognition.active.active_reading import ActiveReading
+from recognition.belief.line_reader import MOST_SCANS
+from recognition.decision.accept import serial_is_sure
+from recognition.views.levelling import level
+from recognition.views.view import heights_view
+from whisker_array.simulation.traces import Fidelity
+
+if TYPE_CHECKING:
+    from glyphs.soiling.soil import Soil
+    from glyphs.surface.maps import HeightMap
+    from recognition.decision.reading import Reading
+    from recognition.senses.touch import TactileReader
+
+
+def read_actively(
+    reader: TactileReader,
+    surface: HeightMap,
+    *,
+    budget_s: float,
+    soil: Soil | None = None,
+    part_id: str = "",
+) -> Reading:
+    """Read a height map by passes that are chosen one after the other; a note says what they cost.
+
+    The whiskers are those for the character height that is known, or that the map shows; where nothing is sure with
+    them, and the budget is not spent, those for the next height are tried.
+
+    Args:
+        reader: by touch.
+        surface: the part.
+        budget_s: most stage seconds.
+        soil: dirt on it, if known.
+        part_id: what the part is called.
+
+    Raises:
+        MapError: a map that cannot be felt, or soil on another grid.
+    """
+    from pipeline.reading.simulated_scan import open_session
+
+    levelled, found, spent_s = level(surface), None, 0.0
+    for height_mm in reader.lines.heights_mm(heights_view(levelled))[:MOST_SCANS]:
+        if spent_s >= budget_s:
+            break
+        session = open_session(
+            surface,
+            height_mm=height_mm,
+            fidelity=Fidelity(reader.settings.fidelity),
+            noise=False,
+            part_id=part_id,
+            soil=soil,
+        )
+        active = ActiveReader(reader, ActiveSettings(budget_s=budget_s - spent_s))
+        tried = active.read(session)
+        session.close()
+        spent_s += tried.stage_s
+        if found is None or tried.reading.confidence > found.reading.confidence:
+            found = tried
+        if serial_is_sure(found.reading):
+            break
+    if found is None:
+        return reader.read_height_map(surface, soil=soil, part_id=part_id)
+    note = note_of(found, spent_s)
+    return replace(found.reading, notes=(*found.reading.notes, note)).traced(height_map=levelled)
+
+
+def note_of(found: ActiveReading, stage_s: float) -> str:
+    """What a reading cost, and why no more was felt, for a row or a page."""
+    return f"felt in {len(found.passes)} passes, {stage_s:.1f} s of stage time: {found.stop.describe()}"

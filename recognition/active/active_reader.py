@@ -1,0 +1,288 @@
+"""The active reader: a step, a look, and either a stop or the next step.
+
+    session --feel--> passes so far --edge map--> view --a look--> beliefs --sure? worth more?--> stop
+                           ^-------------------- next step <----------------------'
+
+A look takes some 50 milliseconds; when it is sure, a full reading decides, as of any scan.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import EdgeMap, MapError
+from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
+from recognition.active.moves import Region, Step
+from recognition.active.policy import Greedy, Policy, Progress
+from recognition.active.watch import LineWatch, Look
+from recognition.decision.accept import decided_anew, serial_is_sure
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Decision, Reading
+from recognition.senses.touch import TactileReader
+from recognition.views.text_line import TextLine
+from recognition.views.view import felt_view, relief_of
+from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.session import Fitting, StageSession, gathered
+from whisker_array.scan.stage_error import StageError
+from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S
+
+AROUND_HEIGHTS = (0.8, 0.5)
+"""Land felt before and behind, and above and below, a line that was found; character heights."""
+AT_ONCE = 0.1
+"""Of the doubt that a reading may be accepted with, what a look may leave to be taken at its first word: looks at few
+lines may be sure of a wrong text, and seldom twice."""
+TOUCHABLE = (
+    ReadingFlag.LOW_CONFIDENCE
+    | ReadingFlag.AMBIGUOUS
+    | ReadingFlag.FORMAT_OVERRULED
+    | ReadingFlag.SEARCH_EXHAUSTED
+    | ReadingFlag.FOREIGN_SHAPES
+    | ReadingFlag.NO_CHARACTERS
+    | ReadingFlag.STROKES_MISSING
+    | ReadingFlag.STROKES_UNDECIDED
+)
+"""Doubts that more touch may settle."""
+
+
+@dataclass(frozen=True)
+class ActiveSettings:
+    """How to feel.
+
+    Attributes:
+        budget_s: most stage seconds a part.
+        policy: chooses the steps, and when no more are worth their time.
+        until_sure: stop as soon as the serial is sure; otherwise only the policy and the budget end it.
+
+    Raises:
+        ValueError: a budget that is not positive.
+    """
+
+    budget_s: float = 20.0
+    policy: Policy = field(default_factory=Greedy)
+    until_sure: bool = True
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        if not self.budget_s > 0.0:
+            raise ValueError(f"budget_s is {self.budget_s}; it must be positive")
+
+
+class ActiveReader:
+    """Reads parts that lie on a stage, pass by pass.
+
+    Example::
+
+        session = open_session(part.height_map, height_mm=5.0)
+        found = ActiveReader(Reader(format="AA999999").touch).read(session)
+        print(found.describe())
+    """
+
+    def __init__(self, reader: TactileReader, settings: ActiveSettings | None = None) -> None:
+        """Take a reader by touch; it keeps its templates between parts."""
+        self.reader = reader
+        self.settings = settings if settings is not None else ActiveSettings()
+
+    def read(
+        self, session: StageSession, *, region_mm: Region | None = None, line: TextLine | None = None
+    ) -> ActiveReading:
+        """Feel the part and read it; the session stays open.
+
+        Args:
+            session: with the part mounted.
+            region_mm: (x0, y0, x1, y1) around the line, where that is known, plate frame: nothing else is felt or read.
+            line: where the camera sees the line; the region is made around it unless given.
+        """
+        if region_mm is None and line is not None:
+            region_mm = around(line, session.fitting.field_mm)
+        return _Part(self, session, region_mm, line).read()
+
+
+@dataclass
+class _Part:
+    """One part while it is felt."""
+
+    active: ActiveReader
+    session: StageSession
+    asked_mm: Region | None
+    line: TextLine | None
+    felt: list[Sweep] = field(default_factory=list)
+    passes: list[PassFelt] = field(default_factory=list)
+    reading: Reading | None = None
+    problem: str = ""
+
+    def __post_init__(self) -> None:
+        self.fitting = self.session.fitting
+        self.region = self.asked_mm if self.asked_mm is not None else self.fitting.field_mm
+        self.watch = LineWatch(self.active.reader.lines, line=self.line)
+        self.progress = Progress(self.fitting)
+        lines = self.active.reader.lines
+        # where the line stands on the whole part, and which others do, is asked of the whole part
+        self.may_shrink = self.asked_mm is None and lines.region is None and not lines.lines
+        self.asked = 0
+        self.edges: EdgeMap | None = None
+        self.scan: Scan | None = None
+
+    def read(self) -> ActiveReading:
+        settings = self.active.settings
+        while True:
+            chosen = settings.policy.choose(
+                self.progress, self.region, left_s=settings.budget_s - self.progress.stage_s
+            )
+            if isinstance(chosen, StopReason):
+                break
+            before = len(self.passes)
+            if not self._feel(chosen):
+                chosen = StopReason.STAGE_FAILED
+                break
+            start = time.process_time()
+            look = self._look()
+            self.progress = self.progress.after(chosen, look)
+            stop = self._asked(look) if settings.until_sure else None
+            self._note(before, look, time.process_time() - start)
+            if stop is not None:
+                chosen = stop
+                break
+        sure_at_look = chosen is StopReason.SURE
+        if self.reading is None or not sure_at_look:
+            self._look()
+            self.asked += 1
+            self.reading = self._full()
+            if not self._sure(self.reading):
+                self.reading = _doubted(self.reading)
+            elif settings.until_sure and chosen is not StopReason.STAGE_FAILED:
+                chosen = StopReason.SURE
+        if not self.reading.characters and chosen is StopReason.NO_GAIN:
+            chosen = StopReason.NOTHING_FOUND
+        if chosen is StopReason.STAGE_FAILED:
+            note = f"the stage failed between passes: {self.problem}"
+            accepted = self.reading.decision is Decision.ACCEPT
+            decision = Decision.REVIEW if accepted else self.reading.decision
+            self.reading = replace(self.reading, notes=(*self.reading.notes, note), decision=decision)
+        return ActiveReading(
+            self.reading,
+            tuple(self.passes),
+            chosen,
+            steps=self.progress.taken,
+            sure_at_look=sure_at_look,
+            problem=self.problem,
+            scan=self.scan,
+        )
+
+    def _feel(self, step: Step) -> bool:
+        """Whether every pass of a step could be felt; those that were are kept."""
+        spent = self.progress.stage_s
+        for order in step.passes:
+            try:
+                self.felt.append(self.session.feel(order))
+            except StageError as error:
+                self.problem = str(error)
+                return False
+            spent += order.stage_s
+            self.passes.append(PassFelt(order, spent, why=step.way.describe()))
+        return True
+
+    def _look(self) -> Look | None:
+        if not self.felt:
+            return None
+        self.scan = scan_of(self.fitting, self.felt)
+        try:
+            self.edges = edge_map(self.scan, within_mm=self.region)
+        except MapError:
+            self.edges = None
+            return None
+        look = self.watch.look(felt_view(self.edges, relief_of(self.scan, self.edges)))
+        if look is not None and self.may_shrink and self.watch.found and not look.others:
+            self.region = around(look.read.line, self.fitting.field_mm)
+        return look
+
+    def _asked(self, look: Look | None) -> StopReason | None:
+        """What a full reading says where the look is sure enough to ask for one."""
+        settings = self.active.reader.settings
+        if look is None or look.confidence < self._least_confidence(self.asked + 1):
+            return None
+        at_once = 1.0 - AT_ONCE * (1.0 - settings.accept_confidence)
+        if self.progress.steady < 1 and look.confidence < at_once:
+            return None
+        self.asked += 1
+        self.reading = self._full()
+        if self.reading.text.replace(" ", "") != look.text:
+            return None
+        if self._sure(self.reading):
+            return StopReason.SURE
+        doubts = self.reading.flags & ~TOUCHABLE
+        return StopReason.NO_GAIN if doubts and not self.reading.flags & TOUCHABLE else None
+
+    def _least_confidence(self, asked: int) -> float:
+        """Of the reading that is asked for so many times: many askings are many chances to be wrong (Bonferroni)."""
+        return 1.0 - (1.0 - self.active.reader.settings.accept_confidence) / max(asked, 1)
+
+    def _sure(self, reading: Reading) -> bool:
+        return serial_is_sure(reading) and reading.confidence >= self._least_confidence(self.asked)
+
+    def _full(self) -> Reading:
+        if self.edges is None or self.scan is None:
+            return Reading((), Decision.REJECT, 0.0, ReadingFlag.NO_CHARACTERS)
+        relief = relief_of(self.scan, self.edges)
+        reading = self.active.reader.read_edge_map(
+            self.edges, self.scan.touch, relief=relief, about=self.line if self.line is not None else None
+        )
+        return decided_anew(reading).traced(scan=self.scan)
+
+    def _note(self, before: int, look: Look | None, thought_s: float) -> None:
+        """Write down what is believed after a step, with its last pass."""
+        last = replace(self.passes[-1], thought_s=thought_s)
+        if look is not None:
+            last = replace(
+                last,
+                text=look.text,
+                confidence=look.confidence,
+                doubt_nats=look.doubt_nats,
+                places=look.places(),
+            )
+        self.passes[-1] = last
+
+
+def _doubted(reading: Reading) -> Reading:
+    """The reading, not accepted: it was asked for too often to be taken at its word."""
+    if reading.decision is not Decision.ACCEPT:
+        return reading
+    low = Finding(ReadingFlag.LOW_CONFIDENCE, "low confidence: it was sure only after several looks in vain")
+    return decided_anew(reading.found(low))
+
+
+def around(line: TextLine, field_mm: Region) -> Region:
+    """A line and the land about it that is felt, within the field."""
+    along, across = AROUND_HEIGHTS
+    (x0, y0), (x1, y1) = line.centre_mm.min(axis=0), line.centre_mm.max(axis=0)
+    wide, high = (
+        (along, across)
+        if abs(line.turned_deg) % 180.0 < 45.0 or abs(line.turned_deg) > 135.0
+        else (across, along)
+    )
+    wide, high = wide * line.height_mm, (high + 0.5) * line.height_mm
+    return (
+        max(field_mm[0], float(x0) - wide),
+        max(field_mm[1], float(y0) - high),
+        min(field_mm[2], float(x1) + wide),
+        min(field_mm[3], float(y1) + high),
+    )
+
+
+def scan_of(fitting: Fitting, felt: Sequence[Sweep]) -> Scan:
+    """The passes felt so far as one scan."""
+    line_pitch_mm = fitting.height_mm / LINES_PER_HEIGHT
+    return Scan(
+        sweeps=gathered(felt),
+        touch=fitting.touch,
+        line_pitch_mm=line_pitch_mm,
+        sample_rate_hz=SAFE_SPEED_MM_S / line_pitch_mm,
+        calibration=fitting.calibration,
+        part_id=fitting.part_id,
+        fidelity=fitting.fidelity,
+    )

@@ -1,0 +1,82 @@
+"""What a step brings: the chance that the serial is sure within the next few looks.
+
+    chance = 1 / (1 + exp(-z)),   z = way + new + slope lines/16 + a s + b s^2 + c log2(looks)
+
+s is the logarithm of the best confidence of the last looks, from 0 (a ten-thousandth) to 1. How sure the reader has
+become tells most; how often it was looked at in vain, and how dense the lines of a way lie already, tell when nothing
+more will come. The numbers stand in `fit_gain.fit.json`; `python -m pipeline.benchmark.fit_gain` fits them on simulated
+parts that are felt by steps drawn at random.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from recognition.active.moves import MOST, Way
+
+FITTED = Path(__file__).with_name("fit_gain.fit.json")
+LOOKS_AHEAD = 3
+"""Within which a step must have made the serial sure."""
+RECENT = 3
+"""Looks of which the surest counts."""
+_LEAST = 1e-4
+
+
+@dataclass(frozen=True)
+class WayGain:
+    """Of one way: what any step brings, what the first brings more, and more or less with its lines."""
+
+    usual: float
+    new: float
+    lines: float
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What steps bring.
+
+    Attributes:
+        ways: by way.
+        sure: of s.
+        surer: of s squared.
+        looks: of the binary logarithm of the number of looks.
+    """
+
+    ways: Mapping[Way, WayGain]
+    sure: float
+    surer: float
+    looks: float
+
+    def chance(self, way: Way, lines: Mapping[Way, int], confidences: Sequence[float]) -> float:
+        """That the serial is sure within `LOOKS_AHEAD` looks if the next step goes this way.
+
+        Args:
+            way: of the next step.
+            lines: of every way so far.
+            confidences: of all looks so far, one at least.
+        """
+        own = self.ways[way]
+        has = lines.get(way, 0)
+        s = sureness(confidences)
+        z = own.usual + (own.new if not has else 0.0) + own.lines * has / MOST
+        z += self.sure * s + self.surer * s * s + self.looks * math.log2(len(confidences))
+        return 1.0 / (1.0 + math.exp(-z))
+
+
+def sureness(confidences: Sequence[float]) -> float:
+    """s of the docstring."""
+    best = max(confidences[-RECENT:])
+    return 1.0 + math.log10(max(best, _LEAST)) / 4.0
+
+
+@cache
+def fitted_gain() -> Gain:
+    """As it was fitted."""
+    told = json.loads(FITTED.read_text(encoding="utf-8"))["gain"]
+    ways = {Way(name): WayGain(**own) for name, own in told["ways"].items()}
+    return Gain(ways, told["sure"], told["surer"], told["looks"])

@@ -1,0 +1,139 @@
+"""What may be felt next: steps of one or more passes, laid between those that were felt before.
+
+Along x the comb covers more than a line's height, so a step is one travel of the array (or one for each block of a
+higher region); across, the line is longer than the comb, and a step takes a travel for each block::
+
+    ALONG, BACK:   ============   lines laid by one travel      CROSS:   | | | | | | | |   one block
+                   ------------   the next, half way between             : : : : : : : :   the next, between
+
+A direction that was not felt yet begins with `FIRST` travels, 8 lines to a character's height: fewer show no shapes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import TraceDirection
+from whisker_array.scan.session import Fitting
+from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
+from whisker_array.whisker.passes import Pass
+
+Region = tuple[float, float, float, float]
+
+FIRST, MOST = 4, 16
+"""Lines to a whisker's pitch that a direction begins with, and has at most."""
+LEAD_HEIGHTS = 0.3
+_SLACK = 0.25
+"""Of the comb's width, land at the rim of a region that need not be felt."""
+
+
+class Way(StrEnum):
+    """Directions of a step."""
+
+    ALONG = "along"
+    BACK = "back"
+    CROSS = "cross"
+
+    def describe(self) -> str:
+        """What the step is for, in words."""
+        return _WAYS[self]
+
+    @property
+    def direction(self) -> TraceDirection:
+        """The way the whiskers are dragged."""
+        return _DIRECTIONS[self]
+
+
+_WAYS = {
+    Way.ALONG: "lines along x between those felt",
+    Way.BACK: "the walls' other side",
+    Way.CROSS: "across the line",
+}
+_DIRECTIONS = {
+    Way.ALONG: TraceDirection.FORWARD_X,
+    Way.BACK: TraceDirection.BACK_X,
+    Way.CROSS: TraceDirection.FORWARD_Y,
+}
+_SHIFT = {Way.ALONG: 0.0, Way.BACK: 0.5 / 8.0, Way.CROSS: 0.0}
+"""Of a direction's lines, whisker pitches: those on the way back lie between the first eight."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """Passes that are felt before anybody looks again.
+
+    Attributes:
+        way: their direction.
+        lines: to a whisker's pitch, in this direction, once they are felt.
+        passes: in order.
+    """
+
+    way: Way
+    lines: int
+    passes: tuple[Pass, ...]
+
+    __repr__ = one_line
+
+    @property
+    def stage_s(self) -> float:
+        """What it costs."""
+        return math.fsum(p.stage_s for p in self.passes)
+
+
+def next_step(fitting: Fitting, region_mm: Region, way: Way, lines: int) -> Step | None:
+    """The next step of a way; None where no more are laid.
+
+    Args:
+        fitting: whiskers, and the field that can be felt.
+        region_mm: to be felt.
+        way: direction.
+        lines: to a whisker's pitch that this direction has already.
+    """
+    if lines >= MOST:
+        return None
+    upto = FIRST if lines == 0 else lines + 1
+    passes = [p for k in range(lines, upto) for p in _laid(fitting, region_mm, way, between(k) + _SHIFT[way])]
+    return Step(way, upto, tuple(passes))
+
+
+def between(k: int) -> float:
+    """0, 1/2, 1/4, 3/4, 1/8 ...: each as far from those before it as can be (van der Corput)."""
+    share, bit = 0.0, 0.5
+    while k:
+        share += bit * (k & 1)
+        k, bit = k >> 1, bit / 2
+    return share
+
+
+def _laid(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[Pass]:
+    """Travels that cover a region with lines a whisker's pitch apart; all regions of a field share their lines."""
+    array, height = fitting.array, fitting.height_mm
+    along_x = way.direction.along_x
+    (x0, y0, x1, y1), field = region_mm, fitting.field_mm
+    along, across = ((x0, x1), (y0, y1)) if along_x else ((y0, y1), (x0, x1))
+    origin, pitch = field[1] if along_x else field[0], array.pitch_mm
+    need = (across[1] - across[0]) / pitch
+    blocks = max(1, math.ceil(need / array.n_whiskers - _SLACK))
+    # the comb's middle over the region's, in whole pitches from the field's rim
+    first = round((0.5 * (across[0] + across[1]) - origin) / pitch - 0.5 * blocks * array.n_whiskers)
+    step_mm = height / LINES_PER_HEIGHT / SAMPLES_PER_LINE_PITCH
+    begin = (field[0] if along_x else field[1]) + step_mm * round(
+        (along[0] - (field[0] if along_x else field[1])) / step_mm
+    )
+    return [
+        Pass(
+            direction=way.direction,
+            line_mm=tuple(
+                origin + pitch * (first + block * array.n_whiskers + i + share)
+                for i in range(array.n_whiskers)
+            ),
+            along_mm=(begin, along[1]),
+            sample_pitch_mm=step_mm,
+            speed_mm_s=SAFE_SPEED_MM_S,
+            lead_mm=LEAD_HEIGHTS * height,
+        )
+        for block in range(blocks)
+    ]

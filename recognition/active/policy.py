@@ -1,0 +1,181 @@
+"""Which step comes next, and when no more is worth its stage time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+
+from glyphs.surface.display import one_line
+from recognition.active.active_reading import StopReason
+from recognition.active.gain import LOOKS_AHEAD, Gain, fitted_gain
+from recognition.active.moves import FIRST, Region, Step, Way, next_step
+from recognition.active.watch import Look
+from whisker_array.scan.session import Fitting
+
+EVEN = 0.5
+WORTH_S = 250.0
+"""Stage seconds that one more serial without a person is worth: some four minutes of a stage."""
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """What was felt and believed so far.
+
+    Attributes:
+        fitting: of the stage.
+        lines: of each way that was felt, to a whisker's pitch.
+        stage_s: spent.
+        doubts_nats: entropy after each look; NaN where there was no line.
+        text: of the last look.
+        confidence: of the last look; 0 without one.
+        confidences: of all looks.
+        steady: looks before the last one that said the same and believed it more likely than not.
+        steps: ways of the steps, in order.
+    """
+
+    fitting: Fitting
+    lines: Mapping[Way, int] = field(default_factory=lambda: MappingProxyType({}))
+    stage_s: float = 0.0
+    doubts_nats: tuple[float, ...] = ()
+    text: str = ""
+    confidence: float = 0.0
+    steady: int = 0
+    confidences: tuple[float, ...] = ()
+    steps: tuple[Way, ...] = ()
+
+    __repr__ = one_line
+
+    def after(self, step: Step, look: Look | None) -> Progress:
+        """The progress after a step and the look that followed."""
+        text = "" if look is None else look.text
+        return replace(
+            self,
+            lines=MappingProxyType({**self.lines, step.way: step.lines}),
+            stage_s=self.stage_s + step.stage_s,
+            doubts_nats=(*self.doubts_nats, float("nan") if look is None else look.doubt_nats),
+            text=text,
+            confidence=0.0 if look is None else look.confidence,
+            steady=self.steady + 1 if text and text == self.text and self.confidence > EVEN else 0,
+            confidences=(*self.confidences, 0.0 if look is None else look.confidence),
+            steps=(*self.steps, step.way),
+        )
+
+    @property
+    def taken(self) -> tuple[tuple[Way, int, float], ...]:
+        """Way of every step, its lines after it, and the confidence of the look that followed."""
+        upto: dict[Way, int] = {}
+        found = []
+        for way, confidence in zip(self.steps, self.confidences, strict=True):
+            upto[way] = upto[way] + 1 if way in upto else FIRST
+            found.append((way, upto[way], confidence))
+        return tuple(found)
+
+    def step(self, way: Way, region_mm: Region) -> Step | None:
+        """The next step of a way."""
+        return next_step(self.fitting, region_mm, way, self.lines.get(way, 0))
+
+
+class Policy(Protocol):
+    """Chooses steps."""
+
+    def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
+        """The next step, or why there is none.
+
+        Args:
+            progress: so far.
+            region_mm: where the line lies.
+            left_s: of the budget, stage seconds.
+        """
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Steps in a fixed order.
+
+    Attributes:
+        rungs: ways, and lines to a whisker's pitch that each is brought to, in order.
+    """
+
+    rungs: tuple[tuple[Way, int], ...]
+
+    def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
+        """See `Policy`."""
+        for way, upto in self.rungs:
+            if progress.lines.get(way, 0) < upto:
+                step = progress.step(way, region_mm)
+                if step is not None:
+                    return step if step.stage_s <= left_s or not progress.steps else StopReason.BUDGET
+        return StopReason.ALL_FELT
+
+
+LADDER = Ladder(
+    ((Way.ALONG, 8), (Way.BACK, 8), (Way.ALONG, 16), (Way.CROSS, 8), (Way.BACK, 16), (Way.CROSS, 16))
+)
+"""Every line along x to 16 a character's height, as many on the way back, then twice as many, and those across."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Steps drawn at random, each way as likely; the first is always along the line.
+
+    Attributes:
+        seed: of the draws; a part's steps depend on how many there were.
+    """
+
+    seed: int
+
+    def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
+        """See `Policy`."""
+        n = len(progress.steps)
+        rng = np.random.default_rng((self.seed, n))
+        ways = [Way.ALONG] if n == 0 else [list(Way)[k] for k in rng.permutation(len(Way))]
+        steps = [step for way in ways if (step := progress.step(way, region_mm)) is not None]
+        if not steps:
+            return StopReason.ALL_FELT
+        return steps[0] if steps[0].stage_s <= left_s or n == 0 else StopReason.BUDGET
+
+
+@dataclass(frozen=True)
+class Greedy:
+    """The step that brings most for its stage time, one ahead, as long as it is worth it.
+
+    What a step brings is the chance that the serial is sure within the next looks (`recognition.active.gain`).
+
+    Attributes:
+        gain: what steps bring.
+        worth_s: stage seconds that one more serial read without a person is worth.
+
+    Raises:
+        ValueError: a worth that is not positive.
+    """
+
+    gain: Gain = field(default_factory=fitted_gain)
+    worth_s: float = WORTH_S
+
+    def __post_init__(self) -> None:
+        if not self.worth_s > 0.0:
+            raise ValueError(f"worth_s is {self.worth_s}; it must be positive")
+
+    def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
+        """See `Policy`."""
+        if not progress.steps:
+            first = progress.step(Way.ALONG, region_mm)
+            return first if first is not None else StopReason.ALL_FELT
+        steps = [step for way in Way if (step := progress.step(way, region_mm)) is not None]
+        if not steps:
+            return StopReason.ALL_FELT
+        usual_s = min(step.stage_s for step in steps)
+        within = [step for step in steps if step.stage_s <= left_s]
+        if not within:
+            return StopReason.BUDGET
+
+        def value(step: Step) -> float:
+            chance = self.gain.chance(step.way, progress.lines, progress.confidences)
+            return chance / (step.stage_s + (LOOKS_AHEAD - 1) * usual_s)
+
+        best = max(within, key=value)
+        return best if value(best) * self.worth_s >= 1.0 else StopReason.NO_GAIN

@@ -1,0 +1,63 @@
+"""`read --active`, `scan --active` and `benchmark --active` from the command line."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from glyphs import stamp
+from pipeline.cli.main import main
+from pipeline.files.npz import write_npz
+from whisker_array.scan.recording import load_scan
+
+
+@pytest.fixture(scope="module")
+def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("parts") / "part.npz"
+    write_npz(path, stamp("KX407251", font="gothic", height_mm=5.0, seed=3).height_map)
+    return path
+
+
+def test_read_tells_what_the_serial_cost(
+    part: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "read.csv"
+    assert main(["read", str(part), "--format", "AA999999", "--active", "--out", str(out)]) == 0
+    (row,) = csv.DictReader(out.open(encoding="utf-8"))
+    assert (row["text"], row["decision"]) == ("KX407251", "accept")
+    assert "s of stage time: the serial is sure" in row["flags"]
+
+
+def test_scan_records_the_passes_that_were_chosen(
+    part: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "felt.h5"
+    asked = ["scan", str(part), "--out", str(out), "--height-mm", "5", "--active", "--format", "AA999999"]
+    assert main(asked) == 0
+    told = capsys.readouterr().out
+    assert "KX407251, accepted" in told
+    scan = load_scan(out)
+    passes = sum(sweep.plan.line_mm.shape[0] for sweep in scan.sweeps)
+    assert f"{passes} passes" in told
+    assert main([*asked, "--two-way"]) == 2
+
+
+def test_the_benchmark_compares_plans(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipeline.benchmark.stage_time import trial
+
+    # three of the thirteen plans: the suite need not feel a part as often
+    plans = [
+        p for p in trial.PLANS if (p.name, p.level) in {("active", 100.0), ("uniform", 4), ("random", 6.0)}
+    ]
+    monkeypatch.setattr(trial, "PLANS", tuple(plans))
+    assert main(["benchmark", "--active", "--out", str(tmp_path), "--dirt", "0", "--parts", "1"]) == 0
+    rows = list(csv.DictReader((tmp_path / "active.csv").open(encoding="utf-8")))
+    assert [row["plan"] for row in rows] == ["active", "uniform", "random"]
+    assert all(row["text"] == row["truth"] and float(row["stage_s"]) > 0.0 for row in rows)
+    page = (tmp_path / "active.html").read_text(encoding="utf-8")
+    assert "a serial is worth 100 s" in page
+    assert page.count("<img") == 1

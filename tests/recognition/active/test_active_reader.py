@@ -1,0 +1,136 @@
+"""Parts that are felt pass by pass: when it stops, what is kept, and what it costs."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from glyphs import HeightMap, stamp
+from recognition.active.active_reader import ActiveReader, ActiveSettings, around
+from recognition.active.active_reading import ActiveReading, StopReason
+from recognition.active.moves import Way
+from recognition.active.policy import Ladder
+from recognition.decision.reading import Decision
+from recognition.reader import Reader
+from recognition.senses.touch import TactileReader
+from recognition.views.levelling import level
+from recognition.views.text_line import TextLine
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.simulated_session import SimulatedSession
+from whisker_array.scan.stage_error import StageError
+from whisker_array.whisker.array import WhiskerArray, default_plan
+from whisker_array.whisker.passes import Pass
+from whisker_array.whisker.touch import default_touch
+
+HEIGHT_MM = 5.0
+TEXT = "KX407251"
+
+
+@cache
+def reader() -> TactileReader:
+    return Reader(format="AA999999").touch
+
+
+def mounted(surface: HeightMap) -> SimulatedSession:
+    return SimulatedSession(
+        level(surface),
+        touch=default_touch(HEIGHT_MM),
+        array=WhiskerArray(8, 0.5 * HEIGHT_MM),
+        height_mm=HEIGHT_MM,
+        sample_pitch_mm=HEIGHT_MM / 80.0,
+    )
+
+
+@cache
+def part() -> HeightMap:
+    return stamp(TEXT, font="gothic", height_mm=HEIGHT_MM, seed=3).height_map
+
+
+@cache
+def read() -> ActiveReading:
+    return ActiveReader(reader()).read(mounted(part()))
+
+
+def test_a_clean_part_is_sure_in_a_tenth_of_the_plans_time() -> None:
+    found = read()
+    assert (found.reading.text, found.stop) == (TEXT, StopReason.SURE)
+    assert found.reading.decision is Decision.ACCEPT
+    whole = default_plan((0.0, 0.0, *part().size_mm), character_height_mm=HEIGHT_MM)
+    assert found.stage_s < 0.1 * whole.scan_time_s
+    assert found.stage_s == pytest.approx(sum(p.order.stage_s for p in found.passes))
+    assert found.scan is not None
+    assert sum(s.plan.line_mm.shape[0] for s in found.scan.sweeps) == len(found.passes)
+
+
+def test_what_is_believed_is_told_place_by_place() -> None:
+    last = read().passes[-1]
+    assert "".join(p.char for p in last.places) == TEXT == last.text
+    x = [p.middle_mm[0] for p in last.places]
+    assert x == sorted(x)
+    assert last.confidence > 0.9 > last.doubt_nats
+
+
+def test_the_budget_ends_it() -> None:
+    found = ActiveReader(reader(), ActiveSettings(budget_s=0.5)).read(mounted(part()))
+    # the first step is always felt: nothing is known without
+    assert found.stage_s > 0.5
+    ladder = Ladder(((Way.ALONG, 16), (Way.BACK, 16)))
+    settings = ActiveSettings(budget_s=9.0, policy=ladder, until_sure=False)
+    found = ActiveReader(reader(), settings).read(mounted(part()))
+    assert found.stop is StopReason.BUDGET
+    assert found.stage_s <= 9.0
+
+
+class Failing:
+    """A session whose stage fails at a pass."""
+
+    def __init__(self, inner: SimulatedSession, at: int) -> None:
+        self.inner, self.left = inner, at
+        self.fitting = inner.fitting
+
+    def feel(self, order: Pass) -> Sweep:
+        if self.left == 0:
+            raise StageError("the drive has lost its reference", "home it")
+        self.left -= 1
+        return self.inner.feel(order)
+
+    def close(self) -> None:
+        self.inner.close()
+
+
+@pytest.mark.parametrize("at", [0, 2, 6])
+def test_what_was_felt_before_the_stage_failed_is_kept(at: int) -> None:
+    settings = ActiveSettings(policy=Ladder(((Way.ALONG, 16),)), until_sure=False)
+    found = ActiveReader(reader(), settings).read(Failing(mounted(part()), at))
+    assert found.stop is StopReason.STAGE_FAILED
+    assert len(found.passes) == at
+    assert "lost its reference" in found.problem
+    assert found.reading.decision is not Decision.ACCEPT
+    assert (found.scan is None) == (at == 0)
+    if at == 6:
+        assert found.reading.text == TEXT
+        assert any("the stage failed" in message for message in found.reading.messages())
+
+
+def test_land_is_given_up_soon() -> None:
+    rng = np.random.default_rng(1)
+    land = HeightMap((0.002 * rng.standard_normal((200, 500))).astype(np.float32), 0.1)
+    found = ActiveReader(reader()).read(mounted(land))
+    assert found.stop in (StopReason.NO_GAIN, StopReason.NOTHING_FOUND)
+    assert found.reading.decision is not Decision.ACCEPT
+    assert found.stage_s < 15.0  # nine passes of some 1.5 s
+
+
+def test_a_known_line_is_felt_and_nothing_else() -> None:
+    line = TextLine.straight(6.0, 8.0, length_mm=20.0, height_mm=HEIGHT_MM)
+    field = (0.0, 0.0, 60.0, 25.0)
+    x0, y0, x1, y1 = around(line, field)
+    assert (x0, x1) == pytest.approx((2.0, 30.0))
+    assert (y0, y1) == pytest.approx((3.0, 13.0))
+    assert around(line, (5.0, 4.0, 20.0, 12.0)) == (5.0, 4.0, 20.0, 12.0)
+    found = ActiveReader(reader()).read(mounted(part()), region_mm=(4.0, 2.0, 20.0, 12.0))
+    for one in found.passes:
+        assert one.order.along_mm[0] >= 4.0 - 0.1
+        assert one.order.along_mm[1] <= 20.0 + 0.1

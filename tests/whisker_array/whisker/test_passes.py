@@ -1,0 +1,82 @@
+"""A pass: where its samples lie, what it costs, and that a raster is a sequence of passes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glyphs.surface.maps import TraceDirection
+from whisker_array.whisker.array import RasterPlan, WhiskerArray, default_plan
+from whisker_array.whisker.passes import Pass
+from whisker_array.whisker.sections import WhiskerError
+
+ONE = Pass(
+    direction=TraceDirection.FORWARD_X,
+    line_mm=(1.0, 3.0),
+    along_mm=(2.0, 12.0),
+    sample_pitch_mm=0.05,
+    speed_mm_s=50.0,
+    lead_mm=1.0,
+    air_samples=20,
+    turnaround_s=0.25,
+)
+
+
+def test_what_a_pass_costs() -> None:
+    # 10 mm felt and 1 mm before and behind are 241 samples, 20 more in the air: 261 at 1000 a second
+    assert ONE.n_samples == 241
+    assert ONE.stage_s == pytest.approx(0.261 + 0.25)
+    assert replace(ONE, speed_mm_s=25.0).stage_s == pytest.approx(0.522 + 0.25)
+
+
+@given(
+    direction=st.sampled_from(list(TraceDirection)),
+    start=st.floats(-20.0, 20.0),
+    length=st.floats(0.1, 60.0),
+    lead=st.floats(0.0, 3.0),
+)
+@settings(deadline=None)
+def test_samples_cover_the_stretch_and_the_leads(
+    direction: TraceDirection, start: float, length: float, lead: float
+) -> None:
+    one = replace(ONE, direction=direction, along_mm=(start, start + length), lead_mm=lead)
+    place = one.sweep_plan().position_mm()
+    step, run = one.sample_pitch_mm, one.n_lead * one.sample_pitch_mm
+    assert place.min() == pytest.approx(start - run, abs=1e-9)
+    # the last sample is the last whole step within the stretch
+    assert start + length + run - step - 1e-6 <= place.max() <= start + length + run + 1e-6
+    assert (place[0] > place[-1]) == direction.backward
+
+
+@pytest.mark.parametrize("two_way", [False, True])
+@pytest.mark.parametrize("rows", [1, 2])
+def test_a_raster_is_its_passes(two_way: bool, rows: int) -> None:
+    plan = default_plan((0.0, 0.0, 30.0, 12.0), character_height_mm=5.0, two_way=two_way, rows=rows)
+    passes = plan.passes()
+    assert len(passes) == plan.n_passes
+    laid = [lines for sweep in plan.sweeps() for lines in sweep.line_mm.tolist()]
+    assert [list(p.line_mm) for p in passes] == laid
+    # the sum of all samples at the rate of the converter, and a turnaround each
+    seconds = plan.n_samples / (plan.array.n_whiskers * rows) / plan.sample_rate_hz
+    assert plan.scan_time_s == pytest.approx(seconds + plan.turnaround_s * len(passes))
+    assert math.fsum(p.stage_s for p in passes) == plan.scan_time_s
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"line_mm": ()}, {"along_mm": (3.0, 3.0)}, {"speed_mm_s": 0.0}, {"preload_mm": -1.0}, {"lead_mm": -0.1},
+     {"line_mm": (math.nan,)}],
+)  # fmt: skip
+def test_a_pass_that_cannot_be(wrong: dict[str, object]) -> None:
+    with pytest.raises(WhiskerError):
+        replace(ONE, **wrong)  # type: ignore[arg-type]
+
+
+def test_a_pass_is_told_in_one_line() -> None:
+    plan = RasterPlan(WhiskerArray(4, 1.0), (0.0, 0.0, 6.0, 4.0), line_pitch_mm=0.25, sample_pitch_mm=0.05)
+    assert "\n" not in plan.passes()[0].describe()
+    assert "preload 0.80" in replace(ONE, preload_mm=0.8).describe()

@@ -1,0 +1,40 @@
+"""The raw moments of passes in one direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import MapError
+from whisker_array.whisker.passes import SweepPlan
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """The raw moments of all passes in one direction.
+
+    Attributes:
+        plan: where the passes ran.
+        moment_n_mm: (passes, whiskers, samples) float32, raw: sensor gain, offset and drift still in it.
+        flags: same shape, uint8 of SampleFlag.
+        air_n_mm: (passes, whiskers, air samples) float32, moments with the array lifted before each pass.
+    """
+
+    plan: SweepPlan
+    moment_n_mm: NDArray[np.float32]
+    flags: NDArray[np.uint8]
+    air_n_mm: NDArray[np.float32]
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        shape = (*self.plan.line_mm.shape, self.plan.n_samples)
+        if self.moment_n_mm.shape != shape or self.flags.shape != shape:
+            raise MapError(
+                f"moments {self.moment_n_mm.shape} and flags {self.flags.shape} do not fit the plan {shape}"
+            )
+        if self.air_n_mm.shape[:2] != shape[:2]:
+            raise MapError(f"air samples {self.air_n_mm.shape} do not fit the plan {shape}")

@@ -1,0 +1,141 @@
+"""A part under the virtual array: its surface made ready once, traced by as many passes as are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import HeightMap, TraceDirection
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.sensor import SensorChain, measure
+from whisker_array.simulation.regrid import fit_pitch, fit_soil, pad_soil
+from whisker_array.simulation.surface import (
+    Friction,
+    TouchSurface,
+    check_friction,
+    check_soil,
+    orient,
+    prepare_surface,
+)
+from whisker_array.simulation.traces import Fidelity, SampleFlag
+from whisker_array.simulation.tracing import trace_sweep
+from whisker_array.whisker.passes import SweepPlan
+from whisker_array.whisker.touch import Touch
+
+
+@dataclass(frozen=True, eq=False)
+class Mounted:
+    """A part's surface as tips feel it, in the plate frame.
+
+    Attributes:
+        surfaces: by radius of the tip, mm.
+        origin_mm: plate coordinate of the padded surfaces' first sample, both axes.
+        size_mm: of the part itself, along x and y.
+    """
+
+    surfaces: dict[float, TouchSurface]
+    origin_mm: float
+    size_mm: tuple[float, float]
+    _turned: dict[tuple[float, TraceDirection], TouchSurface] = field(default_factory=dict)
+
+    __repr__ = one_line
+
+    def feel(
+        self,
+        sweep: SweepPlan,
+        *,
+        touches: Sequence[Touch],
+        fidelity: Fidelity,
+        air_samples: int,
+        sample_rate_hz: float,
+        sensor: SensorChain | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> Sweep:
+        """The raw moments of a sweep.
+
+        Args:
+            sweep: where the whiskers run; those of the first touch come first.
+            touches: one a row of whiskers.
+            fidelity: pointwise formula or frictional contact.
+            air_samples: taken before each pass.
+            sample_rate_hz: of the converter.
+            sensor: gains, noise, converter; ideal unless given.
+            rng: needed with a sensor.
+        """
+        n, rows = sweep.line_mm.shape[1] // len(touches), []
+        for i, touch in enumerate(touches):
+            own = replace(sweep, line_mm=sweep.line_mm[:, i * n : (i + 1) * n])
+            surface = self._along(touch.tip_radius_mm, sweep.direction)
+            traces = trace_sweep(
+                surface, own, touch=touch, fidelity=fidelity, origin_mm=self.origin_mm, size_mm=self.size_mm
+            )
+            shape = (*own.line_mm.shape, own.n_samples)
+            moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
+            air = np.zeros((*shape[:2], air_samples), dtype=np.float32)
+            if sensor is not None and rng is not None:
+                # row by row: they come to a place one after the other, so the base does not shake them alike
+                several = len(touches) > 1
+                chain = sensor.of(range(i * n, (i + 1) * n)) if several else sensor
+                raw, saturated = measure(
+                    np.concatenate([air, moment], axis=2), chain=chain, sample_rate_hz=sample_rate_hz, rng=rng
+                )
+                air, moment = raw[..., :air_samples], raw[..., air_samples:]
+                clipped = np.where(
+                    saturated[..., air_samples:], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0)
+                )
+                flags = flags | clipped
+            rows.append((moment, flags, air))
+        moment, flags, air = (np.concatenate(parts, axis=1) for parts in zip(*rows, strict=True))
+        return Sweep(plan=sweep, moment_n_mm=moment, flags=flags, air_n_mm=air)
+
+    def _along(self, tip_radius_mm: float, direction: TraceDirection) -> TouchSurface:
+        key = (tip_radius_mm, direction)
+        if key not in self._turned:
+            self._turned[key] = orient(self.surfaces[tip_radius_mm], direction)
+        return self._turned[key]
+
+
+def mounted(
+    height_map: HeightMap,
+    *,
+    touches: Sequence[Touch],
+    sample_pitch_mm: float,
+    beyond_mm: float,
+    friction: Friction,
+    soil: Soil | None = None,
+) -> Mounted:
+    """Make a part ready to be felt.
+
+    Args:
+        height_map: the surface; its land should lie about level at zero, as a stage would mount the part. Of a
+            soiled part it is the top of the dirt.
+        touches: that it will be felt with.
+        sample_pitch_mm: of the samples that will be taken.
+        beyond_mm: how far whiskers may run beyond the part, on its replicated rim.
+        friction: true friction of the surface, a number or a (rows, cols) map.
+        soil: dirt that yields; none unless given.
+
+    Raises:
+        MapError: a friction map or soil that does not fit.
+    """
+    mu = check_friction(friction, height_map.shape)
+    # pad so that lead-in and outermost lines stand on replicated rim, then make the grid as fine as the steps
+    pad = int(np.ceil(beyond_mm / height_map.pitch_mm)) + 1
+    padded = HeightMap(np.pad(height_map.z_mm, pad, mode="edge"), height_map.pitch_mm)
+    if isinstance(mu, np.ndarray):
+        mu = np.pad(mu, pad, mode="edge")
+    fitted, mu = fit_pitch(padded, mu, target_mm=sample_pitch_mm)
+    if soil is not None:
+        check_soil(soil, height_map.shape)
+        soil = fit_soil(pad_soil(soil, pad), padded, fitted, target_mm=sample_pitch_mm)
+    surfaces: dict[float, TouchSurface] = {}
+    for each in touches:
+        if each.tip_radius_mm not in surfaces:
+            surfaces[each.tip_radius_mm] = prepare_surface(
+                fitted, tip_radius_mm=each.tip_radius_mm, friction=mu, soil=soil
+            )
+    return Mounted(surfaces, -pad * height_map.pitch_mm, height_map.size_mm)

@@ -1,0 +1,144 @@
+"""A part on the stage, felt pass by pass: the protocol, and what the passes felt so far make together.
+
+    stage.open(part) --> session --feel(pass)--> Sweep of that pass
+                                 --feel(pass)--> Sweep ...          scan_of(sweeps) --> Scan
+                                 --close()
+
+The stage may fail between two passes: `feel` raises a `StageError`, and what was felt before it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from glyphs.surface.display import one_line
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.sensor import Calibration
+from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.passes import Pass, SweepPlan
+from whisker_array.whisker.touch import Touch
+
+Part = TypeVar("Part", contravariant=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitting:
+    """What is mounted on a stage, and what is known of it.
+
+    Attributes:
+        touch: whiskers, usual preload, tip, nominal friction.
+        array: the comb.
+        height_mm: character height that the whiskers are built for.
+        field_mm: (x0, y0, x1, y1) that can be felt, plate frame.
+        calibration: gain and offset of each whisker; None where they are not known.
+        fidelity: of the samples: "measured", or how they are simulated.
+        part_id: what the part is called.
+    """
+
+    touch: Touch
+    array: WhiskerArray
+    height_mm: float
+    field_mm: tuple[float, float, float, float]
+    calibration: Calibration | None = None
+    fidelity: str = "measured"
+    part_id: str = ""
+
+    __repr__ = one_line
+
+
+class StageSession(Protocol):
+    """One part under the whiskers, from its mounting until it is taken away."""
+
+    @property
+    def fitting(self) -> Fitting:
+        """Whiskers, field and calibration; the same for all passes."""
+
+    def feel(self, order: Pass) -> Sweep:
+        """Feel one pass.
+
+        Args:
+            order: where the whiskers run, how fast, how hard they are pressed on.
+
+        Returns:
+            The raw moments, a sweep of one pass.
+
+        Raises:
+            StageError: it could not be felt, and what to do; passes felt before stand.
+        """
+
+    def close(self) -> None:
+        """Lift the whiskers and let the part go; closing again does nothing."""
+
+
+class SessionStage(Protocol[Part]):
+    """A stage that feels pass by pass."""
+
+    def open(self, part: Part) -> StageSession:
+        """Mount a part and level it.
+
+        Raises:
+            StageError: it cannot be mounted, and what to do.
+        """
+
+
+def gathered(felt: Sequence[Sweep]) -> tuple[Sweep, ...]:
+    """Sweeps of single passes as one sweep a direction and way, in the order in which these were first felt.
+
+    Passes of one direction may have begun and ended at different places: each lies within the longest stretch, and
+    is flagged OUTSIDE where it was not run. They share their steps, and lie on one grid of them.
+
+    Args:
+        felt: in the order of the passes.
+
+    Raises:
+        ValueError: passes of one direction with other steps.
+    """
+    groups: dict[tuple[int, bool], list[Sweep]] = {}
+    for sweep in felt:
+        groups.setdefault((int(sweep.plan.direction), sweep.plan.pushed), []).append(sweep)
+    return tuple(one[0] if len(one) == 1 else _together(one) for one in groups.values())
+
+
+def _together(sweeps: Sequence[Sweep]) -> Sweep:
+    first = sweeps[0].plan
+    if any(abs(s.plan.step_mm - first.step_mm) > 1e-9 for s in sweeps):
+        raise ValueError("passes of one direction were sampled in other steps")
+    sign = -1.0 if first.direction.backward else 1.0
+    begin = [round(sign * (s.plan.start_mm - first.start_mm) / first.step_mm) for s in sweeps]
+    earliest = min(begin)
+    n = max(b + s.plan.n_samples for b, s in zip(begin, sweeps, strict=True)) - earliest
+    air = min(s.air_n_mm.shape[2] for s in sweeps)
+    moment, flags = [], []
+    for b, sweep in zip(begin, sweeps, strict=True):
+        shape = (*sweep.plan.line_mm.shape, n)
+        at = slice(b - earliest, b - earliest + sweep.plan.n_samples)
+        own_moment = np.zeros(shape, dtype=np.float32)
+        own_flags = np.full(shape, np.uint8(SampleFlag.OUTSIDE))
+        own_moment[..., at], own_flags[..., at] = sweep.moment_n_mm, sweep.flags
+        # run-in and run-out of a stretch within the line are no part of it
+        lead = sweep.plan.n_lead
+        if lead:
+            own_flags[..., at.start : at.start + lead] |= np.uint8(SampleFlag.OUTSIDE)
+            own_flags[..., at.stop - lead : at.stop] |= np.uint8(SampleFlag.OUTSIDE)
+        moment.append(own_moment)
+        flags.append(own_flags)
+    plan = SweepPlan(
+        direction=first.direction,
+        line_mm=np.concatenate([s.plan.line_mm for s in sweeps]),
+        start_mm=first.start_mm + sign * first.step_mm * earliest,
+        step_mm=first.step_mm,
+        n_samples=n,
+        n_lead=min(s.plan.n_lead for s in sweeps),
+        pushed=first.pushed,
+    )
+    return Sweep(
+        plan=plan,
+        moment_n_mm=np.concatenate(moment),
+        flags=np.concatenate(flags),
+        air_n_mm=np.concatenate([s.air_n_mm[..., :air] for s in sweeps]),
+    )

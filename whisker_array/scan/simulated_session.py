@@ -1,0 +1,147 @@
+"""A height map in place of a part on the stage: mounted once, felt pass by pass by the virtual array."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.mounted import Mounted, mounted
+from whisker_array.scan.sensor import (
+    MIN_LEAD_IN_SAMPLES,
+    Calibration,
+    SensorChain,
+    calibrate_lead_in,
+    measure,
+)
+from whisker_array.scan.session import Fitting
+from whisker_array.scan.stage_error import StageError
+from whisker_array.simulation.surface import Friction
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.passes import Pass
+from whisker_array.whisker.touch import Touch
+
+_BENCH_SAMPLES = 16 * MIN_LEAD_IN_SAMPLES
+_BEYOND_HEIGHTS = 0.5
+"""How far whiskers may run beyond the part, character heights."""
+
+
+def bench_calibration(
+    chain: SensorChain, touch: Touch, *, sample_rate_hz: float, rng: np.random.Generator
+) -> Calibration:
+    """Gains and offsets of an array as its maker measures them: in air, then on a reference plate."""
+    air = np.zeros((chain.n_whiskers, _BENCH_SAMPLES))
+    land = air + touch.land_moment_n_mm()
+    (raw_air, _), (raw_land, _) = (
+        measure(one, chain=chain, sample_rate_hz=sample_rate_hz, rng=rng) for one in (air, land)
+    )
+    return calibrate_lead_in(raw_air, raw_land, expected_land_moment_n_mm=touch.land_moment_n_mm())
+
+
+class SimulatedSession:
+    """A `StageSession` over a height map.
+
+    Attributes:
+        fitting: whiskers, field and calibration.
+        felt_s: stage seconds of the passes felt so far.
+    """
+
+    def __init__(
+        self,
+        height_map: HeightMap,
+        *,
+        touch: Touch,
+        array: WhiskerArray,
+        height_mm: float,
+        sample_pitch_mm: float,
+        fidelity: Fidelity = Fidelity.CONTACT,
+        friction: Friction | None = None,
+        soil: Soil | None = None,
+        sensor: SensorChain | None = None,
+        calibration: Calibration | None = None,
+        rng: np.random.Generator | None = None,
+        part_id: str = "",
+    ) -> None:
+        """Mount the part.
+
+        Args:
+            height_map: level, its land about at zero.
+            touch: whisker, usual preload, tip.
+            array: the comb, of one row.
+            height_mm: character height that the whiskers are built for.
+            sample_pitch_mm: the finest that will be asked for.
+            fidelity: pointwise formula or frictional contact.
+            friction: true friction; that of the soil unless given, and the nominal one without soil.
+            soil: dirt that yields; none unless given.
+            sensor: gains, noise, converter; ideal unless given.
+            calibration: of the sensor, if it is known; ideal sensors are.
+            rng: needed with a sensor.
+            part_id: what the part is called.
+
+        Raises:
+            MapError: a friction map or soil that does not fit.
+            ValueError: a sensor without `rng`.
+        """
+        if sensor is not None and rng is None:
+            raise ValueError("a sensor chain draws noise: give it a random generator, rng=default_rng(seed)")
+        if friction is None:
+            friction = touch.friction if soil is None else soil.friction
+        if sensor is None:
+            # lines that lie far apart do not show gains by what neighbours feel
+            whiskers = array.n_whiskers * array.rows
+            calibration = Calibration(np.ones(whiskers), np.zeros(whiskers))
+        self.fitting = Fitting(
+            touch=touch,
+            array=array,
+            height_mm=height_mm,
+            field_mm=(0.0, 0.0, *height_map.size_mm),
+            calibration=calibration,
+            fidelity=fidelity.value,
+            part_id=part_id,
+        )
+        self.felt_s = 0.0
+        self._fidelity, self._sensor, self._rng = fidelity, sensor, rng
+        self._part: Mounted | None = mounted(
+            height_map,
+            touches=(touch,),
+            sample_pitch_mm=sample_pitch_mm,
+            beyond_mm=_BEYOND_HEIGHTS * height_mm + 2.0 * sample_pitch_mm,
+            friction=friction,
+            soil=soil,
+        )
+
+    def feel(self, order: Pass) -> Sweep:
+        """Feel one pass.
+
+        Raises:
+            StageError: the session is closed, or the pass is meant for another array.
+        """
+        if self._part is None:
+            raise StageError("the part is no longer on the stage", "open a session of its own for every part")
+        whiskers = self.fitting.array.n_whiskers * self.fitting.array.rows
+        if len(order.line_mm) != whiskers:
+            raise StageError(
+                f"a pass of {len(order.line_mm)} whiskers for an array of {whiskers}",
+                "plan it for this array",
+            )
+        touch = self.fitting.touch
+        if order.preload_mm is not None:
+            touch = replace(touch, preload_mm=order.preload_mm)
+        self.felt_s += order.stage_s
+        return self._part.feel(
+            order.sweep_plan(),
+            touches=(touch,),
+            fidelity=self._fidelity,
+            air_samples=order.air_samples,
+            sample_rate_hz=order.sample_rate_hz,
+            sensor=self._sensor,
+            rng=self._rng,
+        )
+
+    def close(self) -> None:
+        """Let the part go."""
+        self._part = None

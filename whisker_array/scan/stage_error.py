@@ -1,0 +1,12 @@
+"""What keeps a stage or a camera from doing as it is asked."""
+
+from __future__ import annotations
+
+from glyphs.errors import MarksError
+
+
+class StageError(MarksError):
+    """A stage or camera that could not do as it was asked, and what to do."""
+
+    def __init__(self, what: str, hint: str = "") -> None:
+        super().__init__(what, hint=hint)

@@ -1,0 +1,154 @@
+"""A pass: one travel of the array over a stretch of the plate, and the stage time that it takes.
+
+::
+
+      air      lead-in        the stretch that is felt         lead-out
+    (lifted) |----------|===================================|----------|  turnaround: lift, move, set down
+              start_mm   along_mm[0]             along_mm[1]
+
+A raster is a sequence of passes (`RasterPlan.passes`); a stage session feels them one by one, in any order.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import TraceDirection
+from whisker_array.whisker.sections import WhiskerError
+
+
+@dataclass(frozen=True, eq=False)
+class SweepPlan:
+    """Passes in one trace direction that begin and end alike.
+
+    Attributes:
+        direction: the way the whiskers are dragged.
+        line_mm: (passes, whiskers) lateral plate coordinate of each trace (y for 0/180 deg, x for 90/270); of
+            several rows the whiskers of the first come first.
+        start_mm: plate coordinate along the trace of the first sample that touches.
+        step_mm: distance of samples, mm, positive; positions decrease from start_mm when the direction is
+            backward.
+        n_samples: samples that touch, lead-in and lead-out included.
+        n_lead: of these, how many run in on land before the region, and as many out behind it.
+        pushed: the base follows the tip, as when a dragged array returns; otherwise it is ahead.
+    """
+
+    direction: TraceDirection
+    line_mm: NDArray[np.float64]
+    start_mm: float
+    step_mm: float
+    n_samples: int
+    n_lead: int
+    pushed: bool = False
+
+    __repr__ = one_line
+
+    def position_mm(self) -> NDArray[np.float64]:
+        """(samples,) plate coordinate along the trace of each touching sample."""
+        sign = -1.0 if self.direction.backward else 1.0
+        return self.start_mm + sign * self.step_mm * np.arange(self.n_samples, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Pass:
+    """One travel of the array.
+
+    Attributes:
+        direction: the way the whiskers are dragged.
+        line_mm: plate coordinate across the trace of every whisker of the array.
+        along_mm: (least, greatest) plate coordinate along the trace of what is felt, lead-in and -out beside it.
+        sample_pitch_mm: distance of samples along a line.
+        speed_mm_s: speed of the stage while tracing.
+        lead_mm: run-in and run-out on land.
+        air_samples: samples taken with the array lifted before the pass, for the offsets.
+        turnaround_s: time to lift, move and set down for the next one.
+        pushed: the base follows the tip.
+        preload_mm: how far below the land the force-free tip runs; that of the touch unless given.
+
+    Raises:
+        WhiskerError: no whiskers, an empty stretch, a number that cannot be.
+    """
+
+    direction: TraceDirection
+    line_mm: tuple[float, ...]
+    along_mm: tuple[float, float]
+    sample_pitch_mm: float
+    speed_mm_s: float
+    lead_mm: float = 1.0
+    air_samples: int = 16
+    turnaround_s: float = 0.25
+    pushed: bool = False
+    preload_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("sample_pitch_mm", "speed_mm_s"):
+            value = getattr(self, name)
+            if not (value > 0.0 and math.isfinite(value)):
+                raise WhiskerError(f"{name} is {value}", hint="it must be positive")
+        if self.preload_mm is not None and not (self.preload_mm > 0.0 and math.isfinite(self.preload_mm)):
+            raise WhiskerError(f"preload_mm is {self.preload_mm}", hint="it must be positive")
+        if self.lead_mm < 0.0 or self.air_samples < 0 or self.turnaround_s < 0.0:
+            raise WhiskerError("lead_mm, air_samples and turnaround_s cannot be negative")
+        if not self.line_mm or not all(math.isfinite(v) for v in (*self.line_mm, *self.along_mm)):
+            raise WhiskerError("a pass needs a finite place for every whisker", hint="give line_mm")
+        if not self.along_mm[1] > self.along_mm[0]:
+            raise WhiskerError(f"the stretch {self.along_mm} is empty", hint="give (least, greatest)")
+
+    @property
+    def n_lead(self) -> int:
+        """Samples of the run-in, and of the run-out."""
+        return round(self.lead_mm / self.sample_pitch_mm)
+
+    @property
+    def n_core(self) -> int:
+        """Samples between run-in and run-out."""
+        return math.floor((self.along_mm[1] - self.along_mm[0]) / self.sample_pitch_mm + 1e-6) + 1
+
+    @property
+    def n_samples(self) -> int:
+        """Samples that touch, of one whisker."""
+        return self.n_core + 2 * self.n_lead
+
+    @property
+    def start_mm(self) -> float:
+        """Plate coordinate along the trace of the first sample that touches."""
+        lead = self.n_lead * self.sample_pitch_mm
+        if self.direction.backward:
+            return self.along_mm[0] + (self.n_core - 1) * self.sample_pitch_mm + lead
+        return self.along_mm[0] - lead
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Rate at which the converter must run."""
+        return self.speed_mm_s / self.sample_pitch_mm
+
+    @property
+    def stage_s(self) -> float:
+        """What it costs: air, run-in, stretch and run-out at tracing speed, and the turnaround behind it."""
+        return (self.n_samples + self.air_samples) / self.sample_rate_hz + self.turnaround_s
+
+    def sweep_plan(self) -> SweepPlan:
+        """The pass as a sweep of its own."""
+        return SweepPlan(
+            direction=self.direction,
+            line_mm=np.array([self.line_mm], dtype=np.float64),
+            start_mm=self.start_mm,
+            step_mm=self.sample_pitch_mm,
+            n_samples=self.n_samples,
+            n_lead=self.n_lead,
+            pushed=self.pushed,
+        )
+
+    def describe(self) -> str:
+        """One line for a person."""
+        harder = "" if self.preload_mm is None else f", preload {self.preload_mm:.2f} mm"
+        back = " pushed" if self.pushed else ""
+        return (
+            f"{int(self.direction)}°{back}, {self.along_mm[0]:.1f} to {self.along_mm[1]:.1f} mm, "
+            f"{len(self.line_mm)} whiskers from {min(self.line_mm):.2f} mm{harder}, {self.stage_s:.2f} s"
+        )
