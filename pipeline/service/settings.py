@@ -85,6 +85,9 @@ class ServiceSettings(Settings):
     no stage."""
     stage_driver: str = ""
     """module:callable that makes the driver of a real stage instead (pipeline.service.stage.Stage)."""
+    active_stage: bool = True
+    """Feel parts pass by pass until the serial is sure, for at most budget_s, by a stage that has sessions (open); off,
+    and by other stages, the whole plan is scanned (feel)."""
     camera: Path | None = None
     """Folder into which the camera puts its pictures: NAME.png is the part called NAME."""
     camera_driver: str = ""

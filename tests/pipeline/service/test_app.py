@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import asyncio
 import io
 import shutil
 from collections.abc import Iterator
@@ -104,6 +105,9 @@ def test_the_stage_settles_what_the_camera_could_not(
     assert answer.status_code == 200, answer.text
     part = answer.json()
     assert part["reading"]["source"] == "fused"
+    assert part["reading"]["passes"]
+    assert part["reading"]["stage_s"] == part["reading"]["passes"][-1]["stage_s"]
+    assert part["reading"]["stopped"] in ("sure", "no gain", "budget", "all felt")
     assert (part["state"], part["text"]) in (("accepted", truth(parts, FILTHY)), ("review", part["text"]))
     history = client.get(f"/v1/parts/{part['id']}/history").json()
     assert [r["source"] for r in history["readings"]] == ["vision", "fused"]
@@ -111,6 +115,16 @@ def test_the_stage_settles_what_the_camera_could_not(
     assert kinds[:3] == ["received", "read", "touch_needed"]
     assert {e["kind"] for e in history["evidence"]} >= {"photo", "scan", "edges_picture", "photo_picture"}
     assert client.get(part["links"]["boxes"]).content.startswith(b"\x89PNG")
+
+
+def test_a_trigger_has_the_stage_feel_what_the_camera_is_unsure_of(
+    served: tuple[Service, TestClient],
+) -> None:
+    part = asyncio.run(served[0].parts.trigger(FILTHY))  # what the TCP port and OPC UA call
+    assert part.reading is not None
+    assert part.reading.source == "fused"
+    assert part.reading.passes
+    assert part.state is not PartState.TOUCH_NEEDED
 
 
 def test_a_height_map_can_be_added_to_a_part(client: TestClient, parts: Path) -> None:
@@ -335,9 +349,9 @@ def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
         ("json:no_such", "found"),
     ):
         with pytest.raises(SettingsError, match=says):
-            load_driver(wrong, verb="feel")
-    with pytest.raises(SettingsError, match="no method 'feel'"):
-        load_driver("builtins:dict", verb="feel")
+            load_driver(wrong, verbs=("feel",))
+    with pytest.raises(SettingsError, match="no method 'open' or 'feel'"):
+        load_driver("builtins:dict", verbs=("open", "feel"))
 
 
 def _whole_plate() -> ScanPlanRecord:
