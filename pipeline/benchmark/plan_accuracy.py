@@ -2,7 +2,7 @@
 
     python -m pipeline.benchmark.plan_accuracy --parts 60 --seed 1700 --write
 
-Every part is felt by each plan (lines a character height x directions) about its line alone, as where a camera or a job
+Every part, drawn as those of the exam but of no font or dirt that it keeps out, is felt by each plan (lines a character height x directions) about its line alone, as where a camera or a job
 says where it lies, and read with the format of its serials; fonts are not named. Each plan has sensor noise of its own.
 What is kept is counts, by plan and dirt (whisker_array/design/plan_accuracy.fit.json).
 """
@@ -27,28 +27,28 @@ LINES = (10, 14, 20, 40)
 WAYS = ((0,), (0, 180), (90,), (90, 270), (0, 90, 180, 270))
 """Trace directions, degrees: along the line one way and both, across it likewise, and all four."""
 SEVERITIES = (0.3, 0.6)
+EDITION = "marks-exam-1-240"
+"""Whose kinds of parts are drawn, with another seed."""
 BESIDE_HEIGHTS = 0.5
 """Land that is felt around the line, character heights."""
 _log = logging.getLogger(__name__)
 
 
 def trial_parts(parts: int, seed: int) -> Design:
-    """Parts of built-in fonts under three kinds of dirt, as many of each severity."""
-    from pipeline.benchmark.exam.design import Design
+    """Parts as those of the exam, but of no font or dirt that it keeps out, in turn of each severity."""
+    from pipeline.benchmark.exam.editions import design_named
 
-    return Design.of(
-        name="plan-accuracy",
-        seed=seed,
-        parts=parts,
-        cross=("severity",),
-        part={
-            "severity": SEVERITIES,
-            "soil": ("workshop", "rust", "paint"),
-            "font": ("gothic", "futuram"),
-            "format": "AA999999",
-            "height_mm": (3.5, 5.0, 7.0),
-        },
+    exam = design_named(EDITION)
+    soils = tuple(s for s in exam.part["soil"] if s not in exam.kept_out_soils)
+    first, *others = (s for s in exam.sections if not s.kept_out)
+    few = [max(1, round(parts * s.parts / sum(o.parts for o in (first, *others)))) for s in others]
+    sizes = (parts - sum(few), *few)
+    sections = tuple(
+        s.model_copy(update={"parts": n}) for s, n in zip((first, *others), sizes, strict=True)
     )
+    part = {**exam.part, "severity": SEVERITIES, "soil": soils}
+    changed = {"name": "plan-accuracy", "seed": seed, "sections": sections, "part": part}
+    return exam.model_copy(update=changed)
 
 
 def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
@@ -120,7 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = asked.parse_args(arguments)
     command = f"python -m pipeline.benchmark.plan_accuracy --parts {given.parts} --seed {given.seed} --write"
     sums: dict[tuple[int, tuple[int, ...], float], PlanCounts] = {}
-    plans = len(LINES) * len(WAYS)
+    plans, drawn = len(LINES) * len(WAYS), trial_parts(given.parts, given.seed)
     for k, one in enumerate(counted(given.parts, given.seed), start=1):
         key = (one.lines, one.directions, one.severity)
         sums[key] = sums[key] + one if key in sums else one
@@ -131,7 +131,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 "made": date.today().isoformat(),
                 "parts": k // plans,
                 "asked": given.parts,
-                "design": trial_parts(given.parts, given.seed).model_dump(mode="json", by_alias=True),
+                "edition": EDITION,
+                "fonts": sorted({str(f) for s in drawn.sections for f in s.part["font"]}),
+                "soils": list(drawn.part["soil"]),
                 "counts": [asdict(sums[key]) for key in sorted(sums)],
             }
             MEASURED.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")

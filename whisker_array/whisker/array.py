@@ -256,8 +256,15 @@ class RasterPlan:
 
     @property
     def scan_time_s(self) -> float:
-        """Time of the whole scan: what each of its passes costs."""
-        return math.fsum(p.stage_s for p in self.passes())
+        """Time of the whole scan: what each of its passes costs; those of one sweep cost the same."""
+        x0, y0, x1, y1 = self.region_mm
+        return math.fsum(
+            len(s.line_mm)
+            * self._pass(
+                s.direction, s.line_mm[0], (x0, x1) if s.direction.along_x else (y0, y1), pushed=s.pushed
+            ).stage_s
+            for s in self.sweeps()
+        )
 
     def describe(self) -> str:
         """One line for a person."""
