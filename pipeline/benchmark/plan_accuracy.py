@@ -2,9 +2,10 @@
 
     python -m pipeline.benchmark.plan_accuracy --parts 60 --seed 1700 --write
 
-Every part, drawn as those of the exam but of no font or dirt that it keeps out, is felt by each plan (lines a character height x directions) about its line alone, as where a camera or a job
-says where it lies, and read with the format of its serials; fonts are not named. Each plan has sensor noise of its own.
-What is kept is counts, by plan and dirt (whisker_array/design/plan_accuracy.fit.json).
+Every part, drawn as those of the exam but of no font or dirt that it keeps out, is felt by each plan (lines a character
+height x directions) about its line alone, as where a camera or a job says where it lies, and read with the format of its
+serials; fonts are not named. Each plan has sensor noise of its own. What is kept is counts, by plan and dirt
+(whisker_array/design/plan_accuracy.fit.json).
 """
 
 from __future__ import annotations
@@ -43,9 +44,7 @@ def trial_parts(parts: int, seed: int) -> Design:
     first, *others = (s for s in exam.sections if not s.kept_out)
     few = [max(1, round(parts * s.parts / sum(o.parts for o in (first, *others)))) for s in others]
     sizes = (parts - sum(few), *few)
-    sections = tuple(
-        s.model_copy(update={"parts": n}) for s, n in zip((first, *others), sizes, strict=True)
-    )
+    sections = tuple(s.model_copy(update={"parts": n}) for s, n in zip((first, *others), sizes, strict=True))
     part = {**exam.part, "severity": SEVERITIES, "soil": soils}
     changed = {"name": "plan-accuracy", "seed": seed, "sections": sections, "part": part}
     return exam.model_copy(update=changed)
@@ -73,7 +72,12 @@ def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
         beside = BESIDE_HEIGHTS * part.height_mm
         width, height = part.height_map.size_mm
         x0, y0, x1, y1 = part.line_mm
-        region = (max(0.0, x0 - beside), max(0.0, y0 - beside), min(width, x1 + beside), min(height, y1 + beside))
+        region = (
+            max(0.0, x0 - beside),
+            max(0.0, y0 - beside),
+            min(width, x1 + beside),
+            min(height, y1 + beside),
+        )
         for lines in LINES:
             for ways in WAYS:
                 plan = default_plan(

@@ -141,9 +141,7 @@ def _builds(request: ArrayRequest) -> Iterator[_Build]:
             whisker = replace(usual, section=section, beta_rad=math.radians(beta))
             body = body_of(whisker, preload_mm=touch.preload_mm, mu=touch.friction)
             own = replace(touch, tip=whisker.tip_model(), whisker=whisker.describe())
-            speed = fastest_mm_s(
-                whisker, own, character_height_mm=h, allowed_error=request.speed_error
-            )
+            speed = fastest_mm_s(whisker, own, character_height_mm=h, allowed_error=request.speed_error)
             n = math.ceil(body.in_file_mm / step) + 1
             clear = tuple(k > 0 and (k == n - 1 or body.clear_mm(k * step) >= GAP_MM) for k in range(n))
             yield _Build(whisker, body, speed, step, clear)

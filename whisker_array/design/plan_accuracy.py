@@ -70,7 +70,9 @@ def measured_plans() -> tuple[PlanCounts, ...]:
     return tuple(PlanCounts(**{**each, "directions": tuple(each["directions"])}) for each in told["counts"])
 
 
-def accuracy_of(counts: Sequence[PlanCounts], *, lines: int, directions: tuple[int, ...], severity: float) -> PlanCounts:
+def accuracy_of(
+    counts: Sequence[PlanCounts], *, lines: int, directions: tuple[int, ...], severity: float
+) -> PlanCounts:
     """The counts of one plan.
 
     Raises:
@@ -95,8 +97,8 @@ def accuracy_words(counts: Sequence[PlanCounts]) -> list[str]:
     """A table for people."""
     rows = ["lines  directions            dirt  parts  characters  accepted  of these wrong"]
     rows += [
-        f"{c.lines:5d}  {ways_words(c.directions):20s}  {c.severity:4.1f}  {c.parts:5d}  {100 * c.accuracy:9.1f}%  {c.accepted:8d}"
-        f"  {c.accepted_wrong:14d}"
+        f"{c.lines:5d}  {ways_words(c.directions):20s}  {c.severity:4.1f}  {c.parts:5d}  {100 * c.accuracy:9.1f}%"
+        f"  {c.accepted:8d}  {c.accepted_wrong:14d}"
         for c in counts
     ]
     return rows

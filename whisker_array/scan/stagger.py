@@ -1,9 +1,9 @@
 """Rows of a comb that come to a place one after the other: samples as they are taken, and as they lie on the plate.
 
-    taken (instants)      row 0   |a b c d e f - - -|        instant j: row r is over place j - behind[r]
-                          row 1   |- - - a b c d e f|
-    laid  (places)        row 0   |a b c d e f|
-                          row 1   |a b c d e f|              what is outside all rows' stretch is not kept
+taken (instants)      row 0   |a b c d e f - - -|        instant j: row r is over place j - behind[r]
+                      row 1   |- - - a b c d e f|
+laid  (places)        row 0   |a b c d e f|
+                      row 1   |a b c d e f|              what is outside all rows' stretch is not kept
 """
 
 from __future__ import annotations
@@ -14,9 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def as_taken(
-    laid: NDArray[Any], behind: NDArray[np.intp], *, outside: float | None = None
-) -> NDArray[Any]:
+def as_taken(laid: NDArray[Any], behind: NDArray[np.intp], *, outside: float | None = None) -> NDArray[Any]:
     """Samples at places as they come in time; each row waits on its first sample and ends on its last.
 
     Args:
@@ -58,5 +56,5 @@ def as_laid(taken: NDArray[Any], behind: NDArray[np.float64] | NDArray[np.intp])
     after = np.take_along_axis(taken, following, axis=2)
     between = part[None, :, None]
     if np.issubdtype(taken.dtype, np.integer):
-        return np.where(between > 0.0, here | after, here)
-    return ((1.0 - between) * here + between * after).astype(taken.dtype)
+        return np.asarray(np.where(between > 0.0, here | after, here))
+    return np.asarray((1.0 - between) * here + between * after, dtype=taken.dtype)

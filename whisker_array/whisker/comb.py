@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,9 +95,9 @@ class Body:
         )
 
     def clear_mm(self, behind_mm: float) -> float:
-        """Air in the plane of tracing to the same whisker so far behind, the worst of bent and unbent; below 0: none."""
+        """Air in the plane of tracing to the same whisker so far behind, the least of bent and unbent; below 0: none."""
         block = np.array([[0.0, s * self.clamp_mm[1]] for s in (-1.0, 1.0)])
-        block = np.concatenate([block, block + [self.clamp_mm[0], 0.0]])[[0, 1, 3, 2, 0]]
+        block = np.concatenate([block, block + np.array([self.clamp_mm[0], 0.0])])[[0, 1, 3, 2, 0]]
         step = self.thickness_mm
         shift = np.array([-behind_mm, 0.0])
         lines = [_dense(s, step) for s in self.shapes_mm]
@@ -111,7 +112,7 @@ class Body:
 def _dense(line: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """The line with a point every step or closer, corners kept."""
     out = [line[:1]]
-    for a, b in zip(line[:-1], line[1:], strict=True):
+    for a, b in pairwise(line):
         n = max(1, math.ceil(float(np.hypot(*(b - a))) / step))
         out.append(a + (b - a) * (np.arange(1, n + 1) / n)[:, None])
     return np.concatenate(out)

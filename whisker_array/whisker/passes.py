@@ -25,9 +25,8 @@ from glyphs.surface.display import one_line
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.sections import WhiskerError
 
-
 RAPID_MM_S = 300.0
-"""How fast a lifted array moves: an assumption, as the time of a turnaround is; the way over a stagger is counted by it."""
+"""How fast a lifted array moves over a stagger: an assumption, as the time of a turnaround is."""
 SAMPLES_TOLERANCE = 1e-3
 
 
@@ -40,7 +39,9 @@ def samples_behind(offset_mm: Iterable[float], sample_pitch_mm: float) -> NDArra
     behind = np.asarray(tuple(offset_mm), dtype=np.float64) / sample_pitch_mm
     whole = np.rint(behind).astype(np.intp)
     if behind.size and (not np.isfinite(behind).all() or whole.min() < 0):
-        raise WhiskerError("a row stands ahead of the foremost one", hint="count offsets from the foremost row")
+        raise WhiskerError(
+            "a row stands ahead of the foremost one", hint="count offsets from the foremost row"
+        )
     if behind.size and np.abs(behind - whole).max() > SAMPLES_TOLERANCE * max(1.0, float(behind.max())):
         raise WhiskerError(
             f"rows {max(offset_mm):.6g} mm one behind the other do not come to the places of samples "

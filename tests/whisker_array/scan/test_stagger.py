@@ -35,7 +35,9 @@ STAGGERED = replace(LEVEL, array=WhiskerArray(4, 0.5, rows=3, stagger_mm=2.0))
 
 def surface() -> HeightMap:
     x, y = np.meshgrid(np.linspace(0.0, 7.0, 141), np.linspace(0.0, 4.0, 81))
-    return HeightMap((-0.1 * np.exp(-(((x - 3.0) / 0.4) ** 2) - ((y - 2.0) / 0.6) ** 2)).astype(np.float32), 0.05)
+    return HeightMap(
+        (-0.1 * np.exp(-(((x - 3.0) / 0.4) ** 2) - ((y - 2.0) / 0.6) ** 2)).astype(np.float32), 0.05
+    )
 
 
 def scan(plan: RasterPlan, *, seed: int | None = None) -> Scan:
@@ -84,7 +86,7 @@ def test_a_shake_of_the_base_comes_to_the_rows_at_other_places() -> None:
         return np.asarray(left - left.mean(axis=2, keepdims=True))
 
     level, staggered = noise(LEVEL), noise(STAGGERED)
-    late = (STAGGERED.sweeps()[0].behind)
+    late = STAGGERED.sweeps()[0].behind
     in_time = as_taken(staggered, late)[..., late.max() : staggered.shape[2]]
 
     def alike(a: np.ndarray) -> float:

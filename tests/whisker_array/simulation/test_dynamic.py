@@ -66,11 +66,11 @@ def test_modes_are_those_of_beam_tables() -> None:
     """Blevins, table 8-1: lambda L = 1.875 clamped and free, 3.927 clamped and pinned; masses are lumped (0.3 %)."""
     straight = Straight(30.0, 0.0, Rectangle(0.3, 4.5))
     modes = whisker_modes(straight)
-    per = math.sqrt(
-        MUSIC_WIRE.e_mpa * 4.5 * 0.3**3 / 12.0 / (MUSIC_WIRE.density_t_mm3 * 4.5 * 0.3)
-    ) / (2.0 * math.pi * 30.0**2)
+    per = math.sqrt(MUSIC_WIRE.e_mpa * 4.5 * 0.3**3 / 12.0 / (MUSIC_WIRE.density_t_mm3 * 4.5 * 0.3)) / (
+        2.0 * math.pi * 30.0**2
+    )
     assert modes.omega_rad_s[0] / (2.0 * math.pi) == pytest.approx(1.8751**2 * per, rel=3e-3)
-    np.testing.assert_allclose(modes.held_hz, np.array([3.9266, 7.0686]) ** 2 * per, rtol=5e-3)
+    np.testing.assert_allclose(modes.held_hz, np.array([3.9266, 7.0686, 10.2102]) ** 2 * per, rtol=5e-3)
 
 
 def test_the_first_held_mode_is_that_of_the_validity_check() -> None:
@@ -115,7 +115,10 @@ def test_beyond_a_cliff_the_tip_is_in_the_air_and_rings_freely() -> None:
     crossings = time[late][1:][np.diff(np.signbit(moment[late])) != 0]
     period = 2.0 * float(np.mean(np.diff(crossings)))
     assert 1.0 / period == pytest.approx(MODES.omega_rad_s[0] / (2.0 * math.pi), rel=0.01)
-    tops = [np.abs(moment[i : i + round(period * 200.0 / STEP)]).max() for i in (moment.size // 3, 2 * moment.size // 3)]
+    tops = [
+        np.abs(moment[i : i + round(period * 200.0 / STEP)]).max()
+        for i in (moment.size // 3, 2 * moment.size // 3)
+    ]
     decay = math.exp(-MODES.damping * MODES.omega_rad_s[0] * time[moment.size // 3])
     assert tops[1] / tops[0] == pytest.approx(decay, rel=0.05)
 
@@ -134,7 +137,9 @@ def test_it_lands_again_and_settles() -> None:
     assert fast.moment_n_mm[0, -1] == pytest.approx(slow.moment_n_mm[0, -1], rel=2e-3)
 
 
-def beam_element(ei: float, ea: float, mass: float, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def beam_element(
+    ei: float, ea: float, mass: float, length: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(6, 6) stiffness and consistent mass of a plane Euler-Bernoulli frame element, (u, w, theta) at both ends."""
     k, m = np.zeros((6, 6)), np.zeros((6, 6))
     b, n = [1, 2, 4, 5], [0, 3]
@@ -152,7 +157,9 @@ def beam_element(ei: float, ea: float, mass: float, length: float) -> tuple[NDAr
     return k, m
 
 
-def frame_matrices(whisker: LShaped, parts: tuple[int, int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def frame_matrices(
+    whisker: LShaped, parts: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Stiffness and mass of the clamped whisker; the last node is the tip."""
     nodes = 1 + sum(parts)
     k, m = np.zeros((3 * nodes, 3 * nodes)), np.zeros((3 * nodes, 3 * nodes))
@@ -173,7 +180,9 @@ def frame_matrices(whisker: LShaped, parts: tuple[int, int]) -> tuple[NDArray[np
     return k[3:, 3:], m[3:, 3:]
 
 
-def finite_elements(profile: Profile, speed: float, *, length: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
+def finite_elements(
+    profile: Profile, speed: float, *, length: float, at: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Moment at the sensor by finite elements, solved in time by scipy's Radau; the same contact, no modes.
 
     Damping is 2 zeta sqrt(M^-1 K) by its matrix root, which is the same share for every mode there is.
@@ -240,8 +249,8 @@ def finite_elements(profile: Profile, speed: float, *, length: float, at: NDArra
 def test_finite_elements_in_time_say_the_same() -> None:
     """A groove with walls of 45 degrees, fast enough that the tip leaves it and rings.
 
-    Six elements against two modes: what is left out are modes above 4 kHz, so samples are averaged over a pixel of
-    0.12 mm, as an edge map does; agreement within a fifth of what speed does.
+    Six elements against three modes: what is left out are modes above 8 kHz, so samples are averaged over a pixel of
+    0.12 mm, as an edge map does; agreement within a fifth of what speed does (an eighth is found).
     """
 
     def groove(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -284,8 +293,6 @@ def test_the_usual_speed_keeps_the_fine_error_and_three_times_it_does_not() -> N
     assert SAFE_SPEED_MM_S < limit < 3.0 * SAFE_SPEED_MM_S
     looser = fastest_mm_s(WHISKER, touch, character_height_mm=HEIGHT, allowed_error=0.2)
     assert looser > limit
-    with pytest.raises(WhiskerError, match="even at 2 mm/s"):
-        fastest_mm_s(WHISKER, touch, character_height_mm=HEIGHT, allowed_error=1e-4)
 
 
 def test_refusals() -> None:

@@ -34,7 +34,9 @@ def test_the_default_body_is_the_default_whisker_bent_by_its_preload() -> None:
     """In proportion to the height: the unit body scaled is the body of that height, the elastica's 1e-7 apart."""
     own = body_of(default_whisker(HEIGHT), preload_mm=default_preload_mm(HEIGHT))
     assert BODY.width_mm == pytest.approx(4.5)
-    assert (own.reach_mm, own.aside_mm, own.mass_g) == pytest.approx((BODY.reach_mm, BODY.aside_mm, BODY.mass_g))
+    assert (own.reach_mm, own.aside_mm, own.mass_g) == pytest.approx(
+        (BODY.reach_mm, BODY.aside_mm, BODY.mass_g)
+    )
     rest, bent = BODY.shapes_mm
     assert bent[-1, 1] - rest[-1, 1] == pytest.approx(1.1 * default_preload_mm(HEIGHT), rel=1e-6)
     # steel: ribbon 0.3 x 4.5 x (30 + 3.51) mm and a clamp of 2.4 x 2.4 x 4.5 mm
@@ -42,11 +44,13 @@ def test_the_default_body_is_the_default_whisker_bent_by_its_preload() -> None:
 
 
 def test_ribbons_on_half_a_height_cannot_stand_side_by_side() -> None:
-    with pytest.raises(WhiskerError, match=r"4\.5 mm wide cannot stand 2\.5 mm apart.*2 rows 3\d.* mm behind"):
+    with pytest.raises(
+        WhiskerError, match=r"4\.5 mm wide cannot stand 2\.5 mm apart.*2 rows 3\d.* mm behind"
+    ):
         WhiskerArray(8, 2.5, body=BODY)
     with pytest.raises(WhiskerError, match="of air between a bent whisker and one that is not"):
         WhiskerArray(8, 2.5, rows=2, stagger_mm=10.0, body=BODY)
-    with pytest.raises(WhiskerError, match="a pitch of 4.76 mm or more"):
+    with pytest.raises(WhiskerError, match=r"a pitch of 4\.76 mm or more"):
         WhiskerArray(8, 4.7, body=BODY)
     WhiskerArray(8, 4.77, body=BODY)
     WhiskerArray(8, 2.5, rows=2, stagger_mm=33.0, body=BODY)
