@@ -11,8 +11,9 @@ All combinations are worked out, and the quickest is taken, for every number of 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import TraceDirection
@@ -117,17 +118,27 @@ class _Build:
     body: Body
     speed_mm_s: float
     step_mm: float
-    clear: tuple[bool, ...]
+    in_file: int
+    clear: Callable[[int], bool]
 
     def stagger_mm(self, rows: int) -> float:
         """Least stagger at which rows of any lateral distance are clear of each other."""
         if rows == 1:
             return 0.0
-        n = len(self.clear)
-        for k in range(1, n):
-            if all(self.clear[min(k * apart, n - 1)] for apart in range(1, rows)):
+        for k in range(1, self.in_file):
+            if all(k * apart >= self.in_file or self.clear(k * apart) for apart in range(1, rows)):
                 return k * self.step_mm
-        return n * self.step_mm
+        return self.in_file * self.step_mm
+
+
+def _clear_at(body: Body, step_mm: float) -> Callable[[int], bool]:
+    """Whether rows so many steps apart are clear of each other."""
+
+    @cache
+    def clear(steps: int) -> bool:
+        return body.clear_mm(steps * step_mm) >= GAP_MM
+
+    return clear
 
 
 def _builds(request: ArrayRequest) -> Iterator[_Build]:
@@ -142,9 +153,7 @@ def _builds(request: ArrayRequest) -> Iterator[_Build]:
             body = body_of(whisker, preload_mm=touch.preload_mm, mu=touch.friction)
             own = replace(touch, tip=whisker.tip_model(), whisker=whisker.describe())
             speed = fastest_mm_s(whisker, own, character_height_mm=h, allowed_error=request.speed_error)
-            n = math.ceil(body.in_file_mm / step) + 1
-            clear = tuple(k > 0 and (k == n - 1 or body.clear_mm(k * step) >= GAP_MM) for k in range(n))
-            yield _Build(whisker, body, speed, step, clear)
+            yield _Build(whisker, body, speed, step, math.ceil(body.in_file_mm / step), _clear_at(body, step))
 
 
 def _interlaces(request: ArrayRequest, build: _Build, *, n_whiskers: int, lines: int) -> set[int]:

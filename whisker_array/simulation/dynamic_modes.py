@@ -7,8 +7,8 @@ r"""A whisker as a few vibrating modes: what the dynamic trace needs of it.
 Shapes are the three lowest modes with the tip held in height, which ring while it slides on the surface, and the bend
 of a slow lift of the tip (Craig and Bampton 1968); together they are turned into the modes q of the free whisker. So a
 slow force lifts the tip exactly as D11 says, and gives exactly the moment of T1. Euler-Bernoulli beams, mass lumped at
-joints, the flexibility between them exact (Meirovitch, Fundamentals of Vibrations, 2001, ch. 8; Blevins, Formulas for Natural
-Frequency and Mode Shape, 1979, tables 8-1 and 8-5).
+joints, the flexibility between them exact (Meirovitch, Fundamentals of Vibrations, 2001, ch. 8; Blevins, Formulas for
+Natural Frequency and Mode Shape, 1979, tables 8-1 and 8-5).
 """
 
 from __future__ import annotations

@@ -24,7 +24,6 @@ from whisker_array.simulation.dynamic_modes import WhiskerModes, contact_mm_per_
 from whisker_array.simulation.surface import prepare_surface
 from whisker_array.simulation.traces import SampleFlag, Traces
 from whisker_array.whisker.array import LINES_PER_HEIGHT
-from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import Whisker, require_positive
 from whisker_array.whisker.touch import Touch
 from whisker_array.whisker.validity import land_force_n
@@ -36,7 +35,7 @@ DEPTH_HEIGHTS, STROKE_HEIGHTS = 0.04, 0.1
 FINE_ERROR, COARSE_ERROR = 0.05, 0.2
 """Allowed errors of passes that characters are read from, and of those that only look for a line."""
 _STEPS_A_PITCH, _BEFORE_HEIGHTS, _BEHIND_HEIGHTS = 20, 0.3, 0.8
-_SLOWEST, _FASTEST, _HALVINGS = 2.0, 2000.0, 12
+_SLOWEST, _FIRST, _FASTEST, _HALVINGS = 2.0, 10.0, 2000.0, 9
 
 
 @dataclass(frozen=True)
@@ -147,6 +146,25 @@ def speed_cost(
     )
 
 
+def groove_traces(
+    whisker: Whisker,
+    touch: Touch,
+    *,
+    speed_mm_s: float,
+    character_height_mm: float,
+    bevel_rad: float = BEVEL_RAD,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Places mm, and moments over the land's, of a slow and of a fast stage over the groove of `speed_cost`.
+
+    Raises:
+        WhiskerError: as `speed_cost`.
+    """
+    trial = _trial(whisker, touch, require_positive("character_height_mm", character_height_mm), bevel_rad)
+    slow = _slow_moment(trial)
+    fast = trial.traced(require_positive("speed_mm_s", speed_mm_s)).moment_n_mm[0].astype(np.float64)
+    return trial.step_mm * np.arange(slow.size), slow / slow[0], fast / slow[0]
+
+
 def fastest_mm_s(
     whisker: Whisker,
     touch: Touch,
@@ -176,7 +194,7 @@ def fastest_mm_s(
         return cost.error <= allowed
 
     # upwards from slow: beyond the first limit half a swing may hide the error by chance
-    slow, fast = _SLOWEST, 1.25 * _SLOWEST
+    slow, fast = _SLOWEST, _FIRST
     while kept(fast):
         slow, fast = fast, 1.25 * fast
         if fast > _FASTEST:

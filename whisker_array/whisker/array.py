@@ -9,8 +9,8 @@ fill the gaps, and the array then moves on by W P to the next block::
       pass 2      |         |         |
 
 Whiskers wider than their pitch stand in several rows, staggered along the trace (`whisker_array.whisker.comb`). A
-second comb of whiskers, of another kind, may run on the same lines behind the first. The return of the stage may be used
-too: the array is then *pushed back* over the line it was dragged along.
+second comb of whiskers, of another kind, may run on the same lines behind the first. The return of the stage may be
+used too: the array is then *pushed back* over the line it was dragged along.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ LINES_PER_HEIGHT = 40
 SAMPLES_PER_LINE_PITCH = 2
 SAFE_SPEED_MM_S = 50.0
 """For the default whisker at any character height: the dynamic simulation finds the edge map of a stamped groove of 45
-degrees wrong by 2 %, at 73 mm/s by 5 % and at 163 mm/s by 20 % (`whisker_array.simulation.dynamic_speed.fastest_mm_s`)."""
+degrees wrong by 2 %, at 81 mm/s by 5 % and at 162 mm/s by 20 % (`fastest_mm_s` of
+`whisker_array.simulation.dynamic_speed`)."""
 COMB_STEP_HEIGHTS = 0.1
 """Rows stand a multiple of this behind each other, character heights: a whole number of samples of any usual plan."""
 PITCH_TOLERANCE = 1e-3

@@ -95,7 +95,7 @@ class Body:
         )
 
     def clear_mm(self, behind_mm: float) -> float:
-        """Air in the plane of tracing to the same whisker so far behind, the least of bent and unbent; below 0: none."""
+        """Air in the plane of tracing to the same whisker so far behind, the least of bent and unbent; <= 0: none."""
         block = np.array([[0.0, s * self.clamp_mm[1]] for s in (-1.0, 1.0)])
         block = np.concatenate([block, block + np.array([self.clamp_mm[0], 0.0])])[[0, 1, 3, 2, 0]]
         step = self.thickness_mm

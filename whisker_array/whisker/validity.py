@@ -24,8 +24,8 @@ below the 3 % by which the gains of real whiskers differ, so the beam is not the
 PRELOAD_MARGIN = 1.2
 """Least preload over mark depth, so that contact is kept on the groove floor (Assumption 3)."""
 QUASI_STATIC_SHARE = 0.1
-"""Largest signal frequency over the first bending frequency (Assumption 5). A sine is then wrong by 1 %; the edge map of
-a stamped groove of 45 degrees, whose corners hold higher frequencies, by 2 to 3 % and of 60 degrees by 6 to 9 %
+"""Largest signal frequency over the first bending frequency (Assumption 5). A sine is then wrong by 1 %; the edge map
+of a stamped groove of 45 degrees, whose corners hold higher frequencies, by 2 to 3 % and of 60 degrees by 6 to 9 %
 (`whisker_array.simulation.dynamic_speed`). A search cannot simulate each of its whiskers, and this is quick."""
 STEEPEST_BEVEL_RAD = math.pi / 3.0
 """The paper: the slopes given by dies are at most 60 degrees."""
