@@ -37,7 +37,7 @@ def scanned(
     """A scan with sensors as from the bench, drawn from seed 3; `gain_sd` None: ideal ones."""
     rng = np.random.default_rng(3)
     if chain is None and gain_sd is not None:
-        chain = draw_sensor_chain(plan.array.n_whiskers * plan.array.rows, rng=rng, gain_sd=gain_sd)
+        chain = draw_sensor_chain(plan.array.n_whiskers * plan.array.kinds, rng=rng, gain_sd=gain_sd)
     return trace_scan(
         surface, touch=touch, others=others, plan=plan, fidelity=fidelity, friction=friction, sensor=chain,
         rng=rng, **more,

@@ -1,4 +1,4 @@
-"""`tactile-marks design`: which whisker to build."""
+"""`tactile-marks design`: which whisker to build, and with --array which comb of them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ WireName = Literal["music"]
 
 def design(
     *,
-    alpha: str,
-    mu: str,
-    depth_mm: float,
     height_mm: float,
+    alpha: str | None = None,
+    mu: str | None = None,
+    depth_mm: float | None = None,
     wire: WireName = "music",
     section: SectionName = "auto",
     speed_mm_s: float | None = None,
@@ -33,19 +33,27 @@ def design(
     trade_offs: Annotated[bool, Parameter(negative="--no-trade-offs")] = True,
     out: Path | None = None,
     picture: Path | None = None,
+    array: Annotated[bool, Parameter(negative="")] = False,
+    accuracy: float = 0.98,
+    dirt: float = 0.3,
+    length_mm: float | None = None,
+    speed_error: float = 0.05,
+    whiskers: str = "1,2,4,6,8,12,16,24,32,48",
 ) -> int:
     """Design the whisker that shows edges best in the worst case, and say what stands in its way.
 
+    With --array: the comb of default whiskers and the plan that feel a serial in the least stage time.
+
     Parameters
     ----------
-    alpha
-        Slopes of the walls of the marks, least:greatest, degrees, such as 30:60.
-    mu
-        Friction, least:greatest, such as 0.1:0.5.
-    depth_mm
-        Depth of the deepest marks, mm.
     height_mm
         Character height, mm.
+    alpha
+        Slopes of the walls of the marks, least:greatest, degrees, such as 30:60. Needed without --array.
+    mu
+        Friction, least:greatest, such as 0.1:0.5. Needed without --array.
+    depth_mm
+        Depth of the deepest marks, mm. Needed without --array.
     wire
         What whiskers are made of.
     section
@@ -62,9 +70,35 @@ def design(
         Whisker file to write, .toml, for `scan --whisker`.
     picture
         Picture to write, .png or .pdf.
+    array
+        Choose whiskers, rows, stagger, pitch, speed and plan instead.
+    accuracy
+        Of --array: share of the characters to be read right, as measured on simulated parts.
+    dirt
+        Of --array: severity of the dirt that this is wanted at, one that was measured.
+    length_mm
+        Of --array: length of the line, mm; that of eight characters unless given.
+    speed_error
+        Of --array: what speed may make wrong of the edge map, a share of the signal.
+    whiskers
+        Of --array: numbers of whiskers to compare, separated by commas.
     """
+    if array:
+        from pipeline.cli.design_array import design_array
+
+        return design_array(
+            height_mm=height_mm, accuracy=accuracy, dirt=dirt, length_mm=length_mm, speed_error=speed_error,
+            whiskers=whiskers, picture=picture,
+        )  # fmt: skip
     with failures_reported():
         import math
+
+        if alpha is None or mu is None or depth_mm is None:
+            raise CommandError(
+                "design: --alpha, --mu and --depth-mm say what the whisker is for",
+                hint="give all three, or --array",
+                status=USAGE,
+            )
 
         from pipeline.files.whisker_file import check_whisker_file, write_whisker_file
         from whisker_array.design.design import design_whisker

@@ -123,7 +123,7 @@ def scan(
         plan = default_plan(
             (0.0, 0.0, *surface.size_mm),
             character_height_mm=height,
-            rows=2 if profilers else 1,
+            kinds=2 if profilers else 1,
             two_way=two_way,
         )
         if built is not None:

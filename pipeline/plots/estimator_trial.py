@@ -103,7 +103,7 @@ def _trial(
     touch = default_touch(HEIGHT_MM)
     turned = (TraceDirection.FORWARD_X, TraceDirection.BACK_X)
     plan = RasterPlan(
-        array=WhiskerArray(8, 8 * _LINE_PITCH_MM, rows=2 if second else 1),
+        array=WhiskerArray(8, 8 * _LINE_PITCH_MM, kinds=2 if second else 1),
         region_mm=(0.9, 0.02, surface.size_mm[0] - 0.9, surface.size_mm[1] - 0.02),
         line_pitch_mm=_LINE_PITCH_MM,
         sample_pitch_mm=_MAP_PITCH_MM,
@@ -115,7 +115,7 @@ def _trial(
     mus: dict[FrictionRoute, list[float]] = {route: [] for route in FrictionRoute}
     for number in range(scans):
         rng = np.random.default_rng([seed, number])
-        n = plan.array.n_whiskers * plan.array.rows
+        n = plan.array.n_whiskers * plan.array.kinds
         full_scale = 3.0 * abs(touch.land_moment_n_mm())
         chain = draw_sensor_chain(n, rng=rng, full_scale_n_mm=full_scale)
         scan = trace_scan(

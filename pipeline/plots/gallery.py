@@ -17,6 +17,7 @@ from pipeline.plots.estimator_trial import TrialRow
 from pipeline.plots.estimators import estimators_figure
 from pipeline.plots.factor import factor_figure
 from pipeline.plots.pictures import save_figure
+from pipeline.plots.speed import speed_figure
 from pipeline.plots.traces import pieces_figure, whiskers_figure
 
 PictureFormat: TypeAlias = Literal["png", "svg"]
@@ -28,6 +29,7 @@ FIGURES: tuple[tuple[str, Draw], ...] = (
     ("fig7-whiskers", whiskers_figure),
     ("elastica", elastica_figure),
     ("estimators", estimators_figure),
+    ("speed", speed_figure),
 )
 """Name of the file and how it is drawn; a further picture is one more line."""
 TABLE = "figures.csv"

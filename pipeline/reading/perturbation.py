@@ -169,6 +169,7 @@ class Retake:
             line_mm=plan.line_mm * self.grown,
             start_mm=plan.start_mm * self.grown,
             step_mm=plan.step_mm * self.grown,
+            offset_mm=tuple(v * self.grown for v in plan.offset_mm),
         )
         return replace(sweep, plan=placed, moment_n_mm=moment)
 

@@ -55,7 +55,7 @@ def feel(
 
     Args:
         height_map: the part.
-        plan: the raster; with two rows of whiskers the second are profilers.
+        plan: the raster; with two kinds of whiskers the second are profilers.
         height_mm: character height.
         fidelity: how touch is simulated.
         noise: sensors as from the bench.
@@ -72,7 +72,7 @@ def feel(
     touch = touch if touch is not None else default_touch(height_mm)
     rng = np.random.default_rng(sensor_seed)
     full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
-    n_whiskers = plan.array.n_whiskers * plan.array.rows
+    n_whiskers = plan.array.n_whiskers * plan.array.kinds
     chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale) if noise else None
     drawn = rng if noise_seed is None else np.random.default_rng(noise_seed)
     scan = trace_scan(
@@ -85,7 +85,7 @@ def feel(
         part_id=part_id,
         friction=friction,
         soil=soil,
-        others=(profiling_touch(height_mm),) if plan.array.rows > 1 else (),
+        others=(profiling_touch(height_mm),) if plan.array.kinds > 1 else (),
     )
     return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))
 

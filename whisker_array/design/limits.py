@@ -154,7 +154,7 @@ class Limits:
         l1_mm: shortest and longest beam.
         thickness_mm: thinnest and thickest ribbon or wire.
         aspect: least and greatest width over thickness of a ribbon.
-        width_heights: widest ribbon in character heights: whiskers stand half a height apart, in staggered rows.
+        width_heights: widest ribbon in character heights: whiskers stand a height apart, or in staggered rows.
         k: least and greatest l2 / l1.
         beta_rad: least and greatest setting angle.
         lift_share: least e_y.D11 (n - mu t) on a wall over its land value; the contact solver calls a jam at a

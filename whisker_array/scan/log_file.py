@@ -80,6 +80,7 @@ def read_log(file: CheckedFile, sweeps: tuple[Sweep, ...]) -> PassLog:
                     sample_pitch_mm=sweep.plan.step_mm,
                     air_samples=sweep.air_n_mm.shape[2],
                     pushed=sweep.plan.pushed,
+                    offset_mm=sweep.plan.offset_mm,
                     preload_mm=None if np.isnan(preload[k]) else float(preload[k]),
                     **{name: float(values[k]) for name, values in times.items()},
                 ),

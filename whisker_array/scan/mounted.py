@@ -12,6 +12,7 @@ from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, TraceDirection
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.sensor import SensorChain, measure
+from whisker_array.scan.stagger import as_laid, as_taken
 from whisker_array.simulation.regrid import fit_pitch, fit_soil, pad_soil
 from whisker_array.simulation.surface import (
     Friction,
@@ -59,16 +60,17 @@ class Mounted:
 
         Args:
             sweep: where the whiskers run; those of the first touch come first.
-            touches: one a row of whiskers.
+            touches: one a kind of whisker.
             fidelity: pointwise formula or frictional contact.
             air_samples: taken before each pass.
             sample_rate_hz: of the converter.
             sensor: gains, noise, converter; ideal unless given.
             rng: needed with a sensor.
         """
-        n, rows = sweep.line_mm.shape[1] // len(touches), []
+        n, kinds = sweep.line_mm.shape[1] // len(touches), []
         for i, touch in enumerate(touches):
-            own = replace(sweep, line_mm=sweep.line_mm[:, i * n : (i + 1) * n])
+            whiskers = slice(i * n, (i + 1) * n)
+            own = replace(sweep, line_mm=sweep.line_mm[:, whiskers], offset_mm=sweep.offset_mm[whiskers])
             surface = self._along(touch.tip_radius_mm, sweep.direction)
             traces = trace_sweep(
                 surface, own, touch=touch, fidelity=fidelity, origin_mm=self.origin_mm, size_mm=self.size_mm
@@ -77,19 +79,22 @@ class Mounted:
             moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
             air = np.zeros((*shape[:2], air_samples), dtype=np.float32)
             if sensor is not None and rng is not None:
-                # row by row: they come to a place one after the other, so the base does not shake them alike
+                # kind by kind: they come to a place one after the other, so the base does not shake them alike
                 several = len(touches) > 1
                 chain = sensor.of(range(i * n, (i + 1) * n)) if several else sensor
+                # rows of one comb are shaken together, each over its own place
+                behind = own.behind - own.behind.min(initial=0)
                 raw, saturated = measure(
-                    np.concatenate([air, moment], axis=2), chain=chain, sample_rate_hz=sample_rate_hz, rng=rng
+                    np.concatenate([air, as_taken(moment, behind)], axis=2),
+                    chain=chain,
+                    sample_rate_hz=sample_rate_hz,
+                    rng=rng,
                 )
-                air, moment = raw[..., :air_samples], raw[..., air_samples:]
-                clipped = np.where(
-                    saturated[..., air_samples:], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0)
-                )
-                flags = flags | clipped
-            rows.append((moment, flags, air))
-        moment, flags, air = (np.concatenate(parts, axis=1) for parts in zip(*rows, strict=True))
+                air, moment = raw[..., :air_samples], as_laid(raw[..., air_samples:], behind)
+                clipped = as_laid(saturated[..., air_samples:], behind)
+                flags = flags | np.where(clipped, np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
+            kinds.append((moment, flags, air))
+        moment, flags, air = (np.concatenate(parts, axis=1) for parts in zip(*kinds, strict=True))
         return Sweep(plan=sweep, moment_n_mm=moment, flags=flags, air_n_mm=air)
 
     def _along(self, tip_radius_mm: float, direction: TraceDirection) -> TouchSurface:

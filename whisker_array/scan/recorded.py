@@ -20,6 +20,7 @@ from whisker_array.scan.log_file import GROUP, read_log
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import Calibration, apply_calibration
 from whisker_array.scan.session import gathered
+from whisker_array.scan.stagger import as_laid
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 from whisker_array.whisker.passes import SweepPlan
@@ -44,6 +45,7 @@ class Recorded(CheckedFile):
     def __init__(self, path: Path, file: h5py.File, raw: bool) -> None:
         super().__init__(path, file)
         self.raw = raw
+        self._offset_mm: tuple[float, ...] = ()
 
     def scan(self) -> Scan:
         """The whole file as a Scan.
@@ -64,6 +66,7 @@ class Recorded(CheckedFile):
         columns = self._columns(n_channels, lines.shape[1])
         calibration = None if self.raw else self._calibration(lines.shape[1], volt=units == VOLT)
         kind, touches = self._kinds(lines.shape[1])
+        self._offset_mm = self._offsets(lines.shape[1])
         pushed = self._pushed(direction.size)
         rate = self.attribute(self.file.attrs, "sampling_rate_hz")
         rows = self._rows(n_rows, direction.size)
@@ -158,6 +161,18 @@ class Recorded(CheckedFile):
         names = ["whisker", *(f"whisker_{i}" for i in range(1, int(kind.max()) + 1))]
         return tuple(int(k) for k in kind), tuple(self._touch(name) for name in names)
 
+    def _offsets(self, n_whiskers: int) -> tuple[float, ...]:
+        """How far behind whisker 0 each stands; empty where the file does not say."""
+        if "whisker/offset_mm" not in self.file:
+            return ()
+        offset = self.numbers("whisker/offset_mm", (n_whiskers,))
+        if offset[0] != 0.0 or offset.min() < 0.0:
+            raise self.fail(
+                f"/whisker/offset_mm is {offset[0]:g} mm for whisker 0, and {offset.min():g} mm at least",
+                "count offsets from whisker 0, which is to stand in the foremost row",
+            )
+        return tuple(float(v) for v in offset)
+
     def _pushed(self, n_passes: int) -> NDArray[np.bool_]:
         if "passes/pushed" not in self.file:
             return np.zeros(n_passes, dtype=np.bool_)
@@ -231,26 +246,36 @@ class Recorded(CheckedFile):
         n_air = min(rows[p][0].size for p in members)
         air = np.stack([rows[p][0][:n_air] for p in members])
         start, step = self._along(direction, members, touching)
+        behind = np.asarray(self._offset_mm or (0.0,) * lines.shape[1]) / step
+        whole = np.rint(behind)
+        behind = np.where(np.abs(behind - whole) <= 1e-3 * np.maximum(1.0, whole), whole, behind)
+        n_samples = counts[0] - int(np.ceil(behind.max(initial=0.0)))
+        if n_samples < 2:
+            raise self.fail(
+                f"passes in direction {int(direction)} deg are shorter than the rows' offsets",
+                "the array runs on until its last row has felt the part; see /whisker/offset_mm",
+            )
         n_lead = 0
         if "passes/n_lead" in self.file:
             n_lead = int(self.numbers("passes/n_lead", (len(rows),))[members].min())
-            if not 0 <= 2 * n_lead < counts[0]:
+            if not 0 <= 2 * n_lead < n_samples:
                 raise self.fail(
-                    f"/passes/n_lead is {n_lead} of {counts[0]} samples", "it counts those before the marks"
+                    f"/passes/n_lead is {n_lead} of {n_samples} samples", "it counts those before the marks"
                 )
         plan = SweepPlan(
             direction=direction,
             line_mm=lines[members],
             start_mm=start,
             step_mm=step,
-            n_samples=counts[0],
+            n_samples=n_samples,
             n_lead=n_lead,
             pushed=pushed,
+            offset_mm=tuple(float(v) for v in whole * step) if whole.any() else (),
         )
         return Sweep(
             plan=plan,
-            moment_n_mm=np.ascontiguousarray(moment[touching].transpose(0, 2, 1)),
-            flags=np.ascontiguousarray(flags[touching].transpose(0, 2, 1)),
+            moment_n_mm=np.ascontiguousarray(as_laid(moment[touching].transpose(0, 2, 1), behind)),
+            flags=np.ascontiguousarray(as_laid(flags[touching].transpose(0, 2, 1), behind)),
             air_n_mm=np.ascontiguousarray(moment[air].transpose(0, 2, 1)),
         )
 

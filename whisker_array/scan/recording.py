@@ -29,6 +29,8 @@ given::
     /whisker/compliance_mm_per_n*       (3, 3);  /whisker/moment_arm_mm*  (3,)
     /whisker               attributes: preload_mm*, tip_radius_mm (0), friction (0.2), description
     /whisker/kind          (whisker,) kind of each whisker; those of kind 1 are described in /whisker_1 (0)
+    /whisker/offset_mm     (whisker,) how far each stands behind whisker 0 along the trace, not negative (0); positions
+                           and starts are those of whisker 0, and another is over a place so much later
     /calibration           attribute: from_land, gains read off land rather than on a bench (0)
     /calibration/gain      (whisker,) true moment = (moment - offset) / gain; in V per N mm where units is "V"
     /calibration/offset_n_mm            (whisker,); named offset_v, in V, where units is "V"
@@ -41,6 +43,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -53,6 +56,8 @@ from whisker_array.scan.log_file import write_log
 from whisker_array.scan.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import Calibration
+from whisker_array.scan.stagger import as_taken
+from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
 
 __all__ = ["FileError", "load_scan", "save_calibration", "save_scan"]
@@ -146,13 +151,15 @@ def _write(scan: Scan, file: h5py.File) -> None:
     sweeps = scan.sweeps if scan.log is None else tuple(p.sweep for p in scan.log.passes)
     signal, flags, position, phase, length = [], [], [], [], []
     for sweep in sweeps:
-        both = np.concatenate([sweep.air_n_mm, sweep.moment_n_mm], axis=2)
+        behind, n_air = sweep.plan.behind, sweep.air_n_mm.shape[2]
+        both = np.concatenate([sweep.air_n_mm, as_taken(sweep.moment_n_mm, behind)], axis=2)
         n_pass, n_whiskers, n_all = both.shape
-        n_air = n_all - sweep.plan.n_samples
         signal.append(both.transpose(0, 2, 1).reshape(-1, n_whiskers))
         no_flags = np.zeros((n_pass, n_whiskers, n_air), np.uint8)
         flags.append(
-            np.concatenate([no_flags, sweep.flags], axis=2).transpose(0, 2, 1).reshape(-1, n_whiskers)
+            np.concatenate([no_flags, as_taken(sweep.flags, behind, outside=SampleFlag.OUTSIDE)], axis=2)
+            .transpose(0, 2, 1)
+            .reshape(-1, n_whiskers)
         )
         position.append(_positions(sweep.plan, n_air))
         phase.append(np.tile(np.repeat(np.array([0, 1], np.uint8), [n_air, n_all - n_air]), n_pass))
@@ -191,6 +198,8 @@ def _write(scan: Scan, file: h5py.File) -> None:
             }
         )
     file["whisker/kind"] = np.asarray(scan.kind, dtype=np.int32)
+    if scan.sweeps[0].plan.offset_mm:
+        file["whisker/offset_mm"] = np.asarray(scan.sweeps[0].plan.offset_mm, dtype=np.float64)
     if scan.calibration is not None:
         _write_calibration(file, scan.calibration, volt=False)
     if scan.log is not None:
@@ -207,7 +216,8 @@ def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool)
 
 def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:
     """(pass x sample, 2) plate x, y of whisker 0; lifted, the array waits over its first touching sample."""
-    along = np.concatenate([np.full(n_air, plan.start_mm), plan.position_mm()])
+    ran = replace(plan, n_samples=plan.n_samples + int(plan.behind.max(initial=0)))
+    along = np.concatenate([np.full(n_air, plan.start_mm), ran.position_mm()])
     n_pass = plan.line_mm.shape[0]
     pair = (np.tile(along, n_pass), np.repeat(plan.line_mm[:, 0], along.size))
     return np.column_stack(pair if plan.direction.along_x else pair[::-1])

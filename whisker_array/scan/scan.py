@@ -134,16 +134,16 @@ def trace_scan(
         sensor: gains, noise, converter; an ideal sensor unless given.
         rng: needed with a sensor that has noise.
         part_id: what the part is called.
-        others: touches of the further rows of the plan's array.
+        others: touches of the further kinds of the plan's array.
         soil: friction of the part, and dirt that yields (`whisker_array.simulation.soft`); none unless given.
 
     Raises:
         MapError: a friction map or soil that does not fit.
-        ValueError: a sensor without `rng`, or for another number of whiskers; a touch missing for a row.
+        ValueError: a sensor without `rng`, or for another number of whiskers; a touch missing for a kind.
     """
-    if len(others) != plan.array.rows - 1:
+    if len(others) != plan.array.kinds - 1:
         raise ValueError(
-            f"the array has {plan.array.rows} rows of whiskers, but {1 + len(others)} touches are given"
+            f"the array has {plan.array.kinds} kinds of whiskers, but {1 + len(others)} touches are given"
         )
     if sensor is not None and rng is None:
         raise ValueError(
@@ -208,7 +208,11 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
         scan,
         sweeps=tuple(
             Sweep(
-                plan=replace(s.plan, line_mm=s.plan.line_mm[:, columns]),
+                plan=replace(
+                    s.plan,
+                    line_mm=s.plan.line_mm[:, columns],
+                    offset_mm=tuple(s.plan.offset_mm[c] for c in columns) if s.plan.offset_mm else (),
+                ),
                 moment_n_mm=s.moment_n_mm[:, columns],
                 flags=s.flags[:, columns],
                 air_n_mm=s.air_n_mm[:, columns],

@@ -135,6 +135,7 @@ def _together(sweeps: Sequence[Sweep]) -> Sweep:
         n_samples=n,
         n_lead=min(s.plan.n_lead for s in sweeps),
         pushed=first.pushed,
+        offset_mm=first.offset_mm,
     )
     return Sweep(
         plan=plan,

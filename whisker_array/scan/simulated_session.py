@@ -122,7 +122,7 @@ class SimulatedSession:
         """
         if self._part is None:
             raise StageError("the part is no longer on the stage", "open a session of its own for every part")
-        whiskers = self.fitting.array.n_whiskers * self.fitting.array.rows
+        whiskers = self.fitting.array.n_whiskers * self.fitting.array.kinds
         if len(order.line_mm) != whiskers:
             raise StageError(
                 f"a pass of {len(order.line_mm)} whiskers for an array of {whiskers}",

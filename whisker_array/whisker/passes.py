@@ -6,12 +6,16 @@
     (lifted) |----------|===================================|----------|  turnaround: lift, move, set down
               start_mm   along_mm[0]             along_mm[1]
 
+    rows of a comb stand one behind the other (offset_mm): the last row is over a place when the first has long passed
+    it, so the array runs on by the offset of the last row, and all of it moves back so much further
+
 A raster is a sequence of passes (`RasterPlan.passes`); a stage session feels them one by one, in any order.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +24,31 @@ from numpy.typing import NDArray
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.sections import WhiskerError
+
+RAPID_MM_S = 300.0
+"""How fast a lifted array moves over a stagger: an assumption, as the time of a turnaround is."""
+SAMPLES_TOLERANCE = 1e-3
+
+
+def samples_behind(offset_mm: Iterable[float], sample_pitch_mm: float) -> NDArray[np.intp]:
+    """How many samples later than the foremost row each whisker comes to a place.
+
+    Raises:
+        WhiskerError: rows that stand ahead of the foremost, or between two samples.
+    """
+    behind = np.asarray(tuple(offset_mm), dtype=np.float64) / sample_pitch_mm
+    whole = np.rint(behind).astype(np.intp)
+    if behind.size and (not np.isfinite(behind).all() or whole.min() < 0):
+        raise WhiskerError(
+            "a row stands ahead of the foremost one", hint="count offsets from the foremost row"
+        )
+    if behind.size and np.abs(behind - whole).max() > SAMPLES_TOLERANCE * max(1.0, float(behind.max())):
+        raise WhiskerError(
+            f"rows {max(offset_mm):.6g} mm one behind the other do not come to the places of samples "
+            f"{sample_pitch_mm:.6g} mm apart",
+            hint="the samples' distance must divide the stagger of the rows",
+        )
+    return whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +65,7 @@ class SweepPlan:
         n_samples: samples that touch, lead-in and lead-out included.
         n_lead: of these, how many run in on land before the region, and as many out behind it.
         pushed: the base follows the tip, as when a dragged array returns; otherwise it is ahead.
+        offset_mm: how far behind the foremost row each whisker stands along the trace; empty where all are level.
     """
 
     direction: TraceDirection
@@ -45,11 +75,18 @@ class SweepPlan:
     n_samples: int
     n_lead: int
     pushed: bool = False
+    offset_mm: tuple[float, ...] = ()
 
     __repr__ = one_line
 
+    @property
+    def behind(self) -> NDArray[np.intp]:
+        """(whiskers,) samples by which each whisker comes later to a place than the foremost row."""
+        offsets = self.offset_mm or (0.0,) * int(self.line_mm.shape[1])
+        return samples_behind(offsets, self.step_mm)
+
     def position_mm(self) -> NDArray[np.float64]:
-        """(samples,) plate coordinate along the trace of each touching sample."""
+        """(samples,) plate coordinate along the trace of each touching sample, the same for every row."""
         sign = -1.0 if self.direction.backward else 1.0
         return self.start_mm + sign * self.step_mm * np.arange(self.n_samples, dtype=np.float64)
 
@@ -69,6 +106,7 @@ class Pass:
         turnaround_s: time to lift, move and set down for the next one.
         pushed: the base follows the tip.
         preload_mm: how far below the land the force-free tip runs; that of the touch unless given.
+        offset_mm: see `SweepPlan`; of a comb, `WhiskerArray.offset_mm`.
 
     Raises:
         WhiskerError: no whiskers, an empty stretch, a number that cannot be.
@@ -84,6 +122,7 @@ class Pass:
     turnaround_s: float = 0.25
     pushed: bool = False
     preload_mm: float | None = None
+    offset_mm: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("sample_pitch_mm", "speed_mm_s"):
@@ -98,6 +137,11 @@ class Pass:
             raise WhiskerError("a pass needs a finite place for every whisker", hint="give line_mm")
         if not self.along_mm[1] > self.along_mm[0]:
             raise WhiskerError(f"the stretch {self.along_mm} is empty", hint="give (least, greatest)")
+        if len(self.offset_mm) not in (0, len(self.line_mm)):
+            raise WhiskerError(
+                f"{len(self.offset_mm)} offsets for {len(self.line_mm)} whiskers", hint="give one for each"
+            )
+        samples_behind(self.offset_mm, self.sample_pitch_mm)
 
     @property
     def n_lead(self) -> int:
@@ -129,8 +173,14 @@ class Pass:
 
     @property
     def stage_s(self) -> float:
-        """What it costs: air, run-in, stretch and run-out at tracing speed, and the turnaround behind it."""
-        return (self.n_samples + self.air_samples) / self.sample_rate_hz + self.turnaround_s
+        """What it costs: air, run-in, stretch, run-out and stagger at tracing speed, and the turnaround behind it."""
+        tracing = (self.n_samples + self.air_samples) / self.sample_rate_hz
+        return tracing + self.turnaround_s + self.stagger_mm * (1.0 / self.speed_mm_s + 1.0 / RAPID_MM_S)
+
+    @property
+    def stagger_mm(self) -> float:
+        """How far the last row stands behind the first: so much further the array runs, and moves back."""
+        return max(self.offset_mm, default=0.0)
 
     def sweep_plan(self) -> SweepPlan:
         """The pass as a sweep of its own."""
@@ -142,6 +192,7 @@ class Pass:
             n_samples=self.n_samples,
             n_lead=self.n_lead,
             pushed=self.pushed,
+            offset_mm=self.offset_mm,
         )
 
     def describe(self) -> str:

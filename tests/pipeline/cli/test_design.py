@@ -81,3 +81,24 @@ def test_files_are_refused_before_the_search(tmp_path: Path, flag: str, name: st
     with pytest.raises(CommandError) as told:
         design(**ASKED, **{flag: tmp_path / name})
     assert told.value.status == FAILED
+
+
+def test_an_array_is_told_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "array.png"
+    assert design(height_mm=5.0, array=True, accuracy=0.5, whiskers="8", picture=picture) == 0
+    told = capsys.readouterr().out
+    assert "Quickest: 8 whiskers" in told
+    assert max(map(len, told.splitlines()[:-1])) <= 80
+    assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("whiskers", ["", "eight", "0,8", "1000"])
+def test_numbers_of_whiskers_that_cannot_be(whiskers: str) -> None:
+    with pytest.raises(CommandError, match="--whiskers is") as raised:
+        design(height_mm=5.0, array=True, whiskers=whiskers)
+    assert raised.value.status == USAGE
+
+
+def test_without_an_array_walls_must_be_given() -> None:
+    with pytest.raises(CommandError, match="--alpha, --mu and --depth-mm"):
+        design(height_mm=5.0)

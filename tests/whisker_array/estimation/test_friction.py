@@ -41,7 +41,7 @@ def scan_of(
 ) -> Scan:
     rows = 1 + len(others)
     plan = RasterPlan(
-        array=WhiskerArray(N, 0.5, rows=rows),
+        array=WhiskerArray(N, 0.5, kinds=rows),
         region_mm=(0.8, 0.1, 9.2, 3.9),
         line_pitch_mm=0.125,
         sample_pitch_mm=0.04,

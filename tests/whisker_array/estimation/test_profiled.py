@@ -60,7 +60,7 @@ def scan_of(
 ) -> Scan:
     rows = 1 + len(others)
     plan = RasterPlan(
-        array=WhiskerArray(N, 0.25, rows=rows),
+        array=WhiskerArray(N, 0.25, kinds=rows),
         region_mm=(1.0, 0.3, 11.0, 1.27),
         line_pitch_mm=0.03125,
         sample_pitch_mm=0.02,

@@ -35,7 +35,7 @@ PLAN = RasterPlan(
     air_samples=4,
 )
 TWO_WAYS = replace(PLAN, two_way=True)
-MIXED = replace(TWO_WAYS, array=WhiskerArray(N, 0.5, rows=2))
+MIXED = replace(TWO_WAYS, array=WhiskerArray(N, 0.5, kinds=2))
 
 
 def surface() -> HeightMap:
@@ -60,7 +60,7 @@ def test_rows_run_on_the_same_lines() -> None:
     assert MIXED.n_samples == 2 * TWO_WAYS.n_samples
     assert MIXED.n_passes == TWO_WAYS.n_passes
     assert MIXED.scan_time_s == TWO_WAYS.scan_time_s
-    assert "2 rows of 4 whiskers" in MIXED.describe()
+    assert "2 kinds of 4 whiskers" in MIXED.describe()
 
 
 def test_every_pass_comes_back_pushed_over_the_same_places() -> None:
@@ -78,13 +78,13 @@ def test_every_pass_comes_back_pushed_over_the_same_places() -> None:
 
 
 def test_the_default_plan_hands_both_on() -> None:
-    plan = default_plan((0.0, 0.0, 9.0, 6.0), character_height_mm=5.0, rows=2, two_way=True)
-    assert plan.array.rows == 2
+    plan = default_plan((0.0, 0.0, 9.0, 6.0), character_height_mm=5.0, kinds=2, two_way=True)
+    assert plan.array.kinds == 2
     assert plan.two_way
     plain = default_plan((0.0, 0.0, 9.0, 6.0), character_height_mm=5.0)
-    assert (plain.array.rows, plain.two_way) == (1, False)
-    with pytest.raises(WhiskerError, match="rows is 0"):
-        WhiskerArray(3, 1.0, rows=0)
+    assert (plain.array.kinds, plain.two_way) == (1, False)
+    with pytest.raises(WhiskerError, match="kinds is 0"):
+        WhiskerArray(3, 1.0, kinds=0)
 
 
 def test_shapes_kinds_and_touches() -> None:
@@ -182,9 +182,9 @@ def test_only_refuses_what_is_not_there() -> None:
 
 
 def test_touches_and_sensors_must_fit_the_rows() -> None:
-    with pytest.raises(ValueError, match=r"2 rows of whiskers, but 1 touches"):
+    with pytest.raises(ValueError, match=r"2 kinds of whiskers, but 1 touches"):
         trace_scan(surface(), touch=TOUCH, plan=MIXED)
-    with pytest.raises(ValueError, match=r"1 rows of whiskers, but 2 touches"):
+    with pytest.raises(ValueError, match=r"1 kinds of whiskers, but 2 touches"):
         trace_scan(surface(), touch=TOUCH, others=(PROFILER,), plan=PLAN)
 
 

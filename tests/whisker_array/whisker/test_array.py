@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from whisker_array.whisker.array import (
     WhiskerArray,
     default_plan,
 )
+from whisker_array.whisker.passes import RAPID_MM_S
 from whisker_array.whisker.sections import WhiskerError
 
 plans = st.builds(
@@ -106,17 +108,33 @@ def test_the_default_plan_follows_the_character_height(height: float) -> None:
     plan = default_plan((0.0, 0.0, 8.0 * height, 2.0 * height), character_height_mm=height)
     assert plan.line_pitch_mm == pytest.approx(height / LINES_PER_HEIGHT)
     assert plan.directions == ALL_DIRECTIONS
-    assert plan.interlace == LINES_PER_HEIGHT / 2
-    small = default_plan((0.0, 0.0, 8.0, 2.0), character_height_mm=1.0)
-    assert plan.n_samples == pytest.approx(small.n_samples, rel=0.02)  # the same picture at every scale
+    assert plan.interlace == LINES_PER_HEIGHT * (2 if height < 1.9 else 1)  # ribbons need air beside them
+    other = default_plan((0.0, 0.0, 80.0, 20.0), character_height_mm=10.0)
+    if height >= 1.9:
+        assert plan.n_samples == pytest.approx(other.n_samples, rel=0.02)  # the same picture at every scale
     assert default_plan((0, 0, 1, 1), character_height_mm=1.0, speed_mm_s=7.0).sample_rate_hz == 7.0 * 80
+
+
+@settings(max_examples=40, deadline=None)
+@given(plan=plans, rows=st.integers(2, 4), samples=st.integers(1, 90))
+def test_a_stagger_costs_its_way_at_tracing_speed_and_back(plan: RasterPlan, rows: int, samples: int) -> None:
+    array = plan.array
+    stagger = samples * plan.sample_pitch_mm
+    staggered = replace(plan, array=replace(array, rows=min(rows, array.n_whiskers), stagger_mm=stagger))
+    far = stagger * (min(rows, array.n_whiskers) - 1)
+    more = plan.n_passes * (far / plan.speed_mm_s + far / RAPID_MM_S)
+    assert staggered.scan_time_s == pytest.approx(plan.scan_time_s + more, rel=1e-9)
+    assert staggered.n_samples == plan.n_samples  # each row keeps the samples of its own stretch
+    for one, other in zip(plan.sweeps(), staggered.sweeps(), strict=True):
+        np.testing.assert_array_equal(one.line_mm, other.line_mm)
+        assert other.behind.max() == (min(rows, array.n_whiskers) - 1) * samples
 
 
 def test_the_plan_says_what_it_does() -> None:
     plan = default_plan((0.0, 0.0, 40.0, 10.0), character_height_mm=5.0, n_whiskers=4)
     for word in (
         "40.0 x 10.0 mm",
-        "4 whiskers 2.50 mm apart",
+        "4 whiskers 5.00 mm apart, 2.2 g",
         "0°/90°/180°/270°",
         f"{plan.n_samples:,} samples",
     ):

@@ -1,0 +1,148 @@
+"""How well a part is read by a coarser plan: measured on simulated parts, for `design --array`::
+
+    python -m pipeline.benchmark.plan_accuracy --parts 60 --seed 1700 --write
+
+Every part, drawn as those of the exam but of no font or dirt that it keeps out, is felt by each
+plan (lines a character height x directions) about its line alone, as where a camera or a job says where it lies, and read with the format of its
+serials; fonts are not named. Each plan has sensor noise of its own. What is kept is counts, by plan and dirt
+(whisker_array/design/plan_accuracy.fit.json).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from datetime import date
+from typing import TYPE_CHECKING
+
+from glyphs.errors import MarksError
+from whisker_array.design.plan_accuracy import MEASURED, PlanCounts, accuracy_words
+
+if TYPE_CHECKING:
+    from pipeline.benchmark.exam.design import Design
+
+LINES = (10, 14, 20, 40)
+WAYS = ((0,), (0, 180), (90,), (90, 270), (0, 90, 180, 270))
+"""Trace directions, degrees: along the line one way and both, across it likewise, and all four."""
+SEVERITIES = (0.3, 0.6)
+EDITION = "marks-exam-1-240"
+"""Whose kinds of parts are drawn, with another seed."""
+BESIDE_HEIGHTS = 0.5
+"""Land that is felt around the line, character heights."""
+_log = logging.getLogger(__name__)
+
+
+def trial_parts(parts: int, seed: int) -> Design:
+    """Parts as those of the exam, but of no font or dirt that it keeps out, in turn of each severity."""
+    from pipeline.benchmark.exam.editions import design_named
+
+    exam = design_named(EDITION)
+    soils = tuple(s for s in exam.part["soil"] if s not in exam.kept_out_soils)
+    first, *others = (s for s in exam.sections if not s.kept_out)
+    few = [max(1, round(parts * s.parts / sum(o.parts for o in (first, *others)))) for s in others]
+    sizes = (parts - sum(few), *few)
+    sections = tuple(s.model_copy(update={"parts": n}) for s, n in zip((first, *others), sizes, strict=True))
+    part = {**exam.part, "severity": SEVERITIES, "soil": soils}
+    changed = {"name": "plan-accuracy", "seed": seed, "sections": sections, "part": part}
+    return exam.model_copy(update=changed)
+
+
+def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
+    """What one part gave by one plan, part after part."""
+    import numpy as np
+    from rapidfuzz.distance import Levenshtein
+
+    from glyphs.surface.maps import TraceDirection
+    from pipeline.benchmark.exam.designed_parts import DesignedParts
+    from pipeline.reading.simulated_scan import feel
+    from recognition import Reader
+    from recognition.decision.reading import Decision
+    from whisker_array.whisker.array import default_plan
+
+    made = DesignedParts(trial_parts(parts, seed))
+    readers: dict[str, Reader] = {}
+    for number, item in enumerate(made.items()):
+        part = made.make(item)
+        if part.line_mm is None or part.height_mm is None:
+            continue
+        reader = readers.setdefault(item.condition.format, Reader(format=item.condition.format))
+        beside = BESIDE_HEIGHTS * part.height_mm
+        width, height = part.height_map.size_mm
+        x0, y0, x1, y1 = part.line_mm
+        region = (
+            max(0.0, x0 - beside),
+            max(0.0, y0 - beside),
+            min(width, x1 + beside),
+            min(height, y1 + beside),
+        )
+        for lines in LINES:
+            for ways in WAYS:
+                plan = default_plan(
+                    region,
+                    character_height_mm=part.height_mm,
+                    lines_per_height=lines,
+                    directions=tuple(TraceDirection(d) for d in ways),
+                )
+                noise = int(np.random.SeedSequence((seed, number, lines, *ways)).generate_state(1)[0])
+                try:
+                    scan = feel(
+                        part.height_map,
+                        plan=plan,
+                        height_mm=part.height_mm,
+                        sensor_seed=noise,
+                        soil=part.soil,
+                    )
+                    reading = reader.touch.read_scan(scan)
+                except MarksError as error:
+                    _log.info("%s, %d lines, %s: %s", part.part, lines, ways, error)
+                    text, accepted = "", False
+                else:
+                    text = "".join(reading.text.split())
+                    accepted = reading.decision is Decision.ACCEPT
+                right = max(0, len(part.truth) - int(Levenshtein.distance(text, part.truth)))
+                yield PlanCounts(
+                    lines=lines,
+                    directions=ways,
+                    severity=float(item.condition.severity or 0.0),
+                    parts=1,
+                    characters=len(part.truth),
+                    right=right,
+                    accepted=int(accepted),
+                    accepted_wrong=int(accepted and text != part.truth),
+                )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, say what was found, and with --write keep it."""
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("--parts", type=int, default=60)
+    asked.add_argument("--seed", type=int, default=1700)
+    asked.add_argument("--write", action="store_true", help=f"replace {MEASURED.name} as parts are read")
+    given = asked.parse_args(arguments)
+    command = f"python -m pipeline.benchmark.plan_accuracy --parts {given.parts} --seed {given.seed} --write"
+    sums: dict[tuple[int, tuple[int, ...], float], PlanCounts] = {}
+    plans, drawn = len(LINES) * len(WAYS), trial_parts(given.parts, given.seed)
+    for k, one in enumerate(counted(given.parts, given.seed), start=1):
+        key = (one.lines, one.directions, one.severity)
+        sums[key] = sums[key] + one if key in sums else one
+        if given.write and k % plans == 0:
+            manifest = {
+                "what": "characters and serials read, by plan and dirt (whisker_array/design/plan_accuracy.py)",
+                "command": command,
+                "made": date.today().isoformat(),
+                "parts": k // plans,
+                "asked": given.parts,
+                "edition": EDITION,
+                "fonts": sorted({str(f) for s in drawn.sections for f in s.part["font"]}),
+                "soils": list(drawn.part["soil"]),
+                "counts": [asdict(sums[key]) for key in sorted(sums)],
+            }
+            MEASURED.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+    print("\n".join(accuracy_words(tuple(sums[key] for key in sorted(sums)))))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,259 @@
+"""Which array to build, and which plan to run: the least stage time at a wanted accuracy.
+
+    whisker (width, inclination) -> body -> pitch -> rows and stagger -> comb
+    wanted accuracy -> plans that were measured to keep it (lines a height, directions)
+    allowed error   -> fastest speed of that whisker                                      } -> stage seconds
+
+All combinations are worked out, and the quickest is taken, for every number of whiskers. Accuracy is that of
+`plan_accuracy`, measured with the default whisker; speed is that of the dynamic simulation (`dynamic_speed`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import TraceDirection
+from whisker_array.design.limits import DesignError
+from whisker_array.design.plan_accuracy import PlanCounts, measured_plans, ways_words
+from whisker_array.simulation.dynamic_speed import FINE_ERROR, fastest_mm_s
+from whisker_array.whisker.array import COMB_STEP_HEIGHTS, RasterPlan, WhiskerArray, default_plan
+from whisker_array.whisker.comb import GAP_MM, Body, body_of, least_rows
+from whisker_array.whisker.defaults import default_whisker
+from whisker_array.whisker.sections import Rectangle
+from whisker_array.whisker.shapes import LShaped
+from whisker_array.whisker.touch import default_touch
+
+ARRAY_SIZES = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48)
+WIDTHS_THICKNESSES = (15.0, 6.0)
+"""Ribbons: the default one, and the narrowest that is still 17 times as stiff sideways as upwards."""
+BETAS_DEG = (0.0, 15.0, 30.0)
+MOST_BLOCKS = 4
+LENGTH_HEIGHTS, BESIDE_HEIGHTS = 6.5, 0.5
+"""A line of eight characters, and the land that is felt around it."""
+
+
+@dataclass(frozen=True)
+class ArrayRequest:
+    """What an array is for.
+
+    Attributes:
+        character_height_mm: of the serials.
+        accuracy: share of characters to be read right.
+        severity: of the dirt that this is wanted at; one that was measured.
+        length_mm: of the line; that of eight characters unless given.
+        speed_error: error of the edge map that speed may make.
+
+    Raises:
+        DesignError: a number out of range.
+    """
+
+    character_height_mm: float
+    accuracy: float = 0.98
+    severity: float = 0.3
+    length_mm: float | None = None
+    speed_error: float = FINE_ERROR
+
+    def __post_init__(self) -> None:
+        for name in ("character_height_mm", "length_mm", "speed_error"):
+            value = getattr(self, name)
+            if value is not None and not (value > 0.0 and math.isfinite(value)):
+                raise DesignError(f"{name} is {value}", hint="it must be a positive number")
+        if not 0.0 < self.accuracy < 1.0:
+            raise DesignError(f"accuracy is {self.accuracy}", hint="a share of the characters, below 1")
+
+    @property
+    def region_mm(self) -> tuple[float, float, float, float]:
+        """What is felt: the line and land around it."""
+        h = self.character_height_mm
+        length = self.length_mm or LENGTH_HEIGHTS * h
+        return (0.0, 0.0, length + 2.0 * BESIDE_HEIGHTS * h, (1.0 + 2.0 * BESIDE_HEIGHTS) * h)
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayChoice:
+    """An array, its plan, and what they give.
+
+    Attributes:
+        whisker: of the comb.
+        plan: the array and its passes over the line.
+        lines: traced lines a character height.
+        measured: what was read by such a plan.
+    """
+
+    whisker: LShaped
+    plan: RasterPlan
+    lines: int
+    measured: PlanCounts
+
+    __repr__ = one_line
+
+    @property
+    def stage_s(self) -> float:
+        """Stage time of one serial."""
+        return self.plan.scan_time_s
+
+    def describe(self) -> str:
+        """One line for a person."""
+        return (
+            f"{self.plan.array.describe()}, ribbon {_wide_mm(self.whisker):.2f} mm wide, "
+            f"inclined by {math.degrees(self.whisker.beta_rad):.0f}°: {self.lines} lines a height, "
+            f"{ways_words(self.measured.directions)}, {self.plan.speed_mm_s:.0f} mm/s, "
+            f"{self.plan.n_passes} passes, {self.stage_s:.1f} s"
+        )
+
+
+def _wide_mm(whisker: LShaped) -> float:
+    return 2.0 * whisker.segments()[0].section_at(0.0).c_lateral_mm
+
+
+@dataclass(frozen=True, eq=False)
+class _Build:
+    """A whisker that combs are made of."""
+
+    whisker: LShaped
+    body: Body
+    speed_mm_s: float
+    step_mm: float
+    in_file: int
+    clear: Callable[[int], bool]
+
+    def stagger_mm(self, rows: int) -> float:
+        """Least stagger at which rows of any lateral distance are clear of each other."""
+        if rows == 1:
+            return 0.0
+        for k in range(1, self.in_file):
+            if all(k * apart >= self.in_file or self.clear(k * apart) for apart in range(1, rows)):
+                return k * self.step_mm
+        return self.in_file * self.step_mm
+
+
+def _clear_at(body: Body, step_mm: float) -> Callable[[int], bool]:
+    """Whether rows so many steps apart are clear of each other."""
+
+    @cache
+    def clear(steps: int) -> bool:
+        return body.clear_mm(steps * step_mm) >= GAP_MM
+
+    return clear
+
+
+def _builds(request: ArrayRequest) -> Iterator[_Build]:
+    h = request.character_height_mm
+    usual, touch = default_whisker(h), default_touch(h)
+    thick = 2.0 * usual.segments()[0].section_at(0.0).c_vertical_mm
+    step = COMB_STEP_HEIGHTS * h
+    for width in WIDTHS_THICKNESSES:
+        for beta in BETAS_DEG:
+            section = Rectangle(thickness_mm=thick, width_mm=width * thick)
+            whisker = replace(usual, section=section, beta_rad=math.radians(beta))
+            body = body_of(whisker, preload_mm=touch.preload_mm, mu=touch.friction)
+            own = replace(touch, tip=whisker.tip_model(), whisker=whisker.describe())
+            speed = fastest_mm_s(whisker, own, character_height_mm=h, allowed_error=request.speed_error)
+            yield _Build(whisker, body, speed, step, math.ceil(body.in_file_mm / step), _clear_at(body, step))
+
+
+def _interlaces(request: ArrayRequest, build: _Build, *, n_whiskers: int, lines: int) -> set[int]:
+    """Pitches worth a look, in lines: blocks that just cover the region either way, and whiskers side by side."""
+    pitch = request.character_height_mm / lines
+    x0, y0, x1, y1 = request.region_mm
+    found = {math.ceil(build.body.side_room_mm / pitch - 1e-9)}
+    for across in (x1 - x0, y1 - y0):
+        n_lines = math.floor(across / pitch + 1e-6) + 1
+        found |= {math.ceil(n_lines / (n_whiskers * blocks)) for blocks in range(1, MOST_BLOCKS + 1)}
+    return found
+
+
+def _choices(
+    request: ArrayRequest, builds: Sequence[_Build], plans: Sequence[PlanCounts], n_whiskers: int
+) -> Iterator[ArrayChoice]:
+    h = request.character_height_mm
+    for counts in plans:
+        directions = tuple(TraceDirection(d) for d in counts.directions)
+        for build in builds:
+            usual = default_plan(
+                request.region_mm, character_height_mm=h, n_whiskers=1, directions=directions,
+                speed_mm_s=build.speed_mm_s, lines_per_height=counts.lines,
+            )  # fmt: skip
+            for interlace in _interlaces(request, build, n_whiskers=n_whiskers, lines=counts.lines):
+                pitch = interlace * usual.line_pitch_mm
+                rows = least_rows(build.body, pitch_mm=pitch, n_whiskers=n_whiskers)
+                points = WhiskerArray(n_whiskers, pitch, rows=rows, stagger_mm=build.stagger_mm(rows))
+                yield ArrayChoice(build.whisker, replace(usual, array=points), counts.lines, counts)
+
+
+def design_arrays(
+    request: ArrayRequest,
+    *,
+    sizes: Sequence[int] = ARRAY_SIZES,
+    counts: Sequence[PlanCounts] | None = None,
+) -> tuple[ArrayChoice, ...]:
+    """The quickest array and plan for each number of whiskers.
+
+    Args:
+        request: what it is for.
+        sizes: numbers of whiskers.
+        counts: measured accuracy of plans; those that come with the program unless given.
+
+    Raises:
+        DesignError: no measured plan is as accurate, or none was measured at that dirt.
+    """
+    known = tuple(counts) if counts is not None else measured_plans()
+    there = [c for c in known if math.isclose(c.severity, request.severity)]
+    if not there:
+        dirts = ", ".join(f"{s:g}" for s in sorted({c.severity for c in known}))
+        raise DesignError(
+            f"no plan was measured at dirt {request.severity:g}", hint=f"plans were measured at {dirts}"
+        )
+    kept = [c for c in there if c.accuracy >= request.accuracy]
+    if not kept:
+        best = max(there, key=lambda c: c.accuracy)
+        raise DesignError(
+            f"no measured plan reads {100 * request.accuracy:g} % of the characters at dirt {request.severity:g}",
+            hint=f"ask for {math.floor(1000 * best.accuracy) / 1000:g} or less ({best.lines} lines a height, "
+            f"{ways_words(best.directions)})",
+        )
+    builds = tuple(_builds(request))
+    bodies = {id(build.whisker): build.body for build in builds}
+    chosen = []
+    for n in sizes:
+        quickest = min(_choices(request, builds, kept, n), key=lambda c: c.stage_s)
+        # the comb is checked for room when it is built
+        array = replace(quickest.plan.array, body=bodies[id(quickest.whisker)])
+        chosen.append(replace(quickest, plan=replace(quickest.plan, array=array)))
+    return tuple(chosen)
+
+
+def array_words(request: ArrayRequest, choices: Sequence[ArrayChoice]) -> list[str]:
+    """The choices as a table and a sentence, for people; no line wider than 80."""
+    x0, y0, x1, y1 = request.region_mm
+    out = [
+        f"Characters {request.character_height_mm:g} mm high, {x1 - x0:.1f} x {y1 - y0:.1f} mm felt,",
+        f"{100 * request.accuracy:g} % of characters right at dirt {request.severity:g} (as measured):",
+        "",
+        "whiskers  rows  stagger  pitch  ribbon  incl.  lines  ways  passes  mm/s  stage",
+        "                     mm     mm      mm                                        s",
+    ]
+    for c in choices:
+        a = c.plan.array
+        out.append(
+            f"{a.n_whiskers:8d}  {a.rows:4d}  {a.stagger_mm:7.2f}  {a.pitch_mm:5.2f}  {_wide_mm(c.whisker):6.2f}"
+            f"  {math.degrees(c.whisker.beta_rad):4.0f}°  {c.lines:5d}  {len(c.measured.directions):4d}"
+            f"  {c.plan.n_passes:6d}  {c.plan.speed_mm_s:4.0f}  {c.stage_s:5.1f}"
+        )
+    best = min(choices, key=lambda c: c.stage_s)
+    read = best.measured
+    out += [
+        "",
+        f"Quickest: {best.plan.array.n_whiskers} whiskers, {best.stage_s:.1f} s a serial, "
+        f"{ways_words(read.directions)}; of {read.parts} parts so",
+        f"felt, {100 * read.accuracy:.1f} % (+-{100 * read.spread:.1f}) of characters were right, "
+        f"{read.accepted} accepted, {read.accepted_wrong} of these wrong.",
+        "Accuracy was measured with the default whisker, slow: python -m",
+        "pipeline.benchmark.plan_accuracy. Speed makes the edge map wrong by "
+        f"{100 * request.speed_error:g} %.",
+    ]
+    return out

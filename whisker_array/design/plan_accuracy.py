@@ -1,0 +1,104 @@
+"""How well coarser plans are read, as counted on simulated parts by `python -m pipeline.benchmark.plan_accuracy`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from whisker_array.design.limits import DesignError
+
+MEASURED = Path(__file__).with_name("plan_accuracy.fit.json")
+"""The counts, and the command that made them."""
+
+
+@dataclass(frozen=True)
+class PlanCounts:
+    """What was read by one plan under one severity of dirt.
+
+    Attributes:
+        lines: traced lines a character height.
+        directions: of the traces, degrees.
+        severity: of the dirt, 0 to 1.
+        parts: read.
+        characters: stamped on them.
+        right: of these, read right.
+        accepted: parts.
+        accepted_wrong: of these, read wrong.
+    """
+
+    lines: int
+    directions: tuple[int, ...]
+    severity: float
+    parts: int
+    characters: int
+    right: int
+    accepted: int
+    accepted_wrong: int
+
+    def __add__(self, other: PlanCounts) -> PlanCounts:
+        return PlanCounts(
+            self.lines,
+            self.directions,
+            self.severity,
+            self.parts + other.parts,
+            self.characters + other.characters,
+            self.right + other.right,
+            self.accepted + other.accepted,
+            self.accepted_wrong + other.accepted_wrong,
+        )
+
+    @property
+    def accuracy(self) -> float:
+        """Share of the characters that were read right."""
+        return self.right / self.characters
+
+    @property
+    def spread(self) -> float:
+        """Standard error of that share, serials taken to be wrong in eight independent characters."""
+        p = (self.right + 1.0) / (self.characters + 2.0)
+        return math.sqrt(p * (1.0 - p) / self.characters)
+
+
+@cache
+def measured_plans() -> tuple[PlanCounts, ...]:
+    """The counts that come with the program."""
+    told = json.loads(MEASURED.read_text(encoding="utf-8"))
+    return tuple(PlanCounts(**{**each, "directions": tuple(each["directions"])}) for each in told["counts"])
+
+
+def accuracy_of(
+    counts: Sequence[PlanCounts], *, lines: int, directions: tuple[int, ...], severity: float
+) -> PlanCounts:
+    """The counts of one plan.
+
+    Raises:
+        DesignError: that plan or severity was not measured.
+    """
+    for each in counts:
+        if (each.lines, each.directions) == (lines, directions) and math.isclose(each.severity, severity):
+            return each
+    known = ", ".join(f"{s:g}" for s in sorted({c.severity for c in counts}))
+    raise DesignError(
+        f"no plan of {lines} lines, {ways_words(directions)}, was measured at dirt {severity:g}",
+        hint=f"measured were dirts {known}; see python -m pipeline.benchmark.plan_accuracy",
+    )
+
+
+def ways_words(directions: Sequence[int]) -> str:
+    """Directions as people name them."""
+    return ", ".join(f"{int(d)}°" for d in directions)
+
+
+def accuracy_words(counts: Sequence[PlanCounts]) -> list[str]:
+    """A table for people."""
+    rows = ["lines  directions            dirt  parts  characters  accepted  of these wrong"]
+    rows += [
+        f"{c.lines:5d}  {ways_words(c.directions):20s}  {c.severity:4.1f}  {c.parts:5d}  {100 * c.accuracy:9.1f}%"
+        f"  {c.accepted:8d}  {c.accepted_wrong:14d}"
+        for c in counts
+    ]
+    return rows

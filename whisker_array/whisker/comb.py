@@ -1,0 +1,249 @@
+"""Room in a comb: whiskers as bodies, bent and unbent, and how far apart rows must stand so that none touch.
+
+Seen from above, traced to the right; whisker i stands in row i mod rows, each row one stagger behind the last::
+
+    row 1        row 0                     lateral
+    |==o 1=====] |                         neighbours in a row: rows x pitch apart, at least
+                 |==o 0=====]                 width + what both bend sideways + gap
+    |==o 3=====] |                         others overlap sideways: in the plane of tracing every two
+                 |==o 2=====]                 must be clear, one bent and the other not, clamp included
+    '--stagger---'
+
+Inclined whiskers (beta > 0) lie over one another like roof tiles: l1 are parallel, stagger x sin(beta) apart. Level
+ones (beta = 0) all lie at one height, so that a row begins only behind the tips of the row in front.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from whisker_array.whisker.defaults import NOMINAL_FRICTION, default_preload_mm, default_whisker
+from whisker_array.whisker.elastica import ElasticaError, large_deflection
+from whisker_array.whisker.sections import WhiskerError
+from whisker_array.whisker.shapes import TipModel, Whisker, require_positive
+
+GAP_MM = 0.15
+"""Least air between two bodies: what the place of a clamped ribbon is uncertain by, several times over."""
+STEEPEST_SIDE = math.sqrt(3.0)
+"""Tangent of the steepest wall, 60 degrees, that pushes a tip sideways."""
+BURR_HEIGHTS = 0.1
+"""What may stand above the land, preloads: a whisker is lifted by so much more."""
+CLAMP_THICKNESSES = 4.0
+"""Half the height of the clamp, thicknesses of the whisker; it is as long as it is high, and as wide as the whisker."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What of a whisker takes room.
+
+    Attributes:
+        width_mm: across the trace, the widest section.
+        thickness_mm: in the plane of tracing.
+        aside_mm: how far it may bend sideways in use.
+        shapes_mm: lines from clamp to tip, (n, 2), (x, y) from the clamp: at rest, and bent the most.
+        clamp_mm: (length ahead of the base, half height).
+        mass_g: of the whisker and its clamp.
+
+    Raises:
+        WhiskerError: a size not positive.
+    """
+
+    width_mm: float
+    thickness_mm: float
+    aside_mm: float
+    shapes_mm: tuple[NDArray[np.float64], ...]
+    clamp_mm: tuple[float, float]
+    mass_g: float
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        require_positive("width_mm", self.width_mm)
+        require_positive("thickness_mm", self.thickness_mm)
+
+    @property
+    def side_room_mm(self) -> float:
+        """Least pitch of whiskers side by side: both may bend towards each other."""
+        return self.width_mm + 2.0 * self.aside_mm + GAP_MM
+
+    @property
+    def reach_mm(self) -> float:
+        """From the clamp's front to the furthest tip, along the trace."""
+        return self.clamp_mm[0] - min(float(s[:, 0].min()) for s in self.shapes_mm)
+
+    @property
+    def in_file_mm(self) -> float:
+        """A stagger at which whiskers stand one behind the other, whatever their shape."""
+        return self.reach_mm + self.thickness_mm + GAP_MM
+
+    def scaled(self, factor: float) -> Body:
+        """The same body so many times larger; the air that it needs stays."""
+        return Body(
+            width_mm=factor * self.width_mm,
+            thickness_mm=factor * self.thickness_mm,
+            aside_mm=factor * self.aside_mm,
+            shapes_mm=tuple(factor * s for s in self.shapes_mm),
+            clamp_mm=(factor * self.clamp_mm[0], factor * self.clamp_mm[1]),
+            mass_g=factor**3 * self.mass_g,
+        )
+
+    def clear_mm(self, behind_mm: float) -> float:
+        """Air in the plane of tracing to the same whisker so far behind, the least of bent and unbent; <= 0: none."""
+        block = np.array([[0.0, s * self.clamp_mm[1]] for s in (-1.0, 1.0)])
+        block = np.concatenate([block, block + np.array([self.clamp_mm[0], 0.0])])[[0, 1, 3, 2, 0]]
+        step = self.thickness_mm
+        shift = np.array([-behind_mm, 0.0])
+        lines = [_dense(s, step) for s in self.shapes_mm]
+        box = _dense(block, step)
+        worst = min(_distance(a, b + shift) for a in lines for b in lines) - self.thickness_mm
+        half = 0.5 * self.thickness_mm
+        to_clamps = min(min(_distance(box, a + shift), _distance(a, box + shift)) for a in lines) - half
+        inside = any(_within(a, self.clamp_mm, -behind_mm) for a in lines)
+        return -half if inside else min(worst, to_clamps, _distance(box, box + shift))
+
+
+def _dense(line: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """The line with a point every step or closer, corners kept."""
+    out = [line[:1]]
+    for a, b in pairwise(line):
+        n = max(1, math.ceil(float(np.hypot(*(b - a))) / step))
+        out.append(a + (b - a) * (np.arange(1, n + 1) / n)[:, None])
+    return np.concatenate(out)
+
+
+def _distance(points: NDArray[np.float64], line: NDArray[np.float64]) -> float:
+    """Least distance of points from a line of segments."""
+    a, d = line[:-1], np.diff(line, axis=0)
+    length = np.maximum((d**2).sum(axis=1), 1e-30)
+    rel = points[:, None] - a
+    t = np.clip((rel * d).sum(axis=2) / length, 0.0, 1.0)
+    return float(np.sqrt(((rel - t[..., None] * d) ** 2).sum(axis=2)).min())
+
+
+def _within(line: NDArray[np.float64], clamp_mm: tuple[float, float], at_mm: float) -> bool:
+    """Whether a line runs through the clamp of a whisker that stands at_mm along the trace."""
+    x, y = line[:, 0] - at_mm, line[:, 1]
+    return bool(((x > 0.0) & (x < clamp_mm[0]) & (np.abs(y) < clamp_mm[1])).any())
+
+
+def body_of(whisker: Whisker, *, preload_mm: float, mu: float = NOMINAL_FRICTION) -> Body:
+    """A whisker as a body: bent the most is on land, lifted by the preload and what may stand above the land.
+
+    Bent shapes are the elastica's. Sideways the tip bends by what the steepest wall along the trace pushes:
+    f_n tan(60 deg) Dzz, f_n = d0 / Dyy (`TipModel`).
+
+    Raises:
+        WhiskerError: a preload not positive, or a lift that the whisker cannot have.
+    """
+    preload = require_positive("preload_mm", preload_mm)
+    segments = whisker.segments()
+    rest = np.array([segments[0].start_mm[:2], *(s.end_mm[:2] for s in segments)])
+    try:
+        bent = large_deflection(whisker, lift_mm=preload * (1.0 + BURR_HEIGHTS), mu=mu).shape_mm
+    except ElasticaError as error:
+        raise WhiskerError(f"the bent whisker has no shape: {error.what}", hint=error.hint) from error
+    sections = [s.section_at(t) for s in segments for t in (0.0, 1.0)]
+    thick = 2.0 * max(s.c_vertical_mm for s in sections)
+    tip: TipModel = whisker.tip_model()
+    aside = preload * STEEPEST_SIDE * float(tip.compliance_mm_per_n[2, 2] / tip.compliance_mm_per_n[1, 1])
+    wide = 2.0 * max(s.c_lateral_mm for s in sections)
+    clamp = (2.0 * CLAMP_THICKNESSES * thick, CLAMP_THICKNESSES * thick)
+    steel = whisker.material.density_t_mm3
+    tonnes = sum(s.material.density_t_mm3 * s.section_at(0.5).area_mm2 * s.length_mm for s in segments)
+    tonnes += steel * wide * clamp[0] * 2.0 * clamp[1]
+    return Body(
+        width_mm=wide,
+        thickness_mm=thick,
+        aside_mm=aside,
+        shapes_mm=(rest, np.asarray(bent - bent[0])),
+        clamp_mm=clamp,
+        mass_g=1e6 * tonnes,
+    )
+
+
+@cache
+def _unit_body() -> Body:
+    return body_of(default_whisker(1.0), preload_mm=default_preload_mm(1.0), mu=NOMINAL_FRICTION)
+
+
+def default_body(character_height_mm: float) -> Body:
+    """The default whisker, whose every size is in proportion to the character height.
+
+    Raises:
+        WhiskerError: a height that is not positive.
+    """
+    return _unit_body().scaled(require_positive("character_height_mm", character_height_mm))
+
+
+def least_rows(body: Body, *, pitch_mm: float, n_whiskers: int) -> int:
+    """Fewest rows in which the whiskers of a row stand clear of each other."""
+    return min(n_whiskers, max(1, math.ceil(body.side_room_mm / pitch_mm - 1e-9)))
+
+
+def collisions(
+    body: Body, *, n_whiskers: int, pitch_mm: float, rows: int, stagger_mm: float, kinds: int = 1
+) -> str:
+    """The first two whiskers that would touch, in words; empty where none do."""
+    in_row = rows * pitch_mm
+    if n_whiskers > rows and in_row < body.side_room_mm:
+        return (
+            f"whiskers {body.width_mm:.3g} mm wide cannot stand {in_row:.3g} mm apart in a row, "
+            f"they need {body.side_room_mm:.3g} mm"
+        )
+    for apart in range(1, rows * kinds):
+        # rows a whole comb apart run on the same lines
+        beside = apart % rows
+        lateral = min(beside, rows - beside if n_whiskers > rows else beside) * pitch_mm
+        if lateral >= body.side_room_mm or apart * stagger_mm >= body.in_file_mm:
+            continue
+        air = body.clear_mm(apart * stagger_mm)
+        if air < GAP_MM:
+            return (
+                f"rows {apart * stagger_mm:.3g} mm one behind the other leave {max(air, 0.0):.2g} mm of air between "
+                f"a bent whisker and one that is not, and need {GAP_MM:g} mm"
+            )
+    return ""
+
+
+def least_stagger_mm(
+    body: Body, *, n_whiskers: int, pitch_mm: float, rows: int, step_mm: float, kinds: int = 1
+) -> float:
+    """Least distance of neighbouring rows, a whole number of steps, at which none touch; 0 for one row.
+
+    Raises:
+        WhiskerError: whiskers of one row touch already.
+    """
+    if n_whiskers > rows and rows * pitch_mm < body.side_room_mm:
+        raise WhiskerError(
+            f"{rows} rows of whiskers {pitch_mm:.3g} mm apart leave no room sideways",
+            hint=f"take {least_rows(body, pitch_mm=pitch_mm, n_whiskers=n_whiskers)} rows",
+        )
+    if rows * kinds == 1:
+        return 0.0
+    most = math.ceil(body.in_file_mm / step_mm)
+    for k in range(1, most):
+        if not collisions(
+            body, n_whiskers=n_whiskers, pitch_mm=pitch_mm, rows=rows, stagger_mm=k * step_mm, kinds=kinds
+        ):
+            return k * step_mm
+    return most * step_mm
+
+
+def room_hint(body: Body, *, n_whiskers: int, pitch_mm: float, kinds: int = 1) -> str:
+    """What would make room: a wider pitch, or so many rows so far behind each other."""
+    rows = least_rows(body, pitch_mm=pitch_mm, n_whiskers=n_whiskers)
+    step = 0.25 * body.thickness_mm
+    stagger = least_stagger_mm(
+        body, n_whiskers=n_whiskers, pitch_mm=pitch_mm, rows=rows, step_mm=step, kinds=kinds
+    )
+    built = f"take {rows} row{'s' if rows > 1 else ''}"
+    if rows * kinds > 1:
+        built += f" {stagger:.4g} mm behind each other"
+    return built + f", a pitch of {body.side_room_mm:.3g} mm or more, or narrower whiskers"
