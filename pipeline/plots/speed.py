@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pipeline.plots.drawing import Drawing, FigureSettings
-from whisker_array.simulation.dynamic_speed import FINE_ERROR, groove_traces, speed_cost
+from whisker_array.simulation.dynamic_speed import FINE_ERROR, SpeedCost, groove_traces, speed_cost
 from whisker_array.whisker.array import SAFE_SPEED_MM_S
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import default_touch
@@ -17,6 +19,7 @@ HEIGHT_MM = 5.0
 BEVELS_DEG = (30.0, 45.0, 60.0)
 SPEEDS_MM_S = (5.0, 10.0, 20.0, 30.0, 50.0, 70.0, 100.0, 140.0, 200.0, 300.0, 500.0)
 TRACED_MM_S = (10.0, 50.0, 100.0, 200.0)
+_LEAST_MM = 1e-3
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 
 
@@ -49,14 +52,12 @@ def speed_figure(settings: FigureSettings) -> Drawing:
     axes.set_xlabel("along the trace, mm; walls of 45°", fontsize=9)
     axes.set_ylabel("moment / land's, each 0.5 lower", fontsize=9)
     axes.set_title("dashed: slow stage", fontsize=9, loc="left")
-    panels = (
-        (grid[1, :], "error of the edge map, % of the signal", lambda c: 100.0 * c.error),
-        (grid[2, 0], "ringing behind, % of the land's", lambda c: 100.0 * c.ringing),
-        (grid[2, 1], "not touched, mm", lambda c: max(c.in_air_mm, 1e-3)),
-    )
-    for place, name, of in panels:
-        _panel(figure, place, name, {b: [of(c) for c in one] for b, one in costs.items()})
-    error = figure.axes[1]
+    error = figure.add_subplot(grid[1, :])
+    _panel(error, "error of the edge map, % of the signal", _of(costs, lambda c: 100.0 * c.error))
+    ringing = _of(costs, lambda c: 100.0 * c.ringing)
+    _panel(figure.add_subplot(grid[2, 0]), "ringing behind, % of the land's", ringing)
+    in_air = _of(costs, lambda c: max(c.in_air_mm, _LEAST_MM))
+    _panel(figure.add_subplot(grid[2, 1]), "not touched, mm (0: at the foot)", in_air)
     error.axhline(100.0 * FINE_ERROR, color="0.5", lw=0.8, ls="--")
     error.axvline(SAFE_SPEED_MM_S, color="0.5", lw=0.8, ls=":")
     error.annotate(
@@ -69,8 +70,11 @@ def speed_figure(settings: FigureSettings) -> Drawing:
     return Drawing(figure)
 
 
-def _panel(figure: Figure, place: object, name: str, values: dict[float, list[float]]) -> None:
-    axes = figure.add_subplot(place)  # type: ignore[call-overload]  # a SubplotSpec, which matplotlib does not name
+def _of(costs: dict[float, list[SpeedCost]], value: Callable[[SpeedCost], float]) -> dict[float, list[float]]:
+    return {bevel: [value(c) for c in one] for bevel, one in costs.items()}
+
+
+def _panel(axes: Axes, name: str, values: dict[float, list[float]]) -> None:
     for (bevel, one), colour in zip(values.items(), _COLOURS, strict=False):
         axes.plot(SPEEDS_MM_S, np.array(one), "o-", ms=3, lw=1.2, color=colour, label=f"{bevel:g}°")
     axes.set_xscale("log")

@@ -134,6 +134,7 @@ def _laid(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[P
             sample_pitch_mm=step_mm,
             speed_mm_s=SAFE_SPEED_MM_S,
             lead_mm=LEAD_HEIGHTS * height,
+            offset_mm=array.offset_mm if array.stagger_mm > 0.0 else (),
         )
         for block in range(blocks)
     ]

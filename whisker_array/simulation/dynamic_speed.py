@@ -162,7 +162,8 @@ def groove_traces(
     trial = _trial(whisker, touch, require_positive("character_height_mm", character_height_mm), bevel_rad)
     slow = _slow_moment(trial)
     fast = trial.traced(require_positive("speed_mm_s", speed_mm_s)).moment_n_mm[0].astype(np.float64)
-    return trial.step_mm * np.arange(slow.size), slow / slow[0], fast / slow[0]
+    places = trial.step_mm * np.arange(slow.size, dtype=np.float64)
+    return places, slow / float(slow[0]), fast / float(slow[0])
 
 
 def fastest_mm_s(

@@ -280,15 +280,16 @@ class RasterPlan:
 
 
 def default_comb(character_height_mm: float, *, n_whiskers: int = 8, kinds: int = 1) -> WhiskerArray:
-    """Default whiskers in one row, as close as their ribbons allow: about one character height apart.
+    """Default whiskers in one row, as close as their ribbons allow in half character heights: one height apart.
 
     For the default plan that is the quickest of what can be built of them: at half a height they stand in two rows
     a whole whisker apart, and every pass is longer by that. A second kind stands behind the first.
     """
     body, step = default_body(character_height_mm), COMB_STEP_HEIGHTS * character_height_mm
+    half = 0.5 * character_height_mm
     return WhiskerArray(
         n_whiskers=n_whiskers,
-        pitch_mm=character_height_mm * math.ceil(body.side_room_mm / character_height_mm),
+        pitch_mm=half * math.ceil(body.side_room_mm / half),
         kinds=kinds,
         stagger_mm=step * math.ceil(body.in_file_mm / step) if kinds > 1 else 0.0,
         body=body,

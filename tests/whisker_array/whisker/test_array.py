@@ -108,7 +108,7 @@ def test_the_default_plan_follows_the_character_height(height: float) -> None:
     plan = default_plan((0.0, 0.0, 8.0 * height, 2.0 * height), character_height_mm=height)
     assert plan.line_pitch_mm == pytest.approx(height / LINES_PER_HEIGHT)
     assert plan.directions == ALL_DIRECTIONS
-    assert plan.interlace == LINES_PER_HEIGHT * (2 if height < 1.9 else 1)  # ribbons need air beside them
+    assert plan.interlace == LINES_PER_HEIGHT * (1.5 if height < 1.9 else 1)  # ribbons need air beside them
     other = default_plan((0.0, 0.0, 80.0, 20.0), character_height_mm=10.0)
     if height >= 1.9:
         assert plan.n_samples == pytest.approx(other.n_samples, rel=0.02)  # the same picture at every scale
