@@ -153,7 +153,7 @@ class Retake:
     def recorded(self, scan: Scan) -> Scan:
         """A recording as if it were made again: noisier, larger or smaller, reordered; its lines lie where they lay."""
         sweeps = tuple(self._recorded(k, s) for k, s in enumerate(scan.sweeps))
-        again = replace(scan, sweeps=sweeps, line_pitch_mm=scan.line_pitch_mm * self.grown)
+        again = replace(scan, sweeps=sweeps, line_pitch_mm=scan.line_pitch_mm * self.grown, log=None)
         return reordered(again) if self.how.reordered else again
 
     def _recorded(self, number: int, sweep: Sweep) -> Sweep:
@@ -199,6 +199,7 @@ def reordered(scan: Scan) -> Scan:
             )
             for s in reversed(scan.sweeps)
         ),
+        log=None,
     )
 
 

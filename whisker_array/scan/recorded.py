@@ -16,8 +16,10 @@ from glyphs.errors import MarksError
 from glyphs.surface.maps import TraceDirection
 from whisker_array.scan.checked import SEE_LAYOUT, CheckedFile, text_attribute
 from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.log_file import GROUP, read_log
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import Calibration, apply_calibration
+from whisker_array.scan.session import gathered
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 from whisker_array.whisker.passes import SweepPlan
@@ -69,18 +71,19 @@ class Recorded(CheckedFile):
         if calibration is not None and units == VOLT:
             moment = apply_calibration(moment.T, calibration).T
             calibration = None
+        ways, log = list(zip(direction.tolist(), pushed.tolist(), strict=True)), None
+        if GROUP in self.file:
+            members = [(way, np.array([k])) for k, way in enumerate(ways)]
+        else:
+            members = [
+                (way, np.flatnonzero((direction == way[0]) & (pushed == way[1])))
+                for way in dict.fromkeys(ways)
+            ]
         sweeps = tuple(
-            self._sweep(
-                TraceDirection(int(d)),
-                p,
-                np.flatnonzero((direction == d) & (pushed == p)),
-                lines,
-                rows,
-                moment,
-                flags,
-            )
-            for d, p in dict.fromkeys(zip(direction.tolist(), pushed.tolist(), strict=True))
+            self._sweep(TraceDirection(int(d)), p, of, lines, rows, moment, flags) for (d, p), of in members
         )
+        if GROUP in self.file:
+            log, sweeps = read_log(self, sweeps), self._gathered(sweeps)
         pitch = self.attribute(self.file.attrs, "line_pitch_mm", _line_pitch(sweeps))
         try:
             return Scan(
@@ -95,9 +98,16 @@ class Recorded(CheckedFile):
                 notes=tuple(str(n) for n in np.atleast_1d(self.file.attrs.get("notes", ()))),
                 others=touches[1:],
                 kind=kind,
+                log=log,
             )
         except MarksError as error:
             raise self.fail(error.what, error.hint or SEE_LAYOUT) from error
+
+    def _gathered(self, sweeps: tuple[Sweep, ...]) -> tuple[Sweep, ...]:
+        try:
+            return gathered(sweeps)
+        except ValueError as error:
+            raise self.fail(str(error), "give all passes of a direction one step_mm") from error
 
     def _check_format(self) -> None:
         if text_attribute(self.file.attrs, "format", "") != FORMAT:

@@ -18,6 +18,12 @@ given::
     /passes/step_mm        (pass,) distance of touching samples, positive (position_mm)
     /passes/n_lead         (pass,) samples that run in on land, and out behind the marks (0)
     /passes/pushed         (pass,) 1 where the array was pushed back, its base behind the tip (0)
+    /log                   of a scan that was felt pass by pass, each as long as it was; attributes: array (its fields,
+                           JSON)*, height_mm*, field_mm* (4,), stopped (""), problem (""), budget_s
+    /log/along_mm*         (pass, 2) least and greatest plate coordinate along the trace, lead-in and -out beside it
+    /log/speed_mm_s*       (pass,);  /log/lead_mm*  (pass,);  /log/turnaround_s*  (pass,)
+    /log/preload_mm        (pass,) NaN where it is that of /whisker (NaN)
+    /log/confidence        (pass,) that all of the text is right (0);  /log/text, /log/why  (pass,) text ("")
     /channels/whisker      (channel,) whisker of each column; negative: not a whisker (0, 1, 2, ...)
     /channels/{name,axis,units,range}   for people; not used
     /whisker/compliance_mm_per_n*       (3, 3);  /whisker/moment_arm_mm*  (3,)
@@ -43,6 +49,7 @@ from numpy.typing import NDArray
 
 from glyphs.errors import FileError, damage_reported
 from whisker_array.scan.checked import text_attribute
+from whisker_array.scan.log_file import write_log
 from whisker_array.scan.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor import Calibration
@@ -135,8 +142,10 @@ def _write(scan: Scan, file: h5py.File) -> None:
     )
     if scan.notes:
         file.attrs["notes"] = list(scan.notes)
+    # as felt: passes of one direction need not be of one length
+    sweeps = scan.sweeps if scan.log is None else tuple(p.sweep for p in scan.log.passes)
     signal, flags, position, phase, length = [], [], [], [], []
-    for sweep in scan.sweeps:
+    for sweep in sweeps:
         both = np.concatenate([sweep.air_n_mm, sweep.moment_n_mm], axis=2)
         n_pass, n_whiskers, n_all = both.shape
         n_air = n_all - sweep.plan.n_samples
@@ -157,13 +166,13 @@ def _write(scan: Scan, file: h5py.File) -> None:
     file["stage/position_mm"] = np.concatenate(position)
     file["stage/pass"] = np.repeat(np.arange(len(length), dtype=np.int32), length)
     file["stage/phase"] = np.concatenate(phase)
-    counts = [s.plan.line_mm.shape[0] for s in scan.sweeps]
-    file["passes/direction_deg"] = np.repeat([int(d) for d in scan.directions], counts).astype(np.int32)
-    file["passes/line_mm"] = np.concatenate([s.plan.line_mm for s in scan.sweeps]).astype(np.float64)
-    file["passes/start_mm"] = np.repeat([float(s.plan.start_mm) for s in scan.sweeps], counts)
-    file["passes/step_mm"] = np.repeat([float(s.plan.step_mm) for s in scan.sweeps], counts)
-    file["passes/n_lead"] = np.repeat([s.plan.n_lead for s in scan.sweeps], counts).astype(np.int32)
-    file["passes/pushed"] = np.repeat([s.plan.pushed for s in scan.sweeps], counts).astype(np.uint8)
+    counts = [s.plan.line_mm.shape[0] for s in sweeps]
+    file["passes/direction_deg"] = np.repeat([int(s.plan.direction) for s in sweeps], counts).astype(np.int32)
+    file["passes/line_mm"] = np.concatenate([s.plan.line_mm for s in sweeps]).astype(np.float64)
+    file["passes/start_mm"] = np.repeat([float(s.plan.start_mm) for s in sweeps], counts)
+    file["passes/step_mm"] = np.repeat([float(s.plan.step_mm) for s in sweeps], counts)
+    file["passes/n_lead"] = np.repeat([s.plan.n_lead for s in sweeps], counts).astype(np.int32)
+    file["passes/pushed"] = np.repeat([s.plan.pushed for s in sweeps], counts).astype(np.uint8)
     file["channels/name"] = [f"whisker {i}" for i in range(scan.n_whiskers)]
     file["channels/whisker"] = np.arange(scan.n_whiskers, dtype=np.int32)
     file["channels/axis"] = ["z"] * scan.n_whiskers
@@ -184,6 +193,8 @@ def _write(scan: Scan, file: h5py.File) -> None:
     file["whisker/kind"] = np.asarray(scan.kind, dtype=np.int32)
     if scan.calibration is not None:
         _write_calibration(file, scan.calibration, volt=False)
+    if scan.log is not None:
+        write_log(scan.log, file)
 
 
 def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool) -> None:

@@ -12,6 +12,7 @@ from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.mounted import mounted
+from whisker_array.scan.pass_log import PassLog
 from whisker_array.scan.sensor import Calibration, SensorChain
 from whisker_array.simulation.surface import Friction
 from whisker_array.simulation.traces import Fidelity
@@ -34,6 +35,7 @@ class Scan:
         fidelity: "pointwise", "contact" or "measured".
         others: touches of the array's other kinds of whisker.
         kind: kind of each whisker, 0 for `touch`, 1 for the first of the others ...; empty: all are of kind 0.
+        log: the single passes in their order, of a scan that was felt pass by pass; its sweeps gather them.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -47,6 +49,7 @@ class Scan:
     notes: tuple[str, ...] = field(default=())
     others: tuple[Touch, ...] = ()
     kind: tuple[int, ...] = ()
+    log: PassLog | None = None
 
     __repr__ = one_line
 
@@ -195,7 +198,7 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
             f"the scan has no {'pushed' if pushed else 'dragged'} sweep of whiskers of kind {kind}"
         )
     if columns.size == scan.n_whiskers:
-        return replace(scan, sweeps=sweeps)
+        return scan if sweeps == scan.sweeps else replace(scan, sweeps=sweeps, log=None)
     calibration = scan.calibration
     if calibration is not None:
         calibration = replace(
@@ -216,4 +219,5 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
         calibration=calibration,
         others=(),
         kind=(),
+        log=None,
     )

@@ -1,0 +1,54 @@
+"""A stage session seen from another frame, as from a photograph's whose middle lies elsewhere than the plate's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.session import Fitting, StageSession
+from whisker_array.whisker.passes import Pass
+
+
+class FramedSession:
+    """A `StageSession` whose orders and samples lie in a frame of their own.
+
+    Attributes:
+        fitting: as of the session within, its field in this frame.
+    """
+
+    def __init__(
+        self,
+        session: StageSession,
+        *,
+        x_mm: float,
+        y_mm: float,
+        field_mm: tuple[float, float, float, float],
+    ) -> None:
+        """Take the session.
+
+        Args:
+            session: in the stage's own frame.
+            x_mm: by which coordinates of the stage's frame are greater than those of this one.
+            y_mm: likewise.
+            field_mm: (x0, y0, x1, y1) that may be felt, in this frame.
+        """
+        self._session, self._x_mm, self._y_mm = session, x_mm, y_mm
+        self.fitting: Fitting = replace(session.fitting, field_mm=field_mm)
+
+    def feel(self, order: Pass) -> Sweep:
+        """Feel one pass.
+
+        Raises:
+            StageError: it could not be felt.
+        """
+        along, across = (self._x_mm, self._y_mm) if order.direction.along_x else (self._y_mm, self._x_mm)
+        moved = replace(
+            order,
+            line_mm=tuple(v + across for v in order.line_mm),
+            along_mm=(order.along_mm[0] + along, order.along_mm[1] + along),
+        )
+        return replace(self._session.feel(moved), plan=order.sweep_plan())
+
+    def close(self) -> None:
+        """Close the session within."""
+        self._session.close()

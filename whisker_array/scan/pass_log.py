@@ -1,0 +1,78 @@
+"""How a scan was felt that was felt pass by pass: the passes in their order, and why there are no more.
+
+A recording keeps it, and a session over the recording feels the same passes again (`RecordedSession`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from glyphs.surface.display import one_line
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.passes import Pass
+from whisker_array.whisker.sections import WhiskerError
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedPass:
+    """One pass, what was felt, and what was believed after it.
+
+    Attributes:
+        order: where the whiskers ran, how fast and how hard they were pressed on.
+        sweep: its raw moments.
+        why: what it was chosen for, in words; empty where nobody said.
+        text: what was believed to stand there after it.
+        confidence: that all of it is right, 0 to 1.
+    """
+
+    order: Pass
+    sweep: Sweep
+    why: str = ""
+    text: str = ""
+    confidence: float = 0.0
+
+    __repr__ = one_line
+
+
+@dataclass(frozen=True, eq=False)
+class PassLog:
+    """The passes of a scan, as one stage session felt them.
+
+    Attributes:
+        passes: in the order in which they were felt.
+        array: the comb.
+        height_mm: character height that the whiskers are built for.
+        field_mm: (x0, y0, x1, y1) that could be felt, plate frame.
+        stopped: why no more were felt; empty where nobody said.
+        problem: what the stage said where it failed; empty otherwise.
+        budget_s: most stage seconds that could be spent; None where nobody set any.
+
+    Raises:
+        WhiskerError: no passes, an empty field, a height or budget that is not positive.
+    """
+
+    passes: tuple[LoggedPass, ...]
+    array: WhiskerArray
+    height_mm: float
+    field_mm: tuple[float, float, float, float]
+    stopped: str = ""
+    problem: str = ""
+    budget_s: float | None = None
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        if not self.passes:
+            raise WhiskerError("nothing was felt, so there is no log of passes")
+        x0, y0, x1, y1 = self.field_mm
+        if not (x1 > x0 and y1 > y0):
+            raise WhiskerError(f"the field {self.field_mm} is empty", hint="give (x0, y0, x1, y1)")
+        if not all(v > 0.0 for v in (self.height_mm, self.budget_s or 1.0)):
+            raise WhiskerError("height_mm and budget_s must be positive")
+
+    @property
+    def stage_s(self) -> float:
+        """Stage seconds spent: travel, run-in and turnaround of every pass."""
+        return math.fsum(p.order.stage_s for p in self.passes)

@@ -1,0 +1,120 @@
+"""Stage sessions around recordings: one that keeps what another felt, and one that gives it again.
+
+KeptSession(stage's session).feel(pass) ...  --passes--> PassLog, recording
+RecordedSession(scan).feel(the same pass) ... --> the same samples
+"""
+
+from __future__ import annotations
+
+import math
+
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.session import Fitting, StageSession
+from whisker_array.scan.stage_error import StageError
+from whisker_array.whisker.passes import Pass
+
+_SAME_MM = 1e-6
+"""Places that differ by less are the same: as far as numbers round."""
+
+
+class KeptSession:
+    """A session that keeps the passes that another one felt.
+
+    Attributes:
+        felt: passes and their samples, in order.
+    """
+
+    def __init__(self, session: StageSession) -> None:
+        """Take the session that feels."""
+        self._session = session
+        self.felt: list[tuple[Pass, Sweep]] = []
+
+    @property
+    def fitting(self) -> Fitting:
+        """Of the session that feels."""
+        return self._session.fitting
+
+    def feel(self, order: Pass) -> Sweep:
+        """Feel one pass.
+
+        Raises:
+            StageError: it could not be felt.
+        """
+        sweep = self._session.feel(order)
+        self.felt.append((order, sweep))
+        return sweep
+
+    def close(self) -> None:
+        """Close the session that feels."""
+        self._session.close()
+
+
+class RecordedSession:
+    """A `StageSession` over a recording with its log of passes: feels them once more, in their order.
+
+    Where the stage failed after the last one, it fails again, with the same words.
+
+    Attributes:
+        fitting: of the recording; its calibration as it is now.
+    """
+
+    def __init__(self, scan: Scan) -> None:
+        """Take the recording.
+
+        Raises:
+            StageError: it has no log of passes.
+        """
+        if scan.log is None:
+            raise StageError("the recording does not say in which order it was felt", "read it as a whole")
+        self._log, self._next = scan.log, 0
+        self.fitting = Fitting(
+            touch=scan.touch,
+            array=scan.log.array,
+            height_mm=scan.log.height_mm,
+            field_mm=scan.log.field_mm,
+            calibration=scan.calibration,
+            fidelity=scan.fidelity,
+            part_id=scan.part_id,
+        )
+
+    @property
+    def ended(self) -> bool:
+        """Whether every recorded pass was felt again."""
+        return self._next == len(self._log.passes)
+
+    def feel(self, order: Pass) -> Sweep:
+        """The samples of the next recorded pass.
+
+        Raises:
+            StageError: the recording goes on with another pass, or ends here.
+        """
+        if self.ended:
+            problem = self._log.problem
+            raise StageError(problem or "the recording ends here", "" if problem else "feel the part again")
+        recorded = self._log.passes[self._next]
+        if not _same(order, recorded.order):
+            raise StageError(
+                f"the recording goes on with another pass than {order.describe()}",
+                "read it with the settings that it was felt with",
+            )
+        self._next += 1
+        return recorded.sweep
+
+    def close(self) -> None:
+        """Nothing to let go."""
+
+
+def _same(one: Pass, other: Pass) -> bool:
+    """Whether two passes run alike, as far as numbers round."""
+    numbers = [
+        (
+            *(*p.line_mm, *p.along_mm, p.sample_pitch_mm, p.speed_mm_s, p.lead_mm),
+            math.nan if p.preload_mm is None else p.preload_mm,
+        )
+        for p in (one, other)
+    ]
+    return (
+        (one.direction, one.pushed, len(one.line_mm), one.preload_mm is None)
+        == (other.direction, other.pushed, len(other.line_mm), other.preload_mm is None)
+    ) and all(a == b or math.isnan(a) or abs(a - b) < _SAME_MM for a, b in zip(*numbers, strict=True))
