@@ -1,0 +1,81 @@
+"""A part that was felt pass by pass: kept with every choice, and read again from its recording.
+
+    session --KeptSession--> ActiveReader --> ActiveReading --kept--> Scan with its log of passes
+    the scan --RecordedSession--> ActiveReader --> the same passes, beliefs and stop
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from recognition.active.active_reader import ActiveReader, ActiveSettings
+from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
+from recognition.senses.touch import TactileReader
+from whisker_array.scan.pass_log import LoggedPass, PassLog
+from whisker_array.scan.recorded_session import KeptSession, RecordedSession
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.session import StageSession
+
+
+def read_kept(reader: TactileReader, session: StageSession, *, budget_s: float) -> ActiveReading:
+    """Feel and read a part; the scan has its log, so that a recording of it can be replayed. The session stays open.
+
+    Args:
+        reader: by touch.
+        session: with the part mounted.
+        budget_s: most stage seconds.
+    """
+    kept = KeptSession(session)
+    found = ActiveReader(reader, ActiveSettings(budget_s=budget_s)).read(kept)
+    if found.scan is None:
+        return found
+    log = PassLog(
+        tuple(
+            LoggedPass(order, sweep, believed.why, believed.text, believed.confidence)
+            for (order, sweep), believed in zip(kept.felt, found.passes, strict=True)
+        ),
+        array=kept.fitting.array,
+        height_mm=kept.fitting.height_mm,
+        field_mm=kept.fitting.field_mm,
+        stopped=found.stop.value,
+        problem=found.problem,
+        budget_s=budget_s,
+    )
+    return _with_scan(found, replace(found.scan, log=log))
+
+
+def replayed(reader: TactileReader, scan: Scan) -> ActiveReading:
+    """Read a recording as it was felt: the same passes are chosen again, one after the other.
+
+    A reader of other settings or of another version may choose otherwise: it is then given all passes at once.
+
+    Args:
+        reader: by touch.
+        scan: with a log of passes.
+
+    Raises:
+        StageError: it has none.
+    """
+    session = RecordedSession(scan)
+    log = scan.log
+    assert log is not None
+    settings = ActiveSettings() if log.budget_s is None else ActiveSettings(budget_s=log.budget_s)
+    found = ActiveReader(reader, settings).read(session)
+    if session.ended and found.problem == log.problem and log.stopped in ("", found.stop.value):
+        return _with_scan(found, scan)
+    passes, spent = [], 0.0
+    for one in log.passes:
+        spent += one.order.stage_s
+        passes.append(PassFelt(one.order, spent, why=one.why, text=one.text, confidence=one.confidence))
+    known = log.stopped in set(StopReason)
+    return ActiveReading(
+        reader.read_scan(scan),
+        tuple(passes),
+        StopReason(log.stopped) if known else StopReason.ALL_FELT,
+        log.problem,
+        scan,
+    )
+
+
+def _with_scan(found: ActiveReading, scan: Scan) -> ActiveReading:
+    return replace(found, reading=found.reading.traced(scan=scan), scan=scan)
