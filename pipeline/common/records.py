@@ -145,6 +145,33 @@ class LineRecord:
 
 
 @dataclass(frozen=True)
+class PassRecord:
+    """One pass of the whiskers, and what was believed after it.
+
+    Attributes:
+        direction_deg: of travel, 0, 90, 180, 270.
+        line_mm: where each whisker's line lies: y of passes along x, x of passes along y.
+        along_mm: (least, greatest) place along the lines.
+        speed_mm_s: of the stage.
+        preload_mm: how far below the land the free tip ran.
+        stage_s: stage seconds spent up to its end, from the first pass on.
+        why: what it was chosen for, in words; empty where nobody said.
+        text: what was believed to stand there after it.
+        confidence: that all of it is right, 0 to 1.
+    """
+
+    direction_deg: int
+    line_mm: tuple[float, ...]
+    along_mm: tuple[float, float]
+    speed_mm_s: float
+    preload_mm: float
+    stage_s: float
+    why: str = ""
+    text: str = ""
+    confidence: float = 0.0
+
+
+@dataclass(frozen=True)
 class ReadingRecord:
     """One reading of a part, as it is kept and sent: in the store, by the service, and in tables.
 
@@ -174,6 +201,9 @@ class ReadingRecord:
         lines: the part's other lines: those asked for, then those that nobody has asked for.
         program: version of the program that read it.
         settings: hash of the settings that it was read with.
+        passes: of a part that was felt pass by pass, in their order; boxes and lines share a frame.
+        stage_s: stage seconds that they took; None where the part was not felt so.
+        stopped: why no more were felt: sure, no gain, budget, all felt, nothing found, stage failed.
     """
 
     source: str
@@ -199,6 +229,9 @@ class ReadingRecord:
     lines: tuple[LineRecord, ...] = ()
     program: str = ""
     settings: str = ""
+    passes: tuple[PassRecord, ...] = ()
+    stage_s: float | None = None
+    stopped: str = ""
 
     @classmethod
     def failed(cls, part: str, error: str, *, seconds: float = 0.0) -> ReadingRecord:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from pipeline.common.records import (
     CandidateRecord,
     CharacterRecord,
     LineRecord,
+    PassRecord,
     ReadingRecord,
     RivalRecord,
 )
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from recognition.language.box import Box as Hull
     from recognition.language.grammar import Grammar
     from recognition.language.lattice import Lattice
+    from whisker_array.scan.pass_log import PassLog
 
 MOST_RIVALS = 3
 
@@ -68,6 +71,8 @@ def reading_record(
         seconds: it took.
     """
     verification, scaled = reading.trace.verification, reading.scaled
+    scan = None if reading.touch is None else reading.touch.trace.scan
+    log = None if scan is None else scan.log
     more = verification.messages() if verification is not None else ()
     height = _finite(reading.height_mm) or None
     return ReadingRecord(
@@ -96,6 +101,27 @@ def reading_record(
         lines=tuple(_line(one, scaled) for one in reading.others),
         program=program_version(),
         settings=key_of(settings.model_dump(mode="json", exclude_defaults=True)),
+        passes=() if scan is None or log is None else _passes(log, scan.touch.preload_mm),
+        stage_s=None if log is None else round(log.stage_s, 3),
+        stopped="" if log is None else log.stopped,
+    )
+
+
+def _passes(log: PassLog, usual_preload_mm: float) -> tuple[PassRecord, ...]:
+    spent = itertools.accumulate(p.order.stage_s for p in log.passes)
+    return tuple(
+        PassRecord(
+            direction_deg=int(one.order.direction),
+            line_mm=tuple(round(v, 4) for v in one.order.line_mm),
+            along_mm=(round(one.order.along_mm[0], 4), round(one.order.along_mm[1], 4)),
+            speed_mm_s=one.order.speed_mm_s,
+            preload_mm=usual_preload_mm if one.order.preload_mm is None else one.order.preload_mm,
+            stage_s=round(stage_s, 3),
+            why=one.why,
+            text=one.text,
+            confidence=_share(one.confidence),
+        )
+        for one, stage_s in zip(log.passes, spent, strict=True)
     )
 
 

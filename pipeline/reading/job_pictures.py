@@ -41,12 +41,14 @@ class MadeFile:
         path: where.
         media_type: for the browser.
         meta: of pictures, as `EvidenceRecord.meta`.
+        name: to download it by.
     """
 
     kind: EvidenceKind
     path: Path
     media_type: str
     meta: Mapping[str, float] = field(default_factory=dict)
+    name: str = ""
 
 
 def pictures_of(reading: Reading, folder: Path, *, photo: bool = True) -> list[MadeFile]:

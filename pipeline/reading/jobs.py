@@ -4,6 +4,7 @@ photo                    -> vision           and a plan for touch where the came
 scan or height map       -> tactile
 photo + scan (map)       -> vision, fused
 earlier photo + scan (map) -> fused          the photograph of an earlier job
+earlier photo + stage      -> fused          felt pass by pass, see `read_on_stage`
 
 Whatever is wrong with a file is a `FileError` that calls the file as its sender did: paths of the server are
 nobody's business.
@@ -16,20 +17,24 @@ import logging
 import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from glyphs.errors import FaultError, FileError, MarksError, fault_of
-from pipeline.common.records import PartState, ReadingRecord, ScanPlanRecord
+from pipeline.common.records import EvidenceKind, PartState, ReadingRecord, ScanPlanRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
 from pipeline.files.parts import Part
 
 if TYPE_CHECKING:
     from pipeline.reading.job_pictures import MadeFile
+    from recognition.active.active_reading import ActiveReading
     from recognition.decision.part_measures import Measure
+    from recognition.reader import Reader
+    from whisker_array.scan.session import SessionStage
 
+Order = TypeVar("Order")
 _log = logging.getLogger(__name__)
 _FIELDS = {"scan": "scan", "height_map": "height map", "photo": "photo", "earlier_photo": "photo"}
 
@@ -100,13 +105,14 @@ class Done:
     measures: Mapping[Measure, float] = field(default_factory=dict)
 
 
-def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
+def read_job(job: Job, settings: ReadSettings, limits: Limits, *, felt: ActiveReading | None = None) -> Done:
     """Read a part.
 
     Args:
         job: its files.
         settings: how to read; `mode` is of no account, a part is read by all that it has files for.
         limits: checked from the files' heads before anything is decoded.
+        felt: what was read of its scan already, while it was felt.
 
     Raises:
         FileError: a file that cannot be used; or an expected text or a database, named so.
@@ -115,7 +121,6 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
     from pipeline.files.units import Unit
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.job_pictures import pictures_of
-    from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
     from pipeline.reading.scan_plan import plan_of
     from pipeline.reading.triage import state_after, why_touch
@@ -126,10 +131,7 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
         raise ValueError(
             "a job has a photo, a scan or a height map; an earlier photo goes with one of the latter"
         )
-    if job.database is not None:
-        settings = settings.model_copy(update={"database": job.database})
-    with _sender_names(job, {settings.database: settings.database.stem} if settings.database else {}):
-        reader = reader_of(settings)
+    settings, reader = _reader(job, settings)
     started, expected = time.perf_counter(), job.expected.strip()
     with _sender_names(job, job.names_by_path()):
         # a format is known by the suffix that the sender gave the file
@@ -138,7 +140,7 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
         parts = PartReader(
             reader, mode=mode, unit=Unit(settings.unit), limits=limits, budget_s=settings.touch_budget_s
         )
-        found = parts.unverified(part, expected=expected)
+        found = parts.unverified(part, expected=expected, felt=felt)
         readings = [parts.verified(found, expected)]
         if job.photo is not None and found.trace.vision is not None:
             readings.insert(0, parts.verified(reader.certified(found.trace.vision), expected))
@@ -154,6 +156,63 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits) -> Done:
             return Done(records, made, measures=measures)
         plan = plan_of(found, photo, settings, field_mm=limits.stage_field_mm, reason=why_touch(records[-1]))
         return Done(records, made, plan, measures)
+
+
+def read_on_stage(
+    job: Job,
+    settings: ReadSettings,
+    limits: Limits,
+    stage: SessionStage[Order],
+    order: Order,
+    *,
+    budget_s: float,
+) -> Done:
+    """Feel a part pass by pass until its serial is sure, keep a recording of it, and read the part with it.
+
+    A stage that fails on the way costs what was felt before nothing: the part is read from that, for a person to
+    look at.
+
+    Args:
+        job: the part's other files; `scan` is of no account.
+        settings: as of `read_job`.
+        limits: likewise.
+        stage: opens a session.
+        order: what to open it for.
+        budget_s: most stage seconds.
+
+    Raises:
+        StageError: nothing could be felt.
+        FileError: as `read_job`.
+    """
+    from pipeline.reading.job_pictures import MadeFile
+    from recognition.active.replay import read_kept
+    from whisker_array.scan.recording import save_scan
+    from whisker_array.scan.stage_error import StageError
+
+    reader = _reader(job, settings)[1]
+    session = stage.open(order)
+    try:
+        felt = read_kept(reader.touch, session, budget_s=budget_s)
+    finally:
+        session.close()
+    if felt.scan is None:
+        raise StageError(felt.problem or "the stage has felt nothing")
+    recording = job.folder / "scan.h5"
+    with _sender_names(job, {recording: recording.name}):
+        save_scan(felt.scan, recording)
+    done = read_job(replace(job, scan=recording), settings, limits, felt=felt)
+    kept = MadeFile(EvidenceKind.SCAN, recording, "application/x-hdf5", name=recording.name)
+    return replace(done, made=(kept, *done.made))
+
+
+def _reader(job: Job, settings: ReadSettings) -> tuple[ReadSettings, Reader]:
+    """The settings with the job's own database, and the reader that they ask for."""
+    from pipeline.reading.kept_readers import reader_of
+
+    if job.database is not None:
+        settings = settings.model_copy(update={"database": job.database})
+    with _sender_names(job, {settings.database: settings.database.stem} if settings.database else {}):
+        return settings, reader_of(settings)
 
 
 def _with_suffix(job: Job) -> Path:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
     from pipeline.files.listed import ListedPart
     from pipeline.reading.perturbation import Retake
+    from recognition.active.active_reading import ActiveReading
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
     from recognition.senses.touch import Feel
@@ -108,21 +109,29 @@ class PartReader:
         """
         return self.verified(self.unverified(part, expected=expected), expected)
 
-    def unverified(self, part: Part, *, expected: str = "", again: Retake | None = None) -> Reading:
+    def unverified(
+        self,
+        part: Part,
+        *,
+        expected: str = "",
+        again: Retake | None = None,
+        felt: ActiveReading | None = None,
+    ) -> Reading:
         """As `read`, without the verdict.
 
         Args:
             part: its files.
             expected: text that `verified` shall be asked for.
             again: measures the part again, in place of what its files hold.
+            felt: what was read of its scan already, while it was felt.
 
         Raises:
             FileError: a file of the part cannot be used.
             VerifyError: an expected text that does not fit the format.
         """
-        return self.reader.certified(self._read(part, expected, again))
+        return _reviewed_if_cut_short(self.reader.certified(self._read(part, expected, again, felt)))
 
-    def _read(self, part: Part, expected: str, again: Retake | None) -> Reading:
+    def _read(self, part: Part, expected: str, again: Retake | None, felt: ActiveReading | None) -> Reading:
         if part.problem is not None:
             raise part.problem
         self._check_expected(part, expected)
@@ -137,7 +146,9 @@ class PartReader:
                 note = f"read by touch alone: {problem}"
         if photo is not None and again is not None:
             photo = again.photo(photo)
-        touch = self._touch(part, again) if Sense.TOUCH in senses else None
+        touch = None
+        if Sense.TOUCH in senses:
+            touch = felt.reading if felt is not None else self._touch(part, again)
         surface = touch.trace.height_map if touch is not None else None
         vision = self._vision(part, photo, surface) if photo is not None else None
         if touch is None or vision is None:
@@ -167,6 +178,10 @@ class PartReader:
                 if self.limits is not None:
                     check_scan(part.scan, most=self.limits.max_scan_samples)
                 scan = read_scan(part.scan)
+                if scan.log is not None and again is None:
+                    from recognition.active.replay import replayed
+
+                    return replayed(self.reader.touch, scan).reading
                 return self.reader.touch.read_scan(scan if again is None else again.recorded(scan))
         path = part.height_map
         assert path is not None
@@ -200,6 +215,19 @@ class PartReader:
             raise VerifyError(
                 f"is {expected!r}, but {'; '.join(broken)}", where=where, hint="correct one of them"
             )
+
+
+def _reviewed_if_cut_short(reading: Reading) -> Reading:
+    """The reading, for a person to look at where the stage failed before all was felt that was to be."""
+    scan = None if reading.touch is None else reading.touch.trace.scan
+    if scan is None or scan.log is None or not scan.log.problem:
+        return reading
+    from recognition.decision.reading import Decision
+
+    n = len(scan.log.passes)
+    note = f"the stage failed after {n} {'pass' if n == 1 else 'passes'}: {scan.log.problem}"
+    decision = Decision.REVIEW if reading.decision is Decision.ACCEPT else reading.decision
+    return replace(reading, decision=decision, notes=(*reading.notes, note))
 
 
 def read_surface(

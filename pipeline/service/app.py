@@ -97,6 +97,7 @@ class Service:
             jobs=jobs,
             stage=_stage(settings),
             camera=_camera(settings),
+            active_budget_s=settings.touch_budget_s if settings.active_touch else None,
             metrics=self.metrics,
             targets=tuple(self.ports.senders),
             watch=self.watch,
@@ -258,14 +259,16 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
 
 def _stage(settings: ServiceSettings) -> Stage:
     if settings.stage_driver:
-        driver: Stage = load_driver(settings.stage_driver, verb="feel")
+        driver: Stage = load_driver(
+            settings.stage_driver, verbs=("open", "feel") if settings.active_touch else ("feel",)
+        )
         return driver
     return SimulatedStage(settings.stage) if settings.stage is not None else NoStage()
 
 
 def _camera(settings: ServiceSettings) -> Camera:
     if settings.camera_driver:
-        driver: Camera = load_driver(settings.camera_driver, verb="take")
+        driver: Camera = load_driver(settings.camera_driver, verbs=("take",))
         return driver
     return FolderCamera(settings.camera) if settings.camera is not None else NoCamera()
 

@@ -5,7 +5,8 @@
 * Nothing is answered before it is on the disk.
 * What ends on the way, by a bad file or a lost machine, leaves no part; the sender asks again, with the same
   idempotency key, and one part comes of it.
-* A real stage scans one part at a time.
+* A real stage scans one part at a time; with sessions it feels pass by pass, until the serial is sure.
+* A stage that fails on the way costs no pass: the part is read from those before, for a person to look at.
 """
 
 from __future__ import annotations
@@ -15,19 +16,21 @@ import contextlib
 import shutil
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import EvidenceKind, PartRecord, PartState
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState
 from pipeline.reading.jobs import Done
 from pipeline.reading.triage import state_after
 from pipeline.service.idempotency import IdempotentRequests, Received
 from pipeline.service.problem import Problem
 from pipeline.service.reading_jobs import ReadingJobs
-from pipeline.service.stage import Camera, ScanOrder, SimulatedStage, Stage
+from pipeline.service.stage import Camera, ScanOrder, SimulatedStage, Stage, has_sessions
+from pipeline.service.stage_link import StageLink
 from pipeline.service.uploads import Upload
 from pipeline.store.store import IdempotencyKey, Store
 from whisker_array.scan.stage_error import StageError
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
     from pipeline.reading.drift import DriftWatch
     from pipeline.service.metrics import Metrics
     from pipeline.store.evidence_folder import EvidenceFolder
+    from whisker_array.scan.session import SessionStage
 
 T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
@@ -70,6 +74,7 @@ class PartService:
         stage: Stage,
         camera: Camera,
         metrics: Metrics,
+        active_budget_s: float | None = None,
         targets: Sequence[str] = (),
         watch: DriftWatch | None = None,
     ) -> None:
@@ -82,11 +87,13 @@ class PartService:
             stage: scans what the camera is unsure of.
             camera: photographs a part when a trigger comes.
             metrics: what is counted.
+            active_budget_s: most stage seconds of a part that is felt pass by pass, by a stage with sessions; None:
+                every part is scanned by its whole plan.
             targets: of results: webhook, mqtt; `on_result` is called when there is something for them,
                 `on_part` with every part that was read.
         """
         self.store, self.evidence, self.jobs, self.metrics = store, evidence, jobs, metrics
-        self.stage, self.camera = stage, camera
+        self.stage, self.camera, self._active_budget_s = stage, camera, active_budget_s
         self._targets, self._watch = tuple(targets), watch
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
@@ -165,14 +172,17 @@ class PartService:
         _not_reviewed(part)
         if part.plan is None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
-        with self.jobs.work_folder() as folder:
-            order = ScanOrder(part_name=part.name, plan=part.plan)
-            try:
+        order = ScanOrder(part_name=part.name, plan=part.plan)
+        try:
+            if self._active_budget_s is not None and has_sessions(self.stage):
+                done, kept = await self._felt(part, order, self.stage, self._active_budget_s)
+                return await self._add(part, done, kept, None)
+            with self.jobs.work_folder() as folder:
                 path = await self._scan(order, folder)
-            except StageError as error:
-                await self._stored(self.store.note_event, part.id, "touch_failed", {"why": str(error)})
-                raise Problem(422, str(error)) from error
-            return await self._read_scan(part, Upload(path, path.name), None)
+                return await self._read_scan(part, Upload(path, path.name), None)
+        except StageError as error:
+            await self._stored(self.store.note_event, part.id, "touch_failed", {"why": str(error)})
+            raise Problem(422, str(error)) from error
 
     async def trigger(self, name: str) -> PartRecord:
         """Photograph and read the part under the camera; scan it where the camera is unsure.
@@ -213,18 +223,47 @@ class PartService:
         async with self._one_at_the_stage:
             return await asyncio.to_thread(self.stage.feel, order, folder)
 
+    async def _felt(
+        self, part: PartRecord, order: ScanOrder, stage: SessionStage[ScanOrder], budget_s: float
+    ) -> tuple[Done, list[EvidenceRecord]]:
+        """Pass by pass; a simulated stage works in the worker, a real one here and feels one part at a time."""
+        feel = partial(
+            self.jobs.feel,
+            order=order,
+            expected=part.expected,
+            database=part.database,
+            earlier_photo=await self._photo_of(part),
+            budget_s=budget_s,
+        )
+        if isinstance(stage, SimulatedStage):
+            return await feel(stage)
+        async with self._one_at_the_stage:
+            link = StageLink(stage)
+            try:
+                return await feel(link.stage)
+            finally:
+                await asyncio.to_thread(link.close)
+
+    async def _photo_of(self, part: PartRecord) -> Path | None:
+        records = await self._stored(self.store.evidence, part.id)
+        photos = [e for e in records if e.kind is EvidenceKind.PHOTO and not e.gone]
+        return self.evidence.path(photos[-1].sha256) if photos else None
+
     async def _read_scan(
         self, part: PartRecord, scan: Upload, idempotency: IdempotencyKey | None
     ) -> PartRecord:
-        records = await self._stored(self.store.evidence, part.id)
-        photos = [e for e in records if e.kind is EvidenceKind.PHOTO and not e.gone]
         done, kept = await self.jobs.read(
             {"scan": scan},
             name=part.name,
             expected=part.expected,
             database=part.database,
-            earlier_photo=self.evidence.path(photos[-1].sha256) if photos else None,
+            earlier_photo=await self._photo_of(part),
         )
+        return await self._add(part, done, kept, idempotency)
+
+    async def _add(
+        self, part: PartRecord, done: Done, kept: list[EvidenceRecord], idempotency: IdempotencyKey | None
+    ) -> PartRecord:
         read = await self._stored(
             self.store.add_readings,
             part.id,

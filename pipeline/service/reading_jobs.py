@@ -1,6 +1,7 @@
 """Reading jobs: a part's files go to a worker, and what comes of them into the evidence folder.
 
-photo, scan --> work folder --> worker: readings, pictures --> evidence folder
+photo, scan    --> work folder --> worker: readings, pictures            --> evidence folder
+stage, a pass after the other --> worker: readings, pictures, recording --> evidence folder
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import asyncio
 import contextlib
 import shutil
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,7 +18,7 @@ import structlog
 
 from glyphs.errors import FaultError, FileError
 from pipeline.common.records import EvidenceKind, EvidenceRecord
-from pipeline.reading.jobs import Done, Job, read_job
+from pipeline.reading.jobs import Done, Job, read_job, read_on_stage
 from pipeline.service.problem import Problem
 from pipeline.service.uploads import Upload
 from pipeline.workers.pool import BusyError, WorkerLostError
@@ -25,8 +27,10 @@ if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
     from pipeline.files.limits import Limits
     from pipeline.service.metrics import Metrics
+    from pipeline.service.stage import ScanOrder
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.workers.pool import WorkPool
+    from whisker_array.scan.session import SessionStage
 
 T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
@@ -104,12 +108,51 @@ class ReadingJobs:
                 names={kind.value: upload.name for kind, upload in raw.items()},
             )
             done = await self.in_worker(read_job, job, self._reading, self._limits)
-            try:
-                return done, await asyncio.to_thread(self._keep, raw, done)
-            except FileError as problem:
-                log.error("evidence not kept", why=str(problem))
-                busy = "the service cannot keep what was sent; its log says why"
-                raise Problem(503, busy, headers={"Retry-After": "30"}) from problem
+            return done, await self._kept(raw, done)
+
+    async def feel(
+        self,
+        stage: SessionStage[ScanOrder],
+        order: ScanOrder,
+        *,
+        expected: str,
+        database: str,
+        earlier_photo: Path | None,
+        budget_s: float,
+    ) -> tuple[Done, list[EvidenceRecord]]:
+        """Have a worker feel a part pass by pass and read it; keep the recording and what was made of it.
+
+        Args:
+            stage: opens a session in the worker.
+            order: the part, and where to feel it.
+            expected: text that it should read.
+            database: name of the glyph database.
+            earlier_photo: the photograph from before.
+            budget_s: most stage seconds.
+
+        Raises:
+            StageError: nothing could be felt.
+            Problem: as `read`.
+        """
+        with self.work_folder() as folder:
+            job = Job(
+                folder=folder,
+                earlier_photo=earlier_photo,
+                part_name=order.part_name,
+                expected=expected,
+                database=self._databases(database),
+            )
+            read = partial(read_on_stage, budget_s=budget_s)
+            done = await self.in_worker(read, job, self._reading, self._limits, stage, order)
+            return done, await self._kept({}, done)
+
+    async def _kept(self, raw: dict[EvidenceKind, Upload], done: Done) -> list[EvidenceRecord]:
+        try:
+            return await asyncio.to_thread(self._keep, raw, done)
+        except FileError as problem:
+            log.error("evidence not kept", why=str(problem))
+            busy = "the service cannot keep what was sent; its log says why"
+            raise Problem(503, busy, headers={"Retry-After": "30"}) from problem
 
     def _keep(self, raw: dict[EvidenceKind, Upload], done: Done) -> list[EvidenceRecord]:
         kept = []
@@ -121,7 +164,9 @@ class ReadingJobs:
         for made in done.made:
             sha256, n_bytes = self._evidence.keep(made.path)
             kept.append(
-                EvidenceRecord(made.kind, sha256, n_bytes, media_type=made.media_type, meta=made.meta)
+                EvidenceRecord(
+                    made.kind, sha256, n_bytes, name=made.name, media_type=made.media_type, meta=made.meta
+                )
             )
         return kept
 

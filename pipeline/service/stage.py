@@ -1,24 +1,31 @@
 """The whisker stage and the camera as the service drives them, and simulated ones to try it out.
 
+    feel(order, into) -> recording                             `Stage`: one scan of the whole plan
+    open(order) -> session;  feel(pass) ...;  close()          `SessionStage`: pass by pass, until the serial is sure
+
 A stage is given the region in the photograph's frame, and what lies under the middle of the photograph; it knows where
 its camera's axis meets the plate, brings the two together, scans, and hands the recording back in the frame of the
-order, so that the scan lies over the photograph.
+order, so that the scan lies over the photograph. A session speaks that frame too: its field is the order's region, as
+far as the part reaches.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.records import ScanPlanRecord
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
+    from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
     from whisker_array.scan.scan import Scan
+    from whisker_array.scan.session import SessionStage, StageSession
 
 _MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
 _PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
@@ -56,6 +63,11 @@ class Stage(Protocol):
         Raises:
             StageError: it could not be scanned, and what to do.
         """
+
+
+def has_sessions(stage: Stage | SessionStage[ScanOrder]) -> TypeGuard[SessionStage[ScanOrder]]:
+    """Whether a stage feels pass by pass: it has `open(order)`."""
+    return callable(getattr(stage, "open", None))
 
 
 class Camera(Protocol):
@@ -134,40 +146,83 @@ class SimulatedStage:
         Raises:
             StageError: no such part, a map that cannot be scanned, or a region off the part.
         """
+        from pipeline.reading.scan_plan import raster_of
+        from pipeline.reading.simulated_scan import feel
         from whisker_array.scan.recording import save_scan
+
+        with self._plate(order) as plate:
+            scan = feel(
+                plate.height_map,
+                plan=raster_of(order.plan, region_mm=plate.region_mm),
+                height_mm=order.plan.height_mm,
+                noise=self.noise,
+                sensor_seed=self.seed,
+                part_id=order.part_name,
+                soil=plate.soil,
+            )
+            made = into / "scan.h5"
+            save_scan(in_frame(scan, -plate.x_mm, -plate.y_mm), made)
+        return made
+
+    def open(self, order: ScanOrder) -> StageSession:
+        """Mount the part's height map, to be felt pass by pass within the order's region.
+
+        Raises:
+            StageError: as `feel`.
+        """
+        from pipeline.reading.simulated_scan import open_session
+        from whisker_array.scan.framed_session import FramedSession
+
+        with self._plate(order) as plate:
+            session = open_session(
+                plate.height_map,
+                height_mm=order.plan.height_mm,
+                noise=self.noise,
+                sensor_seed=self.seed,
+                part_id=order.part_name,
+                soil=plate.soil,
+            )
+        (x0, y0, x1, y1), x_mm, y_mm = plate.region_mm, plate.x_mm, plate.y_mm
+        field = (x0 - x_mm, y0 - y_mm, x1 - x_mm, y1 - y_mm)
+        return FramedSession(session, x_mm=x_mm, y_mm=y_mm, field_mm=field)
+
+    @contextlib.contextmanager
+    def _plate(self, order: ScanOrder) -> Iterator[_Plate]:
+        """The part on the stage; whatever is wrong with its file is told as the stage's."""
+        from pipeline.files.npz import read_soil
+        from pipeline.files.touch_file import read_height_map
 
         path = _file_of(self.folder, order.part_name, _MAP_SUFFIXES, "height map")
         try:
-            scan = self._scan(path, order)
-            made = into / "scan.h5"
-            save_scan(scan, made)
+            height_map = read_height_map(path)
+            soil = read_soil(path) if path.suffix.lower() == ".npz" else None
+            x_mm, y_mm = _shift(order.plan, height_map)
+            yield _Plate(height_map, soil, x_mm, y_mm, _on_plate(order.plan, height_map, x_mm, y_mm))
         except FileError as problem:
             raise StageError(f"{problem.path.name} {problem.what}", problem.hint) from problem
+        except StageError:
+            raise
         except MarksError as error:
             hint = error.hint or "check the plan and the map"
             raise StageError(f"{path.name} cannot be scanned: {error.what}", hint) from error
-        return made
 
-    def _scan(self, path: Path, order: ScanOrder) -> Scan:
-        from pipeline.files.npz import read_soil
-        from pipeline.files.touch_file import read_height_map
-        from pipeline.reading.scan_plan import raster_of
-        from pipeline.reading.simulated_scan import feel
 
-        height_map = read_height_map(path)
-        soil = read_soil(path) if path.suffix.lower() == ".npz" else None
-        x_mm, y_mm = _shift(order.plan, height_map)
-        region = _on_plate(order.plan, height_map, x_mm, y_mm)
-        scan = feel(
-            height_map,
-            plan=raster_of(order.plan, region_mm=region),
-            height_mm=order.plan.height_mm,
-            noise=self.noise,
-            sensor_seed=self.seed,
-            part_id=order.part_name,
-            soil=soil,
-        )
-        return in_frame(scan, -x_mm, -y_mm)
+@dataclass(frozen=True, eq=False)
+class _Plate:
+    """A height map in place of a part.
+
+    Attributes:
+        height_map: its surface.
+        soil: dirt on it; None without any.
+        x_mm, y_mm: by which coordinates of its frame are greater than those of the order's.
+        region_mm: to be felt, in its frame.
+    """
+
+    height_map: HeightMap
+    soil: Soil | None
+    x_mm: float
+    y_mm: float
+    region_mm: tuple[float, float, float, float]
 
 
 def in_frame(scan: Scan, x_mm: float, y_mm: float) -> Scan:

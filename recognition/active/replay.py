@@ -1,7 +1,7 @@
 """A part that was felt pass by pass: kept with every choice, and read again from its recording.
 
-    session --KeptSession--> ActiveReader --> ActiveReading --kept--> Scan with its log of passes
-    the scan --RecordedSession--> ActiveReader --> the same passes, beliefs and stop
+session --KeptSession--> ActiveReader --> ActiveReading --kept--> Scan with its log of passes
+the scan --RecordedSession--> ActiveReader --> the same passes, beliefs and stop
 """
 
 from __future__ import annotations

@@ -128,8 +128,13 @@ def _texts(file: CheckedFile, name: str, n: int) -> list[str]:
 def _array(file: CheckedFile, written: str) -> WhiskerArray:
     try:
         fields: dict[str, Any] = json.loads(written)
-        return WhiskerArray(**{name: tuple(v) if isinstance(v, list) else v for name, v in fields.items()})
+        return WhiskerArray(**{name: _frozen(value) for name, value in fields.items()})
     except (TypeError, ValueError, AttributeError) as error:
         raise file.fail(
             f"/log describes no array of whiskers ({error})", 'as JSON: {"n_whiskers": 8, "pitch_mm": 2.5}'
         ) from error
+
+
+def _frozen(value: Any) -> Any:
+    """A field's value out of JSON, which knows no tuples."""
+    return tuple(value) if isinstance(value, list) else value

@@ -104,6 +104,9 @@ def test_the_stage_settles_what_the_camera_could_not(
     assert answer.status_code == 200, answer.text
     part = answer.json()
     assert part["reading"]["source"] == "fused"
+    assert part["reading"]["passes"]
+    assert part["reading"]["stage_s"] == part["reading"]["passes"][-1]["stage_s"]
+    assert part["reading"]["stopped"] in ("sure", "no gain", "budget", "all felt")
     assert (part["state"], part["text"]) in (("accepted", truth(parts, FILTHY)), ("review", part["text"]))
     history = client.get(f"/v1/parts/{part['id']}/history").json()
     assert [r["source"] for r in history["readings"]] == ["vision", "fused"]
@@ -335,9 +338,9 @@ def test_a_stage_of_iron_is_driven_by_the_integrators_own_class(
         ("json:no_such", "found"),
     ):
         with pytest.raises(SettingsError, match=says):
-            load_driver(wrong, verb="feel")
-    with pytest.raises(SettingsError, match="no method 'feel'"):
-        load_driver("builtins:dict", verb="feel")
+            load_driver(wrong, verbs=("feel",))
+    with pytest.raises(SettingsError, match="no method 'open' or 'feel'"):
+        load_driver("builtins:dict", verbs=("open", "feel"))
 
 
 def _whole_plate() -> ScanPlanRecord:

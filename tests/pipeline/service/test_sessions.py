@@ -1,0 +1,211 @@
+"""Stages with sessions: felt pass by pass, closed whatever happens, and failing between two passes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import PartState, ScanPlanRecord
+from pipeline.common.settings import ReadSettings
+from pipeline.files.parts import Part
+from pipeline.files.synth import SynthSpec, write_part
+from pipeline.reading.part_reader import PartReader
+from pipeline.reading.readers import open_reader
+from pipeline.service.app import Service
+from pipeline.service.stage import ScanOrder, SimulatedStage
+from pipeline.service.stage_link import StageLink
+from tests.support.service_fixtures import FORMAT, inline_service
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.recording import load_scan
+from whisker_array.scan.session import StageSession
+from whisker_array.scan.stage_error import StageError
+from whisker_array.whisker.passes import Pass
+
+PLAN = ScanPlanRecord(
+    region_mm=(100.0, 50.0, 160.0, 65.0), directions_deg=(0, 90, 180, 270), passes=1, line_pitch_mm=0.125,
+    sample_pitch_mm=0.0625, speed_mm_s=50.0, preload_mm=1.0, seconds=90.0, height_mm=5.0, reason="to try it",
+    middle_mm=None,
+)  # fmt: skip
+
+
+class Iron:
+    """A driver with sessions, as an integrator writes one; its iron is a simulated stage, and may jam."""
+
+    folder: Path
+    fails_after: int | None = None
+    fault: type[Exception] = StageError
+    opened: list[Iron.Session]
+
+    class Session:
+        def __init__(self, within: StageSession) -> None:
+            self.within, self.fitting = within, within.fitting
+            self.felt = self.closed = 0
+
+        def feel(self, order: Pass) -> Sweep:
+            if self.felt == Iron.fails_after:
+                raise Iron.fault("the array has jammed")
+            self.felt += 1
+            return self.within.feel(order)
+
+        def close(self) -> None:
+            self.closed += 1
+            self.within.close()
+
+    def open(self, order: ScanOrder) -> Iron.Session:
+        Iron.opened.append(self.Session(SimulatedStage(self.folder, seed=3).open(order)))
+        return Iron.opened[-1]
+
+
+@pytest.fixture(scope="module")
+def plates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plates")
+    (folder / "truth.txt").write_text(
+        write_part(SynthSpec(format=FORMAT, seed=21), folder / "part", 0, photos=False)
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def plan(plates: Path) -> ScanPlanRecord:
+    """Of the whole plate, in a frame whose middle is elsewhere."""
+    from pipeline.files.npz import read_npz
+
+    width, height = read_npz(plates / "part.npz").size_mm
+    region = (100.0, 50.0, 100.0 + width, 50.0 + height)
+    return replace(PLAN, region_mm=region, middle_mm=(100.0 + 0.5 * width, 50.0 + 0.5 * height))
+
+
+@pytest.fixture(scope="module")
+def served(plates: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
+    from pipeline.files import synth
+
+    Iron.folder, Iron.opened = plates, []
+    synth.iron_stage = Iron  # type: ignore[attr-defined]
+    try:
+        with inline_service(
+            tmp_path_factory.mktemp("s"), stage_driver="pipeline.files.synth:iron_stage"
+        ) as both:
+            yield both
+    finally:
+        del synth.iron_stage  # type: ignore[attr-defined]
+
+
+@pytest.fixture(autouse=True)
+def sound_iron() -> Iterator[None]:
+    yield
+    Iron.fails_after, Iron.fault, Iron.opened = None, StageError, []
+
+
+def touched(served: tuple[Service, TestClient], plan: ScanPlanRecord) -> tuple[int, dict[str, Any], str]:
+    """Status and body of the answer where the stage feels a part that waits for touch, and its id."""
+    service, client = served
+    part_id = new_part_id()
+    service.store.add_part(part_id=part_id, name="part", state=PartState.TOUCH_NEEDED, plan=plan)
+    answer = client.post(f"/v1/parts/{part_id}/touch")
+    return answer.status_code, answer.json(), part_id
+
+
+def recording_of(served: tuple[Service, TestClient], part_id: str, folder: Path) -> Path:
+    """The recording kept for a part."""
+    service, client = served
+    kept = next(e for e in service.store.evidence(part_id) if e.kind == "scan")
+    path = folder / "kept.h5"
+    path.write_bytes(client.get(f"/v1/parts/{part_id}/evidence/{kept.sha256}").content)
+    return path
+
+
+def test_a_driver_with_sessions_is_felt_until_the_serial_is_sure(
+    served: tuple[Service, TestClient], plates: Path, plan: ScanPlanRecord, tmp_path: Path
+) -> None:
+    status, part, part_id = touched(served, plan)
+    assert (status, part["state"], part["text"]) == (200, "accepted", (plates / "truth.txt").read_text())
+    (session,) = Iron.opened
+    reading = part["reading"]
+    assert session.closed == 1
+    assert reading["stopped"] == "sure"
+    assert len(reading["passes"]) == session.felt
+    spent = [p["stage_s"] for p in reading["passes"]]
+    assert spent == sorted(spent)
+    assert reading["stage_s"] == spent[-1] < 0.5 * plan.seconds
+    assert reading["passes"][-1]["text"] == part["text"].replace(" ", "")
+    # in the frame of the order, lines and boxes alike
+    x0, y0, x1, y1 = plan.region_mm
+    for one in reading["passes"]:
+        low, high = (x0, x1) if one["direction_deg"] in (0, 180) else (y0, y1)
+        assert low - 0.1 <= one["along_mm"][0] < one["along_mm"][1] <= high + 0.1
+    for character in reading["characters"]:
+        assert x0 < character["box_mm"][0] < x1
+        assert y0 < character["box_mm"][1] < y1
+    # what is kept reads the same again, with every choice
+    reader = open_reader(ReadSettings(format=(FORMAT,), font=("gothic",), height_mm=5.0))
+    path = recording_of(served, part_id, tmp_path)
+    again = PartReader(reader).read(Part("part", scan=path))
+    assert again.text == part["text"]
+    assert again.confidence == pytest.approx(reading["confidence"], abs=1e-6)  # a record has six digits
+    log = load_scan(path).log
+    assert log is not None
+    assert [p.order.direction for p in log.passes] == [p["direction_deg"] for p in reading["passes"]]
+
+
+@pytest.mark.parametrize(
+    ("fault", "says"), [(StageError, "the array has jammed"), (ValueError, "the stage's driver has a fault")]
+)
+def test_a_stage_that_fails_between_passes_gives_what_was_felt_to_review(
+    served: tuple[Service, TestClient], plan: ScanPlanRecord, fault: type[Exception], says: str
+) -> None:
+    Iron.fails_after, Iron.fault = 3, fault
+    status, part, _ = touched(served, plan)
+    assert (status, part["state"]) == (200, "review")
+    reading = part["reading"]
+    assert reading["stopped"] == "stage failed"
+    assert len(reading["passes"]) == 3
+    assert any(f"failed after 3 passes: {says}" in message for message in reading["messages"])
+    assert [s.closed for s in Iron.opened] == [1]
+
+
+def test_a_stage_that_feels_nothing_leaves_the_part_waiting(
+    served: tuple[Service, TestClient], plan: ScanPlanRecord
+) -> None:
+    Iron.fails_after = 0
+    status, problem, part_id = touched(served, plan)
+    assert status == 422
+    assert "the array has jammed" in problem["detail"]
+    part = served[1].get(f"/v1/parts/{part_id}").json()
+    assert part["state"] == "touch_needed"
+    history = served[1].get(f"/v1/parts/{part_id}/history").json()
+    assert history["events"][-1]["kind"] == "touch_failed"
+    assert [s.closed for s in Iron.opened] == [1]
+
+
+def test_a_stage_that_cannot_open_says_why(served: tuple[Service, TestClient], plan: ScanPlanRecord) -> None:
+    status, problem, _ = touched(served, replace(plan, middle_mm=(500.0, 500.0)))
+    assert status == 422
+    assert "is not on the part" in problem["detail"]
+    assert Iron.opened == []
+
+
+def test_a_link_that_no_worker_comes_to_ends() -> None:
+    class Never:
+        def open(self, order: ScanOrder) -> StageSession:
+            raise AssertionError("nobody asked")
+
+    link = StageLink(Never())
+    link.close()
+    with pytest.raises(OSError):  # noqa: PT011 - whichever the system says of a socket that is gone
+        link.stage.open(ScanOrder("part", PLAN))
+
+
+def test_the_setting_scans_the_whole_plan(plates: Path, plan: ScanPlanRecord, tmp_path: Path) -> None:
+    with inline_service(tmp_path, stage=plates, active_touch=False) as served:
+        _, part, part_id = touched(served, plan)
+        assert part["reading"]["passes"] == []
+        assert (part["reading"]["stage_s"], part["reading"]["stopped"]) == (None, "")
+        scan = load_scan(recording_of(served, part_id, tmp_path))
+        assert scan.log is None
+        assert len(scan.directions) == 4
