@@ -72,12 +72,11 @@ def _serve(out: Path, *, stay: bool) -> int:
                         f"{reading.seconds:.1f} s: {record.state.value.replace('_', ' ')}",
                         flush=True,
                     )
-                plan = part.by_camera.plan
-                if sense == "camera" and plan is not None:
-                    x0, y0, x1, y1 = plan.region_mm
-                    area = f"{x1 - x0:.0f} x {y1 - y0:.0f} mm"
+                plan, felt = part.by_camera.plan, part.last.reading
+                if sense == "camera" and plan is not None and felt is not None and felt.stage_s is not None:
                     print(
-                        f"    stage   scans {area} in {plan.passes} passes, {plan.seconds:.0f} s of stage time"
+                        f"    stage   feels {len(felt.passes)} passes in {felt.stage_s:.0f} s "
+                        f"({felt.stopped}); the whole plan takes {plan.passes} in {plan.seconds:.0f} s"
                     )
 
         try:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from glyphs.surface.display import one_line
 from recognition.active.moves import Way
 from recognition.decision.reading import Decision, Reading
-from whisker_array.scan.scan import Scan
-from whisker_array.whisker.passes import Pass
+
+if TYPE_CHECKING:  # the service's pages need the words alone
+    from whisker_array.scan.scan import Scan
+    from whisker_array.whisker.passes import Pass
 
 
 class StopReason(StrEnum):

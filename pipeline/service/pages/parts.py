@@ -9,6 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from pipeline.common.records import EvidenceKind, PartState, Scope
+from pipeline.service.pages.felt import felt_view
 from pipeline.service.pages.frame import Frame, PageError
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
@@ -65,6 +66,7 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
         caller = frame.reader(request)
         found = frame.store.part(part_id)
         readings, evidence = frame.store.readings(part_id), frame.store.evidence(part_id)
+        pictures = picture_pair(found, readings, evidence, frame.evidence, low_margin=frame.low_margin)
         places = [places_of(r, low_margin=frame.low_margin) for r in readings]
         return frame.page(
             request,
@@ -72,7 +74,8 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
             caller=caller,
             part=found,
             readings=[(r, p, cells_of(r.text, p)) for r, p in zip(readings, places, strict=True)],
-            pictures=picture_pair(found, readings, evidence, frame.evidence, low_margin=frame.low_margin),
+            pictures=pictures,
+            felt=felt_view(readings, pictures[::-1]),
             expected=expected_cells(found),
             reviews=frame.store.reviews(part_id),
             events=frame.store.history(part_id),

@@ -71,6 +71,7 @@ class PictureView:
         transform: of the picture, for SVG; empty where it is not turned.
         whole, line: views (x, y, width, height) of the whole picture and of the line.
         boxes: of the characters.
+        frame: (x of the middle of its first pixel, y of it, size of a pixel), mm; None where that is not known.
     """
 
     which: str
@@ -84,6 +85,7 @@ class PictureView:
     whole: Rectangle = (0.0, 0.0, 1.0, 1.0)
     line: Rectangle = (0.0, 0.0, 1.0, 1.0)
     boxes: tuple[PictureBox, ...] = ()
+    frame: tuple[float, float, float] | None = None
 
     @property
     def cut(self) -> bool:
@@ -171,6 +173,7 @@ def _view(
             _line(boxes, whole, believed=reading is not None and reading.confidence >= _BELIEVED_FROM)
         ),
         boxes=boxes,
+        frame=frame,
     )
 
 

@@ -14,6 +14,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from pipeline.common.records import PartRecord, ReviewAction, Scope
+from pipeline.service.pages.felt import felt_view
 from pipeline.service.pages.frame import A_YEAR_S, WHO_COOKIE, Frame, see
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
@@ -158,6 +159,7 @@ def _review_page(
     caller = frame.reader(request)
     places = places_of(part.reading, low_margin=frame.low_margin)
     readings, evidence = frame.store.readings(part.id), frame.store.evidence(part.id)
+    pictures = picture_pair(part, readings, evidence, frame.evidence, low_margin=frame.low_margin)
     text = part.text if said is None else said.text
     kept = unquote(request.cookies.get(WHO_COOKIE, ""))[:MOST_WHO]
     who = kept or (caller.name if frame.access.required else "")
@@ -171,7 +173,8 @@ def _review_page(
         cells=cells_of(text, places),
         text=text,
         size=next((s for s in _SIZES if len(text) <= s), 0),
-        pictures=picture_pair(part, readings, evidence, frame.evidence, low_margin=frame.low_margin),
+        pictures=pictures,
+        felt=felt_view(readings, pictures[::-1]),
         expected=expected_cells(part),
         upper=not any(c.char.islower() for p in places for c in p.candidates),
         who=who if said is None else said.who,
