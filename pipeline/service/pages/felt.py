@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median
 
 from pipeline.common.records import PassRecord, ReadingRecord
 from pipeline.service.pages.pictures import PictureView
@@ -17,6 +19,8 @@ from recognition.active.active_reading import StopReason
 ARROWS = {0: "→", 90: "↓", 180: "←", 270: "↑"}
 _COLOURS = ((38, 26, 110), (122, 32, 130), (200, 62, 90), (238, 120, 40), (240, 180, 20))
 """From the first pass to the last; apart from each other in lightness too."""
+_SHARE, _THICKEST_MM = 0.35, 0.15
+"""Of the gap between lines, what a line covers; and how thick it is drawn at most."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +65,14 @@ class FeltView:
         stage_s: they took together.
         stopped: why there are no more, in words; empty where nobody said.
         picture: under the lines; None without any.
+        width: of a line on the picture, pixels: much less than lines lie apart, so that the picture shows between.
     """
 
     passes: tuple[PassView, ...]
     stage_s: float
     stopped: str
     picture: PictureView | None
+    width: float
 
 
 def felt_view(readings: Sequence[ReadingRecord], pictures: Sequence[PictureView]) -> FeltView | None:
@@ -102,7 +108,20 @@ def felt_view(readings: Sequence[ReadingRecord], pictures: Sequence[PictureView]
     )
     known = reading.stopped in set(StopReason)
     stopped = StopReason(reading.stopped).describe() if known else reading.stopped
-    return FeltView(passes, ends[-1] if reading.stage_s is None else reading.stage_s, stopped, picture)
+    stage_s = ends[-1] if reading.stage_s is None else reading.stage_s
+    width = 1.0
+    if picture is not None and picture.frame is not None:
+        width = min(_THICKEST_MM, _SHARE * _gap_mm(reading.passes)) / picture.frame[2]
+    return FeltView(passes, stage_s, stopped, picture, round(width, 2))
+
+
+def _gap_mm(passes: Sequence[PassRecord]) -> float:
+    """Between neighbouring lines, where they lie closest: half of the gaps of a direction are smaller."""
+    gaps = []
+    for ways in ((0, 180), (90, 270)):
+        lines = sorted({v for p in passes if p.direction_deg in ways for v in p.line_mm})
+        gaps += [median(b - a for a, b in pairwise(lines))] if len(lines) > 1 else []
+    return min(gaps, default=_THICKEST_MM / _SHARE)
 
 
 def _path(one: PassRecord, picture: PictureView) -> str:
