@@ -239,7 +239,7 @@ class ReadSettings(Settings):
     """Feel height maps pass by pass, and stop when the serial is sure or more touch would not help; else the whole plan
     is felt. A message of the part says how many seconds of stage time that took."""
     budget_s: float = Field(default=60.0, gt=0.0, le=3600.0, allow_inf_nan=False)
-    """Most stage seconds a part with --active."""
+    """Most stage seconds of a part that is felt pass by pass."""
     unit: Literal["um", "mm", "m", "in"] = "mm"
     """Unit of the numbers in height files that do not state theirs (.npz, STL, PLY, XYZ)."""
 

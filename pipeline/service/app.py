@@ -97,7 +97,7 @@ class Service:
             jobs=jobs,
             stage=_stage(settings),
             camera=_camera(settings),
-            active_budget_s=settings.touch_budget_s if settings.active_touch else None,
+            active_budget_s=reading.budget_s if settings.active_stage else None,
             metrics=self.metrics,
             targets=tuple(self.ports.senders),
             watch=self.watch,
@@ -260,7 +260,7 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
 def _stage(settings: ServiceSettings) -> Stage:
     if settings.stage_driver:
         driver: Stage = load_driver(
-            settings.stage_driver, verbs=("open", "feel") if settings.active_touch else ("feel",)
+            settings.stage_driver, verbs=("open", "feel") if settings.active_stage else ("feel",)
         )
         return driver
     return SimulatedStage(settings.stage) if settings.stage is not None else NoStage()

@@ -85,11 +85,9 @@ class ServiceSettings(Settings):
     no stage."""
     stage_driver: str = ""
     """module:callable that makes the driver of a real stage instead (pipeline.service.stage.Stage)."""
-    active_touch: bool = True
-    """Feel pass by pass, until the serial is sure, where the stage has sessions (open); otherwise, and by other
-    stages, the whole plan is scanned (feel)."""
-    touch_budget_s: float = Field(default=90.0, gt=0.0, le=3600.0)
-    """Most stage seconds for a part that is felt pass by pass; about what its whole plan takes."""
+    active_stage: bool = True
+    """Feel parts pass by pass until the serial is sure, for at most budget_s, by a stage that has sessions (open); off,
+    and by other stages, the whole plan is scanned (feel)."""
     camera: Path | None = None
     """Folder into which the camera puts its pictures: NAME.png is the part called NAME."""
     camera_driver: str = ""

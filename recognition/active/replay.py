@@ -72,8 +72,8 @@ def replayed(reader: TactileReader, scan: Scan) -> ActiveReading:
         reader.read_scan(scan),
         tuple(passes),
         StopReason(log.stopped) if known else StopReason.ALL_FELT,
-        log.problem,
-        scan,
+        problem=log.problem,
+        scan=scan,
     )
 
 

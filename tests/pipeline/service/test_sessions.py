@@ -202,7 +202,7 @@ def test_a_link_that_no_worker_comes_to_ends() -> None:
 
 
 def test_the_setting_scans_the_whole_plan(plates: Path, plan: ScanPlanRecord, tmp_path: Path) -> None:
-    with inline_service(tmp_path, stage=plates, active_touch=False) as served:
+    with inline_service(tmp_path, stage=plates, active_stage=False) as served:
         _, part, part_id = touched(served, plan)
         assert part["reading"]["passes"] == []
         assert (part["reading"]["stage_s"], part["reading"]["stopped"]) == (None, "")
