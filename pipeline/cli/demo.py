@@ -7,7 +7,13 @@ from pathlib import Path
 from pipeline.cli.exit_status import FAILED, USAGE, CommandError, failures_reported
 
 
-def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = False) -> int:
+def demo(
+    out: Path = Path("demo-out"),
+    *,
+    service: bool = False,
+    stay: bool = False,
+    animation: Path | None = None,
+) -> int:
     """Stamp a few plates, scan them with simulated whiskers, read them, and draw what happened.
 
     The exit status is 1 if a serial was not read correctly.
@@ -21,9 +27,16 @@ def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = Fa
         them. The exit status is then 1 if it accepted a wrong serial.
     stay
         With --service: leave it running until Ctrl-C, for a look at the operator's page.
+    animation
+        Show active touch instead: a dirty part is felt pass by pass until its serial is sure, and drawn as an
+        animation, .gif or .png (APNG), with its last frame beside it as NAME-still.png.
     """
     if stay and not service:
         raise CommandError("demo: --stay goes with --service", status=USAGE)
+    if animation is not None:
+        if service:
+            raise CommandError("demo: give --service or --animation, not both", status=USAGE)
+        return _animate(animation)
     if service:
         return _serve(out, stay=stay)
     with failures_reported():
@@ -52,6 +65,28 @@ def demo(out: Path = Path("demo-out"), *, service: bool = False, stay: bool = Fa
     print(f"\npicture: {result.overview.resolve()}")
     print(f"page:    {result.page.resolve()}  (open it in a browser)")
     return 0 if result.all_right else FAILED
+
+
+def _animate(path: Path) -> int:
+    """Draw active touch, and print what was believed pass by pass."""
+    with failures_reported():
+        from pipeline.cli.active_demonstration import run_active_demo
+        from pipeline.plots.active_animation import check_animation
+        from pipeline.plots.pictures import same_text
+
+        check_animation(path)
+        print(
+            "Feeling a dirty part pass by pass. The first run on a machine takes longer: it compiles.\n",
+            flush=True,
+        )
+        done = run_active_demo(path)
+        for number, one in enumerate(done.found.passes, start=1):
+            believed = f"{one.text} {one.confidence:.3f}" if one.text else ""
+            print(f"pass {number:>2}  {one.stage_s:5.1f} s  {one.why:<36} {believed}")
+    right = same_text(done.found.reading.text, done.truth)
+    print(f"\n{done.found.describe()}; stamped {done.truth}: {'right' if right else 'WRONG'}")
+    print(f"animation: {done.animation.resolve()}\nlast frame: {done.still.resolve()}")
+    return 0 if right else FAILED
 
 
 def _serve(out: Path, *, stay: bool) -> int:

@@ -8,10 +8,10 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from glyphs.surface.display import one_line
-from recognition.active.moves import Way
 from recognition.decision.reading import Decision, Reading
 
 if TYPE_CHECKING:  # the service's pages need the words alone
+    from recognition.active.moves import Way
     from whisker_array.scan.scan import Scan
     from whisker_array.whisker.passes import Pass
 
