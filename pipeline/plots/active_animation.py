@@ -33,7 +33,7 @@ from recognition.active.active_reading import ActiveReading, PassFelt
 
 SUFFIXES = (".gif", ".png")
 FRAME_MS, LAST_MS = 450, 4000
-_INCHES, _DPI = (9.6, 5.4), 80
+_WIDTH_IN, _RIM_IN, _TITLE_IN, _BARS_IN, _DPI = 9.0, 0.25, 0.3, 1.35, 80
 _COLOURS = 64
 _STRONGEST_PERCENT = 99.0
 _OLD, _NEW, _SURE, _DOUBT = "#8a5a00", "#ffd400", "#1a7346", "#d97800"
@@ -84,8 +84,11 @@ def save_animation(part: FeltPart, path: Path, *, still: Path | None = None) -> 
     """
     check_animation(path)
     frames = list(_frames(part))
-    # the last frame has every colour
-    palette = frames[-1].quantize(_COLOURS)
+    # between them the middle and the last have every colour
+    both = Image.new("RGB", (frames[0].width, 2 * frames[0].height))
+    both.paste(frames[len(frames) // 2])
+    both.paste(frames[-1], (0, frames[0].height))
+    palette = both.quantize(_COLOURS)
     drawn = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     shown_ms = [FRAME_MS] * (len(drawn) - 1) + [LAST_MS]
     with replacing(path) as temporary:
@@ -117,26 +120,40 @@ def _drawn(figure: Figure) -> Image.Image:
 def _frame(part: FeltPart, n: int) -> Figure:
     """After pass n, from 0."""
     passes = part.found.passes
-    figure = Figure(figsize=_INCHES, layout="constrained")
-    surface, felt, below = figure.subplots(3, 1, height_ratios=(1.0, 1.0, 0.75))
     width, height = part.height_map.size_mm
+    surface, felt, below = _panels(height / width)
+    figure = surface.figure
+    assert isinstance(figure, Figure)
     z = part.height_map.z_mm
     low, high = np.nanpercentile(z, (100.0 - _STRONGEST_PERCENT, _STRONGEST_PERCENT))
     _picture(surface, z, part.height_map.pitch_mm, (0.0, 0.0), cmap="gray", limits=(low, high))
     for k, one in enumerate(passes[: n + 1]):
         _lines(surface, one, last=k == n)
-    surface.set_title(f"pass {n + 1}: {passes[n].why or 'lines felt'}", fontsize=9, loc="left")
+    surface.set_title(f"pass {n + 1}: {passes[n].why or 'lines felt'}", fontsize=10, loc="left")
     surface.set_title(
         f"{passes[n].stage_s:.1f} s of stage time", fontsize=11, loc="right", family="monospace"
     )
     _edges(felt, part.edges[n])
-    felt.set_title("what the whiskers have felt", fontsize=9, loc="left")
+    felt.set_title("what the whiskers have felt", fontsize=10, loc="left")
     for axes in (surface, felt):
         axes.set(xlim=(0.0, width), ylim=(height, 0.0), xticks=(), yticks=(), xlabel="", ylabel="")
         axes.set_aspect("equal")
     last = n + 1 == len(passes)
     _beliefs(below, part, _believed(passes, n), width, stopped=part.found.stop.describe() if last else "")
     return figure
+
+
+def _panels(aspect: float) -> list[Axes]:
+    """Of a new figure, as wide as each other, so that bars stand under their characters."""
+    inner = _WIDTH_IN - 2.0 * _RIM_IN
+    heights = (inner * aspect, inner * aspect, _BARS_IN)
+    whole = sum(heights) + len(heights) * _TITLE_IN + _RIM_IN
+    figure, top, made = Figure(figsize=(_WIDTH_IN, whole)), whole, []
+    for height in heights:
+        top -= _TITLE_IN + height
+        box = (_RIM_IN / _WIDTH_IN, top / whole, inner / _WIDTH_IN, height / whole)
+        made.append(figure.add_axes(box))
+    return made
 
 
 def _lines(axes: Axes, one: PassFelt, *, last: bool) -> None:
@@ -180,9 +197,9 @@ def _believed(passes: Sequence[PassFelt], n: int) -> PassFelt:
 
 
 def _beliefs(axes: Axes, part: FeltPart, one: PassFelt, width_mm: float, *, stopped: str) -> None:
-    axes.set(xlim=(0.0, width_mm), ylim=(-0.3, 1.62), xticks=(), yticks=(0.0, 1.0))
-    axes.tick_params(labelsize=7)
-    axes.spines[["top", "right"]].set_visible(False)
+    axes.set(xlim=(0.0, width_mm), ylim=(-0.3, 1.62), xticks=(), yticks=())
+    axes.spines[["top", "right", "left", "bottom"]].set_visible(False)
+    axes.axhline(0.0, color="#56636f", linewidth=0.8)
     for k, place in enumerate(one.places):
         x = place.middle_mm[0]
         x = x if math.isfinite(x) else (k + 0.5) * width_mm / len(one.places)
@@ -199,5 +216,5 @@ def _beliefs(axes: Axes, part: FeltPart, one: PassFelt, width_mm: float, *, stop
         reading = part.found.reading
         said = f"{reading.text}: {reading.confidence:.3f}. Stopped: {stopped}"
     axes.set_title(
-        f"belief of each place; {said}", fontsize=9, loc="left", weight="bold" if stopped else "normal"
+        f"belief of each place; {said}", fontsize=10, loc="left", weight="bold" if stopped else "normal"
     )

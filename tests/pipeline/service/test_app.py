@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import asyncio
 import io
 import shutil
 from collections.abc import Iterator
@@ -114,6 +115,16 @@ def test_the_stage_settles_what_the_camera_could_not(
     assert kinds[:3] == ["received", "read", "touch_needed"]
     assert {e["kind"] for e in history["evidence"]} >= {"photo", "scan", "edges_picture", "photo_picture"}
     assert client.get(part["links"]["boxes"]).content.startswith(b"\x89PNG")
+
+
+def test_a_trigger_has_the_stage_feel_what_the_camera_is_unsure_of(
+    served: tuple[Service, TestClient],
+) -> None:
+    part = asyncio.run(served[0].parts.trigger(FILTHY))  # what the TCP port and OPC UA call
+    assert part.reading is not None
+    assert part.reading.source == "fused"
+    assert part.reading.passes
+    assert part.state is not PartState.TOUCH_NEEDED
 
 
 def test_a_height_map_can_be_added_to_a_part(client: TestClient, parts: Path) -> None:

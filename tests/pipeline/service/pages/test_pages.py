@@ -25,6 +25,7 @@ from pipeline.common.records import (
     LineRecord,
     PartRecord,
     PartState,
+    PassRecord,
     ReadingRecord,
     ReviewAction,
     ScanPlanRecord,
@@ -523,6 +524,48 @@ def test_with_tokens_a_person_signs_in_and_only_reviewers_review(tmp_path: Path)
     assert shop.say(part_id, "KX407251") == 303
     assert shop.store.reviews(part_id)[-1].token == "reviewer"
     shop.store.close()
+
+
+def felt(direction_deg: int, line_mm: tuple[float, ...], stage_s: float, **more: object) -> PassRecord:
+    along = (3.0, 38.0) if direction_deg in (0, 180) else (3.0, 10.0)
+    made = PassRecord(direction_deg, line_mm, along, 50.0, 1.0, stage_s, "to try it")
+    return replace(made, **more)  # type: ignore[arg-type]
+
+
+FELT = (
+    felt(0, (4.0, 6.0), 1.2),
+    felt(270, (5.0,), 1.8, preload_mm=1.5, text="KX407<51", confidence=0.42),
+)
+
+
+@pytest.mark.parametrize("page", ["review", "parts"])
+def test_what_was_felt_is_shown_pass_by_pass(shop: Shop, page: str) -> None:
+    by_touch = reading("KX407251", passes=FELT, stage_s=1.8, stopped="no gain")
+    picture = shop.keep(EvidenceKind.EDGES_PICTURE, b"picture")
+    part_id = shop.add(readings=(by_touch,), evidence=(picture,))
+    shown = html.unescape(shop.client.get(f"/{page}/{part_id}").text)
+    assert 'Felt in 2 passes</b>, <span class="num">1.8 s</span> of stage time' in shown
+    assert "more touch would not settle what is in doubt" in shown
+    # (x - x0) / mm + 0.5 pixels, see META
+    assert 'd="M40.5 40.5H740.5M40.5 80.5H740.5"' in shown
+    assert 'd="M80.5 20.5V160.5"' in shown
+    assert shown.index("→") < shown.index("↑")
+    assert "pressed on harder: 1.50 mm" in shown
+    assert "at 1.8 s" in shown
+    assert "KX407&lt;51" in shop.client.get(f"/{page}/{part_id}").text
+
+
+def test_without_passes_nothing_is_said_of_them(shop: Shop) -> None:
+    part_id = shop.add()
+    assert "Felt in" not in shop.client.get(f"/review/{part_id}").text
+
+
+def test_passes_are_told_without_their_picture_too(shop: Shop) -> None:
+    part_id = shop.add(readings=(reading("KX", passes=FELT[:1], stage_s=1.2, stopped="the power went"),))
+    shown = shop.client.get(f"/review/{part_id}").text
+    assert "Felt in 1 pass</b>" in shown
+    assert "the power went" in shown
+    assert 'class="trace"' not in shown
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,165 @@
+"""What was felt pass by pass: kept in a recording, and chosen again from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from glyphs.errors import FileError
+from glyphs.soiling.soiled import Soiling
+from pipeline.files.synth import SynthSpec, make_part
+from pipeline.reading.simulated_scan import open_session
+from recognition.active.active_reading import ActiveReading, StopReason
+from recognition.active.replay import read_kept, replayed
+from recognition.reader import Reader
+from recognition.senses.touch import TactileReader
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.recorded_session import RecordedSession
+from whisker_array.scan.recording import load_scan, save_scan
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.session import StageSession
+from whisker_array.scan.stage_error import StageError
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.passes import Pass
+
+HEIGHT_MM, BUDGET_S = 3.0, 7.0
+
+
+class Jamming:
+    """A session that fails after so many passes."""
+
+    def __init__(self, within: StageSession, passes: int) -> None:
+        self.within, self.left, self.fitting = within, passes, within.fitting
+
+    def feel(self, order: Pass) -> Sweep:
+        self.left -= 1
+        if self.left < 0:
+            raise StageError("the array has jammed", "free it")
+        return self.within.feel(order)
+
+    def close(self) -> None:
+        self.within.close()
+
+
+@pytest.fixture(scope="module")
+def reader() -> TactileReader:
+    return Reader(format="AA99", fonts=("gothic",), height_mm=HEIGHT_MM).touch
+
+
+def session_of(dirt: float) -> StageSession:
+    part = make_part(SynthSpec("AA99", seed=4, height_mm=HEIGHT_MM, soiling=Soiling(severity=dirt)), 0)
+    return open_session(
+        part.height_map, height_mm=HEIGHT_MM, soil=part.soil, sensor_seed=3, fidelity=Fidelity.POINTWISE
+    )
+
+
+@pytest.fixture(scope="module")
+def felt(reader: TactileReader) -> ActiveReading:
+    """A part so dirty that several choices are made."""
+    return read_kept(reader, session_of(0.8), budget_s=BUDGET_S)
+
+
+@pytest.fixture(scope="module")
+def recording(felt: ActiveReading, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("felt") / "scan.h5"
+    assert felt.scan is not None
+    save_scan(felt.scan, path)
+    return path
+
+
+def assert_same_choices(one: ActiveReading, other: ActiveReading) -> None:
+    assert [p.order for p in one.passes] == [p.order for p in other.passes]
+    assert [(p.text, p.confidence, p.places) for p in one.passes] == [
+        (p.text, p.confidence, p.places) for p in other.passes
+    ]
+    assert (one.stop, one.problem) == (other.stop, other.problem)
+    assert (one.reading.text, one.reading.decision) == (other.reading.text, other.reading.decision)
+    assert one.reading.confidence == other.reading.confidence
+
+
+def test_a_replay_reproduces_every_choice(
+    felt: ActiveReading, recording: Path, reader: TactileReader
+) -> None:
+    assert len([p for p in felt.passes if p.text]) > 3  # looks, and so choices
+    assert_same_choices(replayed(reader, load_scan(recording)), felt)
+
+
+def test_a_failing_stage_fails_again_in_the_replay(reader: TactileReader, tmp_path: Path) -> None:
+    cut = read_kept(reader, Jamming(session_of(0.8), 5), budget_s=BUDGET_S)
+    assert (cut.stop, len(cut.passes)) == (StopReason.STAGE_FAILED, 5)
+    assert cut.reading.decision != "accept"
+    assert cut.scan is not None
+    save_scan(cut.scan, tmp_path / "cut.h5")
+    assert_same_choices(replayed(reader, load_scan(tmp_path / "cut.h5")), cut)
+
+
+def test_another_reader_is_given_all_passes_at_once(recording: Path, felt: ActiveReading) -> None:
+    other = Reader(format="AA99", fonts=("gothic",), height_mm=2.0 * HEIGHT_MM).touch
+    scan = load_scan(recording)
+    assert scan.log is not None
+    found = replayed(other, replace(scan, log=replace(scan.log, height_mm=2.0 * HEIGHT_MM)))
+    assert [p.order for p in found.passes] == [p.order for p in felt.passes]
+    assert found.stop is felt.stop
+    assert found.stage_s == pytest.approx(felt.stage_s)
+
+
+def log_of(scan: Scan) -> list[tuple[Pass, str, str, float]]:
+    assert scan.log is not None
+    return [(p.order, p.why, p.text, p.confidence) for p in scan.log.passes]
+
+
+def test_a_recording_keeps_order_plan_and_stop(felt: ActiveReading, recording: Path) -> None:
+    kept, scan = load_scan(recording), felt.scan
+    assert scan is not None
+    assert scan.log is not None
+    assert kept.log is not None
+    assert log_of(kept) == log_of(scan)
+    for name in ("array", "height_mm", "field_mm", "stopped", "problem", "budget_s"):
+        assert getattr(kept.log, name) == getattr(scan.log, name)
+    for one, other in zip(kept.log.passes, scan.log.passes, strict=True):
+        for name in ("moment_n_mm", "flags", "air_n_mm"):
+            np.testing.assert_array_equal(getattr(one.sweep, name), getattr(other.sweep, name))
+    for mine, theirs in zip(
+        kept.sweeps, scan.sweeps, strict=True
+    ):  # passes of several lengths, gathered alike
+        np.testing.assert_array_equal(mine.moment_n_mm, theirs.moment_n_mm)
+        np.testing.assert_array_equal(mine.flags, theirs.flags)
+
+
+def test_a_session_over_a_recording_feels_nothing_else(recording: Path) -> None:
+    scan = load_scan(recording)
+    assert scan.log is not None
+    session, first = RecordedSession(scan), scan.log.passes[0].order
+    with pytest.raises(StageError, match="another pass"):
+        session.feel(replace(first, along_mm=(first.along_mm[0], first.along_mm[1] - 1.0)))
+    assert session.feel(first) is scan.log.passes[0].sweep
+    with pytest.raises(StageError, match="in which order"):
+        RecordedSession(replace(scan, log=None))
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda log: log.__delitem__("along_mm"), "no dataset /log/along_mm"),
+        (lambda log: log.__getitem__("along_mm").__setitem__(0, (0.0, 1.0)), "its plan"),
+        (lambda log: log.__getitem__("speed_mm_s").__setitem__(1, -1.0), "speed_mm_s is -1"),
+        (lambda log: log.attrs.__setitem__("array", "[]"), "no array of whiskers"),
+        (
+            lambda log: log.attrs.__setitem__("array", '{"n_whiskers": 8, "colour": 1}'),
+            "no array of whiskers",
+        ),
+        (lambda log: log.attrs.__delitem__("field_mm"), "no field"),
+        (lambda log: log.attrs.__setitem__("budget_s", -1.0), "must be positive"),
+    ],
+)
+def test_a_log_that_does_not_fit_is_told(recording: Path, tmp_path: Path, damage: object, says: str) -> None:
+    path = tmp_path / "scan.h5"
+    path.write_bytes(recording.read_bytes())
+    with h5py.File(path, "r+") as file:
+        damage(file["log"])  # type: ignore[operator]
+    with pytest.raises(FileError, match=says):
+        load_scan(path)
