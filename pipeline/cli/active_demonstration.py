@@ -19,7 +19,7 @@ from whisker_array.estimation.edges import edge_map
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.session import Fitting
 
-FORMAT, HEIGHT_MM, SEVERITY, BUDGET_S = "AA999999", 5.0, 0.6, 60.0
+FORMAT, HEIGHT_MM, SEVERITY, BUDGET_S = "AA999999", 5.0, 0.5, 60.0
 _SEED, _NUMBER = 11, 2
 
 

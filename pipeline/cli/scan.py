@@ -166,11 +166,11 @@ def _scan_actively(
     Raises:
         CommandError: nothing could be felt.
     """
-    from recognition.active.active_reader import ActiveReader, ActiveSettings
+    from recognition.active.replay import read_kept
     from recognition.reader import Reader
     from whisker_array.scan.recording import save_scan
 
-    found = ActiveReader(Reader(format=format).touch, ActiveSettings(budget_s=budget_s)).read(session)
+    found = read_kept(Reader(format=format).touch, session, budget_s=budget_s)
     session.close()
     if found.scan is None:
         raise CommandError(f"scan: nothing was felt: {found.problem}", hint="see to the stage")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.active_reading import ActiveReading
+from recognition.active.replay import read_kept
 from recognition.belief.line_reader import MOST_SCANS
 from recognition.decision.accept import serial_is_sure
 from recognition.views.levelling import level
@@ -57,8 +57,7 @@ def read_actively(
             part_id=part_id,
             soil=soil,
         )
-        active = ActiveReader(reader, ActiveSettings(budget_s=budget_s - spent_s))
-        tried = active.read(session)
+        tried = read_kept(reader, session, budget_s=budget_s - spent_s)
         session.close()
         spent_s += tried.stage_s
         if found is None or tried.reading.confidence > found.reading.confidence:
