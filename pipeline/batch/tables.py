@@ -147,6 +147,8 @@ def _made(kind: Any, value: Any) -> Any:
         return _ODD_WORD.sub(lambda m: chr(int(m[1], 16)), value)
     if kind is float:
         return _number(value)
+    if kind is int:
+        return int(_number(value))
     if kind is bool:
         if value not in (True, False, "True", "False"):
             raise ValueError(f"{value!r} is neither True nor False")
@@ -280,6 +282,7 @@ def _arrow(kind: Any) -> Any:
         str: pyarrow.string(),
         bool: pyarrow.bool_(),
         float: pyarrow.float64(),
+        int: pyarrow.int64(),
         datetime: pyarrow.timestamp("us", tz="UTC"),
     }
     return plain[kind]

@@ -110,7 +110,7 @@ def _serve(out: Path, *, stay: bool) -> int:
                 plan, felt = part.by_camera.plan, part.last.reading
                 if sense == "camera" and plan is not None and felt is not None and felt.stage_s is not None:
                     print(
-                        f"    stage   feels {len(felt.passes)} passes in {felt.stage_s:.0f} s "
+                        f"    stage   feels {len(felt.passes)} passes in {felt.stage_s:.0f} s of stage time "
                         f"({felt.stopped}); the whole plan takes {plan.passes} in {plan.seconds:.0f} s"
                     )
 

@@ -12,7 +12,14 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.batch.tables import check_output, record_of_json, write_records
-from pipeline.common.records import CandidateRecord, CharacterRecord, LineRecord, ReadingRecord, RivalRecord
+from pipeline.common.records import (
+    CandidateRecord,
+    CharacterRecord,
+    LineRecord,
+    PassRecord,
+    ReadingRecord,
+    RivalRecord,
+)
 
 PLACE = CharacterRecord(
     (CandidateRecord("8", 0.9, 0.8), CandidateRecord("B", 0.08)),
@@ -43,6 +50,9 @@ RECORDS = [
         verify_probability=0.0004,
         rivals=(RivalRecord("B", 0.08),),
         lines=(LineRecord("lot", "LOT77", 0.97, (1.0, 9.0, 20.0, 12.0)), LineRecord("", "12/26", 0.9)),
+        passes=(PassRecord(180, (1.0, 3.5), (0.0, 40.0), 50.0, 0.8, 1.25, "to try it", "KB7", 0.5),),
+        stage_s=1.25,
+        stopped="budget",
         program="1.2",
         settings="0123456789abcdef",
     ),
@@ -115,6 +125,8 @@ def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
     parquet = table.to_pylist()[0]
     assert parquet["characters"] == told["characters"]
     assert parquet["lines"] == told["lines"]
+    assert parquet["passes"] == told["passes"]
+    assert told["passes"][0]["direction_deg"] == 180
     assert parquet["at"] == RECORDS[0].at
 
 
