@@ -4,8 +4,8 @@
 
 Every part, drawn as those of the exam but of no font or dirt that it keeps out, is felt by each plan about its line
 alone, as where a camera or a job says where it lies, and read with the format of its serials; fonts are not named. A
-plan is lines a character height, and directions; each has sensor noise of its own. What is kept is counts, by plan
-and dirt (whisker_array/design/plan_accuracy.fit.json).
+plan is lines a character height, and directions; each has sensor noise of its own. What is kept is counts, by plan and
+dirt (whisker_array/design/plan_accuracy.fit.json).
 """
 
 from __future__ import annotations
