@@ -54,7 +54,7 @@ def _seconds(axes: Axes, request: ArrayRequest, choices: Sequence[ArrayChoice]) 
 
 
 def _comb(axes: Axes, choice: ArrayChoice) -> None:
-    """Bodies from above, traced to the right; the foremost row on the right."""
+    """Bodies from above, mm, traced to the right; the foremost row on the right, dots are tips."""
     array = choice.plan.array
     body = array.body
     if not isinstance(body, Body):  # points have nothing to draw
@@ -79,5 +79,5 @@ def _comb(axes: Axes, choice: ArrayChoice) -> None:
     axes.set_ylim(-body.width_mm, across + body.width_mm)
     axes.set_aspect("equal", adjustable="box")
     axes.tick_params(labelsize=8)
-    rows = "1 row" if array.rows == 1 else f"{array.rows} rows, stagger {array.stagger_mm:g} mm"
-    axes.set_title(f"{array.n_whiskers} whiskers from above, mm: {rows} (dots: tips)", fontsize=9, loc="left")
+    rows = "1 row" if array.rows == 1 else f"{array.rows} rows, {array.stagger_mm:g} mm apart"
+    axes.set_title(f"{array.n_whiskers} whiskers from above: {rows}", fontsize=9, loc="left")
