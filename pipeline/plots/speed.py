@@ -35,7 +35,7 @@ def speed_figure(settings: FigureSettings) -> Drawing:
         ]
         for bevel in BEVELS_DEG
     }
-    figure = Figure(figsize=(7.2, 9.0), dpi=110, layout="constrained")
+    figure = Figure(figsize=(8.4, 9.4), dpi=110, layout="constrained")
     figure.suptitle(
         "What speed costs: the default whisker over a stamped groove, 5 mm characters", fontsize=11
     )
