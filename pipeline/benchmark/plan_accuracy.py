@@ -135,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 "made": date.today().isoformat(),
                 "parts": k // plans,
                 "asked": given.parts,
-                "edition": EDITION,
+                "editions": {EDITION: k // plans},
                 "fonts": sorted({str(f) for s in drawn.sections for f in s.part["font"]}),
                 "soils": list(drawn.part["soil"]),
                 "counts": [asdict(sums[key]) for key in sorted(sums)],

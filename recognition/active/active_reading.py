@@ -91,7 +91,7 @@ class ActiveReading:
         reading: of all passes together; sent to review where the stage failed.
         passes: in the order in which they were felt.
         stop: why there are no more.
-        steps: the way of every step, its lines to a whisker's pitch, and the confidence of the look after it.
+        steps: the way of every step, its lines to half a character's height, and the confidence of the look after it.
         sure_at_look: whether a look asked for the reading that was accepted; otherwise it came when no more was felt.
         problem: what the stage said where it failed; empty otherwise.
         scan: all passes as one scan; None where none was felt.

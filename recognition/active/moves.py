@@ -1,12 +1,12 @@
 """What may be felt next: steps of one or more passes, laid between those that were felt before.
 
-Along x the comb covers more than a line's height, so a step is one travel of the array (or one for each block of a
-higher region); across, the line is longer than the comb, and a step takes a travel for each block::
+A step lays one line more to half a character's height: with whiskers half a height apart that is one travel of the
+array for each block of the region, with whiskers a height apart it is two::
 
     ALONG, BACK:   ============   lines laid by one travel      CROSS:   | | | | | | | |   one block
                    ------------   the next, half way between             : : : : : : : :   the next, between
 
-A direction that was not felt yet begins with `FIRST` travels, 8 lines to a character's height: fewer show no shapes.
+A direction that was not felt yet begins with `FIRST` such lines, 8 to a character's height: fewer show no shapes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from whisker_array.whisker.passes import Pass
 Region = tuple[float, float, float, float]
 
 FIRST, MOST = 4, 16
-"""Lines to a whisker's pitch that a direction begins with, and has at most."""
+"""Lines to half a character's height that a direction begins with, and has at most."""
 LEAD_HEIGHTS = 0.3
 _SLACK = 0.25
 """Of the comb's width, land at the rim of a region that need not be felt."""
@@ -58,7 +58,7 @@ _DIRECTIONS = {
     Way.CROSS: TraceDirection.FORWARD_Y,
 }
 _SHIFT = {Way.ALONG: 0.0, Way.BACK: 0.5 / 8.0, Way.CROSS: 0.0}
-"""Of a direction's lines, whisker pitches: those on the way back lie between the first eight."""
+"""Of a direction's lines, half heights: those on the way back lie between the first eight."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Step:
 
     Attributes:
         way: their direction.
-        lines: to a whisker's pitch, in this direction, once they are felt.
+        lines: to half a character's height, in this direction, once they are felt.
         passes: in order.
     """
 
@@ -90,12 +90,17 @@ def next_step(fitting: Fitting, region_mm: Region, way: Way, lines: int) -> Step
         fitting: whiskers, and the field that can be felt.
         region_mm: to be felt.
         way: direction.
-        lines: to a whisker's pitch that this direction has already.
+        lines: to half a character's height that this direction has already.
     """
     if lines >= MOST:
         return None
     upto = FIRST if lines == 0 else lines + 1
-    passes = [p for k in range(lines, upto) for p in _laid(fitting, region_mm, way, between(k) + _SHIFT[way])]
+    travels = max(1, round(2.0 * fitting.array.pitch_mm / fitting.height_mm))
+    passes = [
+        p
+        for k in range(travels * lines, travels * upto)
+        for p in _laid(fitting, region_mm, way, between(k) + _SHIFT[way] / travels)
+    ]
     return Step(way, upto, tuple(passes))
 
 

@@ -27,7 +27,7 @@ class Progress:
 
     Attributes:
         fitting: of the stage.
-        lines: of each way that was felt, to a whisker's pitch.
+        lines: of each way that was felt, to half a character's height.
         stage_s: spent.
         doubts_nats: entropy after each look; NaN where there was no line.
         text: of the last look.
@@ -97,7 +97,7 @@ class Ladder:
     """Steps in a fixed order.
 
     Attributes:
-        rungs: ways, and lines to a whisker's pitch that each is brought to, in order.
+        rungs: ways, and lines to half a character's height that each is brought to, in order.
     """
 
     rungs: tuple[tuple[Way, int], ...]
@@ -163,8 +163,11 @@ class Greedy:
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
         """See `Policy`."""
         if not progress.steps:
-            first = progress.step(Way.ALONG, region_mm)
-            return first if first is not None else StopReason.ALL_FELT
+            return min(
+                (step for way in (Way.ALONG, Way.CROSS) if (step := progress.step(way, region_mm)) is not None),
+                key=lambda step: step.stage_s,
+                default=StopReason.ALL_FELT,
+            )
         steps = [step for way in Way if (step := progress.step(way, region_mm)) is not None]
         if not steps:
             return StopReason.ALL_FELT

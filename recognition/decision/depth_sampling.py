@@ -83,7 +83,8 @@ def _mean_depths(depth, poses, middle, moves, out):  # type: ignore[no-untyped-d
 def mean_depths(depth: Floats, poses: Floats, middle: Floats, moves: NDArray[np.floating[Any]]) -> Floats:
     """(poses, moves down, moves right) mean depth of (poses, n, 2) points; places not felt count as land."""
     out = np.empty((poses.shape[0], moves.size, moves.size))
-    _mean_depths(depth, poses, middle, moves, out)
+    # as views they would be compiled for once more
+    _mean_depths(depth, np.ascontiguousarray(poses), middle, moves, out)
     return out
 
 

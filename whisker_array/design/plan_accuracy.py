@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from glyphs.surface.display import one_line
 from whisker_array.design.limits import DesignError
 
 MEASURED = Path(__file__).with_name("plan_accuracy.fit.json")
@@ -38,6 +39,8 @@ class PlanCounts:
     right: int
     accepted: int
     accepted_wrong: int
+
+    __repr__ = one_line
 
     def __add__(self, other: PlanCounts) -> PlanCounts:
         return PlanCounts(

@@ -29,7 +29,8 @@ def write_log(log: PassLog, file: h5py.File) -> None:
     group = file.create_group(GROUP)
     group.attrs.update(
         {
-            "array": json.dumps(dataclasses.asdict(log.array)),
+            # what room whiskers take is of no account to where they felt
+            "array": json.dumps(dataclasses.asdict(dataclasses.replace(log.array, body=None))),
             "height_mm": log.height_mm,
             "field_mm": log.field_mm,
             "stopped": log.stopped,

@@ -68,7 +68,7 @@ class WhiskerArray:
     rows: int = 1
     stagger_mm: float = 0.0
     kinds: int = 1
-    body: Body | None = None
+    body: Body | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.n_whiskers < 1:
