@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 import recognition
 from glyphs import EdgeMap, TraceDirection
-from glyphs.camera.photo import Photo
 from glyphs.surface.maps import HeightMap
 from recognition import (
     ActiveReading,
@@ -173,7 +172,7 @@ def test_a_reading_keeps_its_trace_but_is_not_compared_by_it() -> None:
     ("given", "error", "message"),
     [
         ((np.zeros((3, 3)),), TypeError, "a ndarray cannot be read; give a HeightMap, a Scan or a Photo"),
-        ((Photo(np.zeros((9, 9), np.uint8)),) * 2, ValueError, "two of Photo"),
+        ((HeightMap(np.zeros((9, 9), np.float32), 0.1),) * 2, ValueError, "two of HeightMap"),
     ],
 )
 def test_what_cannot_be_read_is_refused(

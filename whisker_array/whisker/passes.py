@@ -124,6 +124,8 @@ class Pass:
     preload_mm: float | None = None
     offset_mm: tuple[float, ...] = ()
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         for name in ("sample_pitch_mm", "speed_mm_s"):
             value = getattr(self, name)

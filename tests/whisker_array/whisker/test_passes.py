@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from glyphs.surface.maps import TraceDirection
 from whisker_array.whisker.array import RasterPlan, WhiskerArray, default_plan
-from whisker_array.whisker.passes import Pass
+from whisker_array.whisker.passes import RAPID_MM_S, Pass
 from whisker_array.whisker.sections import WhiskerError
 
 ONE = Pass(
@@ -53,16 +53,17 @@ def test_samples_cover_the_stretch_and_the_leads(
 
 
 @pytest.mark.parametrize("two_way", [False, True])
-@pytest.mark.parametrize("rows", [1, 2])
-def test_a_raster_is_its_passes(two_way: bool, rows: int) -> None:
-    plan = default_plan((0.0, 0.0, 30.0, 12.0), character_height_mm=5.0, two_way=two_way, rows=rows)
+@pytest.mark.parametrize("kinds", [1, 2])
+def test_a_raster_is_its_passes(two_way: bool, kinds: int) -> None:
+    plan = default_plan((0.0, 0.0, 30.0, 12.0), character_height_mm=5.0, two_way=two_way, kinds=kinds)
     passes = plan.passes()
     assert len(passes) == plan.n_passes
     laid = [lines for sweep in plan.sweeps() for lines in sweep.line_mm.tolist()]
     assert [list(p.line_mm) for p in passes] == laid
-    # the sum of all samples at the rate of the converter, and a turnaround each
-    seconds = plan.n_samples / (plan.array.n_whiskers * rows) / plan.sample_rate_hz
-    assert plan.scan_time_s == pytest.approx(seconds + plan.turnaround_s * len(passes))
+    # the sum of all samples at the rate of the converter, a turnaround each, and the stagger of a second kind
+    seconds = plan.n_samples / (plan.array.n_whiskers * kinds) / plan.sample_rate_hz
+    late_s = max(plan.array.offset_mm) * (1.0 / plan.speed_mm_s + 1.0 / RAPID_MM_S)
+    assert plan.scan_time_s == pytest.approx(seconds + (plan.turnaround_s + late_s) * len(passes))
     assert math.fsum(p.stage_s for p in passes) == plan.scan_time_s
 
 
