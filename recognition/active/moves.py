@@ -26,8 +26,8 @@ Region = tuple[float, float, float, float]
 FIRST, MOST = 4, 16
 """Lines to half a character's height that a direction begins with, and has at most."""
 LEAD_HEIGHTS = 0.3
-_SLACK = 0.25
-"""Of the comb's width, land at the rim of a region that need not be felt."""
+RIM_HEIGHTS = 0.5
+"""Land at either rim of a region that need not be felt: less than a character."""
 
 
 class Way(StrEnum):
@@ -120,8 +120,8 @@ def _laid(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[P
     (x0, y0, x1, y1), field = region_mm, fitting.field_mm
     along, across = ((x0, x1), (y0, y1)) if along_x else ((y0, y1), (x0, x1))
     origin, pitch = field[1] if along_x else field[0], array.pitch_mm
-    need = (across[1] - across[0]) / pitch
-    blocks = max(1, math.ceil(need / array.n_whiskers - _SLACK))
+    need_mm = across[1] - across[0] - 2.0 * RIM_HEIGHTS * height
+    blocks = max(1, math.ceil(need_mm / (pitch * array.n_whiskers)))
     # the comb's middle over the region's, in whole pitches from the field's rim
     first = round((0.5 * (across[0] + across[1]) - origin) / pitch - 0.5 * blocks * array.n_whiskers)
     step_mm = height / LINES_PER_HEIGHT / SAMPLES_PER_LINE_PITCH

@@ -164,7 +164,11 @@ class Greedy:
         """See `Policy`."""
         if not progress.steps:
             return min(
-                (step for way in (Way.ALONG, Way.CROSS) if (step := progress.step(way, region_mm)) is not None),
+                (
+                    step
+                    for way in (Way.ALONG, Way.CROSS)
+                    if (step := progress.step(way, region_mm)) is not None
+                ),
                 key=lambda step: step.stage_s,
                 default=StopReason.ALL_FELT,
             )
