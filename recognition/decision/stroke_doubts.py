@@ -22,7 +22,9 @@ of the strokes of whichever font suits best, which is not quite the part's."""
 SUITED = 0.35
 """Score of a font's character over the surface from which there is something in its shape, however shallow."""
 ALL_THERE = 0.6
-"""Share of strokes felt, though their edges are not those of the font that was named, from which none is missing."""
+"""Share of strokes felt, by their depth or by their edges, from which none is missing whatever the other says."""
+LEAST_FOREIGN = 2
+"""Characters that must differ from the font that was named: one alone is a blow, or dots that fell otherwise."""
 TEXT_FELT = 0.35
 """Share of strokes felt below which a line of which most cannot be read is none: dirt, and land."""
 LEFT = 0.002
@@ -81,7 +83,8 @@ def _missing(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
             continue
         place = strokes[k] if k < len(strokes) else None
         edges = None if c.grade is None else (c.grade.value("completeness") or 0.0)
-        if place is not None and place.felt is not None and place.felt < LEAST_FELT and place.score < SUITED:
+        shallow = place is not None and place.felt is not None and place.felt < LEAST_FELT
+        if shallow and strokes[k].score < SUITED and (edges is None or edges < ALL_THERE):
             lacking[k] = Action.CLEAN if c.grade is None else c.grade.action
         elif edges is not None and edges < LEAST_STROKES:
             if place is not None and (place.felt or 0.0) >= ALL_THERE:
@@ -92,7 +95,7 @@ def _missing(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
         remedy = _REMEDIES[max(lacking.values(), key=list(lacking.values()).count)]
         where = places_text(reading, list(lacking))
         yield Finding(ReadingFlag.STROKES_MISSING, f"most strokes are missing: {where} ({remedy})")
-    if foreign:
+    if len(foreign) >= LEAST_FOREIGN:
         where = places_text(reading, foreign)
         better = all(strokes[k].font != reading.font for k in foreign)
         what = f"another font than {reading.font} explains the marks better"

@@ -238,12 +238,24 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
 )
 def test_strokes_of_another_font_are_not_missing(suited: str, words: str) -> None:
     worn = MarkGrade((Parameter("completeness", 0.3, 0),), Action.CLEAN_FIRST)
-    there = replace(reading("K", (PlaceStrokes(0.9, 0.8, suited),)), font="gothic")
-    there = replace(there, characters=(replace(there.characters[0], grade=worn),))
+    there = replace(reading("K7", (PlaceStrokes(0.9, 0.8, suited),) * 2), font="gothic")
+    there = replace(there, characters=tuple(replace(c, grade=worn) for c in there.characters))
     made = strokes_asked(there)
     assert made.flags == ReadingFlag.FOREIGN_SHAPES
     assert words in made.messages()[0]
     assert "(name the right font)" in made.messages()[0]
     # half filled, it is missing all the same
-    filled = there.traced(strokes=(PlaceStrokes(0.5, 0.5, suited),))
+    filled = there.traced(strokes=(PlaceStrokes(0.5, 0.5, suited),) * 2)
     assert strokes_asked(filled).flags == ReadingFlag.STROKES_MISSING
+    # one alone is a blow, or dots that fell otherwise: it is there
+    one = replace(there, characters=(there.characters[0], replace(there.characters[1], grade=None)))
+    assert strokes_asked(one).decision is Decision.ACCEPT
+
+
+def test_strokes_are_there_by_their_edges_too() -> None:
+    """Between dots nothing is deep, and the edges of the font that was named are felt all the same."""
+    dotted = reading("K", (PlaceStrokes(0.3, 0.3, "gothic"),))
+    for share, flags in ((0.65, ReadingFlag.NONE), (0.55, ReadingFlag.STROKES_MISSING)):
+        grade = MarkGrade((Parameter("completeness", share, 1),), Action.CLEAN_FIRST)
+        graded = replace(dotted, characters=(replace(dotted.characters[0], grade=grade),))
+        assert strokes_asked(graded).flags == flags
