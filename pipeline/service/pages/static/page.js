@@ -21,6 +21,7 @@
     for (const figure of root.querySelectorAll(".picture")) {
       const picture = figure.querySelector("image, img");
       const failed = () => {
+        if (!picture.isConnected) return; // told already: the browser and the question below both tell
         figure.querySelector(".failed").hidden = false;
         figure.querySelector("svg, img").remove();
         for (const extra of figure.querySelectorAll("figcaption a, .zoom")) extra.remove();
@@ -30,7 +31,7 @@
       if (picture.localName === "image") {
         // an SVG image that failed before this script ran tells nobody; asking again does
         const again = new Image();
-        again.addEventListener("error", () => { if (picture.isConnected) failed(); });
+        again.addEventListener("error", failed);
         again.src = picture.getAttribute("href");
       } else if (picture.complete && !picture.naturalWidth) failed();
       const zoom = figure.querySelector("[data-zoom]");
