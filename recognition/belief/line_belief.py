@@ -73,6 +73,10 @@ class LineBelief:
         }
         return pooled({name: one for name, (one, _) in told.items()}, self.weights), _mean_columns(told)
 
+    def evidence_of(self, grammar: Grammar | None) -> float:
+        """Log probability of all that a grammar allows there; 0 of none, -inf where it has no room."""
+        return 0.0 if grammar is None else _evidence(_best_length(self.heard, grammar))
+
     @property
     def promise(self) -> float:
         """How much is read how surely: what stands at every place, in nats against a guess."""

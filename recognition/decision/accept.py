@@ -23,7 +23,7 @@ ACCEPTED_WHERE_NOT = {
     ReadingFlag.STROKES_MISSING: "most strokes of every character were felt",
     ReadingFlag.STROKES_UNDECIDED: "strokes tell it from its rivals: they were felt, or were not where they could be",
     ReadingFlag.FOREIGN_SHAPES: "the characters are those of the font that was named",
-    ReadingFlag.UNREAD_MARKS: "no other line can be read",
+    ReadingFlag.UNREAD_MARKS: "no other line can be read that may be the serial",
     ReadingFlag.LINE_MISSING: "every other line that was asked for was found",
     ReadingFlag.SENSES_DISAGREE: "touch and camera agree",
     ReadingFlag.NOT_CERTIFIED: "the certificate, if there is one, vouches for it",

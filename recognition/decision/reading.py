@@ -128,12 +128,14 @@ class OtherLine:
         text: what it reads.
         confidence: probability that all of it is right, 0 to 1.
         box: where it stands; None where that is not known.
+        may_be_serial: whether the serial's format allows what it reads.
     """
 
     name: str
     text: str
     confidence: float
     box: Box | None = None
+    may_be_serial: bool = True
 
 
 @dataclass(frozen=True, eq=False)

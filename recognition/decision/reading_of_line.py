@@ -30,6 +30,9 @@ LEAST_PLACES = 3
 """Characters of a line of which nothing is known, from which it is text although it is not sure."""
 TWINS = ("0O", "1I")
 """Characters that most dies cut alike."""
+NOT_THE_SERIAL = -12.0
+"""Log probability of all that the format allows on a line, below which it is not the serial. Of 41 second lines of the
+exam, of six characters where the format has eight, -19.5 at most; of their serials -5.5 at least."""
 UNCHANGED = 0.5
 """Belief before the format has its say in the text that it chose, twins counted, from which it has changed nothing."""
 WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
@@ -46,7 +49,7 @@ def reading_of_line(
     source: str,
     asked: Mapping[str, LineFormat] = MappingProxyType({}),
 ) -> Reading:
-    """The reading of a part's line, sent to review where a line can be read that nobody has asked for.
+    """The reading of a part's line, sent to review where another can be read that may be the serial as well.
 
     Args:
         part: its lines.
@@ -77,7 +80,13 @@ def reading_of_line(
     worth = calibration_of(source)
     others = [_other(name, one, asked[name].grammar, worth) for name, one in part.named.items()]
     others += [
-        OtherLine("", text_of(one), worth.confidence(_likely(one)), hull(one.open_boxes()))
+        OtherLine(
+            "",
+            text_of(one),
+            worth.confidence(_likely(one)),
+            hull(one.open_boxes()),
+            may_be_serial=one.belief.evidence_of(grammar) >= NOT_THE_SERIAL,
+        )
         for one in part.others
     ]
     reading = decided(
@@ -118,7 +127,7 @@ def doubts_of_lines(
         *(
             Finding(ReadingFlag.UNREAD_MARKS, f"another line reads “{other.text}”")
             for other in others
-            if not other.name
+            if not other.name and other.may_be_serial
         ),
         *(
             Finding(ReadingFlag.LINE_MISSING, f"no line was found that {name} may be")

@@ -56,7 +56,12 @@ def messages_of(reading: Reading) -> tuple[str, ...]:
     rules = _words(reading, reading.flags & MEASURE_FLAGS)
     scan = (reading.flags & ~(about_serial | MEASURE_FLAGS)).messages()
     named = [text for words in reasons[:MOST_REASONS] for text in words]
-    return (*named, *rules, *scan, *reading.notes)
+    beside = (
+        f"another line reads “{line.text}”, which is not what the serial's format allows"
+        for line in reading.others
+        if not line.name and not line.may_be_serial
+    )
+    return (*named, *rules, *scan, *beside, *reading.notes)
 
 
 def _words(reading: Reading, flag: ReadingFlag) -> tuple[str, ...]:

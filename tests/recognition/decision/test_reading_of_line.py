@@ -82,6 +82,24 @@ def test_another_line_that_nobody_asked_for_sends_the_part_to_review() -> None:
     assert any("B21" in finding.text for finding in found.findings)
 
 
+def test_another_line_that_the_serials_format_does_not_allow_is_named_and_holds_nothing_up() -> None:
+    other = line_of("B21", at=TextLine.straight(3.0, 20.0, length_mm=12.0, height_mm=5.0))
+    grammar = Grammar(format="AA999")
+    found = read(line_of("AB812", grammar=grammar), other, grammar=grammar)
+    assert (found.text, found.decision, found.flags) == ("AB812", Decision.ACCEPT, ReadingFlag.NONE)
+    assert [(line.text, line.may_be_serial) for line in found.others] == [("B21", False)]
+    assert found.messages() == ("another line reads “B21”, which is not what the serial's format allows",)
+    # as many characters, of other kinds
+    kinds = read(line_of("AB812", grammar=grammar), line_of("12812", at=other.line), grammar=grammar)
+    assert kinds.decision is Decision.ACCEPT
+    # two serials on one plate
+    twice = read(
+        line_of("AB812", grammar=grammar), line_of("BB221", at=other.line, sure=0.9), grammar=grammar
+    )
+    assert twice.decision is Decision.REVIEW
+    assert twice.messages() == ("another line reads “BB221”",)
+
+
 def test_doubt_is_not_accepted() -> None:
     found = read(line_of("A8B", sure=0.6, rival="BB8"))
     assert found.text == "A8B"
