@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from itertools import islice
 from typing import Any, Final
 
 from glyphs.soiling.soiled import WORKSHOP, Soiling
@@ -32,7 +31,7 @@ class DesignedParts:
 
     Attributes:
         design: which.
-        first: so many of its parts; all unless given.
+        first: so many of its parts, of every section its share; all unless given.
 
     Raises:
         FontError: a font that is not there, or another than the design's.
@@ -69,15 +68,23 @@ class DesignedParts:
         return tuple(Given.parse(text) for text in self.design.given)
 
     def items(self) -> list[Item]:
-        """All of them, in the design's order: a run that is broken off has some of each cell."""
+        """All of them, in the design's order."""
         found, place = [], -1
-        for section, number, replicate, condition in islice(self.design.planned(), self.first):
+        last = self._last_share()
+        for section, number, replicate, condition in self.design.planned():
             place += number == 0  # the next section begins
+            if (number + 0.5) / section.parts > last:
+                continue
             name = "-".join([*([section.name] if section.name else []),
                              *(_named(condition, factor) for factor in self.design.cross)])  # fmt: skip
             own = replicate if self.design.alike else place * MAX_PARTS + number
             found.append(Item(f"{name}-{replicate:04d}", own, condition, self.given))
-        return found
+        return found[: self.first]
+
+    def _last_share(self) -> float:
+        """Of its section, that the last part taken stands at."""
+        shares = [(k + 0.5) / one.parts for one in self.design.all_sections() for k in range(one.parts)]
+        return sorted(shares)[(self.first or len(shares)) - 1]
 
     def make(self, item: Item) -> Specimen:
         """Stamp it, soil it, and have it ready for the camera."""

@@ -178,7 +178,7 @@ def _read(blank: Trial, senses: PartReadings, reader: Reader) -> Trial:
     try:
         mode, own_mode = _mode(blank.mode, reader), blank.mode in MODES
         reading = reader.certified(mode.read(senses)) if own_mode else mode.read(senses)
-        measures = measures_of(reading) if own_mode and reader.settings.certified is not None else {}
+        measures = measures_of(reading) if own_mode else {}
     except Exception as error:
         return replace(blank, error=_told(error))
     own = time.perf_counter() - start - (sum(senses.seconds.values()) - before)
