@@ -73,9 +73,26 @@ class LineBelief:
         }
         return pooled({name: one for name, (one, _) in told.items()}, self.weights), _mean_columns(told)
 
-    def evidence_of(self, grammar: Grammar | None) -> float:
-        """Log probability of all that a grammar allows there; 0 of none, -inf where it has no room."""
-        return 0.0 if grammar is None else _evidence(_best_length(self.heard, grammar))
+    def evidence_of(self, grammar: Grammar | None, *, alike: Sequence[str] = ()) -> float:
+        """Log probability of all that a grammar allows there; 0 of none, -inf where it has no room.
+
+        Args:
+            grammar: the format.
+            alike: characters of which any may stand for the others.
+        """
+        return 0.0 if grammar is None else _evidence(_best_length(self.heard, grammar, alike))
+
+    def least_read(self) -> int:
+        """The place at which the fewest characters of any kind are heard: another sign may stand there."""
+        lattice, columns = self.lattice, self.columns
+        reach = 0.5 * float(np.diff(columns).min(initial=math.inf)) if lattice.n_places > 1 else math.inf
+        heard = np.zeros(lattice.n_places)
+        for looks in self.heard.values():
+            steps = looks[0]
+            any_char = np.logaddexp.reduce(steps.log_chars, axis=1)
+            near = np.abs(steps.columns[:, None] - columns) <= reach
+            heard += np.where(near, any_char[:, None], -50.0).max(axis=0)
+        return int(heard.argmin())
 
     @property
     def promise(self) -> float:
@@ -129,7 +146,7 @@ def _evidence(told: Told) -> float:
     return float(np.mean(each)) if each else -math.inf
 
 
-def _best_length(heard: Mapping[str, Sequence[Steps]], grammar: Grammar) -> Told:
+def _best_length(heard: Mapping[str, Sequence[Steps]], grammar: Grammar, alike: Sequence[str] = ()) -> Told:
     """What the looks say of the places of the length that explains most."""
     lengths = grammar.lengths()
     if lengths is None or len(lengths) > MOST_LENGTHS:
@@ -137,8 +154,16 @@ def _best_length(heard: Mapping[str, Sequence[Steps]], grammar: Grammar) -> Told
         lengths = frozenset(
             {usual} if lengths is None else sorted(lengths, key=lambda n: abs(n - usual))[:MOST_LENGTHS]
         )
-    told = [_told(heard, allowed) for n in sorted(lengths) if (allowed := grammar.places(n))]
+    told = [
+        _told(heard, [_with_alike(chars, alike) for chars in allowed])
+        for n in sorted(lengths)
+        if (allowed := grammar.places(n))
+    ]
     return max(told, key=_evidence, default={})
+
+
+def _with_alike(chars: str, alike: Sequence[str]) -> str:
+    return chars + "".join(one for one in alike if any(c in chars for c in one))
 
 
 def counted(heard: Mapping[str, Sequence[Steps]]) -> tuple[int, float]:

@@ -23,6 +23,7 @@ from recognition.belief.fuse_lattices import (
 )
 from recognition.decision.decide import CHOICE_FLAGS, Thresholds, decided
 from recognition.decision.flags import Finding, ReadingFlag, flags_of
+from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Decision, OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import characters_of, doubts_of_lines, hull
 from recognition.decision.stroke_doubts import strokes_asked
@@ -62,7 +63,7 @@ def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
     """
     made = _fused(touch, vision, settings)
     trace = ReadingTrace(strokes=made.trace.strokes, touch=touch, vision=vision, photo=vision.trace.photo)
-    return replace(made, source="fused", photos=vision.photos, trace=trace)
+    return on_known_ground(replace(made, source="fused", photos=vision.photos, trace=trace), settings)
 
 
 def _fused(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
@@ -134,7 +135,12 @@ def _reading(
         flags=kept.flags,
         choice=choice,
         grammar=settings.grammar,
-        findings=(*kept.findings, *doubts_of_lines(others, settings.asked, settings), *disagree),
+        findings=(
+            *kept.findings,
+            *_beyond_format(tactile, vision),
+            *doubts_of_lines(others, settings.asked, settings),
+            *disagree,
+        ),
     )
     if tactile.trace.felt_line is not None:
         made = made.traced(strokes=tactile.trace.felt_line.strokes(choice.text, lattice))
@@ -150,6 +156,12 @@ def _reading(
         seconds=_seconds(tactile, vision),
         trace=made.trace,
     )
+
+
+def _beyond_format(tactile: Reading, vision: Reading) -> tuple[Finding, ...]:
+    """What touch has found that the format does not allow, unless the camera has not."""
+    overruled = ReadingFlag.FORMAT_OVERRULED
+    return tuple(f for f in tactile.findings if f.flag & overruled and vision.flags & overruled)
 
 
 def _sure_places(vision: Reading, text: str) -> frozenset[int]:

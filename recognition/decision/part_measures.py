@@ -40,6 +40,8 @@ class Measure(StrEnum):
     DEPTH = "mean depth (mm)"
     FINE = "fine roughness (µm)"
     COARSE = "coarse roughness (µm)"
+    FINE_SHARE = "fine roughness in parts of the marks' depth"
+    COARSE_SHARE = "coarse roughness in parts of the marks' depth"
     GRAIN = "grain of the photograph"
     PATCHES = "patches of the photograph"
 
@@ -62,6 +64,11 @@ def measures_of(reading: Reading) -> Mapping[Measure, float]:
         heights_um = 1e3 * relief.height_mm.astype(np.float64)
         found[Measure.FINE] = roughness(heights_um, max(1, round(FINE_MM / relief.pitch_mm)))
         found[Measure.COARSE] = roughness(heights_um, max(1, round(COARSE_MM / relief.pitch_mm)))
+        if touch.trace.felt_line is not None:
+            depth_um = 1e3 * touch.trace.felt_line.places.depth_mm()
+            for share, rough in ((Measure.FINE_SHARE, Measure.FINE), (Measure.COARSE_SHARE, Measure.COARSE)):
+                rough_um = found[rough]
+                found[share] = None if rough_um is None else rough_um / max(depth_um, 1.0)
     if vision is not None and vision.trace.photo is not None:
         grey = _evenly_lit(vision.trace.photo)
         found[Measure.GRAIN], found[Measure.PATCHES] = roughness(grey, FINE_PX), roughness(grey, COARSE_PX)

@@ -19,6 +19,7 @@ from recognition.belief.line_belief import LineBelief, over_views
 from recognition.belief.line_reader import LineReader, agreed
 from recognition.belief.weights import EXPERTS
 from recognition.decision.flags import ReadingFlag
+from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.experts.templates.photo_judge import SCALES, allowed_of, judged_photo, placed
@@ -99,13 +100,14 @@ class VisionReader:
             asked=self.settings.asked,
         )
         notes = (*made.notes, *(LEFT_OUT.format(number) for number in left_out))
-        return replace(
+        made = replace(
             made,
             unit="mm" if scaled else "px",
             seconds=MappingProxyType(dict(timer.seconds)),
             photos=len(views),
             notes=notes,
         ).traced(photo=photo)
+        return on_known_ground(made, self.settings)
 
     @cached_property
     def shapes(self) -> tuple[tuple[PhotoShapes, ...], ...]:

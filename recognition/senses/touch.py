@@ -23,6 +23,7 @@ from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.grading import explained, graded
+from recognition.decision.known_ground import on_known_ground
 from recognition.decision.other_lines import felt_others
 from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
@@ -168,10 +169,10 @@ class TactileReader:
             with timer.step("strokes"):
                 reading = _stroked(reading, part.main, shapes.felt_line)
         reading = strokes_asked(reading)
-        reading = judged_by(reading, self.settings.depth_rules)
-        return replace(reading, seconds=MappingProxyType(dict(timer.seconds))).traced(
-            edge_map=edges, relief=relief
-        )
+        reading = judged_by(reading, self.settings.depth_rules).traced(edge_map=edges, relief=relief)
+        with timer.step("ground"):
+            reading = on_known_ground(reading, self.settings)
+        return replace(reading, seconds=MappingProxyType(dict(timer.seconds)))
 
     def _answer(self, part: PartLines, flags: ReadingFlag) -> Reading:
         return reading_of_line(

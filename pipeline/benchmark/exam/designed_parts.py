@@ -68,23 +68,18 @@ class DesignedParts:
         return tuple(Given.parse(text) for text in self.design.given)
 
     def items(self) -> list[Item]:
-        """All of them, in the design's order."""
+        """All of them, in the design's order; of the first so many every beginning has each section's share."""
         found, place = [], -1
-        last = self._last_share()
+        shares = {}
         for section, number, replicate, condition in self.design.planned():
             place += number == 0  # the next section begins
-            if (number + 0.5) / section.parts > last:
-                continue
             name = "-".join([*([section.name] if section.name else []),
                              *(_named(condition, factor) for factor in self.design.cross)])  # fmt: skip
             own = replicate if self.design.alike else place * MAX_PARTS + number
-            found.append(Item(f"{name}-{replicate:04d}", own, condition, self.given))
-        return found[: self.first]
-
-    def _last_share(self) -> float:
-        """Of its section, that the last part taken stands at."""
-        shares = [(k + 0.5) / one.parts for one in self.design.all_sections() for k in range(one.parts)]
-        return sorted(shares)[(self.first or len(shares)) - 1]
+            item = Item(f"{name}-{replicate:04d}", own, condition, self.given)
+            found.append(item)
+            shares[item.part] = (number + 0.5) / section.parts
+        return found if self.first is None else sorted(found, key=lambda one: shares[one.part])[: self.first]
 
     def make(self, item: Item) -> Specimen:
         """Stamp it, soil it, and have it ready for the camera."""
