@@ -4,10 +4,10 @@
     python -m pipeline.benchmark.fit_confidence exam --write
 
 Of each mode the known readings of the exam fit a calibration (`recognition.belief.calibration`), those with soils and
-fonts that the exam keeps out excepted. Printed are tables in Markdown. Every soil in turn is left out of the fit, and
-its readings, those of fonts kept out among them, are judged by what the others say; likewise every font. What stands
-before an arrow is the belief itself. A reading counts as accepted here by its confidence alone, whatever other doubts
-there are.
+fonts that the exam keeps out excepted, and the ground on which it holds. Printed are tables in Markdown. Every soil in
+turn is left out of the fit, and its readings, those of fonts kept out among them, are judged by what the others say;
+likewise every font. What stands before an arrow is the belief itself. A reading counts as accepted here by its
+confidence alone, whatever other doubts there are; the last table counts decisions as the benchmark has them.
 """
 
 from __future__ import annotations
@@ -25,8 +25,10 @@ import numpy as np
 from pipeline.benchmark.analysis.bounds import bounded
 from pipeline.benchmark.analysis.calibration import reliability
 from pipeline.benchmark.trials.journal import TrialJournal
-from recognition.belief.calibration import CALIBRATED, SOURCES, Calibration
-from recognition.learning.fit_calibration import WAYS, Bools, Floats, fit_calibration, loss
+from recognition.belief.calibration import CALIBRATED, SOURCES, Calibration, calibration_of, shrunk
+from recognition.decision.known_ground import GROUND
+from recognition.decision.reading import Decision
+from recognition.learning.fit_calibration import WAYS, Bools, Floats, fit_calibration, fit_ground, loss
 from recognition.senses.settings import ReaderSettings
 
 SERVES = "log odds"
@@ -49,6 +51,9 @@ class KnownReading:
         font: of the mark.
         severity: of the dirt.
         kept_out: nothing may be fitted to it.
+        measures: of its part that a ground has, by name.
+        named: whether the reader was told the font.
+        accepted: whether the benchmark's reader accepted it.
     """
 
     source: str
@@ -58,6 +63,9 @@ class KnownReading:
     font: str
     severity: float
     kept_out: bool
+    measures: Mapping[str, float]
+    named: bool
+    accepted: bool
 
 
 def known_readings(folder: Path) -> Iterator[KnownReading]:
@@ -77,10 +85,23 @@ def known_readings(folder: Path) -> Iterator[KnownReading]:
         for trial in trials:
             if trial.mode in SOURCES and trial.text and not trial.perturbed:
                 soil = str(trial.levels.get("soil", ""))
-                belief = worth[trial.mode].belief(trial.confidence)
-                kept_out = trial.part.startswith(sections) or bool(soils & {*soil.split("+")})
+                measures = {
+                    one.name: trial.measures[one.value] for one in GROUND if one.value in trial.measures
+                }
+                # what was shrunk is undone
+                widths = worth[trial.mode].off(measures)
+                belief = worth[trial.mode].belief(shrunk(trial.confidence, 1.0 / (1.0 + widths) - 1.0))
                 yield KnownReading(
-                    trial.mode, belief, trial.right, soil, trial.font, trial.severity or 0.0, kept_out
+                    source=trial.mode,
+                    belief=belief,
+                    right=trial.right,
+                    soil=soil,
+                    font=trial.font,
+                    severity=trial.severity or 0.0,
+                    kept_out=trial.part.startswith(sections) or bool(soils & {*soil.split("+")}),
+                    measures=measures,
+                    named="font" in str(trial.levels.get("given", "")),
+                    accepted=trial.decision == Decision.ACCEPT.value,
                 )
 
 
@@ -99,12 +120,14 @@ class LeftOut:
         right: (n,) whether they are.
         severity: (n,) of their dirt.
         by_way: (n,) confidences.
+        off: (n,) widths off the ground, by which the confidences that serve have shrunk.
     """
 
     name: str
     right: Bools
     severity: Floats
     by_way: Mapping[str, Floats]
+    off: Floats
 
     def row(self, threshold: float) -> str:
         """A line of the table."""
@@ -119,6 +142,7 @@ class LeftOut:
             f"{loss(before, self.right):.3f} → {loss(after, self.right):.3f}",
             " → ".join(f"{one.count} of {one.total:,}" for one in wrong),
             f"{wrong[1].high:.2%}",
+            f"{(self.off > 0.0).mean():.1%}",
         ]
         return f"| {' | '.join(cells)} |"
 
@@ -141,19 +165,21 @@ def _judged(name: str, own: Sequence[KnownReading], others: Sequence[KnownReadin
     known, right = _columns(others)
     beliefs, own_right = _columns(own)
     severity = np.array([one.severity for one in own])
-    return LeftOut(
-        name, own_right, severity, {way: judge(known, right, beliefs) for way, judge in WAYS.items()}
-    )
+    ground = Calibration(ground=fit_ground([one.measures for one in others]))
+    off = np.array([ground.off(one.measures) for one in own])
+    by_way = {way: judge(known, right, beliefs) for way, judge in WAYS.items()}
+    served = [shrunk(said, widths) for said, widths in zip(by_way[SERVES], off, strict=True)]
+    return LeftOut(name, own_right, severity, {**by_way, SERVES: np.array(served)}, off)
 
 
 def _together(name: str, parts: Collection[LeftOut]) -> Iterator[LeftOut]:
     """All of them in one, each by the fit without it; nothing of fewer than two."""
     if len(parts) > 1:
-        right = np.concatenate([one.right for one in parts])
-        severity = np.concatenate([one.severity for one in parts])
-        yield LeftOut(
-            name, right, severity, {way: np.concatenate([one.by_way[way] for one in parts]) for way in WAYS}
+        right, severity, off = (
+            np.concatenate([getattr(one, name) for one in parts]) for name in ("right", "severity", "off")
         )
+        by_way = {way: np.concatenate([one.by_way[way] for one in parts]) for way in WAYS}
+        yield LeftOut(name, right, severity, by_way, off)
 
 
 def _columns(readings: Sequence[KnownReading]) -> tuple[Floats, Bools]:
@@ -168,8 +194,8 @@ def tables(source: str, readings: Sequence[KnownReading], *, threshold: float) -
     """Lines of Markdown: what became of the readings of one source that were left out."""
     by_soil, by_font = (list(left_out(readings, factor)) for factor in ("soil", "font"))
     yield from (f"### {source}", "")
-    yield f"| left out | readings | right | ECE | log loss | wrong of accepted from {threshold:g} | at most |"
-    yield "|" + "---|" * 7
+    yield f"| left out | readings | right | ECE | log loss | wrong of accepted from {threshold:g} | at most | off |"
+    yield "|" + "---|" * 8
     for one in (
         *by_soil,
         *_together("every soil in turn", by_soil),
@@ -206,6 +232,32 @@ def _by_threshold(parts: Sequence[LeftOut]) -> Iterator[str]:
     yield ""
 
 
+def _decisions(readings: Sequence[KnownReading]) -> Iterator[str]:
+    """Lines of Markdown: what the benchmark's reader accepted, by soil, and by what it was told and dirt."""
+    levels = sorted({one.severity for one in readings})
+    yield f"| accepted by every rule | wrong | accepted | {' | '.join(f'dirt {level:g}' for level in levels)} |"
+    yield "|" + "---|" * (3 + len(levels))
+    groups = {
+        **{
+            soil: [one for one in readings if one.soil == soil] for soil in sorted({r.soil for r in readings})
+        },
+        "font not named": [one for one in readings if not one.named],
+        "font named": [one for one in readings if one.named],
+        "all": readings,
+    }
+    for name, group in groups.items():
+        if group:
+            accepted = [one for one in group if one.accepted]
+            wrong = bounded(sum(not one.right for one in accepted), len(accepted))
+            cells = [f"{wrong.count} of {wrong.total:,}, at most {wrong.high:.2%}"]
+            cells += [f"{len(accepted) / len(group):.1%}"]
+            for level in levels:
+                own = [one.accepted for one in group if one.severity == level]
+                cells.append(f"{sum(own) / len(own):.1%} of {len(own)}" if own else "")
+            yield f"| {name} | {' | '.join(cells)} |"
+    yield ""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Fit, print the tables, and with --write keep the fit."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -220,9 +272,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for source in SOURCES:
         own = [one for one in readings if one.source == source]
         known = [one for one in own if not one.kept_out]
-        fitted[source], counts[source] = asdict(fit_calibration(*_columns(known))), len(known)
+        if not own:
+            fitted[source], counts[source] = asdict(calibration_of(source)), 0
+            continue
+        made = fit_calibration(*_columns(known))
+        made = Calibration(
+            round(made.slope, 3), round(made.bias, 3), fit_ground([one.measures for one in known])
+        )
+        fitted[source], counts[source] = asdict(made), len(known)
         print("\n".join(tables(source, own, threshold=given.threshold)))
-        print(f"fitted on {len(known):,} readings: {fitted[source]}\n")
+        print("\n".join(_decisions(own)))
+        print(f"fitted on {len(known):,} readings: {made}\n")
     if given.write:
         known = [one for one in readings if not one.kept_out]
         manifest = {
@@ -233,10 +293,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             "soils": sorted({one.soil for one in known}),
             "editions": {design: parts for folder in given.benchmarks for design, parts in [_size(folder)]},
             "readings": counts,
-            "calibrations": {
-                source: {name: round(value, 3) for name, value in one.items()}
-                for source, one in fitted.items()
-            },
+            "calibrations": fitted,
         }
         CALIBRATED.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
 

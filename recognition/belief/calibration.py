@@ -64,6 +64,10 @@ class Calibration:
         off = max(low - value, value - high, 0.0)
         return off / (high - low) if off else 0.0
 
+    def off(self, measures: Mapping[str, float]) -> float:
+        """How far the measure lies off the ground that lies off it furthest."""
+        return max((self.beyond(name, value) for name, value in measures.items()), default=0.0)
+
     def belief(self, confidence: float) -> float:
         """The belief behind a confidence."""
         return _share((_log_odds(confidence) - self.bias) / self.slope)

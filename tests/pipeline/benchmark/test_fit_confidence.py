@@ -12,6 +12,7 @@ from pipeline.benchmark import fit_confidence
 from pipeline.benchmark.exam.condition import Level
 from pipeline.benchmark.fit_confidence import KnownReading, known_readings, left_out
 from pipeline.benchmark.trials.journal import Trial, TrialJournal
+from recognition.decision.part_measures import Measure
 
 DESIGN = {
     "name": "made-up",
@@ -20,15 +21,26 @@ DESIGN = {
 }
 
 
-USED = {"tactile": {"slope": 0.5, "bias": 0.0}}
-"""By which the benchmark's confidences of touch came from beliefs; of the others they are the beliefs."""
+USED = {
+    "tactile": {"slope": 0.5, "bias": 0.0},
+    "fused": {"slope": 1.0, "bias": 0.0, "ground": {Measure.FINE_SHARE.name: [0.0, 0.5]}},
+}
+"""By which the benchmark's confidences came from beliefs; of the camera they are the beliefs."""
 
 
-def reading(k: int, rng: np.random.Generator, soil: str = "mould", *, kept_out: bool = False) -> KnownReading:
+ROUGH = Measure.FINE_SHARE
+
+
+def known(belief: float, right: bool, soil: str, font: str, **options: object) -> KnownReading:
+    given = {"kept_out": False, "measures": {}, "named": False, "accepted": belief > 0.9, **options}
+    return KnownReading("tactile", belief, right, soil, font, 0.3, **given)  # type: ignore[arg-type]
+
+
+def reading(k: int, rng: np.random.Generator, soil: str = "mould", **options: object) -> KnownReading:
     """A belief, right as often as the square root of its odds says."""
     odds = float(rng.normal(1.0, 3.0))
     right = bool(rng.random() < 1.0 / (1.0 + np.exp(-0.5 * odds)))
-    return KnownReading("tactile", 1.0 / (1.0 + np.exp(-odds)), right, soil, f"font{k % 3}", 0.3, kept_out)
+    return known(1.0 / (1.0 + np.exp(-odds)), right, soil, f"font{k % 3}", **options)
 
 
 @pytest.fixture
@@ -43,9 +55,12 @@ def exam(tmp_path: Path) -> Path:
         levels: dict[str, Level] = {"soil": soil, "font": f"{section}{k % 4}"}
         text = "A1" if one.right else "B1"
         trials = [
-            Trial(f"{section}-{soil}-{k}", k, levels, mode, "A1", text, confidence=one.belief)
+            Trial(
+                f"{section}-{soil}-{k}", k, levels, mode, "A1", text,
+                decision="accept", confidence=one.belief, measures={ROUGH.value: k / 480},
+            )
             for mode in fit_confidence.SOURCES
-        ]
+        ]  # fmt: skip
         nothing = Trial(f"{section}-{soil}-{k}", k, levels, "easyocr-photo", "A1", "", confidence=0.0)
         journal.add(trials[0].part, (*trials, nothing))
     return tmp_path / "run"
@@ -59,14 +74,32 @@ def test_readings_come_back_with_the_belief_behind_their_confidence(exam: Path) 
     odds = trial.confidence / (1.0 - trial.confidence)
     assert found[0].belief == pytest.approx(odds**2 / (1.0 + odds**2))
     assert found[1].belief == pytest.approx(trial.confidence)
+    last = found[-1]
+    widths = 479 / 480 / 0.5 - 1.0
+    odds = last.belief / (1.0 - last.belief)
+    said = 1.0 / (1.0 + odds ** (-1.0 / (1.0 + widths)))
+    *_, (*_, fused, _) = TrialJournal.read(exam).done.values()
+    assert (last.source, said) == ("fused", pytest.approx(fused.confidence))
+
+
+def test_who_is_off_the_ground_of_the_others_is_believed_less() -> None:
+    rng = np.random.default_rng(6)
+    fair = [reading(k, rng, measures={"FINE_SHARE": k / 400}) for k in range(400)]
+    near, far = (known(0.999, True, "ash", "font0", measures={"FINE_SHARE": rough}) for rough in (0.5, 3.0))
+    ash = next(left_out([*fair, *[near] * 30, *[far] * 30], "soil"))
+    assert (ash.off[:30] == 0.0).all()
+    assert (ash.off[30:] > 1.9).all()
+    said = ash.by_way["log odds"]
+    assert said[0] > 0.95
+    assert 0.5 < said[-1] < 0.8
 
 
 def test_a_soil_is_judged_by_the_others_and_by_nothing_kept_out() -> None:
     rng = np.random.default_rng(5)
     fair = [reading(k, rng) for k in range(400)]
     # what is left out and what is kept out lie: sure of what is wrong
-    lies = [KnownReading("tactile", 0.99, False, "ash", "font0", 0.3, False) for _ in range(200)]
-    kept = [KnownReading("tactile", 0.99, False, "tar", "font9", 0.3, True) for _ in range(200)]
+    lies = [known(0.99, False, "ash", "font0") for _ in range(200)]
+    kept = [known(0.99, False, "tar", "font9", kept_out=True) for _ in range(200)]
     alone, beside = next(left_out([*fair, *lies], "soil")), next(left_out([*fair, *lies, *kept], "soil"))
     assert alone.name == beside.name == "ash"
     assert (alone.by_way["log odds"] == beside.by_way["log odds"]).all()
@@ -85,8 +118,12 @@ def test_the_fit_names_what_it_rests_on_and_nothing_kept_out(
     assert made["editions"] == {"made-up": 480}
     assert {font[:3] for font in made["fonts"]} == {"own"}
     assert made["readings"] == dict.fromkeys(fit_confidence.SOURCES, 160)
-    assert set(made["calibrations"]["vision"]) == {"slope", "bias"}
+    assert set(made["calibrations"]["vision"]) == {"slope", "bias", "ground"}
+    low, high = made["calibrations"]["vision"]["ground"][ROUGH.name]
+    assert 0.0 < low < 0.02
+    assert 0.98 < high < 1.0
     said = capsys.readouterr().out
     assert "| tar | 160 |" in said
     assert "every soil in turn" in said
     assert "| isotonic |" in said
+    assert "| font not named | " in said

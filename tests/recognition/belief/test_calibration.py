@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.belief.calibration import Calibration, calibration_of
+from recognition.belief.calibration import Calibration, calibration_of, shrunk
 
 SLOPES, BIASES = st.floats(0.2, 5.0), st.floats(-3.0, 3.0)
 SHARES = st.floats(1e-6, 1.0 - 1e-6)
@@ -51,3 +51,21 @@ def test_what_does_not_rise_is_none(slope: float, bias: float) -> None:
 @pytest.mark.parametrize("source", ["tactile", "vision", "fused"])
 def test_every_source_has_one(source: str) -> None:
     assert 0.3 < calibration_of(source).slope < 2.0
+
+
+@given(SHARES, st.floats(0.0, 20.0))
+def test_off_the_ground_odds_shrink_and_no_order_changes(confidence: float, widths: float) -> None:
+    said = shrunk(confidence, widths)
+    assert abs(said - 0.5) <= abs(confidence - 0.5) + 1e-12
+    assert (said - 0.5) * (confidence - 0.5) >= 0.0
+    # odds 81 to 1, one width off: 9 to 1
+    assert shrunk(81.0 / 82.0, 1.0) == pytest.approx(0.9)
+
+
+def test_how_far_off_the_ground_is_told_in_its_widths() -> None:
+    made = Calibration(ground={"ROUGH": (2.0, 4.0), "FELT": (0.5, 1.0)})
+    assert made.off({"ROUGH": 3.0, "FELT": 0.75}) == made.off({"WEIGHT": 9.0}) == made.off({}) == 0.0
+    assert made.off({"ROUGH": 5.0, "FELT": 0.25}) == pytest.approx(0.5)
+    assert made.off({"ROUGH": -2.0}) == pytest.approx(2.0)
+    with pytest.raises(ValueError, match="no width in ROUGH"):
+        Calibration(ground={"ROUGH": (2.0, 2.0)})

@@ -12,7 +12,7 @@ from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.belief.weights import ExpertWeights, Power
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Decision, Reading
-from recognition.decision.reading_of_line import hull, reading_of_line, word_gaps
+from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, word_gaps
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
@@ -119,6 +119,32 @@ def test_a_format_that_changes_what_was_read_says_so() -> None:
     met = Grammar(format="A99")
     plain = read(line_of("A81", grammar=met), grammar=met)
     assert (plain.text, plain.decision) == ("A81", Decision.ACCEPT)
+
+
+def test_a_sign_that_is_none_of_the_formats_is_not_taken_for_its_character() -> None:
+    grammar = Grammar(format="AA9")
+    # at the last place hardly anything is heard but that something stands there
+    sure = line_of("AB2", grammar=grammar)
+    steps = sure.belief.heard["own"][0]
+    shares, blank = np.exp(steps.log_chars), np.exp(steps.log_blank)
+    shares[5], blank[5] = 0.1 * shares[5], 1e-4
+    belief = believed({"own": [Steps.of(blank, shares, CHARS, steps.columns)]}, grammar, weights=WEIGHTS)
+    assert belief is not None
+    found = read(ReadLine(LINE, belief), grammar=grammar)
+    assert (found.text, found.decision) == ("AB2", Decision.REVIEW)
+    assert found.messages() == (
+        "2 at place 3 may be another sign than the format's (compare it with the part)",
+    )
+    assert read(sure, grammar=grammar).decision is Decision.ACCEPT
+
+
+def test_a_twin_is_what_the_format_makes_of_it() -> None:
+    # the place is read as the 8's twin here: B for 8 is none, and is told of
+    grammar = Grammar(format="AA9")
+    line = line_of("AB8", sure=0.05, rival="ABB", grammar=grammar)
+    assert line.belief.evidence < IN_FORMAT
+    assert line.belief.evidence_of(grammar, alike=("8B",)) > -0.1
+    assert read(line, grammar=grammar).flags & ReadingFlag.FORMAT_OVERRULED
 
 
 def test_a_wide_step_is_a_space_unless_the_format_says_where_they_are() -> None:
