@@ -36,8 +36,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.decision.centre_lines import centre_line
-from recognition.decision.depth_sampling import (
+from recognition.decision.reading import MarkDepth
+from recognition.experts.templates.placed_line import PlacedLine
+from recognition.experts.templates.refine import Cell
+from recognition.strokes.centre_lines import centre_line
+from recognition.strokes.depth_sampling import (
     DepthField,
     across,
     crest,
@@ -47,9 +50,6 @@ from recognition.decision.depth_sampling import (
     robust_plane,
     turn_matrix,
 )
-from recognition.decision.reading import MarkDepth
-from recognition.experts.templates.placed_line import PlacedLine
-from recognition.experts.templates.refine import Cell
 from whisker_array.estimation.relief import Relief
 
 SHALLOW_PERCENTILE = 10.0

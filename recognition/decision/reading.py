@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
     from glyphs.camera.photo import Photo
     from glyphs.surface.maps import EdgeMap, HeightMap
-    from recognition.decision.strokes_felt import FeltLine, PlaceStrokes
     from recognition.decision.verify import Verification
     from recognition.language.constrained_decoding import Choice
     from recognition.language.lattice import Lattice
+    from recognition.strokes.strokes_felt import FeltLine, PlaceStrokes
     from recognition.views.text_line import TextLine
     from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Scan

@@ -28,7 +28,6 @@ from recognition.decision.other_lines import felt_others
 from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.stroke_doubts import strokes_asked
-from recognition.decision.strokes_felt import FeltLine
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.experts.templates.judge import JudgedLine, judged
 from recognition.experts.templates.placed_line import TouchedPart
@@ -36,6 +35,7 @@ from recognition.experts.templates.predicted import MOST_BYTES, SET_BYTES, Templ
 from recognition.language.lattice import Lattice
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
+from recognition.strokes.strokes_felt import FeltLine
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from recognition.views.view import felt_view, heights_view, relief_of

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.fonts.glyph import Font
-from recognition.decision.depth_sampling import DepthField
-from recognition.decision.laid_strokes import STEP_HEIGHTS, LaidCharacter, PlacesFelt
 from recognition.language.confusions import SWAP_SETS
 from recognition.language.lattice import Lattice
 from recognition.lines.places import places_mm
+from recognition.strokes.depth_sampling import DepthField
+from recognition.strokes.laid_strokes import STEP_HEIGHTS, LaidCharacter, PlacesFelt
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from whisker_array.estimation.relief import Relief
 
