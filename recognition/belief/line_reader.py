@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import permutations
 from types import MappingProxyType
 
 import numpy as np
@@ -64,6 +65,8 @@ GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
 """Heights by which a line is made longer where a character stands at its end, and how often."""
 ASKED_EVIDENCE = -4.0
 """Log probability of all that a format allows, from which a line is the one that was asked for, and no other."""
+ROOM = 0.45
+"""Of the heights of two lines together, that their middles must lie apart: below, one is the other, seen askew."""
 OTHER_BELIEF, OTHER_PLACES = 0.8, 3
 """Mean belief, and places, from which another line on the part is text that nobody has claimed."""
 
@@ -337,8 +340,9 @@ def _of_view(number: int, looks: Sequence[Steps]) -> list[Steps]:
 
 
 def apart(one: ReadLine, other: ReadLine) -> bool:
-    """Whether two lines are different ink."""
-    return not overlap(one.line, other.line) and not overlap(other.line, one.line)
+    """Whether two lines are different ink: their characters have room above each other."""
+    band_mm = ROOM * (one.line.height_mm + other.line.height_mm)
+    return not any(overlap(a, b, band_mm=band_mm) for a, b in permutations((one.line, other.line)))
 
 
 def _is_text(one: ReadLine) -> bool:

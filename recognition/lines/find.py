@@ -184,8 +184,15 @@ def _line(
     return FoundLine(straight, score, None if arc is None else TextLine(arc, height_mm))
 
 
-def overlap(one: TextLine, other: TextLine) -> bool:
-    """Whether two lines are the same ink: half of the one lies within the other's band."""
+def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> bool:
+    """Whether two lines are the same ink: half of the one lies within the other's band.
+
+    Args:
+        one: a line.
+        other: that has the band.
+        band_mm: either side of its middle; 0.6 of the greater height unless given.
+    """
+    band_mm = 0.6 * max(one.height_mm, other.height_mm) if band_mm is None else band_mm
     points = one.centre_mm[[0, -1]].mean(axis=0) + np.linspace(-0.45, 0.45, 15)[:, None] * (
         one.centre_mm[-1] - one.centre_mm[0]
     )
@@ -193,7 +200,7 @@ def overlap(one: TextLine, other: TextLine) -> bool:
     along = (b - a) / np.linalg.norm(b - a)
     off = points - a
     u, v = off @ along, off @ np.array([-along[1], along[0]])
-    inside = (u > 0.0) & (u < np.linalg.norm(b - a)) & (np.abs(v) < 0.6 * max(one.height_mm, other.height_mm))
+    inside = (u > 0.0) & (u < np.linalg.norm(b - a)) & (np.abs(v) < band_mm)
     return bool(inside.mean() > 0.5)
 
 

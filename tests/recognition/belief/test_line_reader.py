@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from glyphs import stamp
 from glyphs.stamping.layouts import Layout
 from glyphs.surface.maps import HeightMap
-from recognition.belief.line_reader import LineReader
+from recognition.belief.line_reader import LineReader, apart
 from recognition.belief.part_lines import LineFormat
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.views.levelling import level
+from recognition.views.text_line import TextLine
 from recognition.views.view import heights_view
 
 PART = level(
@@ -77,3 +80,18 @@ def test_what_lies_upside_down_is_read() -> None:
     assert part.main is not None
     assert text_of(part.main.belief.lattice) == "KXB4071"
     assert abs(part.main.line.turned_deg) == pytest.approx(180.0, abs=5.0)
+
+
+@pytest.mark.parametrize(
+    ("down_mm", "lower_mm", "different"), [(3.2, 5.0, False), (5.0, 5.0, True), (3.2, 2.0, True)]
+)
+def test_two_lines_are_different_ink_where_their_characters_have_room(
+    down_mm: float, lower_mm: float, different: bool
+) -> None:
+    part = LineReader(Grammar(format="AAA9999"), ALPHANUMERIC).read(heights_view(PART))
+    assert part.main is not None
+    upper, lower = (
+        replace(part.main, line=TextLine.straight(0.0, y_mm, length_mm=30.0, height_mm=height_mm))
+        for y_mm, height_mm in ((0.0, 5.0), (down_mm, lower_mm))
+    )
+    assert apart(upper, lower) == apart(lower, upper) == different
