@@ -1,14 +1,17 @@
-"""Where there is no text none is read: bare and dirty plates without a mark, and pictures of other things."""
+"""Where there is no text none is read: bare plates, pictures of other things, and signs of no alphabet."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from glyphs import stamp
 from glyphs.camera.photo import Photo
 from glyphs.soiling.soiled import Soiling, soil_part
 from glyphs.stamping.plate import plate_texture
@@ -22,6 +25,7 @@ from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import default_touch
 
+DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 HEIGHT_MM = 5.0
 PITCH_MM = HEIGHT_MM / 60
 SHAPE = (200, 700)
@@ -80,3 +84,13 @@ def test_a_picture_of_something_else_has_no_text(reader: Readers, name: str) -> 
     grey = (grey - grey.min()) / max(float(np.ptp(grey)), 1e-9)
     photo = Photo((255 * grey).astype(np.uint8))
     assert is_nothing(reader(format="AA999999").vision.read_photo(photo))
+
+
+@pytest.mark.parametrize(("text", "accepted"), [("KX407251", True), ("K%407251", False), ("KX40725&", False)])
+def test_a_sign_that_the_format_has_not_is_not_accepted_as_one_of_its_characters(
+    reader: Readers, text: str, accepted: bool
+) -> None:
+    part = stamp(text, font=DEJAVU, height_mm=HEIGHT_MM, seed=3)
+    found = reader(format="AA999999").touch.read_height_map(part.height_map)
+    assert (found.decision is Decision.ACCEPT) == accepted
+    assert (ReadingFlag.FORMAT_OVERRULED in found.flags) == (not accepted)
