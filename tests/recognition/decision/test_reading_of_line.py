@@ -142,7 +142,7 @@ def test_a_twin_is_what_the_format_makes_of_it() -> None:
     # the place is read as the 8's twin here: B for 8 is none, and is told of
     grammar = Grammar(format="AA9")
     line = line_of("AB8", sure=0.05, rival="ABB", grammar=grammar)
-    assert line.belief.evidence < IN_FORMAT
+    assert line.belief.evidence < IN_FORMAT["tactile"]
     assert line.belief.evidence_of(grammar, alike=("8B",)) > -0.1
     assert read(line, grammar=grammar).flags & ReadingFlag.FORMAT_OVERRULED
 
