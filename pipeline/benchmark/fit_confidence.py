@@ -100,7 +100,7 @@ def known_readings(folder: Path) -> Iterator[KnownReading]:
                     severity=trial.severity or 0.0,
                     kept_out=trial.part.startswith(sections) or bool(soils & {*soil.split("+")}),
                     measures=measures,
-                    named="font" in str(trial.levels.get("given", "")),
+                    named=bool(trial.levels.get("font_given")),
                     accepted=trial.decision == Decision.ACCEPT.value,
                 )
 
