@@ -3,7 +3,9 @@
     session --feel--> passes so far --edge map--> view --a look--> beliefs --sure? worth more?--> stop
                            ^-------------------- next step <----------------------'
 
-A look takes some 50 milliseconds; when it is sure, a full reading decides, as of any scan.
+A look takes some 50 milliseconds; when it is sure, a full reading decides, as of any scan. A look may miss what a full
+reading sees (it hears fewer experts, at a line that it only follows), so one is made now and then in any case, and
+before giving up; the watch goes on where it has the line.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, MapError
 from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
 from recognition.active.moves import Region, Step
-from recognition.active.policy import Greedy, Policy, Progress
+from recognition.active.policy import EVEN, Greedy, Policy, Progress
 from recognition.active.watch import LineWatch, Look
 from recognition.decision.accept import decided_anew, serial_is_sure
 from recognition.decision.flags import Finding, ReadingFlag
@@ -36,6 +38,8 @@ AROUND_HEIGHTS = (0.8, 0.5)
 AT_ONCE = 0.1
 """Of the doubt that a reading may be accepted with, what a look may leave to be taken at its first word: looks at few
 lines may be sure of a wrong text, and seldom twice."""
+LOOKS_APART = 3
+"""Looks from one full reading to the next where none of them is sure: a reading takes as long as four of them."""
 TOUCHABLE = (
     ReadingFlag.LOW_CONFIDENCE
     | ReadingFlag.AMBIGUOUS
@@ -124,7 +128,8 @@ class _Part:
         lines = self.active.reader.lines
         # where the line stands on the whole part, and which others do, is asked of the whole part
         self.may_shrink = self.asked_mm is None and lines.region is None and not lines.lines
-        self.asked = 0
+        self.looks_since = LOOKS_APART  # the first look has a line to find: a reading does that best
+        self.believed: set[str] = set()
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
 
@@ -135,6 +140,13 @@ class _Part:
                 self.progress, self.region, left_s=settings.budget_s - self.progress.stage_s
             )
             if isinstance(chosen, StopReason):
+                # nobody gives up without having read what was felt
+                if chosen is not StopReason.NO_GAIN or not self.looks_since or not settings.until_sure:
+                    break
+                ended = self._asked()
+                if ended is None:
+                    continue
+                chosen = ended
                 break
             before = len(self.passes)
             if not self._feel(chosen):
@@ -143,16 +155,17 @@ class _Part:
             start = time.process_time()
             look = self._look()
             self.progress = self.progress.after(chosen, look)
-            stop = self._asked(look) if settings.until_sure else None
+            self.looks_since += 1
+            ended = self._asked() if settings.until_sure and self._due(look) else None
             self._note(before, look, time.process_time() - start)
-            if stop is not None:
-                chosen = stop
+            if ended is not None:
+                chosen = ended
                 break
         sure_at_look = chosen is StopReason.SURE
-        if self.reading is None or not sure_at_look:
+        if self.reading is None or self.looks_since:
             self._look()
-            self.asked += 1
             self.reading = self._full()
+        if not sure_at_look:
             if not self._sure(self.reading):
                 self.reading = _doubted(self.reading)
             elif settings.until_sure and chosen is not StopReason.STAGE_FAILED:
@@ -201,29 +214,34 @@ class _Part:
             self.region = around(look.read.line, self.fitting.field_mm)
         return look
 
-    def _asked(self, look: Look | None) -> StopReason | None:
-        """What a full reading says where the look is sure enough to ask for one."""
-        settings = self.active.reader.settings
-        if look is None or look.confidence < self._least_confidence(self.asked + 1):
-            return None
-        at_once = 1.0 - AT_ONCE * (1.0 - settings.accept_confidence)
-        if self.progress.steady < 1 and look.confidence < at_once:
-            return None
-        self.asked += 1
-        self.reading = self._full()
-        if self.reading.text.replace(" ", "") != look.text:
-            return None
-        if self._sure(self.reading):
-            return StopReason.SURE
-        doubts = self.reading.flags & ~TOUCHABLE
-        return StopReason.NO_GAIN if doubts and not self.reading.flags & TOUCHABLE else None
+    def _due(self, look: Look | None) -> bool:
+        """Whether what was felt is read in full: a look is sure, or none was for a while."""
+        if self.edges is None:
+            return False
+        if self.looks_since >= LOOKS_APART:
+            return True
+        accept = self.active.reader.settings.accept_confidence
+        if look is None or look.confidence < accept:
+            return False
+        return self.progress.steady >= 1 or look.confidence >= 1.0 - AT_ONCE * (1.0 - accept)
 
-    def _least_confidence(self, asked: int) -> float:
-        """Of the reading that is asked for so many times: many askings are many chances to be wrong (Bonferroni)."""
-        return 1.0 - (1.0 - self.active.reader.settings.accept_confidence) / max(asked, 1)
+    def _asked(self) -> StopReason | None:
+        """What a full reading says: that the serial is sure, that touch settles nothing, or None for more touch."""
+        reading = self.reading = self._full()
+        self.looks_since = 0
+        self.watch.told(reading.trace.line, confidence=reading.confidence)
+        self.progress = self.progress.believing(reading.confidence)
+        if self._sure(reading):
+            return StopReason.SURE
+        doubts = reading.flags & ~TOUCHABLE
+        return StopReason.NO_GAIN if doubts and not reading.flags & TOUCHABLE else None
 
     def _sure(self, reading: Reading) -> bool:
-        return serial_is_sure(reading) and reading.confidence >= self._least_confidence(self.asked)
+        """Whether it is taken at its word: the more texts were believed, the surer the last must be (Bonferroni)."""
+        if reading.confidence > EVEN:
+            self.believed.add(reading.text)
+        least = 1.0 - (1.0 - self.active.reader.settings.accept_confidence) / max(len(self.believed), 1)
+        return serial_is_sure(reading) and reading.confidence >= least
 
     def _full(self) -> Reading:
         if self.edges is None or self.scan is None:
@@ -249,10 +267,10 @@ class _Part:
 
 
 def _doubted(reading: Reading) -> Reading:
-    """The reading, not accepted: it was asked for too often to be taken at its word."""
+    """The reading, not accepted: another text was believed before."""
     if reading.decision is not Decision.ACCEPT:
         return reading
-    low = Finding(ReadingFlag.LOW_CONFIDENCE, "low confidence: it was sure only after several looks in vain")
+    low = Finding(ReadingFlag.LOW_CONFIDENCE, "low confidence: another text was believed before")
     return decided_anew(reading.found(low))
 
 

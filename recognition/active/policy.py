@@ -64,6 +64,11 @@ class Progress:
             steps=(*self.steps, step.way),
         )
 
+    def believing(self, confidence: float) -> Progress:
+        """The progress where a full reading of what was felt is surer than the last look."""
+        best = max(confidence, self.confidences[-1])
+        return replace(self, confidences=(*self.confidences[:-1], best))
+
     @property
     def taken(self) -> tuple[tuple[Way, int, float], ...]:
         """Way of every step, its lines after it, and the confidence of the look that followed."""

@@ -25,6 +25,8 @@ from recognition.views.view import View
 
 MOST_FOUND = 3
 """Lines of a first view that are looked at."""
+TOLD = 0.05
+"""Confidence of a reading from which its line is followed: it is seldom another by then."""
 BESIDE = 1
 """Places beside the line, in turns, that are looked at after every pass."""
 
@@ -95,6 +97,16 @@ class LineWatch:
     def found(self) -> bool:
         """Whether there is a line that says something."""
         return self._sure
+
+    def told(self, line: TextLine | None, *, confidence: float) -> None:
+        """Go on at the line of a full reading that is surer of it than not.
+
+        Args:
+            line: of the reading, if there is one.
+            confidence: of it.
+        """
+        if line is not None and confidence > TOLD:
+            self.line, self._sure = line, True
 
     def look(self, view: View) -> Look | None:
         """What can be believed now; None where there is no line yet."""
