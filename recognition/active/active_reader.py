@@ -38,7 +38,7 @@ AROUND_HEIGHTS = (0.8, 0.5)
 AT_ONCE = 0.1
 """Of the doubt that a reading may be accepted with, what a look may leave to be taken at its first word: looks at few
 lines may be sure of a wrong text, and seldom twice."""
-LOOKS_APART = 3
+LOOKS_APART = 4
 """Looks from one full reading to the next where none of them is sure: a reading takes as long as four of them."""
 TOUCHABLE = (
     ReadingFlag.LOW_CONFIDENCE
@@ -229,7 +229,7 @@ class _Part:
         """What a full reading says: that the serial is sure, that touch settles nothing, or None for more touch."""
         reading = self.reading = self._full()
         self.looks_since = 0
-        self.watch.told(reading.trace.line, confidence=reading.confidence)
+        self.watch.follow(reading.trace.line, confidence=reading.confidence)
         self.progress = self.progress.believing(reading.confidence)
         if self._sure(reading):
             return StopReason.SURE

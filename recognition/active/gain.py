@@ -20,7 +20,7 @@ from pathlib import Path
 from recognition.active.moves import MOST, Way
 
 FITTED = Path(__file__).with_name("fit_gain.fit.json")
-LOOKS_AHEAD = 3
+LOOKS_AHEAD = 4
 """Within which a step must have made the serial sure."""
 RECENT = 3
 """Looks of which the surest counts."""

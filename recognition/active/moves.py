@@ -6,7 +6,8 @@ array for each block of the region, with whiskers a height apart it is two::
     ALONG, BACK:   ============   lines laid by one travel      CROSS:   | | | | | | | |   one block
                    ------------   the next, half way between             : : : : : : : :   the next, between
 
-A direction that was not felt yet begins with `FIRST` such lines, 8 to a character's height: fewer show no shapes.
+The first direction begins with `FIRST` such lines, 8 to a character's height: fewer show no shapes. One that joins it
+begins with `JOINED`.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from whisker_array.whisker.passes import Pass
 
 Region = tuple[float, float, float, float]
 
-FIRST, MOST = 4, 16
-"""Lines to half a character's height that a direction begins with, and has at most."""
+FIRST, JOINED, MOST = 4, 2, 16
+"""Lines to half a character's height that the first direction begins with, any other, and that one has at most."""
 LEAD_HEIGHTS = 0.3
 RIM_HEIGHTS = 0.5
 """Land at either rim of a region that need not be felt: less than a character."""
@@ -36,6 +37,7 @@ class Way(StrEnum):
     ALONG = "along"
     BACK = "back"
     CROSS = "cross"
+    CROSS_BACK = "cross back"
 
     def describe(self) -> str:
         """What the step is for, in words."""
@@ -51,13 +53,15 @@ _WAYS = {
     Way.ALONG: "lines along x between those felt",
     Way.BACK: "the walls' other side",
     Way.CROSS: "across the line",
+    Way.CROSS_BACK: "across the line, the other way",
 }
 _DIRECTIONS = {
     Way.ALONG: TraceDirection.FORWARD_X,
     Way.BACK: TraceDirection.BACK_X,
     Way.CROSS: TraceDirection.FORWARD_Y,
+    Way.CROSS_BACK: TraceDirection.BACK_Y,
 }
-_SHIFT = {Way.ALONG: 0.0, Way.BACK: 0.5 / 8.0, Way.CROSS: 0.0}
+_SHIFT = {Way.ALONG: 0.0, Way.BACK: 0.5 / 8.0, Way.CROSS: 0.0, Way.CROSS_BACK: 0.5 / 8.0}
 """Of a direction's lines, half heights: those on the way back lie between the first eight."""
 
 
@@ -83,7 +87,9 @@ class Step:
         return math.fsum(p.stage_s for p in self.passes)
 
 
-def next_step(fitting: Fitting, region_mm: Region, way: Way, lines: int) -> Step | None:
+def next_step(
+    fitting: Fitting, region_mm: Region, way: Way, lines: int, *, joins: bool = False
+) -> Step | None:
     """The next step of a way; None where no more are laid.
 
     Args:
@@ -91,10 +97,11 @@ def next_step(fitting: Fitting, region_mm: Region, way: Way, lines: int) -> Step
         region_mm: to be felt.
         way: direction.
         lines: to half a character's height that this direction has already.
+        joins: another direction was felt before.
     """
     if lines >= MOST:
         return None
-    upto = FIRST if lines == 0 else lines + 1
+    upto = lines + 1 if lines else JOINED if joins else FIRST
     travels = max(1, round(2.0 * fitting.array.pitch_mm / fitting.height_mm))
     passes = [
         p

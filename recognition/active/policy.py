@@ -12,7 +12,7 @@ import numpy as np
 from glyphs.surface.display import one_line
 from recognition.active.active_reading import StopReason
 from recognition.active.gain import LOOKS_AHEAD, Gain, fitted_gain
-from recognition.active.moves import FIRST, Region, Step, Way, next_step
+from recognition.active.moves import Region, Step, Way, next_step
 from recognition.active.watch import Look
 from whisker_array.scan.session import Fitting
 
@@ -34,7 +34,7 @@ class Progress:
         confidence: of the last look; 0 without one.
         confidences: of all looks.
         steady: looks before the last one that said the same and believed it more likely than not.
-        steps: ways of the steps, in order.
+        steps: way of each step, its lines after it.
     """
 
     fitting: Fitting
@@ -45,7 +45,7 @@ class Progress:
     confidence: float = 0.0
     steady: int = 0
     confidences: tuple[float, ...] = ()
-    steps: tuple[Way, ...] = ()
+    steps: tuple[tuple[Way, int], ...] = ()
 
     __repr__ = one_line
 
@@ -61,7 +61,7 @@ class Progress:
             confidence=0.0 if look is None else look.confidence,
             steady=self.steady + 1 if text and text == self.text and self.confidence > EVEN else 0,
             confidences=(*self.confidences, 0.0 if look is None else look.confidence),
-            steps=(*self.steps, step.way),
+            steps=(*self.steps, (step.way, step.lines)),
         )
 
     def believing(self, confidence: float) -> Progress:
@@ -72,16 +72,21 @@ class Progress:
     @property
     def taken(self) -> tuple[tuple[Way, int, float], ...]:
         """Way of every step, its lines after it, and the confidence of the look that followed."""
-        upto: dict[Way, int] = {}
-        found = []
-        for way, confidence in zip(self.steps, self.confidences, strict=True):
-            upto[way] = upto[way] + 1 if way in upto else FIRST
-            found.append((way, upto[way], confidence))
-        return tuple(found)
+        return tuple(
+            (way, lines, sure) for (way, lines), sure in zip(self.steps, self.confidences, strict=True)
+        )
 
     def step(self, way: Way, region_mm: Region) -> Step | None:
         """The next step of a way."""
-        return next_step(self.fitting, region_mm, way, self.lines.get(way, 0))
+        return next_step(
+            self.fitting, region_mm, way, self.lines.get(way, 0), joins=bool(self.lines)
+        )
+
+
+def begun(progress: Progress, region_mm: Region) -> Step | StopReason:
+    """The first step: along or across, whichever is cheaper for the comb."""
+    steps = [step for way in (Way.ALONG, Way.CROSS) if (step := progress.step(way, region_mm)) is not None]
+    return min(steps, key=lambda step: step.stage_s, default=StopReason.ALL_FELT)
 
 
 class Policy(Protocol):
@@ -125,7 +130,7 @@ LADDER = Ladder(
 
 @dataclass(frozen=True)
 class Drawn:
-    """Steps drawn at random, each way as likely; the first is always along the line.
+    """Steps drawn at random, each way as likely; the first as `Greedy` has it.
 
     Attributes:
         seed: of the draws; a part's steps depend on how many there were.
@@ -136,12 +141,14 @@ class Drawn:
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
         """See `Policy`."""
         n = len(progress.steps)
+        if n == 0:
+            return begun(progress, region_mm)
         rng = np.random.default_rng((self.seed, n))
-        ways = [Way.ALONG] if n == 0 else [list(Way)[k] for k in rng.permutation(len(Way))]
+        ways = [list(Way)[k] for k in rng.permutation(len(Way))]
         steps = [step for way in ways if (step := progress.step(way, region_mm)) is not None]
         if not steps:
             return StopReason.ALL_FELT
-        return steps[0] if steps[0].stage_s <= left_s or n == 0 else StopReason.BUDGET
+        return steps[0] if steps[0].stage_s <= left_s else StopReason.BUDGET
 
 
 @dataclass(frozen=True)
@@ -168,15 +175,7 @@ class Greedy:
     def choose(self, progress: Progress, region_mm: Region, *, left_s: float) -> Step | StopReason:
         """See `Policy`."""
         if not progress.steps:
-            return min(
-                (
-                    step
-                    for way in (Way.ALONG, Way.CROSS)
-                    if (step := progress.step(way, region_mm)) is not None
-                ),
-                key=lambda step: step.stage_s,
-                default=StopReason.ALL_FELT,
-            )
+            return begun(progress, region_mm)
         steps = [step for way in Way if (step := progress.step(way, region_mm)) is not None]
         if not steps:
             return StopReason.ALL_FELT

@@ -25,7 +25,9 @@ from recognition.views.view import View
 
 MOST_FOUND = 3
 """Lines of a first view that are looked at."""
-TOLD = 0.05
+HEARD = 0.2
+"""Confidence of our own recogniser from which others are asked as well."""
+FOLLOWED = 0.05
 """Confidence of a reading from which its line is followed: it is seldom another by then."""
 BESIDE = 1
 """Places beside the line, in turns, that are looked at after every pass."""
@@ -98,14 +100,14 @@ class LineWatch:
         """Whether there is a line that says something."""
         return self._sure
 
-    def told(self, line: TextLine | None, *, confidence: float) -> None:
+    def follow(self, line: TextLine | None, *, confidence: float) -> None:
         """Go on at the line of a full reading that is surer of it than not.
 
         Args:
             line: of the reading, if there is one.
             confidence: of it.
         """
-        if line is not None and confidence > TOLD:
+        if line is not None and confidence > FOLLOWED:
             self.line, self._sure = line, True
 
     def look(self, view: View) -> Look | None:
@@ -121,8 +123,13 @@ class LineWatch:
         if not self._sure:
             self._others = any(apart(one, seen[0]) for one in seen[1:])
         self.line, self._sure = seen[0].line, says_much(seen)
-        # the generic expert takes as long as four looks: it is asked where the line says something
-        read = self.lines.heard(view, seen[0]) if self._sure else seen[0]
+        look = self._said(seen[0])
+        # the generic expert takes as long as four looks: it is asked where our own is in no great doubt
+        if self._sure and look is not None and look.confidence > HEARD:
+            look = self._said(self.lines.heard(view, seen[0])) or look
+        return look
+
+    def _said(self, read: ReadLine) -> Look | None:
         choice = choose(read.belief.lattice, self.lines.grammar)
         return Look(read, choice, self._others) if choice.text else None
 
