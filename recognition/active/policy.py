@@ -78,9 +78,7 @@ class Progress:
 
     def step(self, way: Way, region_mm: Region) -> Step | None:
         """The next step of a way."""
-        return next_step(
-            self.fitting, region_mm, way, self.lines.get(way, 0), joins=bool(self.lines)
-        )
+        return next_step(self.fitting, region_mm, way, self.lines.get(way, 0), joins=bool(self.lines))
 
 
 def begun(progress: Progress, region_mm: Region) -> Step | StopReason:

@@ -20,11 +20,13 @@ _STYLES = {
     "active": ("#0072b2", "o", "-"),
     "uniform": ("#d55e00", "s", "--"),
     "random": ("#7f7f7f", "^", ":"),
+    "whole": ("#000000", "D", ""),
 }
 _LEVELS = {
     "active": "a serial is worth {0:g} s",
-    "uniform": "{0:g} lines to a whisker's pitch",
+    "uniform": "{0:g} lines to half a height",
     "random": "{0:g} s at most",
+    "whole": "{0:g} lines to a height, four directions",
 }
 
 
@@ -34,6 +36,14 @@ def write_table(path: Path, tried: Sequence[TouchTrial]) -> None:
         writer = csv.DictWriter(file, [f.name for f in fields(TouchTrial)])
         writer.writeheader()
         writer.writerows(asdict(t) for t in tried)
+
+
+def write_curves(path: Path, tried: Sequence[TouchTrial]) -> None:
+    """The curves of what was given first, .png."""
+    severities = sorted({t.severity for t in tried if t.severity is not None})
+    figure = curves_figure(tried, severities, given=tried[0].given)
+    with replacing(path) as written:
+        figure.savefig(written, format="png", dpi=110)
 
 
 def write_page(path: Path, tried: Sequence[TouchTrial], *, title: str, command: str) -> None:

@@ -2,32 +2,37 @@
 
 plan      level                           passes                            stops
 active    worth of a serial, stage s      chosen one step ahead             when sure, or not worth it
-uniform   lines to a whisker's pitch      along x, evenly                   never before its end
+uniform   lines to half a height          along x, evenly                   never before its end
 random    budget, stage s                 ways drawn at random              never before its end
+whole     lines to a height               four directions, as usual         never before its end
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from statistics import fmean, median
 from typing import TYPE_CHECKING
 
-from glyphs.errors import MarksError
+from glyphs.errors import MarksError, fault_of
+from pipeline.reading.scan_plan import USUAL_HEIGHT_MM
 from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.moves import MOST, Way
 from recognition.active.policy import WORTH_S, Drawn, Greedy, Ladder, Policy
 from recognition.decision.reading import Decision
 from recognition.reader import Reader
+from whisker_array.whisker.array import LINES_PER_HEIGHT, default_plan
 
 if TYPE_CHECKING:
     from pipeline.benchmark.exam.condition import Given
     from pipeline.benchmark.exam.specimens import Item, Parts, Specimen
+    from recognition.decision.reading import Reading
     from whisker_array.scan.simulated_session import SimulatedSession
 
-WORTHS_S = (30.0, 100.0, WORTH_S, 600.0)
-UNIFORM_LINES = (4, 6, 8, 12, 16)
-RANDOM_BUDGETS_S = (6.0, 12.0, 24.0, 48.0)
+WORTHS_S = (0.2 * WORTH_S, WORTH_S, 5.0 * WORTH_S)
+UNIFORM_LINES = (4, 6, 8, 16)
+RANDOM_BUDGETS_S = (8.0, 16.0, 32.0)
 _NO_LIMIT_S = 1e6
 
 
@@ -36,7 +41,7 @@ class TouchPlan:
     """A plan of touch.
 
     Attributes:
-        name: active, uniform or random.
+        name: active, uniform, random or whole.
         level: what makes it longer or shorter; see the module.
     """
 
@@ -58,6 +63,7 @@ PLANS = (
     *(TouchPlan("active", worth) for worth in WORTHS_S),
     *(TouchPlan("uniform", lines) for lines in UNIFORM_LINES),
     *(TouchPlan("random", budget) for budget in RANDOM_BUDGETS_S),
+    TouchPlan("whole", LINES_PER_HEIGHT),
 )
 
 
@@ -67,7 +73,7 @@ class TouchTrial:
 
     Attributes:
         part: its name.
-        plan: active, uniform or random.
+        plan: active, uniform, random or whole.
         level: of the plan.
         given: what the reader was given.
         severity: of the dirt.
@@ -104,17 +110,38 @@ class TouchTrial:
     error: str = ""
 
 
-def trials(
-    parts: Parts, items: Sequence[Item], *, plans: Sequence[TouchPlan], seed: int, budget_s: float
-) -> Iterator[TouchTrial]:
-    """Every part by every plan, with all that it may be given; the sensors are as from the bench."""
-    for item in items:
-        made = parts.make(item)
-        for given in item.given:
-            font = parts.font_of(item.condition) if given.font else ""
-            reader = _reader(item.condition.format if given.format else "", font)
-            for plan in plans:
-                yield _tried(item, made, given, reader, plan, seed=seed, budget_s=budget_s)
+def tried_on(
+    parts: Parts, item: Item, *, plans: Sequence[TouchPlan], seed: int, budget_s: float
+) -> tuple[TouchTrial, ...]:
+    """A part by every plan, with all that it may be given; the sensors are as from the bench."""
+    made, found = parts.make(item), []
+    for given in item.given:
+        font = parts.font_of(item.condition) if given.font else ""
+        reader = _reader(item.condition.format if given.format else "", font)
+        for plan in plans:
+            blank = replace(_blank(item, given, plan), truth=made.truth, height_mm=_height_mm(made))
+            found.append(_tried(blank, item, made, reader, plan, seed=seed, budget_s=budget_s))
+    return tuple(found)
+
+
+def failed(item: Item, plans: Sequence[TouchPlan], error: Exception) -> tuple[TouchTrial, ...]:
+    """The trials of a part that could not be made, or whose worker was lost."""
+    told = f"the part: {fault_of(error)}"
+    return tuple(replace(_blank(item, given, plan), error=told) for given in item.given for plan in plans)
+
+
+def _blank(item: Item, given: Given, plan: TouchPlan) -> TouchTrial:
+    return TouchTrial(
+        *(item.part, plan.name, plan.level, str(given)),
+        severity=item.condition.severity,
+        soil=str(item.condition.get("soil", "")),
+        height_mm=USUAL_HEIGHT_MM,
+        truth=item.truth,
+    )
+
+
+def _height_mm(made: Specimen) -> float:
+    return made.height_mm or USUAL_HEIGHT_MM
 
 
 @lru_cache(maxsize=8)
@@ -124,41 +151,52 @@ def _reader(mask: str, font: str) -> Reader:
 
 
 def _tried(
-    item: Item, made: Specimen, given: Given, reader: Reader, plan: TouchPlan, *, seed: int, budget_s: float
+    blank: TouchTrial,
+    item: Item,
+    made: Specimen,
+    reader: Reader,
+    plan: TouchPlan,
+    *,
+    seed: int,
+    budget_s: float,
 ) -> TouchTrial:
-    from pipeline.reading.scan_plan import USUAL_HEIGHT_MM
-
-    height_mm = made.height_mm or USUAL_HEIGHT_MM
-    about = {
-        "part": item.part,
-        "plan": plan.name,
-        "level": plan.level,
-        "given": str(given),
-        "severity": item.condition.severity,
-        "soil": str(item.condition.get("soil", "")),
-        "height_mm": height_mm,
-        "truth": made.truth,
-    }
     try:
-        session = _mounted(made, height_mm, seed=seed)
+        if plan.name == "whole":
+            return _whole(blank, made, reader, seed=seed)
+        session = _mounted(made, blank.height_mm, seed=seed)
         active = ActiveReader(reader.touch, plan.settings(seed=seed + item.number, budget_s=budget_s))
         found = active.read(session)
     except MarksError as error:
-        return TouchTrial(**about, error=str(error))  # type: ignore[arg-type]
+        return replace(blank, error=str(error))
     session.close()
-    text = "".join(found.reading.text.split())
-    waits = sorted(p.thought_s for p in found.passes if p.thought_s > 0.0)
-    return TouchTrial(
-        **about,  # type: ignore[arg-type]
-        text=text,
-        decision=found.reading.decision.value,
-        right=text == made.truth,
+    # after the last pass nobody waits: the part can be taken away
+    waits = sorted(p.thought_s for p in found.passes[:-1] if p.thought_s > 0.0)
+    return replace(
+        _answered(blank, found.reading),
         stage_s=round(found.stage_s, 3),
         passes=len(found.passes),
         stop=found.stop.value,
-        thought_s=round(found.thought_s, 4),
+        thought_s=round(max(waits, default=0.0), 4),
         usual_thought_s=round(waits[len(waits) // 2], 4) if waits else 0.0,
     )
+
+
+def _whole(blank: TouchTrial, made: Specimen, reader: Reader, *, seed: int) -> TouchTrial:
+    """By the usual plan, felt to its end."""
+    from pipeline.reading.simulated_scan import feel
+
+    plan = default_plan((0.0, 0.0, *made.height_map.size_mm), character_height_mm=blank.height_mm)
+    scan = feel(made.height_map, plan=plan, height_mm=blank.height_mm, sensor_seed=seed, soil=made.soil)
+    return replace(
+        _answered(blank, reader.touch.read_scan(scan)),
+        stage_s=round(plan.scan_time_s, 3),
+        passes=len(plan.passes()),
+    )
+
+
+def _answered(blank: TouchTrial, reading: Reading) -> TouchTrial:
+    text = "".join(reading.text.split())
+    return replace(blank, text=text, decision=reading.decision.value, right=text == blank.truth)
 
 
 def _mounted(made: Specimen, height_mm: float, *, seed: int) -> SimulatedSession:
@@ -177,6 +215,7 @@ class PlanResult:
         plan: which.
         n: parts.
         stage_s: mean.
+        median_s: median of the same.
         right: serials.
         accepted: serials.
         wrong: of those accepted.
@@ -185,6 +224,7 @@ class PlanResult:
     plan: TouchPlan
     n: int
     stage_s: float
+    median_s: float
     right: int
     accepted: int
     wrong: int
@@ -211,7 +251,8 @@ def results(
             PlanResult(
                 plan=plan,
                 n=len(own),
-                stage_s=sum(t.stage_s for t in own) / len(own),
+                stage_s=fmean(t.stage_s for t in own),
+                median_s=median(t.stage_s for t in own),
                 right=sum(t.right for t in own),
                 accepted=len(accepted),
                 wrong=sum(not t.right for t in accepted),

@@ -11,6 +11,7 @@ from glyphs import stamp
 from pipeline.cli.main import main
 from pipeline.files.npz import write_npz
 from whisker_array.scan.recording import load_scan
+from whisker_array.whisker.array import LINES_PER_HEIGHT
 
 
 @pytest.fixture(scope="module")
@@ -47,17 +48,26 @@ def test_scan_records_the_passes_that_were_chosen(
 def test_the_benchmark_compares_plans(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipeline.benchmark.stage_time import trial
+    from pipeline.benchmark.stage_time import run, trial
 
-    # three of the thirteen plans: the suite need not feel a part as often
-    plans = [
-        p for p in trial.PLANS if (p.name, p.level) in {("active", 100.0), ("uniform", 4), ("random", 6.0)}
-    ]
-    monkeypatch.setattr(trial, "PLANS", tuple(plans))
-    assert main(["benchmark", "--active", "--out", str(tmp_path), "--dirt", "0", "--parts", "1"]) == 0
+    # three plans of all: the suite need not feel a part as often
+    plans = (
+        trial.TouchPlan("active", 100.0),
+        trial.TouchPlan("uniform", 4),
+        trial.TouchPlan("whole", LINES_PER_HEIGHT),
+    )
+    monkeypatch.setattr(trial, "PLANS", plans)
+    asked = ["benchmark", "--active", "--out", str(tmp_path), "--dirt", "0", "--parts", "1"]
+    assert main(asked) == 0
     rows = list(csv.DictReader((tmp_path / "active.csv").open(encoding="utf-8")))
-    assert [row["plan"] for row in rows] == ["active", "uniform", "random"]
+    assert [row["plan"] for row in rows] == ["active", "uniform", "whole"]
     assert all(row["text"] == row["truth"] and float(row["stage_s"]) > 0.0 for row in rows)
     page = (tmp_path / "active.html").read_text(encoding="utf-8")
     assert "a serial is worth 100 s" in page
     assert page.count("<img") == 1
+    assert (tmp_path / "active.png").stat().st_size > 10_000
+    # what is kept is not felt again
+    monkeypatch.setattr(run, "tried_on", None)
+    assert main(asked) == 0
+    assert list(csv.DictReader((tmp_path / "active.csv").open(encoding="utf-8"))) == rows
+    assert main([*asked, "--seed", "5"]) == 1
