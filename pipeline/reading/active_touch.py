@@ -11,13 +11,16 @@ from recognition.belief.line_reader import MOST_SCANS
 from recognition.decision.accept import serial_is_sure
 from recognition.views.levelling import level
 from recognition.views.view import heights_view
+from whisker_array.scan.framed_session import FramedSession
 from whisker_array.simulation.traces import Fidelity
 
 if TYPE_CHECKING:
     from glyphs.soiling.soil import Soil
     from glyphs.surface.maps import HeightMap
+    from recognition.active.moves import Region
     from recognition.decision.reading import Reading
     from recognition.senses.touch import TactileReader
+    from whisker_array.scan.session import StageSession
 
 
 def read_actively(
@@ -27,6 +30,7 @@ def read_actively(
     budget_s: float,
     soil: Soil | None = None,
     part_id: str = "",
+    region_mm: Region | None = None,
 ) -> Reading:
     """Read a height map by passes that are chosen one after the other; a note says what they cost.
 
@@ -39,6 +43,7 @@ def read_actively(
         budget_s: most stage seconds.
         soil: dirt on it, if known.
         part_id: what the part is called.
+        region_mm: where the line lies, if that is known: nothing else is felt.
 
     Raises:
         MapError: a map that cannot be felt, or soil on another grid.
@@ -49,7 +54,7 @@ def read_actively(
     for height_mm in reader.lines.heights_mm(heights_view(levelled))[:MOST_SCANS]:
         if spent_s >= budget_s:
             break
-        session = open_session(
+        session: StageSession = open_session(
             surface,
             height_mm=height_mm,
             fidelity=Fidelity(reader.settings.fidelity),
@@ -57,6 +62,9 @@ def read_actively(
             part_id=part_id,
             soil=soil,
         )
+        if region_mm is not None:
+            # the stage's field is what may be felt: a recording of the passes holds it
+            session = FramedSession(session, x_mm=0.0, y_mm=0.0, field_mm=region_mm)
         tried = read_kept(reader, session, budget_s=budget_s - spent_s)
         session.close()
         spent_s += tried.stage_s

@@ -36,9 +36,12 @@ if TYPE_CHECKING:
     from pipeline.files.listed import ListedPart
     from pipeline.reading.perturbation import Retake
     from recognition.active.active_reading import ActiveReading
+    from recognition.active.moves import Region
     from recognition.decision.reading import Reading
     from recognition.reader import Reader
     from recognition.senses.touch import Feel
+
+    Where = Callable[[HeightMap], Region | None]
 
 
 class Mode(StrEnum):
@@ -148,17 +151,38 @@ class PartReader:
                 notes.append(f"read by touch alone: {problem}")
         if photo is not None and again is not None:
             photo = again.photo(photo)
-        touch = None
-        if Sense.TOUCH in senses:
+        touch, vision = None, None
+        if Sense.TOUCH in senses and felt is None and photo is not None and self._sees_first(part, again):
+            touch, vision = self._seen_and_felt(part, photo)
+        elif Sense.TOUCH in senses:
             touch = felt.reading if felt is not None else self._touch(part, again)
-        surface = touch.trace.height_map if touch is not None else None
-        vision = self._vision(part, photo, surface) if photo is not None else None
+        if photo is not None and vision is None:
+            vision = self._vision(part, photo, touch.trace.height_map if touch is not None else None)
         if touch is None or vision is None:
             reading = touch or vision
             assert reading is not None
             return replace(reading, notes=(*reading.notes, *notes))
         fused = self.reader.fuse(touch, vision)
         return replace(fused, notes=(*fused.notes, *notes))
+
+    def _sees_first(self, part: Part, again: Retake | None) -> bool:
+        """Whether the camera can tell touch where to feel: of a height map that is felt by choice."""
+        return self.budget_s is not None and part.scan is None and again is None
+
+    def _seen_and_felt(self, part: Part, photo: Photo) -> tuple[Reading, Reading]:
+        """Touch and vision of a height map, felt about the line that the camera sees."""
+        from pipeline.reading.scan_plan import seen_region
+        from recognition.reader import centred
+
+        seen: list[Reading] = []
+
+        def where(surface: HeightMap) -> Region | None:
+            vision = self._vision(part, photo, surface)
+            seen.append(vision)
+            return seen_region(vision, centred(photo, surface), height_mm=self.reader.settings.height_mm)
+
+        touch = self._touch(part, None, where=where)
+        return touch, seen[0]
 
     def verified(self, reading: Reading, expected: str) -> Reading:
         """The reading with the verdict on the text expected, if there is one.
@@ -174,7 +198,7 @@ class PartReader:
         with _about(part.photo):
             return self.reader.vision.read_photo(photo if surface is None else centred(photo, surface))
 
-    def _touch(self, part: Part, again: Retake | None) -> Reading:
+    def _touch(self, part: Part, again: Retake | None, *, where: Where | None = None) -> Reading:
         """A recorded scan goes before a height map."""
         if part.scan is not None:
             with _about(part.scan):
@@ -207,6 +231,7 @@ class PartReader:
                 part_id=part.name,
                 feel=feel,
                 budget_s=self.budget_s,
+                region_mm=where(surface) if where is not None else None,
             )
 
     def _check_expected(self, part: Part, expected: str) -> None:
@@ -242,6 +267,7 @@ def read_surface(
     part_id: str = "",
     feel: Feel | None = None,
     budget_s: float | None = None,
+    region_mm: Region | None = None,
 ) -> Reading:
     """Read a height map by touch.
 
@@ -254,16 +280,19 @@ def read_surface(
         part_id: what the part is called.
         feel: scans it in place of the default plan.
         budget_s: feel it pass by pass instead, for so many stage seconds at most.
+        region_mm: of a map that is felt pass by pass, where the line lies, if that is known.
     """
 
-    def read(one: HeightMap, soil: Soil | None) -> Reading:
+    def read(one: HeightMap, soil: Soil | None, region_mm: Region | None = None) -> Reading:
         if budget_s is None or feel is not None:
             return reader.touch.read_height_map(one, soil=soil, part_id=part_id, feel=feel)
         from pipeline.reading.active_touch import read_actively
 
-        return read_actively(reader.touch, one, budget_s=budget_s, soil=soil, part_id=part_id)
+        return read_actively(
+            reader.touch, one, budget_s=budget_s, soil=soil, part_id=part_id, region_mm=region_mm
+        )
 
-    found = read(surface, soil)
+    found = read(surface, soil, region_mm)
     if turned is None or not found.text or found.decision == "accept":
         return found
     other = read(turned(), None)

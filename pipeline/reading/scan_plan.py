@@ -66,7 +66,7 @@ def plan_of(
     from whisker_array.whisker.touch import default_touch
 
     known = photo.pitch_mm is not None
-    line = _around(vision, photo, settings) if known else None
+    line = _around(vision, photo, settings.height_mm) if known else None
     if line is None:
         line = _Line((0.0, 0.0, *field_mm), settings.height_mm or USUAL_HEIGHT_MM)
     raster = default_plan(line.region_mm, character_height_mm=line.height_mm)
@@ -86,7 +86,25 @@ def plan_of(
     )
 
 
-def _around(vision: Reading | None, photo: Photo, settings: ReadSettings) -> _Line:
+def seen_region(
+    vision: Reading, photo: Photo, *, height_mm: float | None
+) -> tuple[float, float, float, float] | None:
+    """(x0, y0, x1, y1) about the line that the camera sees, in the photograph's frame, mm.
+
+    Args:
+        vision: what was seen.
+        photo: as read.
+        height_mm: of the characters, if it is known.
+
+    Returns:
+        None where the line is not to be trusted to lie there, or the picture has no scale.
+    """
+    if photo.pitch_mm is None or vision.trace.line is None or _mean_belief(vision) < TRUSTED_SHARE:
+        return None
+    return _around(vision, photo, height_mm).region_mm
+
+
+def _around(vision: Reading | None, photo: Photo, height_mm: float | None) -> _Line:
     """The line and its margin, within the picture."""
     from recognition.views.photo_frame import photo_middle_mm, photo_origin_mm
 
@@ -95,8 +113,8 @@ def _around(vision: Reading | None, photo: Photo, settings: ReadSettings) -> _Li
     right, bottom = 2.0 * middle[0] - left, 2.0 * middle[1] - top
     line = vision.trace.line if vision is not None else None
     if line is None or vision is None:
-        return _Line((left, top, right, bottom), settings.height_mm or USUAL_HEIGHT_MM)
-    height = settings.height_mm or float(f"{line.height_mm:.3g}")
+        return _Line((left, top, right, bottom), height_mm or USUAL_HEIGHT_MM)
+    height = height_mm or float(f"{line.height_mm:.3g}")
     if _mean_belief(vision) < TRUSTED_SHARE:
         return _Line((left, top, right, bottom), min(height, _most_height_mm(bottom - top)))
     half = 0.5 * line.height_mm

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from whisker_array.scan.simulated_session import SimulatedSession
 
 WORTHS_S = (0.2 * WORTH_S, WORTH_S, 5.0 * WORTH_S)
-UNIFORM_LINES = (4, 6, 8, 16)
-RANDOM_BUDGETS_S = (8.0, 16.0, 32.0)
+UNIFORM_LINES = (4, 8, 16)
+RANDOM_BUDGETS_S = (8.0, 24.0)
 _NO_LIMIT_S = 1e6
 
 
