@@ -17,8 +17,8 @@ from recognition.active.watch import Look
 from whisker_array.scan.session import Fitting
 
 EVEN = 0.5
-WORTH_S = 150.0
-"""Stage seconds that one more serial without a person is worth: less than the whole plan takes."""
+WORTH_S = 100.0
+"""Stage seconds that one more serial without a person is worth: half of what the whole plan takes."""
 
 
 @dataclass(frozen=True, eq=False)

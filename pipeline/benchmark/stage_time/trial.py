@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from recognition.decision.reading import Reading
     from whisker_array.scan.simulated_session import SimulatedSession
 
-WORTHS_S = (0.2 * WORTH_S, WORTH_S, 5.0 * WORTH_S)
+WORTHS_S = (30.0, WORTH_S, 1000.0)
 UNIFORM_LINES = (4, 8, 16)
 RANDOM_BUDGETS_S = (8.0, 24.0)
 _NO_LIMIT_S = 1e6
