@@ -18,10 +18,11 @@ from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, MapError
 from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
 from recognition.active.moves import Region, Step
-from recognition.active.policy import EVEN, Greedy, Policy, Progress
+from recognition.active.policy import Greedy, Policy, Progress
+from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch, Look
-from recognition.decision.accept import decided_anew, serial_is_sure
-from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.accept import decided_anew
+from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Decision, Reading
 from recognition.senses.touch import TactileReader
 from recognition.views.text_line import TextLine
@@ -129,7 +130,7 @@ class _Part:
         # where the line stands on the whole part, and which others do, is asked of the whole part
         self.may_shrink = self.asked_mm is None and lines.region is None and not lines.lines
         self.looks_since = LOOKS_APART  # the first look has a line to find: a reading does that best
-        self.believed: set[str] = set()
+        self.trust = Trust(self.active.reader.settings.accept_confidence)
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
 
@@ -166,10 +167,13 @@ class _Part:
             self._look()
             self.reading = self._full()
         if not sure_at_look:
-            if not self._sure(self.reading):
-                self.reading = _doubted(self.reading)
-            elif settings.until_sure and chosen is not StopReason.STAGE_FAILED:
+            if (
+                settings.until_sure
+                and chosen is not StopReason.STAGE_FAILED
+                and self.trust.takes(self.reading)
+            ):
                 chosen = StopReason.SURE
+            self.reading = self.trust.decided(self.reading)
         if not self.reading.characters and chosen is StopReason.NO_GAIN:
             chosen = StopReason.NOTHING_FOUND
         if chosen is StopReason.STAGE_FAILED:
@@ -231,17 +235,10 @@ class _Part:
         self.looks_since = 0
         self.watch.follow(reading.trace.line, confidence=reading.confidence)
         self.progress = self.progress.believing(reading.confidence)
-        if self._sure(reading):
+        if self.trust.takes(reading):
             return StopReason.SURE
         doubts = reading.flags & ~TOUCHABLE
         return StopReason.NO_GAIN if doubts and not reading.flags & TOUCHABLE else None
-
-    def _sure(self, reading: Reading) -> bool:
-        """Whether it is taken at its word: the more texts were believed, the surer the last must be (Bonferroni)."""
-        if reading.confidence > EVEN:
-            self.believed.add(reading.text)
-        least = 1.0 - (1.0 - self.active.reader.settings.accept_confidence) / max(len(self.believed), 1)
-        return serial_is_sure(reading) and reading.confidence >= least
 
     def _full(self) -> Reading:
         if self.edges is None or self.scan is None:
@@ -264,14 +261,6 @@ class _Part:
                 places=look.places(),
             )
         self.passes[-1] = last
-
-
-def _doubted(reading: Reading) -> Reading:
-    """The reading, not accepted: another text was believed before."""
-    if reading.decision is not Decision.ACCEPT:
-        return reading
-    low = Finding(ReadingFlag.LOW_CONFIDENCE, "low confidence: another text was believed before")
-    return decided_anew(reading.found(low))
 
 
 def around(line: TextLine, field_mm: Region) -> Region:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,6 +13,8 @@ from recognition.active.active_reader import ActiveReader, ActiveSettings, aroun
 from recognition.active.active_reading import ActiveReading, StopReason
 from recognition.active.moves import Way
 from recognition.active.policy import Ladder
+from recognition.active.trust import Trust
+from recognition.active.watch import LineWatch
 from recognition.decision.reading import Decision
 from recognition.reader import Reader
 from recognition.senses.touch import TactileReader
@@ -135,3 +138,25 @@ def test_a_known_line_is_felt_and_nothing_else() -> None:
         first, last = (4.0, 20.0) if one.order.direction.along_x else (2.0, 12.0)
         assert one.order.along_mm[0] >= first - 0.1
         assert one.order.along_mm[1] <= last + 0.1
+
+
+def test_what_no_look_sees_is_read_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(LineWatch, "look", lambda *_: None)
+    found = ActiveReader(reader()).read(mounted(part()))
+    assert (found.reading.text, found.stop) == (TEXT, StopReason.SURE)
+    assert found.reading.decision is Decision.ACCEPT
+
+
+def test_a_text_after_others_must_be_surer() -> None:
+    trust, sure = Trust(0.98), replace(read().reading, confidence=0.985)
+    assert trust.takes(sure)
+    assert not trust.takes(replace(sure, confidence=0.97))
+    other = replace(sure, confidence=0.6, characters=sure.characters[::-1])
+    assert other.text != sure.text
+    trust.takes(other)
+    assert not trust.takes(sure)
+    doubted = trust.decided(sure)
+    assert doubted.decision is Decision.REVIEW
+    assert any("another text was believed before" in message for message in doubted.messages())
+    surer = replace(sure, confidence=0.995)
+    assert trust.decided(surer) is surer

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from recognition.active.active_reading import StopReason
 from recognition.active.fit_gain import Tried, fit_gain, loss_nats
 from recognition.active.gain import Gain, WayGain, fitted_gain, sureness
-from recognition.active.moves import FIRST, MOST, Step, Way, between, next_step
+from recognition.active.moves import FIRST, JOINED, MOST, Step, Way, between, next_step
 from recognition.active.policy import Drawn, Greedy, Ladder, Progress
 from whisker_array.scan.session import Fitting
 from whisker_array.whisker.array import WhiskerArray
@@ -28,6 +28,7 @@ def gain(*, cross: float = -2.0, along: float = -2.0) -> Gain:
         Way.ALONG: WayGain(along, 0.0, 0.0),
         Way.BACK: WayGain(along, 0.0, 0.0),
         Way.CROSS: WayGain(cross, 0.0, 0.0),
+        Way.CROSS_BACK: WayGain(along, 0.0, 0.0),
     }
     return Gain(ways, sure=3.0, surer=2.0, looks=-1.0)
 
@@ -39,7 +40,7 @@ def felt(*, confidences: tuple[float, ...], lines: dict[Way, int] | None = None)
         MappingProxyType(lines),
         stage_s=5.0,
         confidences=confidences,
-        steps=(Way.ALONG,) * len(confidences),
+        steps=tuple((Way.ALONG, FIRST + k) for k in range(len(confidences))),
     )
 
 
@@ -80,9 +81,16 @@ def test_a_ladder_goes_up_rung_by_rung_and_ends() -> None:
         ways.append((step.way, step.lines))
         progress = progress.after(step, None)
     assert step is StopReason.ALL_FELT
-    assert ways == [(Way.ALONG, 4), (Way.ALONG, 5), (Way.BACK, 4)]
+    joined = [(Way.BACK, JOINED + k) for k in range(4 - JOINED + 1)]
+    assert ways == [(Way.ALONG, FIRST), (Way.ALONG, 5), *joined]
     assert [(way, lines) for way, lines, _ in progress.taken] == ways
     assert ladder.choose(felt(confidences=(0.0,)), FIELD, left_s=0.1) is StopReason.BUDGET
+
+
+def test_a_reading_that_is_surer_than_the_look_counts() -> None:
+    looked = felt(confidences=(0.01, 0.3))
+    assert looked.believing(0.8).confidences == (0.01, 0.8)
+    assert looked.believing(0.1).confidences == looked.confidences
 
 
 def test_drawn_steps_are_the_same_for_a_seed() -> None:
@@ -96,7 +104,10 @@ def test_drawn_steps_are_the_same_for_a_seed() -> None:
         return found
 
     assert ways(1) == ways(1) != ways(2)
-    assert ways(1)[0] is Way.ALONG
+    # all begin as the greedy one does
+    begun = Greedy(gain()).choose(Progress(FITTING), FIELD, left_s=1e9)
+    assert isinstance(begun, Step)
+    assert ways(1)[0] == ways(2)[0] == begun.way
 
 
 def test_the_step_that_brings_most_for_its_time_is_chosen() -> None:
@@ -140,7 +151,7 @@ def test_sureness_is_that_of_the_surest_of_the_last_looks() -> None:
 def test_a_fit_finds_the_gain_that_made_its_steps() -> None:
     rng, true, tried = np.random.default_rng(4), gain(cross=-0.5), []
     for _ in range(2500):
-        way = list(Way)[rng.integers(3)]
+        way = list(Way)[rng.integers(len(Way))]
         confidences = tuple(10.0 ** rng.uniform(-4.0, 0.0, size=rng.integers(1, 12)))
         lines = {Way.ALONG: int(rng.integers(4, 16))}
         sure = rng.random() < true.chance(way, lines, confidences)

@@ -1,0 +1,41 @@
+"""Whether a reading is taken at its word, of a part that is read again and again while it is felt."""
+
+from __future__ import annotations
+
+from recognition.decision.accept import decided_anew, serial_is_sure
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Decision, Reading
+
+EVEN = 0.5
+"""Confidence from which a text was believed."""
+
+
+class Trust:
+    """Many readings are many chances to be wrong: the more texts were believed, the surer the last must be.
+
+    Beliefs that hold may be asked for as often as one likes; those that change their mind are one chance each
+    (Bonferroni): of k texts the last may be doubted a k-th as much as one that was believed from the first.
+    """
+
+    def __init__(self, accept_confidence: float) -> None:
+        """Begin with a part.
+
+        Args:
+            accept_confidence: of a reading that is accepted, where no other text was believed.
+        """
+        self._accept = accept_confidence
+        self._believed: set[str] = set()
+
+    def takes(self, reading: Reading) -> bool:
+        """Whether the serial is sure."""
+        if reading.confidence > EVEN:
+            self._believed.add(reading.text)
+        least = 1.0 - (1.0 - self._accept) / max(len(self._believed), 1)
+        return serial_is_sure(reading) and reading.confidence >= least
+
+    def decided(self, reading: Reading) -> Reading:
+        """The reading, sent to review where it would be accepted and is not sure enough."""
+        if reading.decision is not Decision.ACCEPT or self.takes(reading):
+            return reading
+        low = Finding(ReadingFlag.LOW_CONFIDENCE, "low confidence: another text was believed before")
+        return decided_anew(reading.found(low))
