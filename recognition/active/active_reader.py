@@ -154,7 +154,8 @@ class _Part:
                 chosen = StopReason.STAGE_FAILED
                 break
             start = time.process_time()
-            look = self._look()
+            # who never stops looks only where the line lies
+            look = self._look() if settings.until_sure or self.region == self.fitting.field_mm else None
             self.progress = self.progress.after(chosen, look)
             self.looks_since += 1
             ended = self._asked() if settings.until_sure and self._due(look) else None

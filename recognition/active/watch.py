@@ -25,7 +25,7 @@ from recognition.views.view import View
 
 MOST_FOUND = 3
 """Lines of a first view that are looked at."""
-HEARD = 0.2
+HEARD = 0.5
 """Confidence of our own recogniser from which others are asked as well."""
 FOLLOWED = 0.05
 """Confidence of a reading from which its line is followed: it is seldom another by then."""
