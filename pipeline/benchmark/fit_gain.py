@@ -1,6 +1,6 @@
 """What steps of touch bring, fitted on parts of a design that are felt by steps drawn at random::
 
-    python -m pipeline.benchmark.fit_gain --design marks-exam-1-240 --seed 7 --budget-s 40 --write
+    python -m pipeline.benchmark.fit_gain --design marks-exam-1-240 --seed 7 --budget-s 60 --write
 
 Of the design only sections and soils that are not kept out are made, with a seed of their own, so that no part of an
 exam is among them. Every other part is held out of a first fit, which tells how well the chances hold.
@@ -97,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked.add_argument("--design", default="marks-exam-1-240")
     asked.add_argument("--seed", type=int, default=7)
     asked.add_argument("--parts", type=int, default=None)
-    asked.add_argument("--budget-s", type=float, default=40.0)
+    asked.add_argument("--budget-s", type=float, default=60.0)
     asked.add_argument("--write", action="store_true", help=f"replace {FITTED.name}")
     given = asked.parse_args(arguments)
     tried = list(tried_on(given.design, seed=given.seed, budget_s=given.budget_s, most=given.parts))

@@ -60,8 +60,8 @@ def write_page(path: Path, tried: Sequence[TouchTrial], *, title: str, command: 
             "given": given,
             "curves": inlined(curves_figure(tried, severities, given=given)),
             "rows": [
-                (severity_name(severity), level_text(row), row)
-                for severity in severities
+                ("all" if severity is None else severity_name(severity), level_text(row), row)
+                for severity in (*severities, None)
                 for row in results(tried, severity=severity, given=given)
             ],
         }

@@ -46,8 +46,9 @@ def compare_plans(source: Parts, *, out: Path, seed: int, jobs: int) -> int:
         out / "active.html", tried, title="What a serial costs in stage seconds", command=command_line()
     )
     write_curves(out / "active.png", tried)
-    for severity in sorted({t.severity for t in tried if t.severity is not None}):
-        print(f"\ndirt {severity:g}")
+    severities = sorted({t.severity for t in tried if t.severity is not None})
+    for severity in (*severities, None):
+        print("\nall parts" if severity is None else f"\ndirt {severity:g}")
         for row in results(tried, severity=severity):
             print(
                 f"  {row.plan.name:8} {level_text(row):32} {row.stage_s:6.1f} s (median {row.median_s:.1f})  "
