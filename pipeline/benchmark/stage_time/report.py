@@ -9,13 +9,14 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import PercentFormatter
+from matplotlib.ticker import NullLocator, PercentFormatter
 
 from pipeline.benchmark.report.charts import WIDTH_IN, inlined, severity_name
 from pipeline.benchmark.report.page import rendered
 from pipeline.benchmark.stage_time.trial import PlanResult, TouchTrial, results
 from pipeline.common.atomic import replacing
 
+SECONDS_SHOWN = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
 _STYLES = {
     "active": ("#0072b2", "o", "-"),
     "uniform": ("#d55e00", "s", "--"),
@@ -121,7 +122,13 @@ def _panel(axes: Axes, rows: Sequence[PlanResult]) -> None:
             [r.stage_s for r in wrong], [r.accepted / r.n for r in wrong],
             marker="x", s=90.0, color="#c00000", zorder=5,
         )  # fmt: skip
-    axes.set_xlim(left=0.0)
+    # the whole plan takes twenty times as long as the others
+    axes.set_xscale("log")
+    axes.set_xlim(
+        min(4.0, 0.8 * min(r.stage_s for r in rows)), max(400.0, 1.2 * max(r.stage_s for r in rows))
+    )
+    axes.set_xticks(SECONDS_SHOWN, [f"{s:g}" for s in SECONDS_SHOWN], minor=False)
+    axes.xaxis.set_minor_locator(NullLocator())
     axes.set_ylim(-0.03, 1.05)
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_xlabel("mean stage time of a part, s", fontsize=9)
