@@ -120,7 +120,7 @@ def benchmark(
         one. Takes about five times as long.
     active
         Show what a serial costs in stage seconds instead: touch that chooses its passes against uniform and random
-        plans of several lengths, read by touch alone. Writes active.html and active.csv.
+        plans of several lengths and the whole one, read by touch alone. Writes active.html, active.csv and active.png.
     reader
         A reader of your own, module:function, that takes a pipeline.ExamPart and gives its text.
     height_mm
