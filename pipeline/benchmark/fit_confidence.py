@@ -69,7 +69,7 @@ class KnownReading:
 
 
 def known_readings(folder: Path) -> Iterator[KnownReading]:
-    """What the finished benchmark of a design holds; readings without any text left out.
+    """What the finished benchmark of a design holds; where no text was read the belief is 0.
 
     Raises:
         FileError: the folder holds no benchmark.
@@ -83,7 +83,7 @@ def known_readings(folder: Path) -> Iterator[KnownReading]:
     sections = tuple(f"{s['name']}-" for s in design.get("section", ()) if s["kept_out"])
     for trials in journal.done.values():
         for trial in trials:
-            if trial.mode in SOURCES and trial.text and not trial.perturbed:
+            if trial.mode in SOURCES and not trial.error and not trial.perturbed:
                 soil = str(trial.levels.get("soil", ""))
                 measures = {
                     one.name: trial.measures[one.value] for one in GROUND if one.value in trial.measures
@@ -105,10 +105,13 @@ def known_readings(folder: Path) -> Iterator[KnownReading]:
                 )
 
 
-def _size(folder: Path) -> tuple[str, int]:
-    """The design of a benchmark, and how many of its parts were read."""
-    journal = TrialJournal.read(folder)
-    return str(journal.description["parts"].get("name", "")), len(journal.done)
+def _sizes(folders: Sequence[Path]) -> dict[str, int]:
+    """How many parts of each design were read, by its name."""
+    parts: dict[str, set[str]] = {}
+    for folder in folders:
+        journal = TrialJournal.read(folder)
+        parts.setdefault(str(journal.description["parts"].get("name", "")), set()).update(journal.done)
+    return {name: len(found) for name, found in parts.items()}
 
 
 @dataclass(frozen=True)
@@ -270,7 +273,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     readings = [one for folder in given.benchmarks for one in known_readings(folder)]
     fitted, counts = {}, {}
     for source in SOURCES:
-        own = [one for one in readings if one.source == source]
+        tried = [one for one in readings if one.source == source]
+        own = [one for one in tried if one.belief > 0.0]
         known = [one for one in own if not one.kept_out]
         if not own:
             fitted[source], counts[source] = asdict(calibration_of(source)), 0
@@ -281,17 +285,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
         fitted[source], counts[source] = asdict(made), len(known)
         print("\n".join(tables(source, own, threshold=given.threshold)))
-        print("\n".join(_decisions(own)))
+        print("\n".join(_decisions(tried)))
         print(f"fitted on {len(known):,} readings: {made}\n")
     if given.write:
-        known = [one for one in readings if not one.kept_out]
+        known = [one for one in readings if not one.kept_out and one.belief > 0.0]
         manifest = {
             "what": "confidences of beliefs (recognition/belief/calibration.py)",
             "command": "python -m pipeline.benchmark.fit_confidence BENCHMARK ... --write",
             "made": date.today().isoformat(),
             "fonts": sorted({one.font for one in known}),
             "soils": sorted({one.soil for one in known}),
-            "editions": {design: parts for folder in given.benchmarks for design, parts in [_size(folder)]},
+            "editions": _sizes(given.benchmarks),
             "readings": counts,
             "calibrations": fitted,
         }
