@@ -145,6 +145,25 @@ class LineRecord:
 
 
 @dataclass(frozen=True)
+class CodeRecord:
+    """A Data Matrix or QR code in a part's photograph.
+
+    Attributes:
+        kind: Data Matrix, QR Code or Micro QR Code.
+        text: what it says; of GS1 codes with identifiers in brackets, control characters as their pictures (␝).
+        same: whether it holds the serial that was read; None where it speaks of no serial, or none was read.
+        box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known, and where its place is not.
+        box_px: as box_mm, in the pixels of a photograph whose scale is not known; else None.
+    """
+
+    kind: str
+    text: str
+    same: bool | None = None
+    box_mm: Box | None = None
+    box_px: Box | None = None
+
+
+@dataclass(frozen=True)
 class PassRecord:
     """One pass of the whiskers, and what was believed after it.
 
@@ -199,6 +218,7 @@ class ReadingRecord:
         verify_probability: that the part bears the text expected; None where none was.
         rivals: other serials with some belief, most first.
         lines: the part's other lines: those asked for, then those that nobody has asked for.
+        codes: Data Matrix and QR codes in its photographs.
         program: version of the program that read it.
         settings: hash of the settings that it was read with.
         photos: photographs that it is of; 0 of touch alone.
@@ -228,6 +248,7 @@ class ReadingRecord:
     verify_probability: float | None = None
     rivals: tuple[RivalRecord, ...] = ()
     lines: tuple[LineRecord, ...] = ()
+    codes: tuple[CodeRecord, ...] = ()
     program: str = ""
     settings: str = ""
     photos: int = 0

@@ -20,6 +20,7 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.records import (
     CandidateRecord,
     CharacterRecord,
+    CodeRecord,
     EvidenceKind,
     EvidenceRecord,
     LineRecord,
@@ -380,6 +381,14 @@ def test_other_lines_are_shown_by_name(shop: Shop) -> None:
         assert "lot LOT<77 0.987" in words
         assert "another line 12/26 0.900" in words
     assert 'class="lines"' not in shop.client.get(f"/review/{shop.add()}").text
+
+
+def test_codes_are_shown_with_what_they_say_of_the_serial(shop: Shop) -> None:
+    codes = (CodeRecord("Data Matrix", "SER <7␝", False), CodeRecord("QR Code", "SER KX407251", True))
+    part_id = shop.add(readings=(reading("KX407251", codes=(*codes, CodeRecord("QR Code", "PNR 7"))),))
+    for address in (f"/review/{part_id}", f"/parts/{part_id}"):
+        words = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", shop.client.get(address).text)).split())
+        assert "Data Matrix SER <7␝ another serial QR Code SER KX407251 same serial QR Code PNR 7" in words
 
 
 def test_parts_without_reading_or_characters_have_pages(shop: Shop) -> None:
