@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,7 @@ def codes_of(photo: Photo) -> tuple[Code, ...]:
     return ()
 
 
-def _looks(photo: Photo) -> Iterator[NDArray[np.uint8]]:
+def _looks(photo: Photo) -> Iterator[NDArray[Any]]:
     """A photograph's grey values as they are, then with dots grown together: those of a peened code do not touch."""
     from glyphs.opencv import cv2
 
@@ -81,7 +82,7 @@ def _looks(photo: Photo) -> Iterator[NDArray[np.uint8]]:
             yield cv2.morphologyEx(grey, grown, np.ones((size, size), dtype=np.uint8))
 
 
-def _decoded(grey: NDArray[np.uint8], frame: Photo) -> tuple[Code, ...]:
+def _decoded(grey: NDArray[Any], frame: Photo) -> tuple[Code, ...]:
     import zxingcpp
 
     kinds = (
