@@ -92,6 +92,9 @@ class ServiceSettings(Settings):
     """Folder into which the camera puts its pictures: NAME.png is the part called NAME."""
     camera_driver: str = ""
     """module:callable that makes the driver of a real camera instead (pipeline.service.stage.Camera)."""
+    shadow: bool = False
+    """Shadow mode: parts are read and compared with what the line's own reader says (expected), and nothing is decided
+    or published; the page /shadow shows how the two agree."""
     watch: Path | None = None
     """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem."""
     watch_every_s: float = Field(default=1.0, ge=0.05, le=3600.0)

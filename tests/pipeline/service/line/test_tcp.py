@@ -256,6 +256,9 @@ async def test_a_stop_does_not_wait_for_ever() -> None:
         (part(state=PartState.REVIEW, reading=None), LineDecision.REJECT),
         (part(state=PartState.REVIEWED), LineDecision.ACCEPT),
         (part(text="", state=PartState.REVIEWED), LineDecision.REJECT),
+        # whatever was read
+        (part(state=PartState.SHADOW), LineDecision.SHADOW),
+        (part(text="", state=PartState.SHADOW), LineDecision.SHADOW),
     ],
 )
 def test_a_part_comes_to_one_word(record: PartRecord, wanted: LineDecision) -> None:
