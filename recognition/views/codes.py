@@ -46,6 +46,9 @@ class Code:
     text: str
     corners: tuple[tuple[float, float], ...] = ()
 
+    def __repr__(self) -> str:
+        return f"Code({self.kind!r}, {self.text[:80]!r}, {self.box})"
+
     @property
     def box(self) -> Box | None:
         """Axis-parallel hull; None where its place is not known."""
@@ -61,28 +64,31 @@ def codes_of(photo: Photo) -> tuple[Code, ...]:
     Several are looked at one after the other until one shows a code: another light may.
     """
     for one in (photo, *photo.others):
-        found = next((codes for looked_at in _looks(one) if (codes := _decoded(looked_at, photo))), ())
+        found = next((codes for look in _looks(one) if (codes := _decoded(*look, photo))), ())
         if found:
             return found
     return ()
 
 
-def _looks(photo: Photo) -> Iterator[NDArray[Any]]:
-    """A photograph's grey values as they are, then with dots grown together: those of a peened code do not touch."""
+def _looks(photo: Photo) -> Iterator[tuple[NDArray[Any], bool]]:
+    """A photograph's grey values as they are, then with dots grown together: those of a peened code do not touch.
+
+    With each, whether a code may be bright on dark there; one of bright dots is turned to dark ones.
+    """
     from glyphs.opencv import cv2
 
     pixels = photo.pixels
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY) if pixels.ndim == 3 else np.array(pixels)
-    yield grey
+    yield grey, True
     scale = (DOTS_AT / grey.size) ** 0.5
     if scale < 1.0:
         grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    for grown in (cv2.MORPH_OPEN, cv2.MORPH_CLOSE):  # dark dots, bright dots
+    for dark_dots in (grey, 255 - grey):
         for size in DOT_GAPS:
-            yield cv2.morphologyEx(grey, grown, np.ones((size, size), dtype=np.uint8))
+            yield cv2.morphologyEx(dark_dots, cv2.MORPH_OPEN, np.ones((size, size), dtype=np.uint8)), False
 
 
-def _decoded(grey: NDArray[Any], frame: Photo) -> tuple[Code, ...]:
+def _decoded(grey: NDArray[Any], either_way: bool, frame: Photo) -> tuple[Code, ...]:
     import zxingcpp
 
     kinds = (
@@ -90,7 +96,7 @@ def _decoded(grey: NDArray[Any], frame: Photo) -> tuple[Code, ...]:
         zxingcpp.BarcodeFormat.QRCode,
         zxingcpp.BarcodeFormat.MicroQRCode,
     )
-    found = zxingcpp.read_barcodes(grey, formats=zxingcpp.BarcodeFormats(kinds))
+    found = zxingcpp.read_barcodes(grey, formats=zxingcpp.BarcodeFormats(kinds), try_invert=either_way)
     pitch_mm, (x0, y0) = photo_pitch_mm(frame) * frame.shape[1] / grey.shape[1], photo_origin_mm(frame)
     codes: dict[str, Code] = {}
     for one in found:

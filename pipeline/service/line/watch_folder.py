@@ -7,7 +7,7 @@
 * It is complete when two looks, `every_s` apart, find the same length and time: one that is moved in, at its second.
 * What was submitted stands in a journal, and in the store under an idempotency key: the first lasts for as long as the
   file lies there, the second fills the moment between the part's transaction and the journal's line.
-* A file that cannot be used is told of once and left where it is. Nothing in the folder is ever changed.
+* A file that cannot be used is named once, in the log, and left where it is. Nothing in the folder is ever changed.
 * While the queue is full, files wait in the folder.
 """
 
