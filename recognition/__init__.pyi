@@ -21,6 +21,7 @@ from .reader import Reader
 from .senses.camera import VisionReader
 from .senses.settings import ReaderSettings
 from .senses.touch import TactileReader
+from .views.codes import Code
 from .views.text_line import TextLine
 from .views.view import View
 
@@ -33,6 +34,7 @@ __all__ = [
     "CharacterReading",
     "CharacterState",
     "CheckDigit",
+    "Code",
     "Decision",
     "DepthRule",
     "Finding",

@@ -41,7 +41,8 @@ def demo(
         return _serve(out, stay=stay)
     with failures_reported():
         from pipeline.cli.demonstration import run_demo
-        from pipeline.plots.pictures import SheetPart, same_text
+        from pipeline.common.same_text import same_text
+        from pipeline.plots.pictures import SheetPart
 
         def show(part: SheetPart) -> None:
             reading = part.reading
@@ -71,8 +72,8 @@ def _animate(path: Path) -> int:
     """Draw active touch, and print what was believed pass by pass."""
     with failures_reported():
         from pipeline.cli.active_demonstration import run_active_demo
+        from pipeline.common.same_text import same_text
         from pipeline.plots.active_animation import check_animation
-        from pipeline.plots.pictures import same_text
 
         check_animation(path)
         print(

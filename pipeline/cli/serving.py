@@ -73,6 +73,10 @@ def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str]
     host, port = bound.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
     say(f"tactile-marks serves at http://{shown}:{port} (page: /, interface: /openapi.json); Ctrl-C ends it")
+    if settings.shadow:
+        say(
+            "shadow mode: parts are read and compared with the line's own reader; nothing is decided or published"
+        )
     server.run(sockets=[bound])
     return 0 if server.started else 1
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import date, datetime
 from enum import StrEnum
 from typing import Any
 
@@ -27,6 +27,19 @@ class PartState(StrEnum):
     ACCEPTED = "accepted"
     REVIEW = "review"
     REVIEWED = "reviewed"
+    SHADOW = "shadow"
+    """Read beside the line's own reader; nothing was decided."""
+
+
+class Agreement(StrEnum):
+    """What a part that was read in the shadow of the line's own reader says of it."""
+
+    SAME = "same"
+    OTHER = "other"
+    NOTHING = "nothing"
+    """Nothing was read."""
+    ALONE = "alone"
+    """The line's own reader has said nothing."""
 
 
 class EvidenceKind(StrEnum):
@@ -145,6 +158,25 @@ class LineRecord:
 
 
 @dataclass(frozen=True)
+class CodeRecord:
+    """A Data Matrix or QR code in a part's photograph.
+
+    Attributes:
+        kind: Data Matrix, QR Code or Micro QR Code.
+        text: what it says; of GS1 codes with identifiers in brackets, control characters as their pictures (␝).
+        same: whether it holds the serial that was read; None where it speaks of no serial, or none was read.
+        box_mm: x0, y0, x1, y1; None in a photograph whose scale is not known, and where its place is not.
+        box_px: as box_mm, in the pixels of a photograph whose scale is not known; else None.
+    """
+
+    kind: str
+    text: str
+    same: bool | None = None
+    box_mm: Box | None = None
+    box_px: Box | None = None
+
+
+@dataclass(frozen=True)
 class PassRecord:
     """One pass of the whiskers, and what was believed after it.
 
@@ -199,6 +231,7 @@ class ReadingRecord:
         verify_probability: that the part bears the text expected; None where none was.
         rivals: other serials with some belief, most first.
         lines: the part's other lines: those asked for, then those that nobody has asked for.
+        codes: Data Matrix and QR codes in its photographs.
         program: version of the program that read it.
         settings: hash of the settings that it was read with.
         photos: photographs that it is of; 0 of touch alone.
@@ -228,6 +261,7 @@ class ReadingRecord:
     verify_probability: float | None = None
     rivals: tuple[RivalRecord, ...] = ()
     lines: tuple[LineRecord, ...] = ()
+    codes: tuple[CodeRecord, ...] = ()
     program: str = ""
     settings: str = ""
     photos: int = 0
@@ -327,13 +361,41 @@ class EventRecord:
 
     Attributes:
         at: when.
-        kind: received, read, touch_needed, reviewed, enrolled, evidence_expired.
+        kind: received, read, touch_needed, compared, reviewed, enrolled, evidence_expired.
         data: more, by kind.
     """
 
     at: datetime
     kind: str
     data: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ShadowRecord:
+    """What came of a part that was read in the shadow of the line's own reader.
+
+    Attributes:
+        agreement: of the last reading with the text expected, which is what the line's own reader has said.
+        would_be: where the part would stand if the service decided.
+    """
+
+    agreement: Agreement
+    would_be: PartState
+
+
+@dataclass(frozen=True)
+class AgreementDay:
+    """Parts of one day that were read in the shadow of the line's own reader.
+
+    Attributes:
+        day: by UTC.
+        accepted: of each agreement, parts that would have been accepted.
+        all_parts: of each agreement, all.
+    """
+
+    day: date
+    accepted: Mapping[Agreement, int]
+    all_parts: Mapping[Agreement, int]
 
 
 @dataclass(frozen=True)
@@ -352,6 +414,7 @@ class PartRecord:
         database: glyph database asked for; empty for the built-in fonts.
         plan: what to feel, while touch is needed.
         review: the last one; None before any.
+        shadow: what came of it in shadow mode; None of a part that the service has decided.
     """
 
     id: str
@@ -365,6 +428,7 @@ class PartRecord:
     database: str = ""
     plan: ScanPlanRecord | None = None
     review: ReviewRecord | None = None
+    shadow: ShadowRecord | None = None
 
 
 @dataclass(frozen=True)

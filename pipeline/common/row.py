@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.common.records import CharacterRecord, LineRecord, ReadingRecord
+from pipeline.common.records import CharacterRecord, CodeRecord, LineRecord, ReadingRecord
 
 WORTH_SHOWING = 0.01
 """Least probability of an alternative that a row names."""
@@ -50,6 +50,7 @@ class Row:
         action: what to do about the mark and where, as "clean 3 5, re-strike 7"; empty where nothing is.
         height_px: character height in pixels, of a photograph whose scale is not known; else None.
         lines: the part's other lines, as "lot=LOT77;date=12/26"; one that nobody has asked for has no name: "SN8".
+        codes: its Data Matrix and QR codes, and whether each holds the serial: "SER KB74 (same) | 4711 (other)".
         burr_mm: height of the highest rim beside a character's strokes; None where it is not known.
     """
 
@@ -79,6 +80,7 @@ class Row:
     action: str = ""
     height_px: float | None = None
     lines: str = ""
+    codes: str = ""
     burr_mm: float | None = None
 
     @classmethod
@@ -116,6 +118,7 @@ class Row:
             action=action_text(places),
             height_px=_rounded(record.height_px, 1),
             lines=lines_text(record.lines),
+            codes=codes_text(record.codes),
             burr_mm=_rounded(max(burrs, default=None), 4),
         )
 
@@ -131,6 +134,12 @@ def depths_text(places: Sequence[CharacterRecord]) -> str:
 def lines_text(lines: Sequence[LineRecord]) -> str:
     """Other lines of a part: "lot=LOT77;date=12/26"; a text alone where nobody has asked for it."""
     return ";".join(f"{line.name}={line.text}" if line.name else line.text for line in lines)
+
+
+def codes_text(codes: Sequence[CodeRecord]) -> str:
+    """Codes of a part: "SER KB74 (same) | 4711 (other)"; nothing is said of one that speaks of no serial."""
+    words = {True: " (same)", False: " (other)", None: ""}
+    return " | ".join(f"{code.text}{words[code.same]}" for code in codes)
 
 
 def alternatives_text(places: Sequence[CharacterRecord]) -> str:

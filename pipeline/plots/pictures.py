@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from glyphs.errors import FileError
 from pipeline.common.atomic import check_writable, replacing
+from pipeline.common.same_text import same_text
 from recognition.decision.panels import edge_panel, height_panel
 
 if TYPE_CHECKING:
@@ -69,8 +70,3 @@ def overview_figure(parts: Sequence[SheetPart]) -> Figure:
             loc="left",
         )
     return figure
-
-
-def same_text(one: str, other: str) -> bool:
-    """Whether two serials are the same; spaces are not stamped."""
-    return "".join(one.split()) == "".join(other.split())

@@ -14,6 +14,7 @@ from pipeline.common.records import (
     Box,
     CandidateRecord,
     CharacterRecord,
+    CodeRecord,
     LineRecord,
     PassRecord,
     ReadingRecord,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from recognition.language.box import Box as Hull
     from recognition.language.grammar import Grammar
     from recognition.language.lattice import Lattice
+    from recognition.views.codes import Code
     from whisker_array.scan.pass_log import PassLog
 
 MOST_RIVALS = 3
@@ -99,6 +101,7 @@ def reading_record(
         verify_probability=None if verification is None else _share(verification.probability),
         rivals=rivals_of(reading, reading.trace.lattice, grammar),
         lines=tuple(_line(one, scaled) for one in reading.others),
+        codes=tuple(_code(one, reading.text, scaled) for one in reading.codes),
         photos=reading.photos,
         program=program_version(),
         settings=key_of(settings.model_dump(mode="json", exclude_defaults=True)),
@@ -190,6 +193,19 @@ def _line(line: OtherLine, scaled: bool) -> LineRecord:
         line.name,
         line.text,
         _share(line.confidence),
+        box_mm=box if scaled else None,
+        box_px=None if scaled else box,
+    )
+
+
+def _code(code: Code, serial: str, scaled: bool) -> CodeRecord:
+    from recognition.language.code_text import holds
+
+    box = None if code.box is None else _corners(code.box)
+    return CodeRecord(
+        code.kind,
+        code.text,
+        holds(code.text, serial) if serial else None,
         box_mm=box if scaled else None,
         box_px=None if scaled else box,
     )

@@ -3,11 +3,15 @@
 camera sure -----------------------------> accepted
 camera unsure --> touch needed --> sure --> accepted
                                \\-> unsure, nothing read, or another text than expected --> review
+
+In shadow mode a part is done with as it comes: it is compared with what the line's own reader says, and nothing is
+decided.
 """
 
 from __future__ import annotations
 
-from pipeline.common.records import PartState, ReadingRecord
+from pipeline.common.records import Agreement, PartState, ReadingRecord, ShadowRecord
+from pipeline.common.same_text import same_text
 
 
 def state_after(reading: ReadingRecord) -> PartState:
@@ -20,6 +24,22 @@ def state_after(reading: ReadingRecord) -> PartState:
     if sure:
         return PartState.ACCEPTED
     return PartState.TOUCH_NEEDED if reading.source == "vision" else PartState.REVIEW
+
+
+def compared(reading: ReadingRecord, expected: str) -> ShadowRecord:
+    """What comes of a part in shadow mode.
+
+    Args:
+        reading: made without knowing the text expected, so that the two readers know nothing of each other.
+        expected: what the line's own reader has said; empty where it has said nothing.
+    """
+    if not expected.strip():
+        agreement = Agreement.ALONE
+    elif not reading.text:
+        agreement = Agreement.NOTHING
+    else:
+        agreement = Agreement.SAME if same_text(reading.text, expected) else Agreement.OTHER
+    return ShadowRecord(agreement, state_after(reading))
 
 
 def why_touch(reading: ReadingRecord) -> str:

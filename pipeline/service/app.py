@@ -101,6 +101,7 @@ class Service:
             metrics=self.metrics,
             targets=tuple(self.ports.senders),
             watch=self.watch,
+            shadow=settings.shadow,
         )
         self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
         self.metrics.gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
@@ -187,6 +188,7 @@ def create_app(service: Service) -> FastAPI:
             service.access,
             review=service.parts.review,
             drift=lambda: service.drift,
+            shadow=settings.shadow,
         )
     )
     _add_service_routes(app, service)
@@ -232,7 +234,12 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
         why = service.why_not_ready()
         if why:
             raise Problem(503, why, headers={"Retry-After": "1"})
-        return {"status": "ready", **({} if service.watch is None else {"drift": service.drift or "none"})}
+        mode = {"mode": "shadow"} if service.settings.shadow else {}
+        return {
+            "status": "ready",
+            **mode,
+            **({} if service.watch is None else {"drift": service.drift or "none"}),
+        }
 
     @app.get(
         "/metrics",

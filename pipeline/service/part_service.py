@@ -6,6 +6,8 @@
 * What ends on the way, by a bad file or a lost machine, leaves no part; the sender asks again, with the same
   idempotency key, and one part comes of it.
 * A real stage scans one part at a time; with sessions it feels pass by pass, until the serial is sure.
+* In shadow mode parts are read without knowing what the line's own reader says, then compared with it; nothing is
+  decided, felt by the stage, or published.
 * A stage that fails on the way costs no pass: the part is read from those before, for a person to look at.
 """
 
@@ -23,9 +25,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import structlog
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, ShadowRecord
 from pipeline.reading.jobs import Done
-from pipeline.reading.triage import state_after
+from pipeline.reading.triage import compared, state_after
 from pipeline.service.idempotency import IdempotentRequests, Received
 from pipeline.service.problem import Problem
 from pipeline.service.reading_jobs import ReadingJobs
@@ -77,6 +79,7 @@ class PartService:
         active_budget_s: float | None = None,
         targets: Sequence[str] = (),
         watch: DriftWatch | None = None,
+        shadow: bool = False,
     ) -> None:
         """Take what it works with.
 
@@ -91,10 +94,11 @@ class PartService:
                 every part is scanned by its whole plan.
             targets: of results: webhook, mqtt; `on_result` is called when there is something for them,
                 `on_part` with every part that was read.
+            shadow: read and compare with the line's own reader; decide and publish nothing.
         """
         self.store, self.evidence, self.jobs, self.metrics = store, evidence, jobs, metrics
         self.stage, self.camera, self._active_budget_s = stage, camera, active_budget_s
-        self._targets, self._watch = tuple(targets), watch
+        self._targets, self._watch, self._shadow = () if shadow else tuple(targets), watch, shadow
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
         self._announcing: set[asyncio.Future[None]] = set()
@@ -122,9 +126,12 @@ class PartService:
         async def work() -> PartRecord:
             part_id = new_part_id()
             done, kept = await self.jobs.read(
-                {"photo": photo, "scan": scan}, name=new.name, expected=new.expected, database=new.database
+                {"photo": photo, "scan": scan},
+                name=new.name,
+                expected="" if self._shadow else new.expected,
+                database=new.database,
             )
-            state = state_after(done.readings[-1])
+            state, shadow = _standing(done, new.expected, shadow=self._shadow)
             part = await self._stored(
                 self.store.add_part,
                 part_id=part_id,
@@ -137,6 +144,7 @@ class PartService:
                 plan=done.plan if state is PartState.TOUCH_NEEDED else None,
                 targets=self._targets,
                 idempotency=idempotency,
+                shadow=shadow,
             )
             self._count(part, done)
             if new.touch and part.state is PartState.TOUCH_NEEDED:
@@ -210,7 +218,8 @@ class PartService:
         Raises:
             StoreError: as `Store.review`.
         """
-        part = self.store.review(part_id, targets=self._targets, **said)
+        targets = () if self._in_shadow(self.store.part(part_id)) else self._targets
+        part = self.store.review(part_id, targets=targets, **said)
         self.on_result()
         if part.review is not None:
             self.metrics.reviews.labels(part.review.action.value).inc()
@@ -255,7 +264,7 @@ class PartService:
         done, kept = await self.jobs.read(
             {"scan": scan},
             name=part.name,
-            expected=part.expected,
+            expected="" if self._in_shadow(part) else part.expected,
             database=part.database,
             earlier_photo=await self._photo_of(part),
         )
@@ -264,17 +273,24 @@ class PartService:
     async def _add(
         self, part: PartRecord, done: Done, kept: list[EvidenceRecord], idempotency: IdempotencyKey | None
     ) -> PartRecord:
+        hidden = self._in_shadow(part)
+        state, shadow = _standing(done, part.expected, shadow=hidden)
         read = await self._stored(
             self.store.add_readings,
             part.id,
             readings=done.readings,
-            state=state_after(done.readings[-1]),
+            state=state,
             evidence=kept,
-            targets=self._targets,
+            targets=() if hidden else self._targets,
             idempotency=idempotency,
+            shadow=shadow,
         )
         self._count(read, done)
         return read
+
+    def _in_shadow(self, part: PartRecord) -> bool:
+        """Whether nothing is decided of a part, now or ever: one that was read in shadow mode stays there."""
+        return self._shadow or part.shadow is not None
 
     async def _stored(self, function: Callable[..., T], *arguments: Any, **options: Any) -> T:
         return await asyncio.to_thread(function, *arguments, **options)
@@ -300,6 +316,13 @@ class PartService:
             text=part.text,
             readings=[f"{r.source}: {r.decision}" for r in done.readings],
         )
+
+
+def _standing(done: Done, expected: str, *, shadow: bool) -> tuple[PartState, ShadowRecord | None]:
+    """Where a part stands by its last reading."""
+    if shadow:
+        return PartState.SHADOW, compared(done.readings[-1], expected)
+    return state_after(done.readings[-1]), None
 
 
 def _not_reviewed(part: PartRecord) -> None:

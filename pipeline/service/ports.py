@@ -1,4 +1,4 @@
-"""What the service speaks beside HTTP: trigger ports that it opens, and targets that it publishes results to."""
+"""What the service has beside HTTP: trigger ports, a folder that it watches, targets that it publishes results to."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import structlog
 
 from pipeline.common.version import program_version
 from pipeline.service.line.dispatch import Dispatcher, Sender
+from pipeline.service.line.watch_folder import WatchedFolder, watch_journal
 
 if TYPE_CHECKING:
     from pipeline.service.part_service import PartService
@@ -27,6 +28,7 @@ class Ports:
         """Make ready what the settings ask for; nothing is opened or sent yet.
 
         Raises:
+            FileError: a folder to watch that is none, or the journal of its files that cannot be used.
             MissingExtraError: a library of an extra is not installed.
             ValueError: an address that cannot be.
         """
@@ -48,6 +50,7 @@ class Ports:
             from pipeline.service.line.opcua import require_asyncua
 
             require_asyncua()
+        self._watch_journal = watch_journal(settings)
 
     @contextlib.asynccontextmanager
     async def opened(self, parts: PartService) -> AsyncIterator[None]:
@@ -95,4 +98,16 @@ class Ports:
                 stack.push_async_callback(opcua.stop, grace_s=grace_s)
                 parts.on_part = opcua.show
                 log.info("OPC UA server", host=opcua.host, port=opcua.port)
+            if settings.watch is not None and self._watch_journal is not None:
+                watched = WatchedFolder(
+                    settings.watch,
+                    parts,
+                    journal=self._watch_journal,
+                    every_s=settings.watch_every_s,
+                    most_bytes=settings.max_upload_mb * 1_000_000,
+                    at_once=settings.jobs,
+                )
+                watched.start()
+                stack.push_async_callback(watched.stop, grace_s=grace_s)
+                log.info("watched folder", folder=str(watched.folder), every_s=settings.watch_every_s)
             yield

@@ -92,6 +92,13 @@ class ServiceSettings(Settings):
     """Folder into which the camera puts its pictures: NAME.png is the part called NAME."""
     camera_driver: str = ""
     """module:callable that makes the driver of a real camera instead (pipeline.service.stage.Camera)."""
+    shadow: bool = False
+    """Shadow mode: parts are read and compared with what the line's own reader says (expected), and nothing is decided
+    or published; the page /shadow shows how the two agree."""
+    watch: Path | None = None
+    """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem."""
+    watch_every_s: float = Field(default=1.0, ge=0.05, le=3600.0)
+    """Seconds between two looks into that folder; a photograph is complete when two looks find it alike."""
     line_host: str = "127.0.0.1"
     """Address of the TCP port and the OPC UA server, which know no tokens."""
     tcp_port: Port | None = None
@@ -162,6 +169,11 @@ class ServiceSettings(Settings):
     def evidence_folder(self) -> Path:
         """Where photographs, scans and pictures are kept."""
         return self.folder / "evidence"
+
+    @property
+    def watch_journal(self) -> Path:
+        """What became of the files of the watched folder."""
+        return self.folder / "watched.jsonl"
 
     @property
     def databases_folder(self) -> Path:

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 MOST_NAME = 200
 _CHUNK = 1 << 20
-_HEAD = 16
+HEAD_BYTES = 16
+"""By which a picture is known."""
 _SCAN_MAGIC = b"\x89HDF\r\n\x1a\n"
 _PHOTO_TYPES = {
     b"\x89PNG\r\n\x1a\n": (".png", "image/png"),
@@ -81,11 +82,11 @@ async def receive(sent: UploadFile, role: str, folder: Path) -> Upload:
     import anyio.to_thread
 
     name = sent_name(sent.filename)
-    head = await sent.read(_HEAD)
+    head = await sent.read(HEAD_BYTES)
     if not head:
         raise Problem(422, f"the {role} {name!r} is empty; send it again")
     await sent.seek(0)
-    path = folder / f"{role}{_suffix(role, name, head)}"
+    path = folder / f"{role}{suffix_of(role, name, head)}"
     digest = hashlib.sha256()
 
     def write() -> None:
@@ -98,8 +99,17 @@ async def receive(sent: UploadFile, role: str, folder: Path) -> Upload:
     return Upload(path, name, digest.hexdigest())
 
 
-def _suffix(role: str, name: str, head: bytes) -> str:
-    """The suffix that says what the file is: of a photograph by its first bytes, of a scan by its name."""
+def suffix_of(role: str, name: str, head: bytes) -> str:
+    """The suffix that says what a file is: of a photograph by its first bytes, of a scan by its name.
+
+    Args:
+        role: photo or scan.
+        name: of the file, for messages and scans.
+        head: its first bytes, as many as `HEAD_BYTES`.
+
+    Raises:
+        Problem: 415, a file of no kind that is read.
+    """
     if role == "photo":
         for magic, (suffix, _) in _PHOTO_TYPES.items():
             if head.startswith(magic):

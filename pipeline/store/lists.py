@@ -38,11 +38,11 @@ def find_parts(
     if state is not None:
         query = query.where(parts.c.state == state)
     if before is not None:
-        query = query.where(parts.c.id < _id(before))
+        query = query.where(parts.c.id < page_end(before))
     for column, wanted in ((parts.c.text_folded, text), (parts.c.name_folded, name)):
         if wanted:
             query = query.where(_holds(tx, column, fit(wanted, "what is sought").casefold()))
-    return _listed(tx, query.order_by(parts.c.id.desc()).limit(fit_limit(limit)))
+    return listed(tx, query.order_by(parts.c.id.desc()).limit(fit_limit(limit)))
 
 
 def _holds(tx: Transaction, column: sa.Column[str], wanted: str) -> sa.ColumnElement[bool]:
@@ -53,12 +53,12 @@ def _holds(tx: Transaction, column: sa.Column[str], wanted: str) -> sa.ColumnEle
 
 def queue(tx: Transaction, *, limit: int = 50) -> tuple[PartRecord, ...]:
     """Parts that a person is to look at, oldest first."""
-    return _listed(tx, _awaiting().limit(fit_limit(limit)))
+    return listed(tx, _awaiting().limit(fit_limit(limit)))
 
 
 def next_in_queue(tx: Transaction, after: str | None = None) -> PartRecord | None:
     """The oldest part to look at after that one, else the oldest, else None."""
-    found = () if after is None else _listed(tx, _awaiting().where(parts.c.id > _id(after)).limit(1))
+    found = () if after is None else listed(tx, _awaiting().where(parts.c.id > page_end(after)).limit(1))
     return next(iter(found or queue(tx, limit=1)), None)
 
 
@@ -77,11 +77,16 @@ def reviewed(
     if since is not None:
         query = query.where(reviews.c.at >= since)
     if after is not None:
-        query = query.where(parts.c.id > _id(after))
-    return _listed(tx, query.order_by(parts.c.id).limit(fit_limit(limit)))
+        query = query.where(parts.c.id > page_end(after))
+    return listed(tx, query.order_by(parts.c.id).limit(fit_limit(limit)))
 
 
-def _id(part_id: str) -> str:
+def page_end(part_id: str) -> str:
+    """The id that a page of a list ended with.
+
+    Raises:
+        UnfitError: no part's id.
+    """
     if not is_part_id(part_id):
         raise UnfitError(
             f"{part_id[:40]!r} is not a part's id", hint="give the one the page before ended with"
@@ -93,5 +98,6 @@ def _awaiting() -> sa.Select[Any]:
     return select_parts().where(parts.c.state == PartState.REVIEW).order_by(parts.c.id)
 
 
-def _listed(tx: Transaction, query: sa.Select[Any]) -> tuple[PartRecord, ...]:
+def listed(tx: Transaction, query: sa.Select[Any]) -> tuple[PartRecord, ...]:
+    """The parts of a query of `select_parts`."""
     return tuple(part_of(row) for row in tx.execute(query))

@@ -11,7 +11,14 @@ import sqlalchemy as sa
 
 from pipeline.common.part_id import is_part_id
 from pipeline.common.record_json import to_json
-from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ReadingRecord, ScanPlanRecord
+from pipeline.common.records import (
+    EvidenceRecord,
+    PartRecord,
+    PartState,
+    ReadingRecord,
+    ScanPlanRecord,
+    ShadowRecord,
+)
 from pipeline.store import tables
 from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError, UnfitError, cleaned, fit
@@ -37,6 +44,7 @@ def add_part(
     plan: ScanPlanRecord | None = None,
     targets: Sequence[str] = (),
     idempotency: IdempotencyKey | None = None,
+    shadow: ShadowRecord | None = None,
 ) -> PartRecord:
     """Receive a part with what was read of it.
 
@@ -52,6 +60,7 @@ def add_part(
         plan: what to scan; with another state than TOUCH_NEEDED it says that the part was scanned because of it.
         targets: where the result is published, unless touch is needed first.
         idempotency: of the request.
+        shadow: what came of it in shadow mode.
 
     Raises:
         AlreadyDoneError: the key is taken.
@@ -79,7 +88,7 @@ def add_part(
         raise ConflictError(f"there is a part {part_id} already", hint="take a new id")
     claim(tx, idempotency, part_id)
     add_events(tx, part_id, [("received", {"name": name, "expected": expected, "database": database})])
-    return _add(tx, part_id, state, readings, evidence, plan, targets)
+    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow)
 
 
 def add_readings(
@@ -92,6 +101,7 @@ def add_readings(
     evidence: Sequence[EvidenceRecord] = (),
     targets: Sequence[str] = (),
     idempotency: IdempotencyKey | None = None,
+    shadow: ShadowRecord | None = None,
 ) -> PartRecord:
     """Add what was read of a part later; arguments as `add_part`.
 
@@ -108,7 +118,7 @@ def add_readings(
             f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review if it is wrong"
         )
     claim(tx, idempotency, part_id)
-    return _add(tx, part_id, state, readings, evidence, plan, targets)
+    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow)
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
@@ -147,6 +157,7 @@ def _add(
     evidence: Sequence[EvidenceRecord],
     plan: ScanPlanRecord | None,
     targets: Sequence[str],
+    shadow: ShadowRecord | None,
 ) -> PartRecord:
     touch_needed = state is PartState.TOUCH_NEEDED
     changes: dict[str, Any] = {"state": state, "changed_at": tx.now, "plan": None}
@@ -162,17 +173,24 @@ def _add(
         changes["text_folded"] = changes["text"].casefold()
         changes["by_camera"] = state is PartState.ACCEPTED and last.source == "vision"
         changes["rejected"] = last.decision == "reject"
+    if shadow is not None:
+        changes |= {"agreement": shadow.agreement, "would_be": shadow.would_be}
     tx.execute(sa.update(parts).where(parts.c.id == part_id).values(**changes))
     for file in evidence:
         tx.execute(sa.insert(tables.evidence).values(part_id=part_id, at=tx.now, **_evidence_row(file)))
-    add_events(tx, part_id, _events(state, readings, plan))
+    add_events(tx, part_id, _events(state, readings, plan, shadow))
     part = part_by_id(tx, part_id)
     if not touch_needed:
         put_in_outbox(tx, part, targets)
     return part
 
 
-def _events(state: PartState, readings: Sequence[ReadingRecord], plan: ScanPlanRecord | None) -> list[Event]:
+def _events(
+    state: PartState,
+    readings: Sequence[ReadingRecord],
+    plan: ScanPlanRecord | None,
+    shadow: ShadowRecord | None,
+) -> list[Event]:
     happened: list[Event] = [
         ("read", {"source": r.source, "text": r.text, "decision": r.decision, "confidence": r.confidence})
         for r in readings
@@ -184,6 +202,8 @@ def _events(state: PartState, readings: Sequence[ReadingRecord], plan: ScanPlanR
         happened.insert(place, ("touch_needed", {"reason": plan.reason, "seconds": plan.seconds}))
     elif state is PartState.TOUCH_NEEDED:
         happened.append(("touch_needed", {}))
+    if shadow is not None:
+        happened.append(("compared", {"agreement": shadow.agreement, "would_be": shadow.would_be}))
     return happened
 
 

@@ -11,6 +11,7 @@ from sqlalchemy.engine import Row
 from pipeline.common.part_id import is_part_id
 from pipeline.common.record_json import from_json
 from pipeline.common.records import (
+    Agreement,
     EventRecord,
     EvidenceKind,
     EvidenceRecord,
@@ -20,6 +21,7 @@ from pipeline.common.records import (
     ReviewAction,
     ReviewRecord,
     ScanPlanRecord,
+    ShadowRecord,
 )
 from pipeline.store.database import Transaction
 from pipeline.store.errors import NotFoundError
@@ -54,6 +56,9 @@ def part_of(row: Row[Any]) -> PartRecord:
         database=row.database,
         plan=None if row.plan is None else from_json(ScanPlanRecord, row.plan),
         review=None if row.review_id is None else _review(row, "review_"),
+        shadow=None
+        if row.agreement is None
+        else ShadowRecord(Agreement(row.agreement), PartState(row.would_be)),
     )
 
 

@@ -17,6 +17,7 @@ import sqlalchemy as sa
 from pipeline.store import evidence_index, idempotency, lists, outbox, rows
 from pipeline.store import parts as _parts
 from pipeline.store import reviews as _reviews
+from pipeline.store import shadow as _shadow
 from pipeline.store import statistics as _statistics
 from pipeline.store import tokens as _tokens
 from pipeline.store.database import Database, Transaction, open_database, utc_now
@@ -109,6 +110,8 @@ class Store:
     next_in_queue = _reads(lists.next_in_queue)
     reviewed = _reads(lists.reviewed)
     statistics = _reads(_statistics.statistics)
+    agreement_by_day = _reads(_shadow.agreement_by_day)
+    compared_parts = _reads(_shadow.compared_parts)
 
     # requests that are sent again
     remembered = _reads(idempotency.remembered)

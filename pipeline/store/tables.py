@@ -93,7 +93,12 @@ parts = sa.Table(
     sa.Column("was_right", sa.Boolean),
     sa.Column("characters", sa.Integer),
     sa.Column("characters_right", sa.Integer),
+    # of a part read in shadow mode: whether the line's own reader has said the same, and where it would stand
+    sa.Column("agreement", sa.String(16)),
+    sa.Column("would_be", sa.String(16)),
     sa.Index(None, "state", "id"),
+    sa.Index(None, "agreement", "id"),
+    sa.Index(None, "agreement", "created_at", "would_be"),
     sa.Index(
         "ix_parts_figures",
         "created_at",

@@ -26,6 +26,7 @@ ACCEPTED_WHERE_NOT = {
     ReadingFlag.UNREAD_MARKS: "no other line can be read that may be the serial",
     ReadingFlag.LINE_MISSING: "every other line that was asked for was found",
     ReadingFlag.SENSES_DISAGREE: "touch and camera agree",
+    ReadingFlag.CODE_DISAGREES: "a Data Matrix or QR code beside it, if one speaks of a serial, holds this one",
     ReadingFlag.NOT_CERTIFIED: "the certificate, if there is one, vouches for it",
     MEASURE_FLAGS: "the mark keeps every rule that was asked for",
 }

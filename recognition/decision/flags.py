@@ -38,6 +38,7 @@ class ReadingFlag(Flag):
     NOT_CERTIFIED = auto()
     STROKES_MISSING = auto()
     STROKES_UNDECIDED = auto()
+    CODE_DISAGREES = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -69,6 +70,7 @@ _MESSAGES = {
     ReadingFlag.NOT_CERTIFIED: "not covered by the certificate (look at the part)",
     ReadingFlag.STROKES_MISSING: "most strokes of a character are missing (clean it and scan it again)",
     ReadingFlag.STROKES_UNDECIDED: "the strokes that tell two characters apart were not felt (clean it)",
+    ReadingFlag.CODE_DISAGREES: "a code on the part holds another serial (look at the part)",
     ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
 }
 MEASURE_FLAGS = (

@@ -21,6 +21,7 @@ from recognition.belief.fuse_lattices import (
     fuse_lattices,
     tempered,
 )
+from recognition.decision.code_check import checked_by_codes
 from recognition.decision.decide import CHOICE_FLAGS, Thresholds, decided
 from recognition.decision.flags import Finding, ReadingFlag, flags_of
 from recognition.decision.known_ground import on_known_ground
@@ -63,7 +64,10 @@ def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
     """
     made = _fused(touch, vision, settings)
     trace = ReadingTrace(strokes=made.trace.strokes, touch=touch, vision=vision, photo=vision.trace.photo)
-    return on_known_ground(replace(made, source="fused", photos=vision.photos, trace=trace), settings)
+    made = on_known_ground(replace(made, source="fused", photos=vision.photos, trace=trace), settings)
+    # a photograph without a scale has a frame of its own
+    codes = vision.codes if vision.unit == made.unit else [replace(c, corners=()) for c in vision.codes]
+    return checked_by_codes(made, codes)
 
 
 def _fused(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:

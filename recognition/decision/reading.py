@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from recognition.language.constrained_decoding import Choice
     from recognition.language.lattice import Lattice
     from recognition.strokes.strokes_felt import FeltLine, PlaceStrokes
+    from recognition.views.codes import Code
     from recognition.views.text_line import TextLine
     from whisker_array.estimation.relief import Relief
     from whisker_array.scan.scan import Scan
@@ -207,6 +208,7 @@ class Reading:
         unit: of height and boxes: "px", of the photograph as taken, where its scale is not known.
         others: the part's other lines.
         photos: photographs that it is of; 0 of touch alone.
+        codes: Data Matrix and QR codes in them.
         trace: what it was made from.
     """
 
@@ -227,6 +229,7 @@ class Reading:
     unit: Unit = "mm"
     others: tuple[OtherLine, ...] = ()
     photos: int = 0
+    codes: tuple[Code, ...] = ()
     trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
 
     @property

@@ -16,6 +16,7 @@ from operator import or_
 from typing import TYPE_CHECKING
 
 from recognition.decision.flags import DOUBT_FLAGS, MEASURE_FLAGS, ReadingFlag, flags_of
+from recognition.language.code_text import holds
 from recognition.language.confusions import CharacterState
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ IMPORTANCE = (
     ReadingFlag.NO_CHARACTERS,
     ReadingFlag.FORMAT_NOT_MET,
     ReadingFlag.SENSES_DISAGREE,
+    ReadingFlag.CODE_DISAGREES,
     ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS,
     ReadingFlag.LINE_MISSING,
     ReadingFlag.STROKES_MISSING,
@@ -61,7 +63,10 @@ def messages_of(reading: Reading) -> tuple[str, ...]:
         for line in reading.others
         if not line.name and not line.may_be_serial
     )
-    return (*named, *rules, *scan, *beside, *reading.notes)
+    same = (
+        f"the {code.kind} holds the same serial" for code in reading.codes if holds(code.text, reading.text)
+    )
+    return (*named, *rules, *scan, *beside, *same, *reading.notes)
 
 
 def _words(reading: Reading, flag: ReadingFlag) -> tuple[str, ...]:

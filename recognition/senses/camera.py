@@ -1,6 +1,6 @@
 """The reader of photographs: how a picture becomes a reading.
 
-photograph --pixels enough--> view --LineReader--> line and beliefs --format--> Reading
+photograph --codes filled, pixels enough--> view --LineReader--> line and beliefs --format--> Reading --codes--> Reading
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from glyphs.errors import MarksError
 from recognition.belief.line_belief import LineBelief, over_views
 from recognition.belief.line_reader import LineReader, agreed
 from recognition.belief.weights import EXPERTS
+from recognition.decision.code_check import checked_by_codes
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Reading
@@ -25,9 +26,10 @@ from recognition.decision.reading_of_line import reading_of_line
 from recognition.experts.templates.photo_judge import SCALES, allowed_of, judged_photo, placed
 from recognition.experts.templates.photo_shapes import PhotoShapes, photo_shapes
 from recognition.language.lattice import Lattice
-from recognition.senses.photo_sizes import read_at_sizes
+from recognition.senses.photo_sizes import SIZES, read_at_sizes, shrunk
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
+from recognition.views.codes import Code, codes_of, without_codes
 from recognition.views.registered import photo_views
 from recognition.views.text_line import TextLine
 from recognition.views.view import View
@@ -79,13 +81,15 @@ class VisionReader:
             photo: of a part.
             about: where the line lies, if it is known (felt by touch, or by the stage).
         """
-        return read_at_sizes(photo, lambda small: self._read(small, about))
+        codes = codes_of(shrunk(photo, SIZES[-1]))
+        made = read_at_sizes(photo, lambda small: self._read(small, about, codes))
+        return checked_by_codes(made, codes)
 
-    def _read(self, photo: Photo, about: TextLine | None) -> Reading:
+    def _read(self, photo: Photo, about: TextLine | None, codes: Sequence[Code]) -> Reading:
         timer = StepTimer()
         scaled = photo.pitch_mm is not None
         with timer.step("read"):
-            views, left_out = photo_views(photo)
+            views, left_out = photo_views(without_codes(photo, codes))
             pictures = _Pictures(self, views, scaled=scaled) if self.shapes else None
             part = self._readers[scaled].read(
                 *views, about=about, judge=pictures, place=None if pictures is None else pictures.place

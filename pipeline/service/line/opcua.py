@@ -26,7 +26,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from pipeline.common.records import PartRecord
+from pipeline.common.records import PartRecord, PartState
 from pipeline.common.settings import SettingsError
 from pipeline.service.line.opcua_device import Users, bad, build_device, settings_fit
 from pipeline.service.line.opcua_library import require_asyncua, ua_types
@@ -169,13 +169,18 @@ class OpcUaPort:
             self._server = None
 
     async def show(self, part: PartRecord, *, event: bool = True) -> None:
-        """Show a part that was read, whatever triggered it; the same one again is not shown twice.
+        """Show a part that was read, whatever triggered it; the same one again is not shown twice, and none in shadow
+        mode.
 
         Args:
             part: as it stands.
             event: whether subscribers get an event.
         """
-        if self._server is None or (part.id, part.changed_at) in self._shown:
+        if (
+            self._server is None
+            or part.state is PartState.SHADOW
+            or (part.id, part.changed_at) in self._shown
+        ):
             return
         ua = ua_types()
         self._shown.append((part.id, part.changed_at))

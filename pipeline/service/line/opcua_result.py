@@ -14,7 +14,7 @@ import math
 from datetime import UTC
 from typing import Any
 
-from pipeline.common.records import PartRecord, ReadingRecord
+from pipeline.common.records import PartRecord, PartState, ReadingRecord
 from pipeline.service.line.opcua_library import ua_types
 from pipeline.service.line.trigger import LineDecision, decision_of
 
@@ -26,7 +26,9 @@ _INT32 = 2**31 - 1
 
 
 def status_of(part: PartRecord) -> int:
-    """AutoIdOperationStatusEnumeration: SUCCESS only for a part that is accepted."""
+    """AutoIdOperationStatusEnumeration: SUCCESS only for a part that is accepted, none in shadow mode."""
+    if part.state is PartState.SHADOW:
+        return DEVICE_NOT_READY
     if not part.text:
         return NO_IDENTIFIER
     if part.reading is not None and part.reading.verdict == "refuted":

@@ -14,7 +14,7 @@ from string import Formatter
 
 from glyphs.errors import MarksError
 from pipeline.common.records import PartRecord
-from pipeline.common.row import lines_text
+from pipeline.common.row import codes_text, lines_text
 from pipeline.service.line.trigger import decision_of, is_hidden
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
@@ -30,6 +30,7 @@ TEXT_FIELDS = (
     "font",
     "database",
     "lines",
+    "codes",
 )
 NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
 _SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
@@ -117,6 +118,7 @@ def _values(part: PartRecord) -> dict[str, str | float]:
         "font": reading.font if reading else "",
         "database": part.database,
         "lines": lines_text(reading.lines) if reading else "",
+        "codes": codes_text(reading.codes) if reading else "",
         "confidence": reading.confidence if reading else 0.0,
         "height_mm": (reading.height_mm or 0.0) if reading else 0.0,
         "rotation_deg": reading.rotation_deg if reading else 0.0,

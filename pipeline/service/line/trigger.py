@@ -27,6 +27,7 @@ class LineDecision(StrEnum):
     REVIEW = "REVIEW"
     REJECT = "REJECT"
     TOUCH = "TOUCH"
+    SHADOW = "SHADOW"
 
 
 def decision_of(part: PartRecord) -> LineDecision:
@@ -34,7 +35,10 @@ def decision_of(part: PartRecord) -> LineDecision:
 
     ACCEPT: read surely, or a person has said its text. REVIEW: a person has to look. REJECT: one has to look, and
     nothing could be read, or a person found it unreadable. TOUCH: the camera is unsure and there is not a scan yet.
+    SHADOW: nothing was decided; the line goes by its own reader.
     """
+    if part.state is PartState.SHADOW:
+        return LineDecision.SHADOW
     if part.state is PartState.TOUCH_NEEDED:
         return LineDecision.TOUCH
     if part.state is PartState.ACCEPTED:

@@ -49,6 +49,7 @@ STATE_NAMES = {
     PartState.ACCEPTED: "accepted",
     PartState.REVIEW: "to review",
     PartState.REVIEWED: "reviewed",
+    PartState.SHADOW: "in shadow",
 }
 
 
@@ -95,6 +96,7 @@ class Frame:
         *,
         low_margin: float = LOW_MARGIN,
         review: Callable[..., PartRecord] | None = None,
+        shadow: bool = False,
     ) -> Frame:
         """With the templates and files of the package."""
         assets = Assets()
@@ -107,6 +109,7 @@ class Frame:
         )
         environment.globals["static"] = assets.address
         environment.globals["state_names"] = STATE_NAMES
+        environment.globals["shadow"] = shadow
         environment.globals["part_cells"] = lambda part: part_cells(part, low_margin=low_margin)
         environment.filters.update(iso=_iso, utc=_utc, view=_view)
         return cls(store, evidence, access, assets, environment, low_margin, review or store.review)

@@ -1,6 +1,6 @@
 """The operator's page: queue, review, parts and dashboard, made on the server; works without script and internet.
 
-/review  /review/{id}  /parts  /parts/{id}  /dashboard  /login  /static/{name}
+/review  /review/{id}  /parts  /parts/{id}  /dashboard  /shadow  /login  /static/{name}
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pipeline.service.pages.login import add_login
 from pipeline.service.pages.parts import add_part_pages
 from pipeline.service.pages.places import LOW_MARGIN
 from pipeline.service.pages.review import add_review_pages
+from pipeline.service.pages.shadow import add_shadow_page
 
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
@@ -34,6 +35,7 @@ def pages_router(
     low_margin: float = LOW_MARGIN,
     review: Callable[..., PartRecord] | None = None,
     drift: Callable[[], str] = str,
+    shadow: bool = False,
 ) -> APIRouter:
     """The routes of all pages.
 
@@ -44,12 +46,14 @@ def pages_router(
         low_margin: lead of the first over the second candidate below which a place is marked unsure.
         review: keeps what a person says, `Store.review` unless given.
         drift: says how the latest parts differ from the certified ones; empty where they do not.
+        shadow: whether the service decides nothing.
     """
-    frame = Frame.make(store, evidence, access, low_margin=low_margin, review=review)
+    frame = Frame.make(store, evidence, access, low_margin=low_margin, review=review, shadow=shadow)
     router = APIRouter(route_class=page_route(frame), include_in_schema=False)
     add_review_pages(router, frame)
     add_part_pages(router, frame)
     add_dashboard(router, frame, drift)
+    add_shadow_page(router, frame)
     add_login(router, frame)
 
     @router.get("/static/{name}")

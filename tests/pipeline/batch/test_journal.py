@@ -28,7 +28,14 @@ from pipeline.batch.journal import RunJournal
 from pipeline.batch.row_files import read_rows
 from pipeline.batch.tables import LINE_FORMS, MOST_TEXT, record_of_json, write_records
 from pipeline.common.file_lock import lock
-from pipeline.common.records import CandidateRecord, CharacterRecord, LineRecord, ReadingRecord, RivalRecord
+from pipeline.common.records import (
+    CandidateRecord,
+    CharacterRecord,
+    CodeRecord,
+    LineRecord,
+    ReadingRecord,
+    RivalRecord,
+)
 from pipeline.common.row import Row
 
 SUFFIXES = (".csv", ".jsonl", ".parquet")
@@ -82,6 +89,9 @@ def any_record(text: st.SearchStrategy[str]) -> st.SearchStrategy[ReadingRecord]
         verify_probability=NUMBER_OR_NONE,
         rivals=st.lists(st.builds(RivalRecord, text, NUMBERS), max_size=2).map(tuple),
         lines=st.lists(st.builds(LineRecord, text, text, NUMBERS, box, box), max_size=2).map(tuple),
+        codes=st.lists(
+            st.builds(CodeRecord, text, text, st.none() | st.booleans(), box, box), max_size=2
+        ).map(tuple),
     )
 
 

@@ -15,6 +15,7 @@ from pipeline.batch.tables import check_output, record_of_json, write_records
 from pipeline.common.records import (
     CandidateRecord,
     CharacterRecord,
+    CodeRecord,
     LineRecord,
     PassRecord,
     ReadingRecord,
@@ -50,6 +51,10 @@ RECORDS = [
         verify_probability=0.0004,
         rivals=(RivalRecord("B", 0.08),),
         lines=(LineRecord("lot", "LOT77", 0.97, (1.0, 9.0, 20.0, 12.0)), LineRecord("", "12/26", 0.9)),
+        codes=(
+            CodeRecord("Data Matrix", "[)>␞12␝SER 8␞␄", True, (0.0, 9.0, 4.0, 13.0)),
+            CodeRecord("QR Code", "PNR 7"),
+        ),
         passes=(PassRecord(180, (1.0, 3.5), (0.0, 40.0), 50.0, 0.8, 1.25, "to try it", "KB7", 0.5),),
         stage_s=1.25,
         stopped="budget",
@@ -78,6 +83,7 @@ def test_csv_is_flat_and_holds_the_stated_columns_first(tmp_path: Path) -> None:
         ("", "", "", ""),
     ]
     assert [r["lines"] for r in table] == ["lot=LOT77;12/26", ""]
+    assert [r["codes"] for r in table] == ["[)>␞12␝SER 8␞␄ (same) | PNR 7", ""]
 
 
 def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
@@ -115,6 +121,7 @@ def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
         },
         {"name": "", "text": "12/26", "confidence": 0.9, "box_mm": None, "box_px": None},
     ]
+    assert [(one["kind"], one["same"]) for one in told["codes"]] == [("Data Matrix", True), ("QR Code", None)]
     assert (told["at"], told["program"], told["settings"]) == (
         "2026-11-21T09:30:00+00:00",
         "1.2",
@@ -125,6 +132,7 @@ def test_json_lines_and_parquet_hold_lists_and_structs(tmp_path: Path) -> None:
     parquet = table.to_pylist()[0]
     assert parquet["characters"] == told["characters"]
     assert parquet["lines"] == told["lines"]
+    assert parquet["codes"] == told["codes"]
     assert parquet["passes"] == told["passes"]
     assert told["passes"][0]["direction_deg"] == 180
     assert parquet["at"] == RECORDS[0].at

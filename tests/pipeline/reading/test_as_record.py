@@ -14,7 +14,8 @@ import x3pio
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
-from pipeline.common.records import LineRecord, ReadingRecord
+from pipeline.common.record_json import from_json, to_json
+from pipeline.common.records import CodeRecord, LineRecord, ReadingRecord
 from pipeline.common.row import Row
 from pipeline.common.run_description import key_of
 from pipeline.common.settings import ReadSettings
@@ -28,6 +29,7 @@ from recognition.decision.reading import Candidate, CharacterReading, Decision, 
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.views.codes import Code
 
 BOX = Box(0.0, 0.0, 1.0, 1.0)
 
@@ -135,6 +137,28 @@ def test_other_lines_stand_in_the_record() -> None:
     )
     (lot, _) = reading_record(replace(read, unit="px"), ReadSettings(), None, part="p", seconds=0.1).lines
     assert (lot.box_mm, lot.box_px) == (None, (0.0, 0.0, 1.0, 1.0))
+
+
+def test_codes_stand_in_the_record_with_what_they_say_of_the_serial() -> None:
+    corners = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+    codes = (
+        Code("Data Matrix", "SER 11", corners),
+        Code("QR Code", "SER 17"),
+        Code("QR Code", "PNR 7", corners),
+    )
+    read = replace(reading("11"), codes=codes)
+    made = reading_record(read, ReadSettings(), None, part="p", seconds=0.1)
+    assert made.codes == (
+        CodeRecord("Data Matrix", "SER 11", True, (0.0, 0.0, 1.0, 1.0)),
+        CodeRecord("QR Code", "SER 17", False),
+        CodeRecord("QR Code", "PNR 7", None, (0.0, 0.0, 1.0, 1.0)),
+    )
+    assert from_json(ReadingRecord, to_json(made)) == made
+    assert Row.of(made).codes == "SER 11 (same) | SER 17 (other) | PNR 7"
+    (first, *_) = reading_record(replace(read, unit="px"), ReadSettings(), None, part="p", seconds=0.1).codes
+    assert (first.box_mm, first.box_px) == (None, (0.0, 0.0, 1.0, 1.0))
+    nothing = replace(reading("11"), characters=(), codes=codes)
+    assert reading_record(nothing, ReadSettings(), None, part="p", seconds=0.1).codes[0].same is None
 
 
 def test_a_format_met_with_either_row_first_is_tried_both_ways(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy.engine import Engine
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import PartState, ReviewAction
+from pipeline.common.records import Agreement, PartState, ReviewAction
 from pipeline.store.database import _ADVISORY_LOCK, MIGRATIONS, VERSION_TABLE, _checked
 from pipeline.store.store import Store, StoreError
 from pipeline.store.tables import METADATA, NEVER_CHANGED
@@ -167,6 +167,8 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
             asked.append((statement, parameters))
 
     store.statistics(START)
+    store.agreement_by_day(START)
+    store.compared_parts(Agreement.OTHER, before=new_part_id())
     store.queue()
     store.next_in_queue(new_part_id())
     store.parts(state=PartState.REVIEW, before=new_part_id())

@@ -20,6 +20,7 @@ from recognition.belief.fuse_lattices import (
     tempered,
 )
 from recognition.decision.accept import DOUBTS
+from recognition.decision.code_check import checked_by_codes
 from recognition.decision.decide import decided
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.fuse import fuse
@@ -30,6 +31,7 @@ from recognition.language.constrained_decoding import choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
 from recognition.senses.settings import ReaderSettings
+from recognition.views.codes import Code
 
 CHARS = tuple("ABC12")
 PLAIN = Reliability()
@@ -323,3 +325,29 @@ def test_a_check_digit_blind_to_a_rival_keeps_every_path_from_acceptance(path: s
     assert ReadingFlag.CHECK_BLIND in read.flags
     assert read.decision is Decision.REVIEW
     assert sum("8 may be H" in message for message in read.messages()) == 1
+
+
+def test_a_code_is_compared_with_what_both_read() -> None:
+    code = Code("QR Code", "SER AB1234", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)))
+    # the camera alone reads B for 8's twin and is held up by the code; touch knows better
+    seen = checked_by_codes(vision(of_text("AB1284", 0.6, rival="AB1234")), (code,))
+    assert seen.flags & ReadingFlag.CODE_DISAGREES
+    made = fuse(touch(of_text("AB1234", 0.999)), seen, SETTINGS)
+    assert (made.text, made.codes) == ("AB1234", (code,))
+    assert not made.flags & ReadingFlag.CODE_DISAGREES
+    assert made.messages()[-1] == "the QR Code holds the same serial"
+    # and where both read another than the code holds, a person looks
+    other = replace(code, text="SER AB1235")
+    sure = checked_by_codes(vision(of_text("AB1234", 0.999)), (other,))
+    made = fuse(touch(of_text("AB1234", 0.999)), sure, SETTINGS)
+    assert (made.text, made.decision) == ("AB1234", Decision.REVIEW)
+    assert made.flags & ReadingFlag.CODE_DISAGREES
+    # by the camera alone, too
+    assert fuse(touch(None), sure, SETTINGS).flags & ReadingFlag.CODE_DISAGREES
+
+
+def test_a_code_in_a_photograph_without_a_scale_has_no_place_on_the_plate() -> None:
+    code = Code("QR Code", "SER AB1234", ((0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)))
+    seen = checked_by_codes(replace(vision(of_text("AB1234", 0.99)), unit="px"), (code,))
+    (kept,) = fuse(touch(of_text("AB1234", 0.999)), seen, SETTINGS).codes
+    assert (kept.text, kept.box) == ("SER AB1234", None)

@@ -428,6 +428,7 @@ def test_it_is_quiet(shared: Shared, caplog: pytest.LogCaptureFixture) -> None:
         (part(state=PartState.TOUCH_NEEDED), 11),
         (part(state=PartState.REVIEW, reading=reading(verdict="refuted")), 12),
         (part(state=PartState.REVIEWED), 0),
+        (part(state=PartState.SHADOW), 17),
     ],
 )
 def test_the_status_of_a_part(record: PartRecord, status: int) -> None:

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.common.records import LineRecord, PartRecord, PartState, ReadingRecord
+from pipeline.common.records import CodeRecord, LineRecord, PartRecord, PartState, ReadingRecord
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString, ResultStringError
 from pipeline.service.line.tcp import TcpLimits, TcpPort
 from pipeline.service.line.trigger import LineDecision, decision_of, in_words, is_hidden
@@ -256,6 +256,9 @@ async def test_a_stop_does_not_wait_for_ever() -> None:
         (part(state=PartState.REVIEW, reading=None), LineDecision.REJECT),
         (part(state=PartState.REVIEWED), LineDecision.ACCEPT),
         (part(text="", state=PartState.REVIEWED), LineDecision.REJECT),
+        # whatever was read
+        (part(state=PartState.SHADOW), LineDecision.SHADOW),
+        (part(text="", state=PartState.SHADOW), LineDecision.SHADOW),
     ],
 )
 def test_a_part_comes_to_one_word(record: PartRecord, wanted: LineDecision) -> None:
@@ -269,6 +272,8 @@ def test_the_format_is_the_integrators() -> None:
     lines = (LineRecord("lot", "LOT77", 0.9), LineRecord("", "12/26", 0.9))
     read = ReadingRecord("fused", "KX407251", "accept", 0.9, lines=lines)
     assert ResultString("{text} {lines}").of(part(reading=read)) == "KX407251 lot=LOT77;12/26"
+    read = ReadingRecord("fused", "KX407251", "accept", 0.9, codes=(CodeRecord("QR Code", "KX407251", True),))
+    assert ResultString("{text};{codes}").of(part(reading=read)) == "KX407251;KX407251 (same)"
     assert ResultString(DEFAULT_FORMAT).of(part(reading=None)).split(";")[3:5] == ["0.000", ""]
 
 

@@ -18,8 +18,10 @@ from hypothesis import strategies as st
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import (
+    Agreement,
     CandidateRecord,
     CharacterRecord,
+    CodeRecord,
     EvidenceKind,
     EvidenceRecord,
     LineRecord,
@@ -30,6 +32,7 @@ from pipeline.common.records import (
     ReviewAction,
     ScanPlanRecord,
     Scope,
+    ShadowRecord,
 )
 from pipeline.service.access import Access
 from pipeline.service.pages.dashboard import chart_of
@@ -380,6 +383,73 @@ def test_other_lines_are_shown_by_name(shop: Shop) -> None:
         assert "lot LOT<77 0.987" in words
         assert "another line 12/26 0.900" in words
     assert 'class="lines"' not in shop.client.get(f"/review/{shop.add()}").text
+
+
+def test_codes_are_shown_with_what_they_say_of_the_serial(shop: Shop) -> None:
+    codes = (CodeRecord("Data Matrix", "SER <7␝", False), CodeRecord("QR Code", "SER KX407251", True))
+    part_id = shop.add(readings=(reading("KX407251", codes=(*codes, CodeRecord("QR Code", "PNR 7"))),))
+    for address in (f"/review/{part_id}", f"/parts/{part_id}"):
+        words = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", shop.client.get(address).text)).split())
+        assert "Data Matrix SER <7␝ another serial QR Code SER KX407251 same serial QR Code PNR 7" in words
+
+
+def test_agreement_with_the_lines_own_reader(shop: Shop) -> None:
+    kinds = (
+        (Agreement.SAME, PartState.ACCEPTED, "KX407251"),
+        (Agreement.SAME, PartState.TOUCH_NEEDED, "KX407251"),
+        (Agreement.OTHER, PartState.ACCEPTED, "KX4O<251"),
+        (Agreement.NOTHING, PartState.TOUCH_NEEDED, "KX400000"),
+        (Agreement.ALONE, PartState.ACCEPTED, ""),
+    )
+    ids = []
+    for kind, would_be, expected in kinds:
+        part_id = new_part_id()
+        given = (
+            ReadingRecord("vision", "", "reject", 0.0) if kind is Agreement.NOTHING else reading("KX407251")
+        )
+        shop.store.add_part(
+            part_id=part_id, name=kind.value, state=PartState.SHADOW, readings=(given,), expected=expected,
+            shadow=ShadowRecord(kind, would_be),
+        )  # fmt: skip
+        ids.append(part_id)
+    page = shop.client.get("/shadow").text
+    figures = dict(re.findall(r'data-figure="([a-z-]+)">.*?<p class="figure">([\d.–]+)', page))
+    assert figures == {
+        "compared": "4", "agreement": "50.0", "acceptance": "50.0", "accepted-agreement": "50.0",
+        "accepted-other": "1",
+    }  # fmt: skip
+    (day,) = re.findall(r'<tr data-day="([\d-]+)">(.*?)</tr>', page)
+    assert day[0] == datetime.now(UTC).date().isoformat()
+    assert re.findall(r'class="n">([^<]*)', day[1]) == ["5", "4", "2", "1", "1", "2", "1", "50.0"]
+    assert re.findall(r'<a class="row" href="/parts/([^"]+)"', page) == [ids[2]]
+    assert '<mark class="mismatch" title="mismatch">O</mark>' in page
+    assert "&lt;" in page
+    nothing = shop.client.get("/shadow?show=nothing&span=week").text
+    assert re.findall(r'<a class="row" href="/parts/([^"]+)"', nothing) == [ids[3]]
+    assert "another serial; would be" in shop.client.get(f"/parts/{ids[2]}").text
+    # what a person says afterwards says who was right
+    assert shop.say(ids[2], "KX4O<251") == 303
+    page = shop.client.get("/shadow").text
+    assert "the line’s</td>" in page
+    assert '<mark class="mismatch" title="mismatch">O</mark>' in page
+    for address in ("/shadow?span=era", "/shadow?show=all", "/shadow?before=x"):
+        assert shop.client.get(address).status_code == 422
+
+
+def test_disagreements_come_page_by_page(shop: Shop) -> None:
+    assert "serve --shadow" in shop.client.get("/shadow").text
+    for _ in range(51):
+        shop.store.add_part(
+            part_id=new_part_id(), name="p", state=PartState.SHADOW, readings=(reading("KX4"),), expected="KX5",
+            shadow=ShadowRecord(Agreement.OTHER, PartState.REVIEW),
+        )  # fmt: skip
+    first = shop.client.get("/shadow?span=year").text
+    assert first.count('class="row"') == 50
+    older = re.search(r'href="([^"]+)" rel="next"', first)
+    assert older is not None
+    rest = shop.client.get(html.unescape(older[1])).text
+    assert rest.count('class="row"') == 1
+    assert ">Newest</a>" in rest
 
 
 def test_parts_without_reading_or_characters_have_pages(shop: Shop) -> None:

@@ -1,0 +1,39 @@
+"""A part's codes beside its serial: one that holds another serial sends the part to a person, with both shown.
+
+serial read, codes decoded --one holds it, or none speaks of serials--> as it is
+                           \\--those that do hold another-------------> review
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from recognition.decision.accept import decided_anew
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import Reading
+from recognition.language.code_text import holds
+from recognition.views.codes import Code
+
+
+def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
+    """The reading with its part's codes, in review where none holds the serial and one holds another.
+
+    Args:
+        reading: decided.
+        codes: of the part's photographs.
+    """
+    made = replace(reading.without(ReadingFlag.CODE_DISAGREES), codes=tuple(codes))
+    said = [holds(code.text, made.text) for code in made.codes]
+    if made.text and True not in said:
+        made = made.found(
+            *(
+                Finding(
+                    ReadingFlag.CODE_DISAGREES,
+                    f"the {code.kind} holds “{code.text}”, the marks read “{made.text}” (look at the part)",
+                )
+                for code, same in zip(made.codes, said, strict=True)
+                if same is False
+            )
+        )
+    return made if made.flags == reading.flags else decided_anew(made)

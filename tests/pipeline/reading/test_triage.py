@@ -1,0 +1,32 @@
+"""How far a reading takes a part, and what comes of it beside the line's own reader."""
+
+from __future__ import annotations
+
+import pytest
+
+from pipeline.common.records import Agreement, PartState, ReadingRecord, ShadowRecord
+from pipeline.reading.triage import compared
+
+
+def reading(text: str = "KX407251", decision: str = "accept", source: str = "vision") -> ReadingRecord:
+    return ReadingRecord(source, text, decision, 0.9)
+
+
+@pytest.mark.parametrize(
+    ("made", "expected", "agreement", "would_be"),
+    [
+        (reading(), "KX407251", Agreement.SAME, PartState.ACCEPTED),
+        (reading("KX40 7251"), " KX4 07251 ", Agreement.SAME, PartState.ACCEPTED),  # blanks are not stamped
+        (reading(), "KX407257", Agreement.OTHER, PartState.ACCEPTED),
+        (reading(), "NO READ", Agreement.OTHER, PartState.ACCEPTED),
+        (reading(decision="review"), "KX407251", Agreement.SAME, PartState.TOUCH_NEEDED),
+        (reading(decision="review", source="fused"), "KX407251", Agreement.SAME, PartState.REVIEW),
+        (reading("", "reject"), "KX407251", Agreement.NOTHING, PartState.TOUCH_NEEDED),
+        (reading(), "", Agreement.ALONE, PartState.ACCEPTED),
+        (reading("", "reject"), " ", Agreement.ALONE, PartState.TOUCH_NEEDED),
+    ],
+)
+def test_beside_the_lines_own_reader(
+    made: ReadingRecord, expected: str, agreement: Agreement, would_be: PartState
+) -> None:
+    assert compared(made, expected) == ShadowRecord(agreement, would_be)

@@ -1,0 +1,295 @@
+"""A folder that is watched: every complete photograph becomes a part once, and nothing else does."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import structlog
+
+from glyphs.errors import FileError
+from pipeline.common.records import PartRecord, PartState, ReadingRecord
+from pipeline.reading.jobs import Done, Job
+from pipeline.service.idempotency import Received
+from pipeline.service.line.watch_folder import WatchedFolder, WatchJournal
+from pipeline.service.part_service import NewPart
+from pipeline.service.problem import Problem
+from pipeline.service.uploads import Upload
+from pipeline.store.store import IdempotencyKey, StoreError
+from tests.support.line_fakes import part, until_now
+from tests.support.service_fixtures import InlinePool, inline_service
+
+PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
+
+
+class Parts:
+    """What the folder submits to: keeps what it was given, and knows a key again."""
+
+    def __init__(self, folder: Path) -> None:
+        self.jobs = SimpleNamespace(work_folder=self._work_folder)
+        self._folder = folder
+        self.received: list[tuple[NewPart, str, bytes]] = []
+        self.by_key: dict[str, PartRecord] = {}
+        self.problem: Exception | None = None
+        self.meanwhile: Callable[[], object] = lambda: None
+
+    @contextlib.contextmanager
+    def _work_folder(self) -> Iterator[Path]:
+        made = self._folder / f"work-{len(self.received)}"
+        made.mkdir(parents=True)
+        try:
+            yield made
+        finally:
+            shutil.rmtree(made)
+
+    async def receive(self, new: NewPart, *, photo: Upload, idempotency: IdempotencyKey) -> Received:
+        self.meanwhile()
+        if self.problem is not None:
+            raise self.problem
+        if idempotency.key in self.by_key:
+            return Received(self.by_key[idempotency.key], replayed=True)
+        self.received.append((new, photo.name, photo.path.read_bytes()))
+        self.by_key[idempotency.key] = part(new.name)
+        return Received(self.by_key[idempotency.key])
+
+    @property
+    def names(self) -> list[str]:
+        return [new.name for new, _, _ in self.received]
+
+
+class Bench:
+    """A folder, what it submits to, and a journal; `anew` is a restart."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.journal = folder / "in", folder / "watched.jsonl"
+        self.folder.mkdir()
+        self.parts = Parts(folder / "work")
+        self.anew()
+
+    def anew(self) -> None:
+        journal = WatchJournal.open(self.journal, {})
+        self.watched = WatchedFolder(
+            self.folder, self.parts, journal=journal, every_s=0.05, most_bytes=1000, at_once=1,  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
+        path = self.folder / name
+        path.write_bytes(data)
+        if at_s is not None:
+            os.utime(path, (at_s, at_s))
+        return path
+
+    def look(self, times: int = 2) -> list[str]:
+        """Look so often; names of all parts so far."""
+
+        async def looks() -> None:
+            for _ in range(times):
+                await self.watched.look()
+
+        asyncio.run(looks())
+        return self.parts.names
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None:
+    bench.put("part-3.png")
+    assert bench.look(1) == []
+    assert bench.look(1) == ["part-3"]
+    assert bench.look(3) == ["part-3"]
+    new, name, data = bench.parts.received[0]
+    assert (new.touch, new.expected, name, data) == (True, "", "part-3.png", PNG)
+    assert (bench.folder / "part-3.png").read_bytes() == PNG
+    assert not list((bench.journal.parent / "work").iterdir())
+
+
+def test_one_that_is_being_written_waits(bench: Bench) -> None:
+    for n in range(1, 4):
+        bench.put("a.png", PNG[: 30 * n])
+        assert bench.look(1) == []
+    bench.put("empty.png", b"")
+    assert bench.look(2) == ["a"]
+
+
+def test_one_that_is_written_to_while_it_is_copied_waits(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = bench.put("a.png")
+    kept = shutil.copyfileobj
+
+    def slowly(source: Any, target: Any) -> None:
+        kept(source, target)
+        with path.open("ab") as stream:
+            stream.write(b"more")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "copyfileobj", slowly)
+        assert bench.look(2) == []
+    assert bench.look(2) == ["a"]
+    assert bench.parts.received[0][2] == PNG + b"more"
+
+
+def test_one_that_is_moved_in_is_taken(bench: Bench, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere.png").write_bytes(PNG)
+    os.rename(tmp_path / "elsewhere.png", bench.folder / "b.png")
+    assert bench.look(2) == ["b"]
+
+
+def test_a_restart_submits_nothing_twice(bench: Bench) -> None:
+    bench.put("a.png")
+    bench.look()
+    bench.anew()
+    bench.put("b.png")
+    assert bench.look(3) == ["a", "b"]
+
+
+def test_a_restart_between_part_and_journal_makes_no_second_part(bench: Bench) -> None:
+    bench.put("a.png")
+    bench.look()
+    bench.journal.unlink()  # the line was not written any more
+    bench.anew()
+    assert bench.look(3) == ["a"]
+    assert json.loads(bench.journal.read_text().splitlines()[1])["part_id"] == part().id
+
+
+def test_a_name_used_again_is_another_part(bench: Bench) -> None:
+    bench.put("latest.png", at_s=1e9)
+    bench.look()
+    bench.put("latest.png", at_s=1e9 + 1)
+    bench.look()
+    bench.put("latest.png", PNG + b"x", at_s=1e9 + 1)
+    assert bench.look() == ["latest"] * 3
+
+
+def test_the_eldest_goes_first(bench: Bench) -> None:
+    for k, name in enumerate(("c", "a", "b")):
+        bench.put(f"{name}.png", at_s=1e9 + k)
+    assert bench.look() == ["c", "a", "b"]
+
+
+def test_what_is_no_picture_is_told_of_once_and_left(bench: Bench) -> None:
+    bench.put("notes.txt", b"not a picture")
+    bench.put("part.png", b"named as one")
+    bench.put("large.png", PNG + bytes(1000))
+    (bench.folder / "link.png").symlink_to(bench.put("good.png"))
+    bench.put(".part-7.png.tmp")
+    (bench.folder / "deeper").mkdir()
+    (bench.folder / "deeper" / "c.png").write_bytes(PNG)
+    with structlog.testing.capture_logs() as logs:
+        bench.look(4)
+        bench.anew()
+        bench.look(3)
+    left = {one["file"]: one["why"] for one in logs if one["event"] == "watched file left"}
+    assert sorted(left) == ["large.png", "link.png", "notes.txt", "part.png"]
+    assert len([one for one in logs if one["event"] == "watched file left"]) == 4
+    assert "max_upload_mb" in left["large.png"]
+    assert left["link.png"] == "link.png is no regular file"
+    assert "PNG, JPEG, BMP or TIFF" in left["notes.txt"]
+    assert bench.parts.names == ["good"]
+    assert len(list(bench.folder.iterdir())) == 7
+
+
+def test_a_photograph_that_cannot_be_read_is_left_until_it_changes(bench: Bench) -> None:
+    bench.put("a.png")
+    bench.parts.problem = Problem(422, "a.png is cut short")
+    assert bench.look(4) == []
+    bench.parts.problem = None
+    assert bench.look(3) == []
+    bench.put("a.png", PNG + b"the rest")
+    assert bench.look(3) == ["a"]
+
+
+@pytest.mark.parametrize("busy", [Problem(503, "full"), StoreError("away"), PermissionError(13, "locked")])
+def test_what_cannot_be_taken_now_waits(bench: Bench, busy: Exception) -> None:
+    bench.put("a.png")
+    bench.parts.problem = busy
+    assert bench.look(3) == []
+    bench.parts.problem = None
+    assert bench.look(1) == ["a"]
+
+
+def test_a_folder_that_is_away_comes_back(bench: Bench, tmp_path: Path) -> None:
+    bench.put("a.png")
+    bench.look()
+    os.rename(bench.folder, tmp_path / "away")
+    with structlog.testing.capture_logs() as logs:
+        bench.look(3)
+    assert [one["event"] for one in logs] == ["watched folder cannot be looked at"]
+    os.rename(tmp_path / "away", bench.folder)
+    bench.put("b.png")
+    assert bench.look(3) == ["a", "b"]
+
+
+def test_the_journal_forgets_what_has_left(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pipeline.service.line.watch_folder._SPARE", 2)
+    for k in range(8):
+        bench.put(f"{k}.png")
+    bench.look()
+    for k in range(7):
+        (bench.folder / f"{k}.png").unlink()
+    bench.look(1)
+    assert len(bench.journal.read_text().splitlines()) == 2
+    bench.anew()
+    assert len(bench.look(2)) == 8
+    # an empty folder may be a drive that is away: nothing is forgotten
+    (bench.folder / "7.png").unlink()
+    monkeypatch.setattr("pipeline.service.line.watch_folder._SPARE", 0)
+    bench.look(2)
+    assert len(bench.journal.read_text().splitlines()) == 2
+
+
+def test_a_full_disk_under_the_journal_stops_nothing(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise FileError(bench.journal, "cannot be written (No space left on device)", "make room")
+
+    monkeypatch.setattr(WatchJournal, "add", full)
+    bench.put("a.png")
+    assert bench.look(4) == ["a"]
+
+
+def test_a_service_watches(tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    folder.mkdir()
+
+    def read(job: Job, *_: object) -> Done:
+        assert job.photo is not None
+        text = "AA999999" if job.part_name == "a" else ""
+        return Done((ReadingRecord("vision", text, "accept" if text else "review", 0.99),))
+
+    def served(done: Callable[[Any], None]) -> None:
+        with inline_service(tmp_path / "service", watch=folder, watch_every_s=0.05) as (service, _):
+            assert isinstance(service.pool, InlinePool)
+            service.pool.instead = read
+            done(service)
+
+    def first(service: Any) -> None:
+        (folder / "a.png").write_bytes(PNG)
+        (folder / "no.txt").write_bytes(b"no")
+        until_now(lambda: len(service.store.parts()) == 1)
+
+    def second(service: Any) -> None:
+        (folder / "b.png").write_bytes(PNG + b"2")
+        until_now(lambda: len(service.store.parts()) == 2)
+        assert {p.name: p.state for p in service.store.parts()}["a"] is PartState.ACCEPTED
+
+    served(first)
+    served(second)
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with (
+        pytest.raises(FileError, match=r"is no folder that can be watched.*--watch"),
+        inline_service(tmp_path / "service", watch=tmp_path / "none"),
+    ):
+        pass

@@ -1,0 +1,143 @@
+"""A service in shadow mode: reads and compares, decides and publishes nothing, and goes live with what it kept."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from pipeline.common.records import PartState, ReadingRecord
+from pipeline.reading.jobs import Done, Job
+from pipeline.service.app import Service
+from pipeline.service.line.trigger import LineDecision, decision_of
+from tests.support.service_fixtures import InlinePool, inline_service
+
+PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
+HOOK = {"webhook": "http://127.0.0.1:9/none"}
+
+
+class Bench:
+    """Reads what a part is named: "KX40", "KX40?" unsurely, "" nothing; notes the jobs."""
+
+    def __init__(self) -> None:
+        self.jobs: list[Job] = []
+
+    def read(self, job: Job, *_: object) -> Done:
+        self.jobs.append(job)
+        text = job.part_name.removesuffix("?").removeprefix("nothing")
+        decision = "accept" if text == job.part_name else "review" if text else "reject"
+        return Done((ReadingRecord("vision" if job.scan is None else "fused", text, decision, 0.9),))
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+@pytest.fixture
+def served(bench: Bench, tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
+    camera = tmp_path / "camera"
+    camera.mkdir()
+    (camera / "KX40.png").write_bytes(PNG)
+    with inline_service(tmp_path / "service", shadow=True, camera=camera, **HOOK) as (service, client):
+        assert isinstance(service.pool, InlinePool)
+        service.pool.instead = bench.read
+        yield service, client
+
+
+def post(client: TestClient, name: str, expected: str = "", **more: Any) -> dict[str, Any]:
+    answer = client.post(
+        "/v1/parts", files={"photo": ("a.png", PNG)}, data={"name": name, "expected": expected, **more}
+    )
+    assert answer.status_code == 201, answer.text
+    told: dict[str, Any] = answer.json()
+    return told
+
+
+@pytest.mark.parametrize(
+    ("name", "expected", "shadow"),
+    [
+        ("KX40", "KX40", {"agreement": "same", "would_be": "accepted"}),
+        ("KX40", "KX41", {"agreement": "other", "would_be": "accepted"}),
+        ("KX40?", "KX41", {"agreement": "other", "would_be": "touch_needed"}),
+        ("nothing", "KX41", {"agreement": "nothing", "would_be": "touch_needed"}),
+        ("KX40", "", {"agreement": "alone", "would_be": "accepted"}),
+    ],
+)
+def test_nothing_is_decided(
+    served: tuple[Service, TestClient], bench: Bench, name: str, expected: str, shadow: dict[str, str]
+) -> None:
+    service, client = served
+    part = post(client, name, expected, touch="stage")
+    assert (part["state"], part["shadow"], part["expected"]) == ("shadow", shadow, expected)
+    assert part["plan"] is None
+    # the reader knows nothing of what the line's own has said
+    assert [job.expected for job in bench.jobs] == [""]
+    assert service.store.undelivered() == 0
+    assert service.store.queue() == ()
+    assert client.post(f"/v1/parts/{part['id']}/touch").status_code == 409
+
+
+def test_what_no_serial_can_be_is_compared_all_the_same(served: tuple[Service, TestClient]) -> None:
+    # with a format AA999999 it would be refused as expected text
+    assert post(served[1], "KX40", "NO READ!")["shadow"]["agreement"] == "other"
+
+
+def test_a_trigger_is_answered_without_a_decision(served: tuple[Service, TestClient]) -> None:
+    service, _ = served
+    part = asyncio.run(service.parts.trigger("KX40"))
+    assert (part.state, decision_of(part)) == (PartState.SHADOW, LineDecision.SHADOW)
+
+
+def test_a_scan_is_read_and_compared_too(served: tuple[Service, TestClient], bench: Bench) -> None:
+    _, client = served
+    part = post(client, "KX40?", "KX40")
+    read = client.post(f"/v1/parts/{part['id']}/scan", files={"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}).json()
+    assert (read["state"], read["shadow"]) == ("shadow", {"agreement": "same", "would_be": "review"})
+    assert [job.expected for job in bench.jobs] == ["", ""]
+
+
+def test_a_review_says_who_was_right_and_is_not_published(served: tuple[Service, TestClient]) -> None:
+    service, client = served
+    part = post(client, "KX40", "KX41")
+    body = {"action": "correct", "text": "KX41", "who": "Ada"}
+    assert client.post(f"/v1/parts/{part['id']}/review", json=body).status_code == 200
+    assert service.store.undelivered() == 0
+    assert "the line’s" in client.get("/shadow").text
+
+
+def test_it_says_that_it_is_in_shadow_mode(served: tuple[Service, TestClient]) -> None:
+    _, client = served
+    page = client.get("/shadow").text
+    assert "Nothing is decided or published" in page
+    assert '<a href="/shadow"' in client.get("/review").text
+
+
+def test_live_it_decides_and_leaves_what_was_compared(bench: Bench, tmp_path: Path) -> None:
+    def serve(**settings: Any) -> Any:
+        return inline_service(tmp_path / "service", **settings, **HOOK)
+
+    with serve(shadow=True) as (service, client):
+        service.pool.instead = bench.read
+        before = post(client, "KX40?", "KX41")
+    with serve() as (service, client):
+        service.pool.instead = bench.read
+        live = post(client, "KX40", "KX40")
+        assert (live["state"], live["shadow"], bench.jobs[-1].expected) == ("accepted", None, "KX40")
+        assert service.store.undelivered() == 1
+        # a part of before stays undecided, whatever is added to it
+        scan = {"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}
+        read = client.post(f"/v1/parts/{before['id']}/scan", files=scan).json()
+        assert read["state"] == "shadow"
+        body = {"action": "confirm", "text": "KX40", "who": "Ada"}
+        assert client.post(f"/v1/parts/{before['id']}/review", json=body).status_code == 200
+        assert service.store.undelivered() == 1
+        page = client.get("/shadow").text
+        assert "The service decides now" in page
+        assert '<a href="/shadow"' not in client.get("/review").text
+        ready = client.get("/readyz").json()
+        assert "mode" not in ready
