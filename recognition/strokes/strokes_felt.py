@@ -138,6 +138,14 @@ class FeltLine:
             made.append(PlaceStrokes(laid.share_felt(), laid.score, font.name, rivals))
         return tuple(made)
 
+    def by_font(self, text: Sequence[str]) -> dict[str, float]:
+        """How well a text lies in what is deepest along the line, mean of its places, in each font that has it all."""
+        return {
+            font.name: float(np.mean([self.places.laid(k, char, font).score for k, char in enumerate(text)]))
+            for font in self.fonts
+            if len(text) == self.columns.size and all(c in font.glyphs for c in text)
+        }
+
     def sized(self, text: Sequence[str]) -> FeltLine:
         """The line at the height at which the strokes of its text lie best, its places where they are.
 

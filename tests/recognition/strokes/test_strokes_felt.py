@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -229,27 +230,42 @@ def test_a_line_of_which_hardly_anything_was_felt_is_no_text() -> None:
     assert strokes_asked(felt).text == "K7B2"
 
 
-@pytest.mark.parametrize(
-    ("suited", "words"),
-    [
-        ("timesr", "another font than gothic explains the marks better"),
-        ("gothic", "not quite those of gothic"),
-    ],
-)
-def test_strokes_of_another_font_are_not_missing(suited: str, words: str) -> None:
+@dataclass(frozen=True)
+class ScoresByFont:
+    """Stands for a felt line of which nothing but how well fonts suit it is asked."""
+
+    scores: dict[str, float]
+
+    def by_font(self, text: Sequence[str]) -> dict[str, float]:
+        return self.scores
+
+
+def test_strokes_of_another_font_are_not_missing() -> None:
     worn = MarkGrade((Parameter("completeness", 0.3, 0),), Action.CLEAN_FIRST)
-    there = replace(reading("K7", (PlaceStrokes(0.9, 0.8, suited),) * 2), font="gothic")
+    there = replace(reading("K7", (PlaceStrokes(0.9, 0.8, "timesr"),) * 2), font="gothic")
     there = replace(there, characters=tuple(replace(c, grade=worn) for c in there.characters))
-    made = strokes_asked(there)
+    suits_timesr: Any = ScoresByFont({"gothic": 0.6, "timesr": 0.7})
+    made = strokes_asked(there.traced(felt_line=suits_timesr))
     assert made.flags == ReadingFlag.FOREIGN_SHAPES
-    assert words in made.messages()[0]
-    assert "(name the right font)" in made.messages()[0]
+    assert made.messages() == (
+        "another font than gothic explains the marks better: K at place 1, 7 at place 2 (name the right font)",
+    )
+    # the one that was named explains them as well as any
+    suits_gothic: Any = ScoresByFont({"gothic": 0.66, "timesr": 0.7})
+    assert strokes_asked(there.traced(felt_line=suits_gothic)).flags == ReadingFlag.NONE
     # half filled, it is missing all the same
-    filled = there.traced(strokes=(PlaceStrokes(0.5, 0.5, suited),) * 2)
+    filled = there.traced(strokes=(PlaceStrokes(0.5, 0.5, "timesr"),) * 2)
     assert strokes_asked(filled).flags == ReadingFlag.STROKES_MISSING
     # one alone is a blow, or dots that fell otherwise: it is there
     one = replace(there, characters=(there.characters[0], replace(there.characters[1], grade=None)))
-    assert strokes_asked(one).decision is Decision.ACCEPT
+    assert strokes_asked(one.traced(felt_line=suits_timesr)).decision is Decision.ACCEPT
+
+
+def test_the_font_of_a_line_suits_it_best(part: StampedPart) -> None:
+    fonts = (load_font("timesr"), load_font("gothic"), load_font("futural"))
+    scores = felt_line(part, relief_of(part), fonts=fonts).by_font(TEXT)
+    assert max(scores, key=scores.__getitem__) == part.font_name == "gothic"
+    assert scores["gothic"] > 0.6
 
 
 def test_strokes_are_there_by_their_edges_too() -> None:
