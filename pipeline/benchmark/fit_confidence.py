@@ -26,7 +26,7 @@ from pipeline.benchmark.analysis.bounds import bounded
 from pipeline.benchmark.analysis.calibration import reliability
 from pipeline.benchmark.trials.journal import TrialJournal
 from recognition.belief.calibration import CALIBRATED, SOURCES, Calibration, calibration_of, shrunk
-from recognition.decision.known_ground import GROUND
+from recognition.decision.known_ground import GROUND, WORSE_BELOW
 from recognition.decision.reading import Decision
 from recognition.learning.fit_calibration import WAYS, Bools, Floats, fit_calibration, fit_ground, loss
 from recognition.senses.settings import ReaderSettings
@@ -168,7 +168,7 @@ def _judged(name: str, own: Sequence[KnownReading], others: Sequence[KnownReadin
     known, right = _columns(others)
     beliefs, own_right = _columns(own)
     severity = np.array([one.severity for one in own])
-    ground = Calibration(ground=fit_ground([one.measures for one in others]))
+    ground = Calibration(ground=_ground(others))
     off = np.array([ground.off(one.measures) for one in own])
     by_way = {way: judge(known, right, beliefs) for way, judge in WAYS.items()}
     served = [shrunk(said, widths) for said, widths in zip(by_way[SERVES], off, strict=True)]
@@ -187,6 +187,10 @@ def _together(name: str, parts: Collection[LeftOut]) -> Iterator[LeftOut]:
 
 def _columns(readings: Sequence[KnownReading]) -> tuple[Floats, Bools]:
     return np.array([one.belief for one in readings]), np.array([one.right for one in readings], dtype=bool)
+
+
+def _ground(readings: Sequence[KnownReading]) -> dict[str, tuple[float, float]]:
+    return fit_ground([one.measures for one in readings], worse_below=[one.name for one in WORSE_BELOW])
 
 
 def _ece(said: Floats, right: Bools) -> float:
@@ -280,9 +284,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             fitted[source], counts[source] = asdict(calibration_of(source)), 0
             continue
         made = fit_calibration(*_columns(known))
-        made = Calibration(
-            round(made.slope, 3), round(made.bias, 3), fit_ground([one.measures for one in known])
-        )
+        made = Calibration(round(made.slope, 3), round(made.bias, 3), _ground(known))
         fitted[source], counts[source] = asdict(made), len(known)
         print("\n".join(tables(source, own, threshold=given.threshold)))
         print("\n".join(_decisions(tried)))

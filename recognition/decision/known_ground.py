@@ -3,8 +3,9 @@
     confidence --part's measures within their ranges--> as it is
               \\--so many widths beyond one of them----> log odds / (1 + widths), and a finding that names it
 
-The ranges, of all readings that fitted a calibration but one in a hundred at either end, stand beside it
-(`recognition.belief.calibration`). They do not grow with the size of marks: all are shares.
+The ranges, of all readings that fitted a calibration but the worst of a hundred, stand beside it
+(`recognition.belief.calibration`). They do not grow with the size of marks: all are shares. What is better than any of
+those, a smoother land, is no stranger.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ GROUND = (
     Measure.PATCHES,
 )
 """Measures that have a range: what of the marks is explained and felt, the texture of land and photograph."""
+WORSE_BELOW = (Measure.STROKES,)
+"""Of these, what is worse the less there is."""
 
 
 def on_known_ground(reading: Reading, settings: Thresholds) -> Reading:
@@ -44,7 +47,7 @@ def on_known_ground(reading: Reading, settings: Thresholds) -> Reading:
     if name is None or not off[name]:
         return reading
     made = replace(reading, confidence=shrunk(reading.confidence, off[name]))
-    if made.confidence >= settings.accept_confidence:
+    if not made.confidence < settings.accept_confidence <= reading.confidence:
         return made
     low, high = worth.ground[name.name]
     text = (

@@ -14,7 +14,7 @@ Zadrozny and Elkan, KDD 2002 (isotonic).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -27,7 +27,7 @@ Bools = NDArray[np.bool_]
 FEWEST_WRONG = 10
 """Wrong readings, and right ones, below which nothing is fitted."""
 OFF, FEWEST_MEASURED = 0.01, 100
-"""Share of readings beyond either end of a range, and readings below which there is none."""
+"""Share of readings beyond the worse end of a range, and readings below which there is none."""
 _LEAST = 1e-6
 _LEAST_SLOPE, _MOST_SLOPE = 0.05, 20.0
 Way = Callable[[Floats, Bools, Floats], Floats]
@@ -48,18 +48,21 @@ def fit_calibration(beliefs: Floats, right: Bools) -> Calibration:
     return Calibration(float(slope), float(bias))
 
 
-def fit_ground(measures: Sequence[Mapping[str, float]]) -> dict[str, tuple[float, float]]:
-    """Ranges of what was measured of readings: all but `OFF` at either end; none of what hardly any has.
+def fit_ground(
+    measures: Sequence[Mapping[str, float]], *, worse_below: Collection[str] = ()
+) -> dict[str, tuple[float, float]]:
+    """Ranges of shares that were measured of readings: all but the worst `OFF`, and whatever is better.
 
     Args:
-        measures: by name, of each reading.
+        measures: by name, of each reading; what hardly any has gets no range.
+        worse_below: names of those that are worse the less there is; the others are worse the more.
     """
     found = {}
     for name in sorted({name for one in measures for name in one}):
         values = [one[name] for one in measures if name in one]
         low, high = (float(f"{edge:.3g}") for edge in np.quantile(values, (OFF, 1.0 - OFF)))
-        if len(values) >= FEWEST_MEASURED and low < high:
-            found[name] = (low, high)
+        if len(values) >= FEWEST_MEASURED:
+            found[name] = (low, 1.0) if name in worse_below else (0.0, high)
     return found
 
 

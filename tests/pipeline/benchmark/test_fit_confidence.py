@@ -88,7 +88,7 @@ def test_who_is_off_the_ground_of_the_others_is_believed_less() -> None:
     near, far = (known(0.999, True, "ash", "font0", measures={"FINE_SHARE": rough}) for rough in (0.5, 3.0))
     ash = next(left_out([*fair, *[near] * 30, *[far] * 30], "soil"))
     assert (ash.off[:30] == 0.0).all()
-    assert (ash.off[30:] > 1.9).all()
+    assert (ash.off[30:] > 1.9).all()  # 3 of a range from 0 to 0.99
     said = ash.by_way["log odds"]
     assert said[0] > 0.95
     assert 0.5 < said[-1] < 0.8
@@ -120,7 +120,7 @@ def test_the_fit_names_what_it_rests_on_and_nothing_kept_out(
     assert made["readings"] == dict.fromkeys(fit_confidence.SOURCES, 160)
     assert set(made["calibrations"]["vision"]) == {"slope", "bias", "ground"}
     low, high = made["calibrations"]["vision"]["ground"][ROUGH.name]
-    assert 0.0 < low < 0.02
+    assert low == 0.0
     assert 0.98 < high < 1.0
     said = capsys.readouterr().out
     assert "| tar | 160 |" in said

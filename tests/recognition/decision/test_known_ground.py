@@ -78,6 +78,15 @@ def test_a_little_off_it_is_not_worth_a_word(fitted_on: Callable[[float, float],
     assert (made.decision, made.messages()) == (Decision.ACCEPT, ())
 
 
+def test_what_was_in_doubt_anyway_is_not_told_that_it_is_unlike(
+    fitted_on: Callable[[float, float], None],
+) -> None:
+    fitted_on(0.2, 0.4)
+    made = on_known_ground(replace(READ, confidence=0.97), RULES)
+    assert made.confidence == pytest.approx(shrunk(0.97, 3.0))
+    assert made.findings == ()
+
+
 def test_nothing_read_stays_nothing(fitted_on: Callable[[float, float], None]) -> None:
     fitted_on(3.0, 4.0)
     empty = replace(READ, characters=(), decision=Decision.REJECT, confidence=0.0)
