@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
-from recognition.belief.line_reader import MOST_SCANS
+from recognition.belief.line_search import MOST_SCANS
 from recognition.decision.accept import serial_is_sure
 from recognition.views.levelling import level
 from recognition.views.view import heights_view
@@ -51,7 +51,7 @@ def read_actively(
     from pipeline.reading.simulated_scan import open_session
 
     levelled, found, spent_s = level(surface), None, 0.0
-    for height_mm in reader.lines.heights_mm(heights_view(levelled))[:MOST_SCANS]:
+    for height_mm in reader.lines.search.heights_mm(heights_view(levelled))[:MOST_SCANS]:
         if spent_s >= budget_s:
             break
         session: StageSession = open_session(

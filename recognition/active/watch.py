@@ -14,7 +14,8 @@ import numpy as np
 
 from glyphs.surface.display import one_line
 from recognition.active.active_reading import PlaceBelief
-from recognition.belief.line_reader import LineReader, apart, says_much
+from recognition.belief.line_reader import LineReader, apart
+from recognition.belief.line_search import says_much
 from recognition.belief.part_lines import ReadLine
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.lines.find import find_lines
@@ -117,7 +118,7 @@ class LineWatch:
             near = [*known, *self._near(known[0])]
         else:
             near = [*known, *(one.line for one in find_lines(view)[:MOST_FOUND])]
-        seen = self.lines.looks(view, near)
+        seen = self.lines.search.looks(view, near)
         if not seen:
             return None
         if not self._sure:

@@ -1,7 +1,6 @@
 """Whatever can be looked at, read: the lines of a view, and what is believed of each.
 
-    view --find_lines--> lines --a look each--> the one that says most --more looks, more experts--> LineBelief
-                            \\--none says much: upside down, run down--/
+    view --LineSearch--> the line that says most --more looks, more experts--> LineBelief
 
 The format decides which of several lines is meant. What else can be read on the part is kept, for nobody has claimed
 it (`PartLines.others`).
@@ -17,6 +16,7 @@ from types import MappingProxyType
 import numpy as np
 
 from recognition.belief.line_belief import LineBelief, believed, pooled
+from recognition.belief.line_search import LineSearch, promise_of, says_much
 from recognition.belief.part_lines import (
     NO_LINES,
     Judge,
@@ -31,25 +31,11 @@ from recognition.belief.weights import EXPERTS, weights_of
 from recognition.experts import generic, recogniser
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
-from recognition.lines.find import find_lines, overlap
-from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
-from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.lines.find import overlap
+from recognition.lines.moves import moved
+from recognition.views.text_line import TextLine
 from recognition.views.view import View
 
-MOST_LINES = 6
-"""That are looked at, most promising first."""
-MOST_COLUMNS = 4000
-"""Of a strip, some 200 characters: what is longer is no line."""
-LEAST_PIXELS, MOST_SIDES = 4.0, 1.4
-"""To a character's height, and a height to the view's smaller side: what is smaller or larger shows no shape."""
-MOST_TURNED = 3
-"""That are looked at upside down, and running down or up."""
-MOST_BENT = 2
-"""Of these, that are looked at as arcs as well."""
-TURNED_COST = 1.5
-"""Nats that a line must say more than another, to be read upside down, or down the plate."""
-SURE, SOME = 0.7, 0.4
-"""Of what a place may say at most, from which no fainter lines are looked for, and no turned ones."""
 JITTERS: tuple[tuple[float, float], ...] = ((0.08, 1.0), (-0.08, 1.0), (0.0, 1.1), (0.0, 0.91))
 """More looks of our own recogniser at a line: moved down and higher, character heights."""
 HERE = (0.0, 1.0)
@@ -59,21 +45,12 @@ MOST_PRINT = 2
 """Looks of the generic one."""
 AGREED, AGREED_EVIDENCE = 0.99, -1.0
 """Belief in every place, and log probability of all that the format allows, from which a look each is enough."""
-END_HEIGHTS = 0.55
-"""A character so near a strip's end may have a neighbour beyond."""
-GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
-"""Heights by which a line is made longer where a character stands at its end, and how often."""
 ASKED_EVIDENCE = -4.0
 """Log probability of all that a format allows, from which a line is the one that was asked for, and no other."""
 ROOM = 0.45
 """Of the heights of two lines together, that their middles must lie apart: below, one is the other, seen askew."""
 OTHER_BELIEF, OTHER_PLACES = 0.8, 3
 """Mean belief, and places, from which another line on the part is text that nobody has claimed."""
-
-MOST_SCANS = 2
-"""Scales at which a height map is scanned in search of a reading that is accepted."""
-OTHER_SCALE = 1.2
-"""Ratio of heights from which a scan of its own is worth while."""
 
 
 class LineReader:
@@ -99,8 +76,8 @@ class LineReader:
             region: where the middle of the serial's line lies; anywhere unless given.
             lines: others that stand on the part, by name.
         """
-        self.lines, self.region = lines, region
-        self.grammar, self.chars, self.height_mm = grammar, chars, height_mm
+        self.lines, self.region, self.grammar, self.chars = lines, region, grammar, chars
+        self.search = LineSearch(grammar, chars, height_mm=height_mm, region=region)
         self.experts = frozenset(experts or EXPERTS)
         self.print_too = "print" in self.experts and generic.is_installed()
 
@@ -125,16 +102,20 @@ class LineReader:
         looked: list[tuple[View, list[ReadLine]]] = []
         for one in (view, *others):
             # that one of several lights is sure of a text, where the first one was not, is chance: all are heard then
-            looked.append((one, self.looks(one, [about]) if about is not None else self._seen(one)))
-            if says_much(self._meant(*looked[-1])):
+            looked.append(
+                (one, self.search.looks(one, [about]) if about is not None else self.search.lines(one))
+            )
+            if says_much(self.search.meant(*looked[-1])):
                 break
         views = (view, *others)
-        view, seen = max(looked, key=lambda each: max(map(_promise, self._meant(*each)), default=-np.inf))
+        view, seen = max(
+            looked, key=lambda each: max(map(promise_of, self.search.meant(*each)), default=-np.inf)
+        )
         dimmer = [one for one in views if one is not view]
-        meant = self._meant(view, seen)
+        meant = self.search.meant(view, seen)
         if not meant:
             return PartLines(None)
-        best = self._settled(view, meant) if place is None else meant[0]
+        best = self.search.settled(view, meant) if place is None else meant[0]
         main = self._believed(
             view,
             best,
@@ -172,95 +153,9 @@ class LineReader:
         ]
         if not fits:
             return None
-        best = max(fits, key=_promise)
+        best = max(fits, key=promise_of)
         best = self._believed(view, best, asked.grammar) or best
         return best if best.belief.evidence > ASKED_EVIDENCE else None
-
-    def glance(self, view: View) -> list[TextLine]:
-        """Lines of a view by a look each, most promising first."""
-        return [one.line for one in self._seen(view)]
-
-    def heights_mm(self, view: View) -> list[float]:
-        """Character heights worth a scan of what a view shows, most promising first."""
-        if self.height_mm:
-            return [self.height_mm]
-        kept: list[float] = []
-        for line in self.glance(view):
-            if all(abs(np.log(line.height_mm / other)) > np.log(OTHER_SCALE) for other in kept):
-                kept.append(line.height_mm)
-        return kept
-
-    def _seen(self, view: View) -> list[ReadLine]:
-        """Lines of a view by a look each; what is less usual is tried where the usual says little."""
-        seen: list[ReadLine] = []
-        tries = (
-            (self._usual, SURE),
-            (self._hidden, SOME),
-            (self._upside_down, SOME),
-            (self._running_down, SOME),
-        )
-        for candidates, enough in tries:
-            seen = _ranked([*seen, *self.looks(view, candidates(view, seen))])
-            if says_much(self._meant(view, seen), enough):
-                break
-        return seen
-
-    def _meant(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
-        """The lines that the serial's may be, by where they stand."""
-        return [one for one in seen if stands_in(self.region, one.line, view)]
-
-    def _usual(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        found = find_lines(view, height_mm=self.height_mm)
-        bent = [one.bent for one in found[:MOST_BENT] if one.bent is not None]
-        crops = whole_view(view) if self.height_mm is None else []
-        return [*(one.line for one in found[:MOST_LINES]), *bent, *crops]
-
-    def _hidden(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        found = find_lines(view, height_mm=self.height_mm, faint=True)[:MOST_LINES]
-        if self.height_mm is not None:
-            return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
-        found += find_lines(view, small=True)[:MOST_LINES]
-        return [*(one.line for one in found), *anywhere(view)]
-
-    def _upside_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        return [one.line.reversed for one in seen[:MOST_TURNED]]
-
-    def _running_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        found = [one.line for one in find_lines(view, height_mm=self.height_mm, down=True)[:MOST_TURNED]]
-        return [*found, *(line.reversed for line in found)]
-
-    def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
-        """One look of our own recogniser at each line, most promising first."""
-        least_mm, most_mm = LEAST_PIXELS * view.pitch_mm, MOST_SIDES * min(view.size_mm)
-        lines = [
-            line for line in lines if line.columns() <= MOST_COLUMNS and least_mm <= line.height_mm <= most_mm
-        ]
-        if not lines:
-            return []
-        steps = recogniser.steps_of([view.strip(line) for line in lines], chars=self.chars)
-        beliefs = [believed({"own": [one]}, self.grammar, weights=weights_of(view.kind)) for one in steps]
-        return _ranked([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
-
-    def _settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
-        """The best line, moved and grown where that lets it say more."""
-        best = seen[0]
-        if not says_much([best]):
-            tried = [moved(one.line, *move) for one in seen[:2] for move in MOVES]
-            tried += [line for one in seen[:2] for line in longer(one.line)]
-            best = _ranked([best, *self.looks(view, tried)])[0]
-        elif self.grammar is None:
-            # nobody says how long it is: a word may stand beyond a gap
-            best = _ranked([best, *self.looks(view, longer(best.line))])[0]
-        for _ in range(MOST_GROWTHS):
-            first, last = _at_ends(best)
-            if not (first or last):
-                break
-            tried = [grown(best.line, first * far, last * far) for far in GROWTHS]
-            looked = self.looks(view, tried)
-            if not looked or _promise(looked[0]) <= _promise(best):
-                break
-            best = looked[0]
-        return best
 
     def heard(self, view: View, best: ReadLine) -> ReadLine:
         """A line that was looked at, by a look of each expert: quick, for parts that are still being felt."""
@@ -352,34 +247,8 @@ def _is_text(one: ReadLine) -> bool:
     return lattice.n_places >= OTHER_PLACES and float(best.mean()) > OTHER_BELIEF
 
 
-def says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
-    """Whether the most promising line says so much of what its places may say."""
-    if not seen:
-        return False
-    belief = seen[0].belief
-    return belief.promise > enough * belief.lattice.n_places and belief.lattice.n_places > 1
-
-
 def agreed(belief: LineBelief) -> bool:
     """Whether all experts are sure of the same text."""
     texts = {tuple(own.log_belief.argmax(axis=1)) for own in belief.by_expert.values()}
     least = float(np.exp(belief.lattice.log_belief.max(axis=1)).min())
     return len(texts) == 1 and least > AGREED and belief.evidence > AGREED_EVIDENCE
-
-
-def _ranked(seen: Sequence[ReadLine]) -> list[ReadLine]:
-    return sorted(seen, key=_promise, reverse=True)
-
-
-def _promise(one: ReadLine) -> float:
-    """How much a line says; parts seldom lie turned."""
-    return one.belief.promise - (TURNED_COST if abs(one.line.turned_deg) > 45.0 else 0.0)
-
-
-def _at_ends(one: ReadLine) -> tuple[bool, bool]:
-    """Whether a character stands at the strip's start, and at its end: others may stand beyond."""
-    columns = one.belief.columns
-    if columns.size == 0:
-        return False, False
-    near = (END_HEIGHTS + MARGIN) * HEIGHT_ROWS
-    return float(columns[0]) < near, float(columns[-1]) > one.line.columns() - near

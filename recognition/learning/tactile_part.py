@@ -6,7 +6,7 @@ import numpy as np
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
-from recognition.belief.line_reader import MOST_SCANS, LineReader
+from recognition.belief.line_search import MOST_SCANS, LineSearch
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.learning.exemplars import Cut, ExemplarError, cut_line
 from recognition.views.levelling import level
@@ -55,7 +55,7 @@ def cut_height_map(
         MapError: a map that cannot be scanned, a soil on another grid.
     """
     levelled = level(height_map)
-    heights = LineReader(None, ALPHANUMERIC, height_mm=height_mm).heights_mm(heights_view(levelled))[
+    heights = LineSearch(None, ALPHANUMERIC, height_mm=height_mm).heights_mm(heights_view(levelled))[
         :MOST_SCANS
     ]
     best: tuple[float, tuple[Cut, ...]] | None = None

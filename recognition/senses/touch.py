@@ -16,7 +16,8 @@ import numpy as np
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import EdgeMap, HeightMap, MapError
 from recognition.belief.line_belief import LineBelief
-from recognition.belief.line_reader import MOST_SCANS, LineReader
+from recognition.belief.line_reader import LineReader
+from recognition.belief.line_search import MOST_SCANS
 from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.decision.accept import serial_is_sure
 from recognition.decision.depth import mark_depths
@@ -98,7 +99,7 @@ class TactileReader:
         timer = StepTimer()
         with timer.step("mount"):
             levelled = level(height_map)
-            heights = self.lines.heights_mm(heights_view(levelled))
+            heights = self.lines.search.heights_mm(heights_view(levelled))
         best: Reading | None = None
         for height in heights[:MOST_SCANS]:
             with timer.step("scan"):

@@ -1,0 +1,174 @@
+"""Where lines may be, and which of them says most: our own recogniser looks at each once.
+
+view --find_lines--> lines --a look each--> most promising first --moved, grown--> the best as it lies
+                       ^--none says much: fainter ones, upside down, run down--/
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from recognition.belief.line_belief import believed
+from recognition.belief.part_lines import ReadLine, Region, stands_in
+from recognition.belief.weights import weights_of
+from recognition.experts import recogniser
+from recognition.language.grammar import Grammar
+from recognition.lines.find import find_lines
+from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
+from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
+from recognition.views.view import View
+
+MOST_LINES = 6
+"""That are looked at, most promising first."""
+MOST_COLUMNS = 4000
+"""Of a strip, some 200 characters: what is longer is no line."""
+LEAST_PIXELS, MOST_SIDES = 4.0, 1.4
+"""To a character's height, and a height to the view's smaller side: what is smaller or larger shows no shape."""
+MOST_TURNED = 3
+"""That are looked at upside down, and running down or up."""
+MOST_BENT = 2
+"""Of these, that are looked at as arcs as well."""
+TURNED_COST = 1.5
+"""Nats that a line must say more than another, to be read upside down, or down the plate."""
+SURE, SOME = 0.7, 0.4
+"""Of what a place may say at most, from which no fainter lines are looked for, and no turned ones."""
+END_HEIGHTS = 0.55
+"""A character so near a strip's end may have a neighbour beyond."""
+GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
+"""Heights by which a line is made longer where a character stands at its end, and how often."""
+MOST_SCANS = 2
+"""Scales at which a height map is scanned in search of a reading that is accepted."""
+OTHER_SCALE = 1.2
+"""Ratio of heights from which a scan of its own is worth while."""
+
+
+class LineSearch:
+    """Looks for lines in views; knows the format and the characters that may occur."""
+
+    def __init__(
+        self,
+        grammar: Grammar | None,
+        chars: str,
+        *,
+        height_mm: float | None = None,
+        region: Region | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            grammar: what the serial's line may be.
+            chars: all that is looked for.
+            height_mm: of the characters, if known.
+            region: where the middle of the serial's line lies; anywhere unless given.
+        """
+        self.grammar, self.chars, self.height_mm, self.region = grammar, chars, height_mm, region
+
+    def heights_mm(self, view: View) -> list[float]:
+        """Character heights worth a scan of what a view shows, most promising first."""
+        if self.height_mm:
+            return [self.height_mm]
+        kept: list[float] = []
+        for line in (one.line for one in self.lines(view)):
+            if all(abs(np.log(line.height_mm / other)) > np.log(OTHER_SCALE) for other in kept):
+                kept.append(line.height_mm)
+        return kept
+
+    def lines(self, view: View) -> list[ReadLine]:
+        """Lines of a view by a look each; what is less usual is tried where the usual says little."""
+        seen: list[ReadLine] = []
+        tries = (
+            (self._usual, SURE),
+            (self._hidden, SOME),
+            (self._upside_down, SOME),
+            (self._running_down, SOME),
+        )
+        for candidates, enough in tries:
+            seen = _ranked([*seen, *self.looks(view, candidates(view, seen))])
+            if says_much(self.meant(view, seen), enough):
+                break
+        return seen
+
+    def meant(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
+        """The lines that the serial's may be, by where they stand."""
+        return [one for one in seen if stands_in(self.region, one.line, view)]
+
+    def _usual(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        found = find_lines(view, height_mm=self.height_mm)
+        bent = [one.bent for one in found[:MOST_BENT] if one.bent is not None]
+        crops = whole_view(view) if self.height_mm is None else []
+        return [*(one.line for one in found[:MOST_LINES]), *bent, *crops]
+
+    def _hidden(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        found = find_lines(view, height_mm=self.height_mm, faint=True)[:MOST_LINES]
+        if self.height_mm is not None:
+            return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
+        found += find_lines(view, small=True)[:MOST_LINES]
+        return [*(one.line for one in found), *anywhere(view)]
+
+    def _upside_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        return [one.line.reversed for one in seen[:MOST_TURNED]]
+
+    def _running_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        found = [one.line for one in find_lines(view, height_mm=self.height_mm, down=True)[:MOST_TURNED]]
+        return [*found, *(line.reversed for line in found)]
+
+    def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
+        """One look of our own recogniser at each line, most promising first."""
+        least_mm, most_mm = LEAST_PIXELS * view.pitch_mm, MOST_SIDES * min(view.size_mm)
+        lines = [
+            line for line in lines if line.columns() <= MOST_COLUMNS and least_mm <= line.height_mm <= most_mm
+        ]
+        if not lines:
+            return []
+        steps = recogniser.steps_of([view.strip(line) for line in lines], chars=self.chars)
+        beliefs = [believed({"own": [one]}, self.grammar, weights=weights_of(view.kind)) for one in steps]
+        return _ranked([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
+
+    def settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
+        """The best line, moved and grown where that lets it say more."""
+        best = seen[0]
+        if not says_much([best]):
+            tried = [moved(one.line, *move) for one in seen[:2] for move in MOVES]
+            tried += [line for one in seen[:2] for line in longer(one.line)]
+            best = _ranked([best, *self.looks(view, tried)])[0]
+        elif self.grammar is None:
+            # nobody says how long it is: a word may stand beyond a gap
+            best = _ranked([best, *self.looks(view, longer(best.line))])[0]
+        for _ in range(MOST_GROWTHS):
+            first, last = _at_ends(best)
+            if not (first or last):
+                break
+            tried = [grown(best.line, first * far, last * far) for far in GROWTHS]
+            looked = self.looks(view, tried)
+            if not looked or promise_of(looked[0]) <= promise_of(best):
+                break
+            best = looked[0]
+        return best
+
+
+def says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
+    """Whether the most promising line says so much of what its places may say."""
+    if not seen:
+        return False
+    belief = seen[0].belief
+    return belief.promise > enough * belief.lattice.n_places and belief.lattice.n_places > 1
+
+
+def _ranked(seen: Sequence[ReadLine]) -> list[ReadLine]:
+    return sorted(seen, key=promise_of, reverse=True)
+
+
+def promise_of(one: ReadLine) -> float:
+    """How much a line says; parts seldom lie turned."""
+    return one.belief.promise - (TURNED_COST if abs(one.line.turned_deg) > 45.0 else 0.0)
+
+
+def _at_ends(one: ReadLine) -> tuple[bool, bool]:
+    """Whether a character stands at the strip's start, and at its end: others may stand beyond."""
+    columns = one.belief.columns
+    if columns.size == 0:
+        return False, False
+    near = (END_HEIGHTS + MARGIN) * HEIGHT_ROWS
+    return float(columns[0]) < near, float(columns[-1]) > one.line.columns() - near
