@@ -14,7 +14,18 @@ from pipeline.reading.certificate import load_certificate
 
 PARTS = 20
 """The fewest that are compared; 11 without a wrong one show a risk of 0.2 at 90 %."""
-READ_SO = ("--font", "gothic", "--format", "AA99", "--height-mm", "5", "--jobs", "1")
+READ_SO = (
+    "--font",
+    "gothic",
+    "--format",
+    "AA99",
+    "--height-mm",
+    "5",
+    "--experts",
+    "own,templates",
+    "--jobs",
+    "1",
+)
 MADE_SO = ("--parts", str(PARTS), "--format", "AA99", "--no-photo")
 
 
@@ -45,7 +56,8 @@ def test_a_certificate_says_what_the_parts_show(certificate: Path) -> None:
     assert made.bound <= 0.2
     assert made.sources == ("tactile",)
     assert made.threshold >= 0.9  # what the reader accepts by itself
-    assert made.settings == {"font": ["gothic"], "format": ["AA99"], "height_mm": 5.0}
+    asked = {"font": ["gothic"], "format": ["AA99"], "height_mm": 5.0, "experts": ["own", "templates"]}
+    assert made.settings == asked
     page = certificate.with_suffix(".html").read_text(encoding="utf-8")
     assert made.data_sha256 in page
     assert "fine roughness" in page

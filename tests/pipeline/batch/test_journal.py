@@ -697,10 +697,10 @@ def _finish_peak(table: Path, n: int) -> int:
 
 @pytest.mark.usefixtures("_no_sync")
 def test_memory_does_not_grow_with_the_rows(table: Path) -> None:
-    few, many = 5_000, 20_000
+    few, many = 4_000, 12_000
     write_records(rows_of(1), table)  # whatever libraries load, once
     # Buffers of files, and a record; of Parquet a group of 2,000 rows of some 1 kB each as Python has them, twice
-    # while they are turned into columns. All rows of the larger table as objects would take 21 MB.
+    # while they are turned into columns. All rows of the larger table as objects would take 13 MB.
     fixed_bytes = 6_000_000 if table.suffix == ".parquet" else 400_000
     # Of the order: a byte to tick a row off, 8 of its number, up to 16 while the array grows by copying itself.
     row_bytes = 25
