@@ -1,6 +1,6 @@
 """What the reader's confidence is worth, fitted on benchmarks of the exam; and how it does on what was left out::
 
-    tactile-marks benchmark --design marks-exam-1 --mode tactile,vision,fused --out exam
+    tactile-marks benchmark --design marks-exam-1 --mode "tactile,tactile own+templates,vision,fused" --out exam
     python -m pipeline.benchmark.fit_confidence exam --write
 
 Of each mode the known readings of the exam fit a calibration (`recognition.belief.calibration`), those with soils and
@@ -78,7 +78,7 @@ def known_readings(folder: Path) -> Iterator[KnownReading]:
     design: Mapping[str, Any] = journal.description["parts"]
     # benchmarks from before there were any told the belief itself
     used = journal.description.get("calibrations", {})
-    worth = {source: Calibration(**used.get(source, {})) for source in SOURCES}
+    worth = {source: Calibration(**used.get(source, used.get(source.split()[0], {}))) for source in SOURCES}
     soils = frozenset(design.get("kept_out_soils", ()))
     sections = tuple(f"{s['name']}-" for s in design.get("section", ()) if s["kept_out"])
     for trials in journal.done.values():

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.belief.calibration import Calibration, calibration_of
+from recognition.belief.calibration import Calibration, calibration_for
 from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.decide import LEAST_VALID_MASS, Thresholds, decided
 from recognition.decision.flags import Finding, ReadingFlag
@@ -81,7 +81,7 @@ def reading_of_line(
         # a scratch reads as a 1, two dents as OO
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
     changed = _beyond_format(main, choice.text, grammar, least=IN_FORMAT[source])
-    worth = calibration_of(source)
+    worth = calibration_for(source, main.belief.heard)
     others = [_other(name, one, asked[name].grammar, worth) for name, one in part.named.items()]
     others += [
         OtherLine(

@@ -62,7 +62,7 @@ def alone(whole: Reading, experts: Sequence[str], settings: ReaderSettings) -> R
         experts: their names.
         settings: thresholds and format.
     """
-    from recognition.belief.calibration import calibration_of
+    from recognition.belief.calibration import calibration_for
     from recognition.belief.line_belief import pooled
     from recognition.belief.weights import weights_of
     from recognition.decision.decide import decided
@@ -80,7 +80,7 @@ def alone(whole: Reading, experts: Sequence[str], settings: ReaderSettings) -> R
     choice = choose(lattice, settings.grammar)
     return decided(
         characters_of(choice, lattice),
-        calibration_of(whole.source).confidence(choice.probability),
+        calibration_for(whole.source, heard).confidence(choice.probability),
         settings,
         choice=choice,
         grammar=settings.grammar,

@@ -68,12 +68,13 @@ def exam(tmp_path: Path) -> Path:
 
 def test_readings_come_back_with_the_belief_behind_their_confidence(exam: Path) -> None:
     found = list(known_readings(exam))
-    assert len(found) == 3 * 480
+    assert len(found) == 4 * 480
     assert all(one.kept_out == (one.soil == "tar" or one.font.startswith("else")) for one in found)
     (trial, *_), *_ = TrialJournal.read(exam).done.values()
     odds = trial.confidence / (1.0 - trial.confidence)
     assert found[0].belief == pytest.approx(odds**2 / (1.0 + odds**2))
-    assert found[1].belief == pytest.approx(trial.confidence)
+    assert found[1].belief == found[0].belief  # of touch alone nothing is known: as touch
+    assert found[2].belief == pytest.approx(trial.confidence)
     last = found[-1]
     widths = 479 / 480 / 0.5 - 1.0
     odds = last.belief / (1.0 - last.belief)

@@ -8,7 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recognition.belief.calibration import Calibration, calibration_of, shrunk
+from recognition.belief.calibration import (
+    SOURCES,
+    TOUCH_ALONE,
+    Calibration,
+    calibration_for,
+    calibration_of,
+    shrunk,
+)
 
 SLOPES, BIASES = st.floats(0.2, 5.0), st.floats(-3.0, 3.0)
 SHARES = st.floats(1e-6, 1.0 - 1e-6)
@@ -48,7 +55,7 @@ def test_what_does_not_rise_is_none(slope: float, bias: float) -> None:
         Calibration(slope, bias)
 
 
-@pytest.mark.parametrize("source", ["tactile", "vision", "fused"])
+@pytest.mark.parametrize("source", SOURCES)
 def test_every_source_has_one(source: str) -> None:
     assert 0.3 < calibration_of(source).slope < 2.0
 
@@ -69,3 +76,12 @@ def test_how_far_off_the_ground_is_told_in_its_widths() -> None:
     assert made.off({"ROUGH": -2.0}) == pytest.approx(2.0)
     with pytest.raises(ValueError, match="no width in ROUGH"):
         Calibration(ground={"ROUGH": (2.0, 2.0)})
+
+
+def test_touch_without_the_generic_network_has_its_own() -> None:
+    alone = calibration_of(TOUCH_ALONE)
+    assert calibration_for("tactile", {"own", "templates"}) is alone
+    assert calibration_for("tactile", {"own", "print"}) is calibration_of("tactile")
+    assert calibration_for("vision", {"own"}) is calibration_of("vision")
+    # fewer experts multiply to less belief in what is right as often
+    assert alone.confidence(0.95) > calibration_of("tactile").confidence(0.95)
