@@ -9,11 +9,11 @@
      0 +----------------
        0     belief     1
 
-Touch, touch without the generic network, the camera and both together each have their own. Rising everywhere, it changes no order and ties nothing: a
-threshold of the one is a threshold of the other. It holds on the ground that it was fitted on, parts whose measures
-were in its ranges; away from there a confidence shrinks towards even chances. The numbers stand in
-`calibration.fit.json`, with what they were fitted on; `python -m pipeline.benchmark.fit_confidence` fits them and
-compares them with other ways.
+Touch, touch without the generic network, the camera and both together each have their own. Rising everywhere, it
+changes no order and ties nothing: a threshold of the one is a threshold of the other. It holds on the ground that it
+was fitted on, parts whose measures were in its ranges; away from there a confidence shrinks towards even chances. The
+numbers stand in `calibration.fit.json`, with what they were fitted on; `python -m pipeline.benchmark.fit_confidence`
+fits them and compares them with other ways.
 """
 
 from __future__ import annotations
