@@ -266,7 +266,7 @@ def _decisions(readings: Sequence[KnownReading]) -> Iterator[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Fit, print the tables, and with --write keep the fit."""
+    """Fit, print the tables, and with --write keep the fit; sources that were not read keep theirs."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("benchmarks", type=Path, nargs="+", help="folders of benchmarks of the exam (--out)")
     asked.add_argument(
@@ -275,13 +275,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked.add_argument("--write", action="store_true", help=f"replace {CALIBRATED.name}")
     given = asked.parse_args(arguments)
     readings = [one for folder in given.benchmarks for one in known_readings(folder)]
+    before = json.loads(CALIBRATED.read_text(encoding="utf-8")) if CALIBRATED.exists() else {"readings": {}}
     fitted, counts = {}, {}
     for source in SOURCES:
         tried = [one for one in readings if one.source == source]
         own = [one for one in tried if one.belief > 0.0]
         known = [one for one in own if not one.kept_out]
         if not own:
-            fitted[source], counts[source] = asdict(calibration_of(source)), 0
+            fitted[source], counts[source] = asdict(calibration_of(source)), before["readings"].get(source, 0)
             continue
         made = fit_calibration(*_columns(known))
         made = Calibration(round(made.slope, 3), round(made.bias, 3), _ground(known))

@@ -25,7 +25,6 @@ from recognition.decision.depth_rules import judged_by
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.grading import explained, graded
 from recognition.decision.known_ground import on_known_ground
-from recognition.decision.other_lines import felt_others
 from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.stroke_doubts import strokes_asked
@@ -36,6 +35,7 @@ from recognition.experts.templates.predicted import MOST_BYTES, SET_BYTES, Templ
 from recognition.language.lattice import Lattice
 from recognition.senses.settings import ReaderSettings, Repertoire
 from recognition.senses.step_timer import StepTimer
+from recognition.strokes.other_lines import felt_others
 from recognition.strokes.strokes_felt import FeltLine
 from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
