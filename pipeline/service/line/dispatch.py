@@ -177,6 +177,8 @@ class Dispatcher:
 
     async def _look(self) -> None:
         """Look at the outbox, and have every target served that has something due and is not being served."""
+        # one served while the outbox is read may have got what the answer still holds: it is looked at again
+        busy = set(self._busy)
         due = await asyncio.to_thread(self._outbox.due, limit=self._pace.batch)
         by_target: dict[str, list[Delivery]] = {}
         for delivery in due:
@@ -184,9 +186,9 @@ class Dispatcher:
         for target, deliveries in by_target.items():
             if target not in self._senders:
                 await self._put_off(deliveries, f"no {target} is set up")
-            elif target not in self._busy and not self._rests(target) and not self._stopping:
+            elif target not in busy and not self._rests(target) and not self._stopping:
                 self._busy[target] = asyncio.create_task(self._serve(target, deliveries))
-        if len(due) == self._pace.batch and not by_target.keys() & self._busy.keys():
+        if len(due) == self._pace.batch and not by_target.keys() & (busy | self._busy.keys()):
             # all that was looked at waits for targets that rest, and others may stand behind it
             await self._put_off(due, "waits for its target")
             self._woken.set()

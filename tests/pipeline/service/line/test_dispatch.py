@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import threading
+import time
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterable
 from datetime import datetime
@@ -62,6 +64,43 @@ async def emptied(outbox: MemoryOutbox, dispatcher: Dispatcher) -> None:
 
 def dispatcher_of(outbox: Outbox, pace: Pace = FAST, **senders: Recorder) -> Dispatcher:
     return Dispatcher(outbox, senders, rng=np.random.default_rng(5), pace=pace)
+
+
+class SlowlyRead(MemoryOutbox):
+    """An outbox whose second answer comes only once what it holds has been delivered; `send` waits for that look."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.looks = 0
+        self.looked_again, self.all_delivered = threading.Event(), threading.Event()
+
+    def due(self, *, limit: int = 20) -> tuple[Delivery, ...]:
+        answer = super().due(limit=limit)
+        self.looks += 1
+        if self.looks == 2:
+            self.looked_again.set()
+            assert self.all_delivered.wait(LONG_S)
+            time.sleep(0.1)  # the dispatcher is done with the target by then
+        return answer
+
+    def delivered(self, delivery_id: int) -> None:
+        super().delivered(delivery_id)
+        self.all_delivered.set()
+
+
+async def test_what_arrives_while_the_outbox_is_read_is_not_sent_again() -> None:
+    outbox = SlowlyRead()
+    outbox.put(part(id="PART0"), ("mqtt",))
+
+    async def until_looked_again(_: Delivery) -> None:
+        await asyncio.to_thread(outbox.looked_again.wait, LONG_S)
+
+    mqtt = Recorder(until_looked_again)
+    dispatcher = dispatcher_of(outbox, mqtt=mqtt)
+    dispatcher.start()
+    await until(lambda: outbox.looks >= 4, why="for looks after the slow one")
+    await dispatcher.stop()
+    assert mqtt.attempts == {1: 1}
 
 
 async def test_everything_arrives_once_and_in_order_for_each_part() -> None:
