@@ -51,92 +51,108 @@ def _add(a: float, b: float) -> float:
 
 
 @njit(cache=True)
-def _all_and_others(values, powers, others):  # type: ignore[no-untyped-def]
-    """Log of the sum; logs of the sums of all but each, from both ends: nothing is subtracted.
-
-    `powers` is room for the exponentials.
-    """
-    count = values.size
-    top = -np.inf
-    for v in values:
-        top = max(top, v)
-    if top == -np.inf:
-        others[:] = -np.inf
-        return top
-    before = 0.0
-    for c in range(count):
-        powers[c] = math.exp(values[c] - top) if values[c] > -np.inf else 0.0
-        others[c] = before
-        before += powers[c]
-    after = 0.0
-    for c in range(count - 1, -1, -1):
-        rest = others[c] + after
-        others[c] = top + math.log(rest) if rest > 0.0 else -np.inf
-        after += powers[c]
-    return top + math.log(before)
+def _part(a: float, b: float) -> float:
+    """The share exp(a - b); none where there is nothing."""
+    return math.exp(a - b) if a > -np.inf else 0.0
 
 
 @njit(cache=True)
-def _forward(blank, chars, allowed):  # type: ignore[no-untyped-def]
-    """Log sums of paths that end in each state at each frame, and that enter each place then."""
-    frames, count = chars.shape
+def _all_and_others(values, others):  # type: ignore[no-untyped-def]
+    """The sum; the sums of all but each, from both ends: nothing is subtracted."""
+    before, after = 0.0, 0.0
+    for c in range(values.size):
+        others[c] = before
+        before += values[c]
+    for c in range(values.size - 1, -1, -1):
+        others[c] += after
+        after += values[c]
+    return before
+
+
+@njit(cache=True)
+def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
+    """Sums of paths that end in each state at each frame, and that enter each place then.
+
+    Those of a place at a frame are shares of `exp(scale)`: no path is lost, however unlikely, and one exponential
+    serves all characters.
+    """
+    frames, count = shares.shape
     places = allowed.shape[0]
     at_blank = np.full((frames, places + 1), -np.inf)
-    at_place = np.full((frames, places, count), -np.inf)
-    enter = np.full((frames, places, count), -np.inf)
-    powers, rest = np.empty(count), np.empty((places + 1, count))
+    scale = np.full((frames, places), -np.inf)
+    at_place, enter = np.zeros((frames, places, count)), np.zeros((frames, places, count))
+    rest, total = np.zeros((places + 1, count)), np.full(places + 1, -np.inf)
     at_blank[0, 0] = blank[0]
-    for c in range(count):
-        if places > 0 and allowed[0, c]:
-            enter[0, 0, c] = chars[0, c]
-            at_place[0, 0, c] = chars[0, c]
-    for t in range(1, frames):
-        for k in range(places + 1):
-            came = at_blank[t - 1, k]
-            if k > 0:
-                came = _add(came, _all_and_others(at_place[t - 1, k - 1], powers, rest[k]))
-            at_blank[t, k] = came + blank[t]
+    for t in range(frames):
         for k in range(places):
+            came, own = (0.0 if k == 0 else -np.inf), -np.inf
+            if t > 0:
+                came, own = at_blank[t - 1, k], scale[t - 1, k]
+            other = scale[t - 1, k - 1] if t > 0 and k > 0 else -np.inf
+            top = max(came, own, other)
+            if top == -np.inf:
+                continue
+            by_blank, stay, by_other = _part(came, top), _part(own, top), _part(other, top)
+            most = 0.0
             for c in range(count):
-                if not allowed[k, c]:
-                    continue
-                came = at_blank[t - 1, k]
-                if k > 0:
-                    came = _add(came, rest[k, c])
-                enter[t, k, c] = came + chars[t, c]
-                at_place[t, k, c] = _add(at_place[t - 1, k, c] + chars[t, c], enter[t, k, c])
-    return at_blank, at_place, enter
+                if allowed[k, c]:
+                    enter[t, k, c] = (by_blank + by_other * rest[k, c]) * shares[t, c]
+                    at_place[t, k, c] = enter[t, k, c]
+                    if t > 0:
+                        at_place[t, k, c] += stay * at_place[t - 1, k, c] * shares[t, c]
+                    most = max(most, at_place[t, k, c])
+            if most > 0.0:
+                scale[t, k] = top + math.log(most)
+                for c in range(count):
+                    enter[t, k, c] /= most
+                    at_place[t, k, c] /= most
+        for k in range(places + 1):
+            if t > 0:
+                at_blank[t, k] = _add(at_blank[t - 1, k], total[k]) + blank[t]
+        for k in range(1, places + 1):
+            of_all = _all_and_others(at_place[t, k - 1], rest[k])
+            total[k] = scale[t, k - 1] + math.log(of_all) if of_all > 0.0 else -np.inf
+    return at_blank, at_place, enter, scale, total
 
 
 @njit(cache=True)
-def _backward(blank, chars, allowed):  # type: ignore[no-untyped-def]
-    """Log sums of the ways on from each place at each frame."""
-    frames, count = chars.shape
+def _backward(blank, shares, allowed):  # type: ignore[no-untyped-def]
+    """Sums of the ways on from each place at each frame, shares of `exp(scale)`."""
+    frames, count = shares.shape
     places = allowed.shape[0]
     on_blank = np.full(places + 1, -np.inf)
-    on_place = np.full((frames, places, count), -np.inf)
+    scale = np.full((frames, places), -np.inf)
+    on_place = np.zeros((frames, places, count))
     on_blank[places] = 0.0
-    rest = np.empty((places + 1, count))
-    powers, step, total = np.empty(count), np.empty(count), np.empty(places + 1)
-    on_place[frames - 1, places - 1] = 0.0
+    scale[frames - 1, places - 1] = 0.0
+    on_place[frames - 1, places - 1] = 1.0
+    step, rest = np.zeros((places + 1, count)), np.zeros((places + 1, count))
+    total = np.full(places + 1, -np.inf)
     for t in range(frames - 2, -1, -1):
-        rest[:] = -np.inf
-        total[:] = -np.inf
         for k in range(places):
-            step[:] = -np.inf
+            for c in range(count):
+                step[k, c] = shares[t + 1, c] * on_place[t + 1, k, c] if allowed[k, c] else 0.0
+            of_all = _all_and_others(step[k], rest[k])
+            total[k] = scale[t + 1, k] + math.log(of_all) if of_all > 0.0 else -np.inf
+        for k in range(places):
+            own, by_blank = scale[t + 1, k], blank[t + 1] + on_blank[k + 1]
+            other = scale[t + 1, k + 1] if k + 1 < places else -np.inf
+            top = max(own, by_blank, other)
+            if top == -np.inf:
+                continue
+            stay, blanked, go = _part(own, top), _part(by_blank, top), _part(other, top)
+            most = 0.0
             for c in range(count):
                 if allowed[k, c]:
-                    step[c] = chars[t + 1, c] + on_place[t + 1, k, c]
-            total[k] = _all_and_others(step, powers, rest[k])
-        for k in range(places):
-            for c in range(count):
-                if not allowed[k, c]:
-                    continue
-                way = _add(chars[t + 1, c] + on_place[t + 1, k, c], blank[t + 1] + on_blank[k + 1])
-                on_place[t, k, c] = _add(way, rest[k + 1, c])
+                    on_place[t, k, c] = stay * step[k, c] + blanked + go * rest[k + 1, c]
+                    most = max(most, on_place[t, k, c])
+            if most > 0.0:
+                scale[t, k] = top + math.log(most)
+                for c in range(count):
+                    on_place[t, k, c] /= most
         for k in range(places + 1):
             on_blank[k] = _add(blank[t + 1] + on_blank[k], total[k])
-    return on_place
+    return on_place, scale
 
 
 def place_belief(
@@ -152,18 +168,19 @@ def place_belief(
     Returns:
         The posteriors; None where no text of the format is possible at all (fewer frames than places).
     """
-    blank = np.ascontiguousarray(log_blank, dtype=np.float64)
-    chars = np.ascontiguousarray(log_chars, dtype=np.float64)
+    heard = _as_heard(log_blank, log_chars)
     table = np.ascontiguousarray(allowed, dtype=np.bool_)
-    at_blank, at_place, enter = _forward(blank, chars, table)
-    evidence = float(np.logaddexp(at_blank[-1, -1], np.logaddexp.reduce(at_place[-1, -1])))
+    at_blank, at_place, enter, scale, total = _forward(*heard, table)
+    evidence = float(np.logaddexp(at_blank[-1, -1], total[-1]))
     if not np.isfinite(evidence):
         return None
-    on_place = _backward(blank, chars, table)
-    log_belief = np.logaddexp.reduce(enter + on_place, axis=0) - evidence
-    held = np.exp(np.logaddexp.reduce(at_place + on_place, axis=2) - evidence)
+    on_place, on_scale = _backward(*heard, table)
+    share = np.exp(scale + on_scale - evidence)
+    with np.errstate(divide="ignore"):
+        log_belief = np.log(np.einsum("tkc,tkc,tk->kc", enter, on_place, share))
+    held = np.einsum("tkc,tkc->tk", at_place, on_place) * share
     held /= held.sum(axis=0)
-    t = np.arange(blank.size, dtype=np.float64)[:, None]
+    t = np.arange(log_blank.size, dtype=np.float64)[:, None]
     frame = (t * held).sum(axis=0)
     spread = np.sqrt(((t - frame) ** 2 * held).sum(axis=0))
     return PlaceBelief(np.asarray(log_belief), evidence, np.asarray(frame), np.asarray(spread))
@@ -175,12 +192,14 @@ def count_belief(
     """(most + 1,) log posterior of the number of characters, any of them allowed anywhere."""
     most = min(most, log_blank.size)
     table = np.ones((most, log_chars.shape[1]), dtype=np.bool_)
-    at_blank, at_place, _ = _forward(
-        np.ascontiguousarray(log_blank, dtype=np.float64),
-        np.ascontiguousarray(log_chars, dtype=np.float64),
-        table,
-    )
-    log = at_blank[-1].copy()
-    log[1:] = np.logaddexp(log[1:], np.logaddexp.reduce(at_place[-1], axis=1))
-    total = np.logaddexp.reduce(log)
-    return np.asarray(log - total if np.isfinite(total) else log)
+    at_blank, *_, total = _forward(*_as_heard(log_blank, log_chars), table)
+    log = np.logaddexp(at_blank[-1], total)
+    whole = np.logaddexp.reduce(log)
+    return np.asarray(log - whole if np.isfinite(whole) else log)
+
+
+def _as_heard(
+    log_blank: NDArray[np.float64], log_chars: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """As the sums take it: logarithms of the blank, shares of characters."""
+    return np.ascontiguousarray(log_blank, dtype=np.float64), np.exp(log_chars, dtype=np.float64, order="C")
