@@ -15,7 +15,7 @@ from recognition.belief.part_lines import ReadLine, Region, stands_in
 from recognition.belief.weights import weights_of
 from recognition.experts import recogniser
 from recognition.language.grammar import Grammar
-from recognition.lines.find import find_lines
+from recognition.lines.find import FoundLine, find_lines, overlap
 from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import View
@@ -32,8 +32,9 @@ MOST_BENT = 2
 """Of these, that are looked at as arcs as well."""
 TURNED_COST = 1.5
 """Nats that a line must say more than another, to be read upside down, or down the plate."""
-SURE, SOME = 0.7, 0.4
-"""Of what a place may say at most, from which no fainter lines are looked for, and no turned ones."""
+PLAIN, SURE, SOME = 0.9, 0.7, 0.4
+"""Of what a place may say at most, from which a line is not looked at otherwise, no fainter ones are looked for, and
+no turned ones."""
 END_HEIGHTS = 0.55
 """A character so near a strip's end may have a neighbour beyond."""
 GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
@@ -77,28 +78,30 @@ class LineSearch:
 
     def lines(self, view: View) -> list[ReadLine]:
         """Lines of a view by a look each; what is less usual is tried where the usual says little."""
-        seen: list[ReadLine] = []
+        found = find_lines(view, height_mm=self.height_mm)[:MOST_LINES]
+        seen = self.looks(view, _straight_and_bent(found[:1]))
+        if seen and says_much(self.meant(view, seen), PLAIN):
+            # the same ink seen otherwise has no more to say; other lines on the part may
+            band_mm = seen[0].line.height_mm
+            rest = [one.line for one in found[1:] if not overlap(one.line, seen[0].line, band_mm=band_mm)]
+            return _ranked([*seen, *self.looks(view, rest)])
+        others = [*_straight_and_bent(found[1:MOST_BENT]), *(one.line for one in found[MOST_BENT:])]
+        crops = whole_view(view) if self.height_mm is None else []
+        seen = _ranked([*seen, *self.looks(view, [*others, *crops])])
         tries = (
-            (self._usual, SURE),
-            (self._hidden, SOME),
+            (self._hidden, SURE),
             (self._upside_down, SOME),
             (self._running_down, SOME),
         )
         for candidates, enough in tries:
-            seen = _ranked([*seen, *self.looks(view, candidates(view, seen))])
             if says_much(self.meant(view, seen), enough):
                 break
+            seen = _ranked([*seen, *self.looks(view, candidates(view, seen))])
         return seen
 
     def meant(self, view: View, seen: Sequence[ReadLine]) -> list[ReadLine]:
         """The lines that the serial's may be, by where they stand."""
         return [one for one in seen if stands_in(self.region, one.line, view)]
-
-    def _usual(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        found = find_lines(view, height_mm=self.height_mm)
-        bent = [one.bent for one in found[:MOST_BENT] if one.bent is not None]
-        crops = whole_view(view) if self.height_mm is None else []
-        return [*(one.line for one in found[:MOST_LINES]), *bent, *crops]
 
     def _hidden(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         found = find_lines(view, height_mm=self.height_mm, faint=True)[:MOST_LINES]
@@ -146,6 +149,10 @@ class LineSearch:
                 break
             best = looked[0]
         return best
+
+
+def _straight_and_bent(found: Sequence[FoundLine]) -> list[TextLine]:
+    return [line for one in found for line in (one.line, one.bent) if line is not None]
 
 
 def says_much(seen: Sequence[ReadLine], enough: float = SURE) -> bool:
