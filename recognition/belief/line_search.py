@@ -1,7 +1,7 @@
 """Where lines may be, and which of them says most: our own recogniser looks at each once.
 
 view --find_lines--> lines --a look each--> most promising first --moved, grown--> the best as it lies
-                       ^--none says much: fainter ones, upside down, run down--/
+                       ^--none says much: fainter, smaller ones, upside down, run down--/
 """
 
 from __future__ import annotations
@@ -28,8 +28,12 @@ LEAST_PIXELS, MOST_SIDES = 4.0, 1.4
 """To a character's height, and a height to the view's smaller side: what is smaller or larger shows no shape."""
 MOST_TURNED = 3
 """That are looked at upside down, and running down or up."""
+MOST_MOVED = 2
+"""That are moved and made longer where they say little."""
 MOST_BENT = 2
 """Of these, that are looked at as arcs as well."""
+TEXT_SHARE = 0.15
+"""Of a plain line's score, that another one must have to be text: some three characters."""
 TURNED_COST = 1.5
 """Nats that a line must say more than another, to be read upside down, or down the plate."""
 PLAIN, SURE, SOME = 0.9, 0.7, 0.4
@@ -83,13 +87,19 @@ class LineSearch:
         if seen and says_much(self.meant(view, seen), PLAIN):
             # the same ink seen otherwise has no more to say; other lines on the part may
             band_mm = seen[0].line.height_mm
-            rest = [one.line for one in found[1:] if not overlap(one.line, seen[0].line, band_mm=band_mm)]
+            rest = [
+                one.line
+                for one in found[1:]
+                if one.score > TEXT_SHARE * found[0].score
+                and not overlap(one.line, seen[0].line, band_mm=band_mm)
+            ]
             return _ranked([*seen, *self.looks(view, rest)])
         others = [*_straight_and_bent(found[1:MOST_BENT]), *(one.line for one in found[MOST_BENT:])]
         crops = whole_view(view) if self.height_mm is None else []
         seen = _ranked([*seen, *self.looks(view, [*others, *crops])])
         tries = (
-            (self._hidden, SURE),
+            (self._faint, SURE),
+            (self._small, SOME),
             (self._upside_down, SOME),
             (self._running_down, SOME),
         )
@@ -103,12 +113,13 @@ class LineSearch:
         """The lines that the serial's may be, by where they stand."""
         return [one for one in seen if stands_in(self.region, one.line, view)]
 
-    def _hidden(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+    def _faint(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         found = find_lines(view, height_mm=self.height_mm, faint=True)[:MOST_LINES]
-        if self.height_mm is not None:
-            return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
-        found += find_lines(view, small=True)[:MOST_LINES]
-        return [*(one.line for one in found), *anywhere(view)]
+        return [*(one.line for one in found), *anywhere(view, height_mm=self.height_mm)]
+
+    def _small(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        found = [] if self.height_mm is not None else find_lines(view, small=True)[:MOST_LINES]
+        return [one.line for one in found]
 
     def _upside_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
         return [one.line.reversed for one in seen[:MOST_TURNED]]
@@ -133,9 +144,11 @@ class LineSearch:
         """The best line, moved and grown where that lets it say more."""
         best = seen[0]
         if not says_much([best]):
-            tried = [moved(one.line, *move) for one in seen[:2] for move in MOVES]
-            tried += [line for one in seen[:2] for line in longer(one.line)]
-            best = _ranked([best, *self.looks(view, tried)])[0]
+            for one in seen[:MOST_MOVED]:
+                tried = [*(moved(one.line, *move) for move in MOVES), *longer(one.line)]
+                best = _ranked([best, *self.looks(view, tried)])[0]
+                if says_much([best]):
+                    break
         elif self.grammar is None:
             # nobody says how long it is: a word may stand beyond a gap
             best = _ranked([best, *self.looks(view, longer(best.line))])[0]

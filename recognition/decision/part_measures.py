@@ -23,6 +23,8 @@ FINE_MM, COARSE_MM = 0.1, 0.4
 """Between places of the land whose heights are compared: grains, and lumps."""
 FINE_PX, COARSE_PX = 1, 4
 """The same of a photograph."""
+_ENOUGH_SAMPLES = 100_000
+"""Of a surface: the median of as many is off by half a per cent."""
 _NORMAL = 1.4826
 """Standard deviation of normal noise whose median absolute deviation is 1."""
 
@@ -84,8 +86,10 @@ def roughness(surface: NDArray[np.float64], step: int) -> float | None:
         surface: (rows, cols), NaN where not known.
         step: samples between the three.
     """
+    # of a large picture every n-th row says the median as well
+    every = max(1, round(surface.size / _ENOUGH_SAMPLES))
     bends = [
-        np.abs(z[:, 2 * step :] - 2.0 * z[:, step:-step] + z[:, : -2 * step]).ravel()
+        np.abs(z[::every, 2 * step :] - 2.0 * z[::every, step:-step] + z[::every, : -2 * step]).ravel()
         for z in (surface, surface.T)
         if z.shape[1] > 2 * step
     ]

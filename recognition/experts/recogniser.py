@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recognition.experts.steps import Steps
 from recognition.lines.networks import opened
-from recognition.views.view import LAYERS, Layers
+from recognition.views.view import Layers
 
 CHARACTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789abcdefghijklmnopqrstuvwxyz-./#()& "
 """All that it tells apart; the blank comes before them."""
@@ -29,12 +29,15 @@ _CODES = {char: 1 + k for k, char in enumerate(CHARACTERS)}
 
 def believed(strips: Sequence[Layers]) -> list[NDArray[np.float32]]:
     """(steps, 1 + CHARACTERS) logarithms of each strip's beliefs, the blank first."""
-    widest = max(s.shape[2] for s in strips)
-    fed = np.zeros((len(strips), LAYERS, strips[0].shape[1], widest + -widest % _MULTIPLE), dtype=np.float32)
-    for row, strip in enumerate(strips):
-        fed[row, :, :, : strip.shape[2]] = strip
-    found = _session().run(None, {"strip": fed})[0]
-    return [f[: -(-s.shape[2] // STEP_COLUMNS)] for f, s in zip(found, strips, strict=True)]
+    return [_believed(strip) for strip in strips]
+
+
+def _believed(strip: Layers) -> NDArray[np.float32]:
+    # by itself: beside a longer one it would be filled up, and what is filled costs as much as what is seen
+    columns = strip.shape[2]
+    fed = np.pad(strip, ((0, 0), (0, 0), (0, -columns % _MULTIPLE)))[None].astype(np.float32, copy=False)
+    found: NDArray[np.float32] = _session().run(None, {"strip": fed})[0][0]
+    return found[: -(-columns // STEP_COLUMNS)]
 
 
 def steps_of(strips: Sequence[Layers], *, chars: str) -> list[Steps]:

@@ -27,7 +27,7 @@ FINDER_ROWS, CELL = 12, 4
 """Pixels to a character's height that the network knows, and to a cell."""
 _OCTAVES = 0.7
 """Between two scales."""
-_TALLEST, _LOW, _LOWEST = 0.95, 0.13, 0.03
+_TALLEST, _LOW, _LOWEST = 0.95, 0.13, 0.0305
 """Characters looked for, of the view's smaller side: the usual ones down to the second, small ones to the third."""
 _LEAST_PIXELS = 6.0
 _MIDDLE, _FAINT = 0.5, 0.2
