@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from recognition.experts.templates.photo_shapes import PhotoShapes
@@ -64,35 +65,101 @@ def settled(
     before = np.round(shapes.middle).astype(np.int64)
     advance = np.round(shapes.advance).astype(np.int64)
     reach = int(np.abs(np.concatenate([before, advance - before])).max()) + 1
-    # where the origin and the end of each character lie whose ink has its middle at column 0
-    origin, end = (
-        (reach - before)[:, None] + np.arange(cols),
-        (reach - before + advance)[:, None] + np.arange(cols),
-    )
-    width = cols + 2 * reach
     with np.errstate(divide="ignore"):
         prior = np.log(allowed / allowed.sum(axis=1, keepdims=True))
-    spacings = [_spacing(gap, shapes.pixels, word=k in word_gaps) for k in range(places - 1)]
-    here = np.full((places, width), -np.inf)
+    kinds = [_spacing(gap, shapes.pixels, word=word) for word in (False, True)]
+    word = np.array([k in word_gaps for k in range(places)])
+    belief, column, total = _sums(
+        np.ascontiguousarray(evidence),
+        prior,
+        reach - before,
+        reach - before + advance,
+        cols + 2 * reach,
+        word,
+        *kinds[0],
+        *kinds[1],
+    )
+    return Settled(belief - total, column, total) if np.isfinite(total) else None
+
+
+@njit(cache=True)
+def _sums(  # type: ignore[no-untyped-def]
+    evidence, prior, origin, end, width, word, low, kernel, word_low, word_kernel
+):
+    """Log sums over all settings, by place and character; where each would stand; and of all.
+
+    `here[k]` is what stands before place k by where its origin lies, `after[k]` what follows by where it ends.
+    """
+    places, count = prior.shape
+    cols = evidence.shape[1]
+    here, after = np.full((places, width), -np.inf), np.zeros((places, width))
     here[0] = -math.log(cols)
-    after = np.zeros((places, width))
+    belief, column = np.full((places, count), -np.inf), np.zeros((places, count), dtype=np.int64)
     total = -np.inf
     for k in range(places):
-        ends = _gathered(evidence + prior[k][:, None] + here[k][origin], end, width)
-        if k + 1 < places:
-            here[k + 1] = _moved(ends, *spacings[k], sign=1)
+        ends, top = _gathered(evidence, prior[k], here[k], origin, end)
+        if k + 1 == places:
+            total = top + math.log(ends.sum()) if top > -np.inf else -np.inf
+        elif word[k]:
+            here[k + 1] = _moved(ends, top, word_low, word_kernel, 1)
         else:
-            total = float(log_sum(ends, 0))
-    if not np.isfinite(total):
-        return None
+            here[k + 1] = _moved(ends, top, low, kernel, 1)
+    if total == -np.inf:
+        return belief, column, total
     for k in range(places - 1, 0, -1):
-        starts = _gathered(evidence + prior[k][:, None] + after[k][end], origin, width)
-        after[k - 1] = _moved(starts, *spacings[k - 1], sign=-1)
-    belief, column = np.full((places, count), -np.inf), np.zeros((places, count), dtype=np.int64)
+        starts, top = _gathered(evidence, prior[k], after[k], end, origin)
+        if word[k - 1]:
+            after[k - 1] = _moved(starts, top, word_low, word_kernel, -1)
+        else:
+            after[k - 1] = _moved(starts, top, low, kernel, -1)
     for k in range(places):
-        whole = evidence + prior[k][:, None] + here[k][origin] + after[k][end]
-        belief[k], column[k] = log_sum(whole, 1), whole.argmax(axis=1)
-    return Settled(belief - total, column, total)
+        for c in range(count):
+            if prior[k, c] == -np.inf:
+                continue
+            most, best = -np.inf, 0
+            whole = np.empty(cols)
+            for x in range(cols):
+                whole[x] = evidence[c, x] + here[k, origin[c] + x] + after[k, end[c] + x]
+                if whole[x] > most:
+                    most, best = whole[x], x
+            column[k, c] = best
+            if most > -np.inf:
+                belief[k, c] = prior[k, c] + most + math.log(np.exp(whole - most).sum())
+    return belief, column, total
+
+
+@njit(cache=True)
+def _gathered(evidence, prior, come, from_, to):  # type: ignore[no-untyped-def]
+    """Sums over a place's characters by the column `to` which they lead, shares of exp(the second value)."""
+    count, cols = evidence.shape
+    top = -np.inf
+    for c in range(count):
+        if prior[c] > -np.inf:
+            for x in range(cols):
+                top = max(top, evidence[c, x] + prior[c] + come[from_[c] + x])
+    found = np.zeros(come.size)
+    if top > -np.inf:
+        for c in range(count):
+            if prior[c] > -np.inf:
+                for x in range(cols):
+                    found[to[c] + x] += math.exp(evidence[c, x] + prior[c] + come[from_[c] + x] - top)
+    return found, top
+
+
+@njit(cache=True)
+def _moved(values, top, low, kernel, sign):  # type: ignore[no-untyped-def]
+    """out[y] = top + log sum over n of values[y - sign (low + n)] kernel[n]."""
+    size = values.size
+    found = np.zeros(size)
+    for y in range(size):
+        if values[y] > 0.0:
+            for n in range(kernel.size):
+                at = y + sign * (low + n)
+                if 0 <= at < size:
+                    found[at] += values[y] * kernel[n]
+    for y in range(size):
+        found[y] = top + math.log(found[y]) if found[y] > 0.0 else -np.inf
+    return found
 
 
 def gap_of(
@@ -106,7 +173,7 @@ def gap_of(
 
 
 def _spacing(gap: float | None, pixels: int, *, word: bool) -> tuple[int, Floats]:
-    """Least spacing, pixels, and the log prior of it and every further pixel; it sums to 1 in probability."""
+    """Least spacing, pixels, and the prior of it and of every further pixel; it sums to 1."""
     low = round(GAP_REACH[0] * pixels)
     gaps = np.arange(low, round((WORD_GAP if word else GAP_REACH[1]) * pixels) + 1) / pixels
     if word:
@@ -115,28 +182,8 @@ def _spacing(gap: float | None, pixels: int, *, word: bool) -> tuple[int, Floats
         log = -LOOSE_SLOPE * np.maximum(0.0, np.maximum(LOOSE_GAP[0] - gaps, gaps - LOOSE_GAP[1]))
     else:
         log = -np.minimum(0.5 * ((gaps - gap / pixels) / GAP_SIGMA) ** 2, GAP_COST)
-    return low, log - log_sum(log, 0)
-
-
-def _gathered(values: Floats, at: NDArray[np.int64], width: int) -> Floats:
-    """(width,) log sums of values (T, cols) that belong to the columns `at`."""
-    wide = np.full((values.shape[0], width), -np.inf)
-    np.put_along_axis(wide, at, values, axis=1)
-    return log_sum(wide, 0)
-
-
-def _moved(values: Floats, low: int, log: Floats, *, sign: int) -> Floats:
-    """out[y] = log sum over n of values[y - sign (low + n)] + log[n]: a convolution of exponentials."""
-    top = float(values.max())
-    if not np.isfinite(top):
-        return np.full_like(values, -np.inf)
-    kernel = np.exp(log)
-    full = np.convolve(np.exp(values - top), kernel if sign > 0 else kernel[::-1])
-    # of the full convolution, index i stands for y = i + low, or for y = i - (low + size - 1)
-    first = -low if sign > 0 else low + log.size - 1
-    padded = np.concatenate([np.zeros(max(0, -first)), full[max(0, first) :], np.zeros(values.size)])
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.log(padded[: values.size]) + top)
+    prior = np.exp(log - log.max())
+    return low, prior / prior.sum()
 
 
 def log_sum(values: Floats, axis: int) -> Floats:
