@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import sys
+import time
 
 from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 from pipeline.cli.settings import READING, SERVICE, Config, Reading, Service
+
+STARTED_S = time.monotonic()
+"""When the command began: this module comes first, what is heavy after it."""
 
 
 def serve(*, service: Service = SERVICE, reading: Reading = READING, config: Config = None) -> int:
@@ -23,4 +27,9 @@ def serve(*, service: Service = SERVICE, reading: Reading = READING, config: Con
     with failures_reported():
         from pipeline.cli.serving import run
 
-        return run(service, reading, say=lambda line: print(line, file=sys.stderr, flush=True))
+        return run(
+            service,
+            reading,
+            started_s=STARTED_S,
+            say=lambda line: print(line, file=sys.stderr, flush=True),
+        )

@@ -21,12 +21,15 @@ MOST_CONNECTIONS = 1000
 KEEP_ALIVE_S = 30
 
 
-def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str], None]) -> int:
+def run(
+    settings: ServiceSettings, reading: ReadSettings, *, started_s: float, say: Callable[[str], None]
+) -> int:
     """Serve until a signal ends it; requests that are at work may end first.
 
     Args:
         settings: of the service.
         reading: how parts are read.
+        started_s: when the program was started, by the monotonic clock.
         say: told where it listens, in a line for a person.
 
     Raises:
@@ -41,7 +44,7 @@ def run(settings: ServiceSettings, reading: ReadSettings, *, say: Callable[[str]
                 settings.host, port, option=option
             ).close()  # told here in a line, not out of a running server
     try:
-        service = Service(settings, reading)
+        service = Service(settings, reading, started_s=started_s)
     except StoreError as error:
         bound.close()
         raise CommandError(str(error)) from error

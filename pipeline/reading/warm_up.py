@@ -1,4 +1,8 @@
-"""Warming up: a worker's first part should take no longer than the next one."""
+"""Warming up: a worker's first part should take no longer than the next one.
+
+The part that is read is one of those that come, so both senses are soon sure of it. What only unsure parts need, rough
+templates of every font, is made for the first of them.
+"""
 
 from __future__ import annotations
 
@@ -11,28 +15,51 @@ if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
     from pipeline.files.limits import Limits
 
+PLAIN = "K4X7H2"
+"""Characters that nothing is mistaken for."""
+PIXELS = 60.0
+"""To a character's height in the photograph."""
+
 
 def warm_up(settings: ReadSettings, limits: Limits) -> None:
-    """Load the libraries, make the readers of these settings and read a small clean part by vision and touch.
+    """Load the libraries, make the readers of these settings and read a clean part by vision and touch.
 
     Settings or fonts that cannot be used do not matter here: every job tells.
     """
     from glyphs.camera.pose import Camera
     from glyphs.errors import FileError
     from glyphs.opencv import cv2
+    from glyphs.part import stamp
+    from glyphs.stamping.variation import StampingVariation
     from pipeline.files.npz import write_npz
     from pipeline.files.photos import write_photo
-    from pipeline.files.synth import SynthSpec, make_part
     from pipeline.reading.jobs import Job, read_job
 
     cv2.setNumThreads(1)
-    spec = SynthSpec("AA99", seed=1, height_mm=settings.height_mm or 5.0, variation=False)
-    part = make_part(spec, 0)
-    photo = part.photograph(camera=Camera(pitch_mm=spec.height_mm / 60.0))
+    height_mm = settings.height_mm or 5.0
+    part = stamp(_a_text(settings), height_mm=height_mm, variation=StampingVariation.none(), seed=1)
+    photo = part.photograph(camera=Camera(pitch_mm=height_mm / PIXELS))
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
         folder = Path(name)
         write_npz(folder / "part.npz", part.height_map)
         write_photo(folder / "part.png", photo)
-        # with the format of the settings, of which this part is none: it is looked at all the same
         with contextlib.suppress(FileError):
             read_job(Job(folder, photo=folder / "part.png", height_map=folder / "part.npz"), settings, limits)
+
+
+def _a_text(settings: ReadSettings) -> str:
+    """A serial of the settings' format; four characters where they have none that a built-in font could stamp."""
+    from glyphs.errors import MarksError
+    from glyphs.fonts.outlines import load_font
+    from pipeline.common.serial_format import serial_format
+
+    with contextlib.suppress(MarksError):
+        grammar = serial_format(settings)
+        lengths = None if grammar is None else grammar.lengths()
+        places = grammar.places(min(lengths)) if grammar is not None and lengths else None
+        known = load_font("gothic").glyphs
+        if places and all(any(c in known for c in allowed) for allowed in places):
+            return "".join(
+                next(c for c in (*PLAIN, *allowed) if c in allowed and c in known) for allowed in places
+            )
+    return PLAIN[:4]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
     from pipeline.service.settings import ServiceSettings
 
 SWEEP_EVERY_S = 3600.0
+LOOK_S = 0.05
+"""Between looks at workers that warm up."""
 ORPHAN_AGE_S = 3600.0
 """A file that no record names is left alone for so long: its transaction may be on the way."""
 KEYS_KEPT_DAYS = 7.0
@@ -54,8 +57,15 @@ log = structlog.get_logger("tactile-marks")
 class Service:
     """One running service and all that it holds open."""
 
-    def __init__(self, settings: ServiceSettings, reading: ReadSettings) -> None:
+    def __init__(
+        self, settings: ServiceSettings, reading: ReadSettings, *, started_s: float | None = None
+    ) -> None:
         """Open store and folders, and begin to warm up the workers.
+
+        Args:
+            settings: of the service.
+            reading: how parts are read.
+            started_s: when the program was started, by the monotonic clock; now unless given.
 
         Raises:
             StoreError: a store that cannot be opened.
@@ -64,6 +74,7 @@ class Service:
             ValueError: settings that cannot be.
         """
         self.settings = settings
+        self._started_s = time.monotonic() if started_s is None else started_s
         certificate = certificate_of(reading)
         self.watch = None if certificate is None else DriftWatch(certificate)
         self.evidence = EvidenceFolder(settings.evidence_folder)
@@ -139,20 +150,25 @@ class Service:
     @contextlib.asynccontextmanager
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
         """Everything that runs beside the requests."""
-        sweeper = asyncio.create_task(self._sweep_for_ever())
+        beside = [asyncio.create_task(work) for work in (self._sweep_for_ever(), self._say_ready())]
         try:
             async with self.ports.opened(self.parts):
                 yield
         finally:
-            sweeper.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await sweeper
+            for task in beside:
+                task.cancel()
+            await asyncio.gather(*beside, return_exceptions=True)
             await asyncio.to_thread(self.close)
 
     def close(self) -> None:
         """End the workers and close the store."""
         self.pool.close(self.settings.shutdown_grace_s)
         self.store.close()
+
+    async def _say_ready(self) -> None:
+        while not self.pool.all_ready():
+            await asyncio.sleep(LOOK_S)
+        log.info("ready", seconds=round(time.monotonic() - self._started_s, 1), workers=self.settings.jobs)
 
     async def _sweep_for_ever(self) -> None:
         while True:

@@ -143,11 +143,15 @@ class WorkPool:
         """Whether any worker is warm; one that is being replaced does not make the service unready."""
         return not self._order.closing.is_set() and any(slot.warm for slot in self._slots)
 
+    def all_ready(self) -> bool:
+        """Whether every worker is warm."""
+        return all(slot.warm for slot in self._slots)
+
     def wait_ready(self, timeout_s: float) -> bool:
         """Wait until every worker is warm."""
         until = time.monotonic() + timeout_s
         while time.monotonic() < until and not self._order.closing.is_set():
-            if all(slot.warm for slot in self._slots):
+            if self.all_ready():
                 return True
             time.sleep(0.02)
         return False
