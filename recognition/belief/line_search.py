@@ -34,6 +34,10 @@ MOST_BENT = 2
 """Of these, that are looked at as arcs as well."""
 TEXT_SHARE = 0.15
 """Of a plain line's score, that another one must have to be text: some three characters."""
+SLANTS_DEG = (30.0, -30.0, 60.0, -60.0)
+"""At which lines are looked for that run neither level nor down."""
+SLANTED_SIDES = 2.5
+"""Ratio of a view's sides from which a slanted line would have no room."""
 TURNED_COST = 1.5
 """Nats that a line must say more than another, to be read upside down, or down the plate."""
 PLAIN, SURE, SOME = 0.9, 0.7, 0.4
@@ -99,9 +103,10 @@ class LineSearch:
         seen = _ranked([*seen, *self.looks(view, [*others, *crops])])
         tries = (
             (self._faint, SURE),
-            (self._small, SOME),
             (self._upside_down, SOME),
             (self._running_down, SOME),
+            (self._slanted, SOME),
+            (self._small, SOME),
         )
         for candidates, enough in tries:
             if says_much(self.meant(view, seen), enough):
@@ -125,8 +130,19 @@ class LineSearch:
         return [one.line.reversed for one in seen[:MOST_TURNED]]
 
     def _running_down(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
-        found = [one.line for one in find_lines(view, height_mm=self.height_mm, down=True)[:MOST_TURNED]]
-        return [*found, *(line.reversed for line in found)]
+        return self._either_way(view, (90.0,))
+
+    def _slanted(self, view: View, seen: Sequence[ReadLine]) -> list[TextLine]:
+        short, long = sorted(view.size_mm)
+        return self._either_way(view, SLANTS_DEG) if long < SLANTED_SIDES * short else []
+
+    def _either_way(self, view: View, turns_deg: Sequence[float]) -> list[TextLine]:
+        found = [
+            one for turn in turns_deg for one in find_lines(view, height_mm=self.height_mm, turned_deg=turn)
+        ]
+        best = sorted(found, key=lambda one: -one.score)[:MOST_TURNED]
+        lines = [*_straight_and_bent(best[:1]), *(one.line for one in best[1:])]
+        return [*lines, *(line.reversed for line in lines)]
 
     def looks(self, view: View, lines: Sequence[TextLine]) -> list[ReadLine]:
         """One look of our own recogniser at each line, most promising first."""

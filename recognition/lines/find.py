@@ -18,9 +18,9 @@ from scipy import ndimage
 from glyphs.surface.display import one_line
 from recognition.lines.networks import opened
 from recognition.views.curves import arc_through, straight_through
-from recognition.views.resample import resampled
+from recognition.views.resample import resampled, turned, unturned
 from recognition.views.text_line import TextLine
-from recognition.views.view import EDGES, HEIGHTS, KNOWN, View
+from recognition.views.view import HEIGHTS, View
 
 WEIGHTS = Path(__file__).with_name("finder.onnx")
 FINDER_ROWS, CELL = 12, 4
@@ -65,7 +65,7 @@ def find_lines(
     height_mm: float | None = None,
     small: bool = False,
     faint: bool = False,
-    down: bool = False,
+    turned_deg: float = 0.0,
 ) -> list[FoundLine]:
     """The lines of a view, most promising first.
 
@@ -74,12 +74,16 @@ def find_lines(
         height_mm: of the characters, if known.
         small: look for characters that are small beside the view instead.
         faint: take less for a line.
-        down: look for lines that run down instead.
+        turned_deg: look for lines that are turned by about as much, clockwise as seen, instead.
     """
-    if down:
+    if turned_deg:
+
+        def back(line: TextLine) -> TextLine:
+            return TextLine(unturned(line.centre_mm, view, turned_deg), line.height_mm)
+
         return [
-            replace(one, line=_back(one.line, view), bent=None if one.bent is None else _back(one.bent, view))
-            for one in find_lines(_turned(view), height_mm=height_mm)
+            replace(one, line=back(one.line), bent=one.bent and back(one.bent))
+            for one in find_lines(turned(view, turned_deg), height_mm=height_mm)
         ]
     found: list[FoundLine] = []
     for scale_mm in _scales(view, height_mm, small=small):
@@ -202,19 +206,6 @@ def overlap(one: TextLine, other: TextLine, *, band_mm: float | None = None) -> 
     u, v = off @ along, off @ np.array([-along[1], along[0]])
     inside = (u > 0.0) & (u < np.linalg.norm(b - a)) & (np.abs(v) < band_mm)
     return bool(inside.mean() > 0.5)
-
-
-def _turned(view: View) -> View:
-    """The view of the part turned a quarter against the clock, from an origin of 0: lines that ran down run level."""
-    layers = np.rot90(view.layers, axes=(1, 2)).copy()
-    layers[EDGES:KNOWN] = np.roll(layers[EDGES:KNOWN], -1, axis=0)
-    return View(view.kind, layers, view.pitch_mm)
-
-
-def _back(line: TextLine, view: View) -> TextLine:
-    """A line of the turned view where it lies on the view itself."""
-    x, y = line.centre_mm.T
-    return TextLine(np.stack([view.size_mm[0] - y, x], axis=1) + view.origin_mm, line.height_mm)
 
 
 @cache

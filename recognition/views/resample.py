@@ -1,11 +1,14 @@
-"""A view on a grid of another pitch."""
+"""A view on another grid: of another pitch, or turned."""
 
 from __future__ import annotations
+
+import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recognition.views.view import KNOWN, View
+from recognition.views.view import EDGES, GREY, KNOWN, View, turned_edges
 
 _BLUR = 0.4
 """Sigma of what a coarser grid is averaged by, its pixels beyond one."""
@@ -35,3 +38,39 @@ def resampled(view: View, pitch_mm: float) -> NDArray[np.float32]:
         )
     made[KNOWN] = made[KNOWN] > 0.5
     return np.asarray(made * made[KNOWN], dtype=np.float32)
+
+
+def turned(view: View, turned_deg: float) -> View:
+    """The view on axes that are turned clockwise as seen: lines turned by as much run level on it.
+
+    x, y of its frame are taken from the middle of the view (`unturned` brings them back).
+    """
+    from glyphs.opencv import cv2
+
+    cos, sin = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
+    rows, columns = view.layers.shape[1:]
+    size = tuple(math.ceil(abs(cos) * a + abs(sin) * b - 1e-6) for a, b in ((columns, rows), (rows, columns)))
+    # from pixels of the turned grid to those of the view, both from their middles
+    back = np.array([[cos, -sin, 0.0], [sin, cos, 0.0]])
+    middles = [np.array([(n - 1) / 2 for n in shape]) for shape in (size, (columns, rows))]
+    back[:, 2] = middles[1] - back[:, :2] @ middles[0]
+    made = np.zeros((len(view.layers), size[1], size[0]), dtype=np.float32)
+    for layer in np.flatnonzero(view.layers.any(axis=(1, 2))):
+        made[layer] = cv2.warpAffine(
+            view.layers[layer], back, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        )
+    made[KNOWN] = made[KNOWN] > 0.999
+    made *= made[KNOWN]
+    if made[GREY].any():
+        # beyond the picture it is as bright as in it: its rim is no stroke
+        made[GREY] += (1.0 - made[KNOWN]) * float(np.median(view.layers[GREY]))
+    made[EDGES:KNOWN] = turned_edges(made[EDGES:KNOWN], turned_deg)
+    origin_mm = (-middles[0][0] * view.pitch_mm, -middles[0][1] * view.pitch_mm)
+    return replace(view, layers=made, origin_mm=origin_mm)
+
+
+def unturned(points_mm: NDArray[np.float64], view: View, turned_deg: float) -> NDArray[np.float64]:
+    """(n, 2) places of the turned view where they lie on the view itself."""
+    cos, sin = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
+    middle = np.array(view.origin_mm) + 0.5 * np.array(view.size_mm)
+    return np.asarray(points_mm @ np.array([[cos, sin], [-sin, cos]]) + middle)

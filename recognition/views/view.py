@@ -111,15 +111,30 @@ class View:
         places = line.grid_mm(u, v, margin=margin, of_rows=rows / zoom)
         x, y = (((places[..., k] - self.origin_mm[k]) / self.pitch_mm).astype(np.float32) for k in (0, 1))
         strip = np.zeros((LAYERS, rows, columns), dtype=np.float32)
-        quarters = round(line.turned_deg / 90.0)
         for layer in np.flatnonzero(self.layers.any(axis=(1, 2))):
-            shown = cv2.remap(self.layers[layer], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-            # forward along a line that runs down is the plate's forward y
-            strip[EDGES + (layer - EDGES - quarters) % 4 if EDGES <= layer < KNOWN else layer] = shown
+            strip[layer] = cv2.remap(
+                self.layers[layer], x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
+            )
+        strip[EDGES:KNOWN] = turned_edges(strip[EDGES:KNOWN], line.turned_deg)
         known = strip[KNOWN] > 0.999  # what lies next to the unknown is made of it
         strip *= known
         strip[HEIGHTS] /= line.height_mm
         return strip
+
+
+def turned_edges(edges: Layers, turned_deg: float) -> Layers:
+    """Edges as passes along turned axes would feel them: slopes, which add up as the parts of a vector.
+
+    Args:
+        edges: (4, ...) of the directions.
+        turned_deg: of the axes, clockwise as seen: forward along an axis that runs down is the plate's forward y.
+    """
+    if not edges.any():
+        return edges
+    quarters, rest_deg = divmod(turned_deg, 90.0)
+    near, next_ = (np.roll(edges, -int(quarters) - k, axis=0) for k in (0, 1))
+    rest = np.radians(rest_deg)
+    return np.asarray(np.cos(rest) * near + np.sin(rest) * next_, dtype=np.float32)
 
 
 def felt_view(edges: EdgeMap, relief: Relief | None) -> View:

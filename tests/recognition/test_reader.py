@@ -141,6 +141,14 @@ def test_a_turned_line(angle: float, make_part: Make, reader: Readers) -> None:
     assert reading.rotation_deg * np.sign(angle) == pytest.approx(abs(angle), abs=LEAN_SHARE * abs(angle))
 
 
+@pytest.mark.parametrize("angle", [50.0, -140.0])
+def test_a_slanted_line(angle: float, make_part: Make, reader: Readers) -> None:
+    """Its height is known less well than a level one's: it was learned on those."""
+    reading = reader().read(make_part("K7B29X4", line_rotation_deg=angle).height_map)
+    assert (reading.text, reading.decision) == ("K7B29X4", Decision.ACCEPT)
+    assert reading.rotation_deg == pytest.approx(angle, abs=LEAN_SHARE * 30.0)
+
+
 def test_dropouts(make_part: Make, reader: Readers) -> None:
     part = make_part()
     z = part.height_map.z_mm.copy()

@@ -61,7 +61,7 @@ def settled(
         gap: spacing of the line, pixels, if known already.
         word_gaps: places after which a word gap lies.
     """
-    (places, count), cols = allowed.shape, evidence.shape[1]
+    places, cols = len(allowed), evidence.shape[1]
     before = np.round(shapes.middle).astype(np.int64)
     advance = np.round(shapes.advance).astype(np.int64)
     reach = int(np.abs(np.concatenate([before, advance - before])).max()) + 1

@@ -72,13 +72,25 @@ def test_a_line_that_runs_down_is_found_running_down(make_part: Make) -> None:
     level_ = level(part.height_map)
     # turned clockwise: what ran to the right runs down
     turned = HeightMap(np.rot90(level_.z_mm, -1).copy(), level_.pitch_mm)
-    first = find_lines(heights_view(turned), down=True)[0].line
+    first = find_lines(heights_view(turned), turned_deg=90.0)[0].line
     assert first.turned_deg == pytest.approx(90.0, abs=5.0)
     x0, y0, x1, y1 = hull(part.boxes_mm)
     wide = turned.size_mm[0]
     middle = first.centre_mm[[0, -1]].mean(axis=0)
     assert middle[0] == pytest.approx(wide - 0.5 * (y0 + y1), abs=MIDDLE_HEIGHTS * 5.0)
     assert middle[1] == pytest.approx(0.5 * (x0 + x1), abs=END_HEIGHTS * 5.0)
+
+
+@pytest.mark.parametrize("turned_deg", [40.0, -65.0])
+def test_a_slanted_line_is_found_on_slanted_axes(turned_deg: float, make_part: Make) -> None:
+    part = make_part("K7B29X4", line_rotation_deg=turned_deg)
+    view = heights_view(level(part.height_map))
+    near_deg = min((30.0, -30.0, 60.0, -60.0), key=lambda deg: abs(deg - turned_deg))
+    first = find_lines(view, turned_deg=near_deg)[0].line
+    assert first.turned_deg == pytest.approx(turned_deg, abs=5.0)
+    middle = first.centre_mm[[0, -1]].mean(axis=0)
+    boxes = np.array(part.boxes_mm)
+    assert middle == pytest.approx(0.5 * (boxes[:, :2] + boxes[:, 2:]).mean(axis=0), abs=END_HEIGHTS * 5.0)
 
 
 @pytest.mark.parametrize("roughness_mm", [0.0, 0.0005, 0.002])

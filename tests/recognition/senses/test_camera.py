@@ -92,6 +92,16 @@ def test_a_picture_taken_from_another_side_is_read(turns: int, photo: tuple[Stam
     assert off == pytest.approx(0.0, abs=3.0)
 
 
+@pytest.mark.parametrize("turned_deg", [35.0, -125.0])
+def test_a_slanted_line_is_read(
+    turned_deg: float, reader: VisionReader, make_part: Callable[..., StampedPart]
+) -> None:
+    part = make_part(TEXT, line_rotation_deg=turned_deg)
+    found = reader.read_photo(taken(lit(part, rng=np.random.default_rng(2)), part))
+    assert found.text == TEXT
+    assert found.rotation_deg == pytest.approx(turned_deg, abs=6.0)
+
+
 def test_a_turned_line_under_grime_is_read(
     reader: VisionReader, make_part: Callable[..., StampedPart]
 ) -> None:

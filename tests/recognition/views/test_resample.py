@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from recognition.views.resample import resampled
-from recognition.views.view import GREY, KNOWN, LAYERS, View, ViewKind
+from recognition.views.resample import resampled, turned, unturned
+from recognition.views.view import GREY, HEIGHTS, KNOWN, LAYERS, View, ViewKind
 
 PITCH_MM = 0.1
 PIXEL_SHARE = 1.0 / 32.0
@@ -53,3 +55,27 @@ def test_averages_leave_out_what_is_not_known() -> None:
 
 def test_a_view_smaller_than_a_few_pixels_is_still_one() -> None:
     assert resampled(ramp(), 5.0).shape == (LAYERS, 8, 8)
+
+
+@given(turned_deg=st.floats(-180.0, 180.0), u=st.integers(20, 39), v=st.integers(20, 29))
+def test_what_is_turned_lies_where_it_is_turned_back_to(turned_deg: float, u: int, v: int) -> None:
+    layers = np.zeros((LAYERS, 50, 60), dtype=np.float32)
+    layers[KNOWN], layers[HEIGHTS, v, u] = 1.0, 1.0
+    view = View(ViewKind.HEIGHTS, layers, 0.5, (3.0, -2.0))
+    made = turned(view, turned_deg)
+    heights = made.layers[HEIGHTS]
+    at = np.argwhere(heights > 0.0)
+    middle = (heights[heights > 0.0][:, None] * at).sum(axis=0) / heights.sum()
+    there_mm = np.array(made.origin_mm) + 0.5 * middle[::-1]
+    # bilinear weights keep the middle of a spot to a share of a pixel
+    off_mm = unturned(there_mm[None], view, turned_deg)[0] - (3.0 + 0.5 * u, -2.0 + 0.5 * v)
+    assert np.abs(off_mm).max() < 0.25
+
+
+def test_beyond_a_turned_picture_nothing_is_known_and_it_is_as_bright() -> None:
+    layers = np.zeros((LAYERS, 50, 60), dtype=np.float32)
+    layers[KNOWN], layers[GREY] = 1.0, 0.4
+    made = turned(View(ViewKind.PHOTO, layers, 1.0), 30.0)
+    assert not made.layers[KNOWN, 0, 0]
+    assert made.layers[KNOWN].sum() == pytest.approx(50 * 60, rel=0.1)  # less its rim
+    np.testing.assert_allclose(made.layers[GREY], 0.4, atol=1e-6)
