@@ -2,6 +2,7 @@
 
 trials --statistics_of--> Statistics --+--> benchmark.json
    |                                   +--> report.html   (pictures inlined)
+   |                                   +--> benchmark.md   (tables for documents)
    +---------------------------------------> benchmark.csv
 """
 
@@ -24,6 +25,7 @@ from pipeline.benchmark.analysis.targets import Verdict, verdicts
 from pipeline.benchmark.exam.condition import level_name
 from pipeline.benchmark.report.page import check_report
 from pipeline.benchmark.report.report_page import report_page, versions
+from pipeline.benchmark.report.text_tables import text_tables
 from pipeline.benchmark.report.worst_parts import draw_worst, rank_worst
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
@@ -33,7 +35,7 @@ from pipeline.reading.drift import DriftWatch
 from pipeline.workers.executors import Executor, InlineExecutor, ordered_map
 from recognition.decision.part_measures import Measure
 
-PAGE, TABLE, FIGURES = "report.html", "benchmark.csv", "benchmark.json"
+PAGE, TABLE, FIGURES, DOCUMENT = "report.html", "benchmark.csv", "benchmark.json", "benchmark.md"
 _TIMES = ("compute_s", "reading_s", "simulated_s", "scan_s")
 
 
@@ -45,6 +47,7 @@ class Written:
         page: the report.
         table: a line a trial.
         figures: all figures.
+        document: the tables that documents show, as Markdown.
         statistics: the figures themselves.
         verdicts: what was to be shown, and whether it was.
         drift: how the parts of each mode differ from the certified ones, in words; of those that do.
@@ -53,6 +56,7 @@ class Written:
     page: Path
     table: Path
     figures: Path
+    document: Path
     statistics: Statistics
     verdicts: tuple[Verdict, ...]
     drift: Mapping[str, str] = field(default_factory=dict)
@@ -88,11 +92,15 @@ def write_report(
     ranked = [(part, items[part.part]) for part in rank_worst(steady(trials))]
     worst = list(ordered_map(executor or InlineExecutor(), partial(draw_worst, benchmark), ranked))
     drift = {} if certificate is None else drift_of(trials, certificate)
-    written = Written(folder / PAGE, folder / TABLE, folder / FIGURES, found, judged, drift)
+    written = Written(
+        folder / PAGE, folder / TABLE, folder / FIGURES, folder / DOCUMENT, found, judged, drift
+    )
     _write_table(trials, written.table)
     with replacing(written.figures) as temporary:
         figures = json.dumps(_figures(benchmark, trials, found, judged), indent=1, ensure_ascii=False)
         temporary.write_text(figures + "\n", encoding="utf-8")
+    with replacing(written.document) as temporary:
+        temporary.write_text(text_tables(found, command=command), encoding="utf-8")
     page = report_page(
         benchmark, trials, found, judged, worst, command=command, certificate=certificate, drift=drift
     )

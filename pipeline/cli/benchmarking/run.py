@@ -71,7 +71,7 @@ def benchmark(
     inputs: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
 ) -> int:
-    """Make dirty parts, read each in every mode, and write report.html, benchmark.csv and benchmark.json.
+    """Make dirty parts, read each in every mode, and write report.html, benchmark.csv, benchmark.json and benchmark.md.
 
     Start an interrupted run again with the same command; with more --parts it goes on where it ended. With --inputs
     and --truth the parts of a folder are read instead.

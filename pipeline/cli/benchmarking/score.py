@@ -45,7 +45,7 @@ def score(
     give
         What the readers were given beside the part: font, height, format, or nothing.
     out
-        Folder for report.html, benchmark.csv and benchmark.json, as of a run.
+        Folder for report.html, benchmark.csv, benchmark.json and benchmark.md, as of a run.
     """
     with failures_reported():
         if (design is None) == (truth is None):
