@@ -50,6 +50,7 @@ class Reader:
             ValueError: a number out of range.
         """
         self.settings = replace(settings or ReaderSettings(), **options)
+        self._touch_settings = self.settings
         Repertoire(self.settings)
 
     @property
@@ -62,7 +63,7 @@ class Reader:
         """Reads height maps and scans."""
         from recognition.senses.touch import TactileReader
 
-        return TactileReader(self.settings)
+        return TactileReader(self._touch_settings)
 
     @cached_property
     def vision(self) -> VisionReader:
@@ -70,6 +71,13 @@ class Reader:
         from recognition.senses.camera import VisionReader
 
         return VisionReader(self.settings)
+
+    def after_photo(self) -> Reader:
+        """A reader whose regions hold for photographs alone: a scan of where the camera saw the line shows no more."""
+        made = Reader(self.settings)
+        lines = {name: replace(line, region=None) for name, line in self.settings.asked.items()}
+        made._touch_settings = replace(self.settings, region=None, lines=lines)
+        return made
 
     def read(
         self,

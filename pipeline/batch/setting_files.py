@@ -23,7 +23,7 @@ def files_to_send(settings: ReadSettings) -> dict[str, bytes]:
     Raises:
         FileError: one is missing or too large.
     """
-    files = settings.database, settings.lexicon, settings.layout, settings.certificate
+    files = settings.database, settings.lexicon, settings.certificate
     named = [str(path) for path in files if path is not None]
     named += [font for font in settings.font if Path(font).is_file()]
     for name in named:
@@ -45,7 +45,6 @@ def settled(settings: ReadSettings, sent: Mapping[str, bytes]) -> ReadSettings:
         update={
             "database": at(settings.database),
             "lexicon": at(settings.lexicon),
-            "layout": at(settings.layout),
             "certificate": at(settings.certificate),
             "font": fonts,
         }

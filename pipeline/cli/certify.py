@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
-from pipeline.cli.settings import READING, Config, Reading
+from pipeline.cli.settings import READING, Config, JobPath, Reading
 from pipeline.workers.options import ExecutorOptions
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ def certify(
     manifest: tuple[str, ...] = (),
     executors: Annotated[ExecutorOptions, Parameter(name="*")] = _EXECUTORS,
     reading: Reading = READING,
+    job: JobPath = None,
     config: Config = None,
 ) -> int:
     """Show, on parts whose serials are known, from which confidence readings may be accepted, and write a certificate.

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from pipeline.batch.options import RunOptions
 from pipeline.cli.exit_status import INTERRUPTED, USAGE, CommandError, failures_reported
-from pipeline.cli.settings import READING, Config, Reading
+from pipeline.cli.settings import READING, Config, JobPath, Reading
 from pipeline.workers.options import ExecutorOptions
 
 _RUN, _EXECUTORS = RunOptions(), ExecutorOptions()
@@ -19,6 +19,7 @@ def read(
     run: Annotated[RunOptions, Parameter(name="*")] = _RUN,
     executors: Annotated[ExecutorOptions, Parameter(name="*")] = _EXECUTORS,
     reading: Reading = READING,
+    job: JobPath = None,
     config: Config = None,
 ) -> int:
     """Read the serials of parts: height maps, scans and photographs, folders, globs and manifests of them.

@@ -5,6 +5,7 @@ tactile-marks.toml      font = ["gothic"]               (working folder, or the 
                         port = 8417
 environment             TACTILE_MARKS_HEIGHT_MM=5, TACTILE_MARKS_SERVICE_PORT=8417
 flags                   --height-mm 5, serve --port 8417
+job                     read --job housing-left.toml    (in place of environment and file; flags go over it)
 
 A command has a parameter of type `Reading` or `Service`, and one `config`. A key that is not known is an error.
 """
@@ -22,6 +23,7 @@ import pydantic
 from cyclopts import App, CycloptsError, Group, Parameter
 from cyclopts.argument import Argument, ArgumentCollection, Token
 
+from pipeline.common.job_file import read_job_file
 from pipeline.common.settings import ReadSettings, Settings, SettingsError, bad_value
 from pipeline.service.settings import ServiceSettings
 
@@ -57,6 +59,13 @@ Config = Annotated[
     Path | None,
     Parameter(help="TOML file with settings; tactile-marks.toml in the working folder is read by itself."),
 ]
+JobPath = Annotated[
+    Path | None,
+    Parameter(
+        help="Job file: settings of reading, in place of those of the environment and of tactile-marks.toml; flags "
+        "beside it go over it."
+    ),
+]
 StoreAddress = Annotated[
     str | None, Parameter(help="Address of the store; the one of the service's settings unless given.")
 ]
@@ -67,12 +76,20 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
     """Give a command what environment and file say of its settings where its flags say nothing.
 
     Raises:
-        SettingsError: a file that cannot be read, unknown keys.
+        SettingsError: a file that cannot be read, unknown keys, a job beside a file of settings.
+        FileError: a job that cannot be used.
     """
+    job = _path_given(arguments, "--job")
+    if job is not None and _path_given(arguments, "--config") is not None:
+        raise SettingsError("--job and --config both say how to read", hint="name one of them")
     written: dict[str, Any] | None = None
     for argument in arguments:
         model = argument.hint
         if not (isinstance(model, type) and issubclass(model, Settings)):
+            continue
+        if model is ReadSettings and job is not None:
+            for name, value in read_job_file(job).settings.model_dump(exclude_unset=True).items():
+                _give(argument, name, value, f"{name} in {job}")
             continue
         if written is None:
             file, written = _read_file(arguments)
@@ -136,10 +153,14 @@ def _of_table(written: dict[str, Any], model: type[Settings], file: Path) -> dic
     return found
 
 
+def _path_given(arguments: ArgumentCollection, flag: str) -> Path | None:
+    return next((Path(a.tokens[0].value) for a in arguments if a.name == flag and a.tokens), None)
+
+
 def _read_file(arguments: ArgumentCollection) -> tuple[Path, dict[str, Any]]:
-    named = [Path(a.tokens[0].value) for a in arguments if a.name == "--config" and a.tokens]
-    file = named[0] if named else DEFAULT_FILE
-    if not named and not file.is_file():
+    named = _path_given(arguments, "--config")
+    file = named or DEFAULT_FILE
+    if named is None and not file.is_file():
         return file, {}
     try:
         return file, tomllib.loads(file.read_text(encoding="utf-8"))

@@ -412,6 +412,7 @@ class PartRecord:
         reading: the last one; None before any.
         expected: text it should read; empty where none is.
         database: glyph database asked for; empty for the built-in fonts.
+        job: that it was read by; empty for the service's own settings.
         plan: what to feel, while touch is needed.
         review: the last one; None before any.
         shadow: what came of it in shadow mode; None of a part that the service has decided.
@@ -426,6 +427,7 @@ class PartRecord:
     reading: ReadingRecord | None = None
     expected: str = ""
     database: str = ""
+    job: str = ""
     plan: ScanPlanRecord | None = None
     review: ReviewRecord | None = None
     shadow: ShadowRecord | None = None

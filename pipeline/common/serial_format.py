@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from string import ascii_uppercase, digits
 
 from glyphs.errors import FileError, require_file
 from glyphs.fonts.serials import FormatError
@@ -52,3 +53,14 @@ def read_lexicon(path: Path) -> frozenset[str]:
     if odd is not None:
         raise FileError(path, f"holds {odd!r}", "write printable serials, one a line")
     return words
+
+
+def format_like(text: str) -> str:
+    """The format of texts like this one: AA999999 of KX407251. Letters and figures may be others, all else stays."""
+    return "".join(_like(char) for char in " ".join(text.split()))
+
+
+def _like(char: str) -> str:
+    if char in ascii_uppercase:
+        return "A"
+    return "9" if char in digits else char

@@ -10,6 +10,7 @@ import difflib
 import json
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -102,44 +103,83 @@ def _by_name(value: Any) -> Any:
         value = json.loads(value)
     if not isinstance(value, Mapping):
         return _one(value)
-    for name, written in value.items():
-        if not isinstance(written, str):
-            raise ValueError(
-                f"line {name} is {written!r}; write its format as text, a region in a layout file"
-            )
-    return tuple(f"{name}={written}" for name, written in value.items())
+    return tuple(_line_of_table(name, written) for name, written in value.items())
 
 
-def check_line_name(name: str) -> str:
-    """The name of a line.
+def _line_of_table(name: str, written: Any) -> str:
+    if isinstance(written, str):
+        return f"{name}={written}"
+    region = written.get("region") if isinstance(written, Mapping) else None
+    if (
+        not isinstance(written, Mapping)
+        or not isinstance(written.get("format"), str)
+        or not (region is None or isinstance(region, list))
+        or not written.keys() <= {"format", "region"}
+    ):
+        raise ValueError(f"line {name} is {written!r}; write its format, or a table of format and region")
+    return f"{name}{'@' if region else ''}{','.join(map(str, region or ()))}={written['format']}"
 
-    Raises:
-        ValueError: it cannot be one.
+
+@dataclass(frozen=True)
+class NamedLine:
+    """A line that stands beside the serial, as it is written: lot=AAA99, or lot@0,0.5,1,1=AAA99.
+
+    Attributes:
+        name: of the line.
+        format: of its text.
+        region: where its middle lies, as `ReadSettings.region`; None where it may stand anywhere.
     """
-    if not _LINE_NAME.fullmatch(name):
-        raise ValueError(f"{name!r} is no name of a line; write letters, digits, _ and -")
-    return name
 
+    name: str
+    format: str
+    region: Region | None = None
 
-def named_line(text: str) -> tuple[str, str]:
-    """Name and format of a line, out of "lot=AAA99".
+    @classmethod
+    def parse(cls, text: str) -> NamedLine:
+        """Out of what is written.
 
-    Raises:
-        ValueError: it has no name, or no format.
-    """
-    name, sign, written = (piece.strip() for piece in text.partition("="))
-    if not (sign and written):
-        raise ValueError(f"{text!r} is no line; write NAME=FORMAT, such as lot=AAA99")
-    return check_line_name(name), written
+        Raises:
+            ValueError: it has no name, no format, or a region that is none.
+        """
+        place, sign, written = (piece.strip() for piece in text.partition("="))
+        if not (sign and written):
+            raise ValueError(f"{text!r} is no line; write NAME=FORMAT, such as lot=AAA99")
+        name, at, region = place.partition("@")
+        if not _LINE_NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is no name of a line; write letters, digits, _ and -")
+        return cls(name, written, _region(_by_commas(region)) if at else None)
+
+    def __str__(self) -> str:
+        region = "" if self.region is None else "@" + ",".join(f"{share:g}" for share in self.region)
+        return f"{self.name}{region}={self.format}"
 
 
 def _lines(value: tuple[str, ...]) -> tuple[str, ...]:
-    names = [named_line(text)[0] for text in value]
+    lines = [NamedLine.parse(text) for text in value]
+    names = [line.name for line in lines]
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"two lines are called {name}; give each a name of its own")
-    _formats(tuple(named_line(text)[1] for text in value))
-    return value
+    _formats(tuple(line.format for line in lines))
+    return tuple(map(str, lines))
+
+
+def _region(value: Any) -> Any:
+    """The region of four shares that are written.
+
+    Raises:
+        ValueError: they are none.
+    """
+    from recognition.belief.part_lines import check_region
+
+    if value is None:
+        return None
+    try:
+        left, top, right, bottom = (float(share) for share in _by_commas(value))
+        check_region((left, top, right, bottom))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(_REGION_HINT) from error
+    return (left, top, right, bottom)
 
 
 def _formats(value: tuple[str, ...]) -> tuple[str, ...]:
@@ -180,6 +220,8 @@ def _rules(value: tuple[str, ...]) -> tuple[str, ...]:
 
 
 _LINE_NAME = re.compile(r"\w[\w-]*")
+_REGION_HINT = "give left, top, right and bottom as shares, 0 to 1, such as 0,0.5,1,1"
+Region = tuple[float, float, float, float]
 Names = Annotated[tuple[str, ...], BeforeValidator(_by_commas)]
 """Several, in one text separated by commas."""
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
@@ -209,12 +251,13 @@ class ReadSettings(Settings):
     be repeated."""
     exclude: Annotated[str, AfterValidator(_characters)] = ""
     """Characters that no serial has, such as IOQ, except where the format names them."""
+    region: Annotated[Region | None, BeforeValidator(_region)] = None
+    """Where on the part the middle of the serial lies: left, top, right and bottom as shares, 0 to 1, of the
+    photograph, or of what was scanned. Anywhere unless given."""
     line: Annotated[tuple[str, ...], BeforeValidator(_by_name), AfterValidator(_lines)] = ()
-    """Another line that stands on the part, as NAME=FORMAT, such as lot=AAA99; may be repeated. A part without it goes
-    to review. In the file also a table, [line] with lot = "AAA99"; in the environment also JSON, {"lot": "AAA99"}."""
-    layout: Path | None = None
-    """TOML file of where the serial and other lines stand on the part: [serial] with region = [left, top, right,
-    bottom], shares from 0 to 1; [lines.lot] with format = "AAA99" and region."""
+    """Another line that stands on the part, as NAME=FORMAT, such as lot=AAA99, or with its region,
+    lot@0,0.5,1,1=AAA99; may be repeated. A part without it goes to review. In the file also a table, [line] with lot =
+    "AAA99", or [line.lot] with format and region; in the environment also JSON, {"lot": "AAA99"}."""
     height_mm: float | None = Field(default=None, gt=0.0, le=1000.0, allow_inf_nan=False)
     """Character height in mm; measured unless given."""
     fidelity: Literal["pointwise", "contact"] = "contact"
@@ -242,6 +285,12 @@ class ReadSettings(Settings):
     """Most stage seconds of a part that is felt pass by pass."""
     unit: Literal["um", "mm", "m", "in"] = "mm"
     """Unit of the numbers in height files that do not state theirs (.npz, STL, PLY, XYZ)."""
+
+    @property
+    def regions(self) -> bool:
+        """Whether anything is said of where lines stand."""
+        lines = map(NamedLine.parse, self.line)
+        return self.region is not None or any(line.region is not None for line in lines)
 
     @property
     def touch_budget_s(self) -> float | None:

@@ -32,7 +32,7 @@ FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000
 _OF_NO_ACCOUNT = {"certificate", "mode", "unit"}
 """Settings that may differ: the senses stand in the certificate, and a unit is the file's."""
-_FILES = ("database", "lexicon", "layout")
+_FILES = ("database", "lexicon")
 _AGAIN = "make a new one with: tactile-marks certify"
 
 

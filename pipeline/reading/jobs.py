@@ -212,7 +212,7 @@ def _reader(job: Job, settings: ReadSettings) -> tuple[ReadSettings, Reader]:
     if job.database is not None:
         settings = settings.model_copy(update={"database": job.database})
     with _sender_names(job, {settings.database: settings.database.stem} if settings.database else {}):
-        return settings, reader_of(settings)
+        return settings, reader_of(settings, after_photo=settings.regions and job.earlier_photo is not None)
 
 
 def _with_suffix(job: Job) -> Path:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from glyphs.fonts.glyph import Font
-from pipeline.common.part_layout import layout_of
 from pipeline.common.serial_format import serial_format
-from pipeline.common.settings import ReadSettings
+from pipeline.common.settings import NamedLine, ReadSettings
 from pipeline.reading.certificate import acceptance_of
+from recognition.belief.part_lines import LineFormat
 from recognition.decision.depth_rules import DepthRule, depth_rule, least_depth
 from recognition.experts import generic
+from recognition.language.grammar import Grammar
 from recognition.reader import Reader
 from whisker_array.simulation.traces import Fidelity
 
@@ -22,7 +23,7 @@ def open_reader(settings: ReadSettings) -> Reader:
     fonts or font files as without one.
 
     Raises:
-        FileError: a lexicon, layout or certificate that cannot be used.
+        FileError: a lexicon or certificate that cannot be used.
         EngineMissingError: an expert that is not installed.
         SettingsError: settings that contradict each other.
         ValueError: a font that cannot be used or lacks what the format needs, a database that cannot be used.
@@ -31,7 +32,6 @@ def open_reader(settings: ReadSettings) -> Reader:
         generic.check_installed()
     given = {key: getattr(settings, key) for key in ("accept_confidence", "accept_margin")}
     thresholds: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
-    layout = layout_of(settings)
     return Reader(
         fonts=_fonts(settings),
         format=serial_format(settings),
@@ -39,11 +39,17 @@ def open_reader(settings: ReadSettings) -> Reader:
         fidelity=Fidelity(settings.fidelity),
         depth_rules=_depth_rules(settings),
         experts=settings.experts,
-        region=layout.region,
-        lines=layout.lines,
+        region=settings.region,
+        lines=lines_of(settings),
         certified=acceptance_of(settings),
         **thresholds,
     )
+
+
+def lines_of(settings: ReadSettings) -> dict[str, LineFormat]:
+    """The lines that should stand beside the serial, by name."""
+    lines = map(NamedLine.parse, settings.line)
+    return {line.name: LineFormat(Grammar.parse(line.format), line.region) for line in lines}
 
 
 def _fonts(settings: ReadSettings) -> tuple[str | Font, ...]:

@@ -16,15 +16,16 @@ from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
+from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
-from pipeline.reading.certificate import certificate_of
-from pipeline.reading.drift import DriftWatch
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.access import Access
+from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
 from pipeline.service.glyph_databases import GlyphDatabases
+from pipeline.service.job_folder import JobFolder
 from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
 from pipeline.service.middleware import DoorLayer, RequestLayer
 from pipeline.service.openapi import described
@@ -69,19 +70,21 @@ class Service:
 
         Raises:
             StoreError: a store that cannot be opened.
-            FileError: folders that cannot be made, a certificate that is none.
-            SettingsError: a certificate that does not hold for this program and these settings.
+            FileError: folders that cannot be made, a certificate that is none, a job that cannot be used.
+            SettingsError: a certificate that does not hold for this program and these settings, a watched folder's job
+                that is not there.
             ValueError: settings that cannot be.
         """
         self.settings = settings
         self._started_s = time.monotonic() if started_s is None else started_s
-        certificate = certificate_of(reading)
-        self.watch = None if certificate is None else DriftWatch(certificate)
         self.evidence = EvidenceFolder(settings.evidence_folder)
         self.store = Store.open(settings.store_url)
         self.metrics = Metrics()
         self.access = Access(self.store, required=settings.tokens_asked)
         self.databases = GlyphDatabases(settings.databases_folder, default=reading.database)
+        self.jobs = JobFolder(settings.job_files, own=reading, databases=self.databases)
+        if settings.watch_job:
+            self._check_job(settings.watch_job)
         limits = Limits(
             max_photo_pixels=settings.max_photo_pixels,
             max_map_samples=settings.max_map_samples,
@@ -98,7 +101,7 @@ class Service:
             evidence=self.evidence,
             pool=self.pool,
             databases=self.databases.path,
-            reading=reading,
+            settings=self.jobs.settings,
             limits=limits,
             metrics=self.metrics,
         )
@@ -108,25 +111,26 @@ class Service:
             jobs=jobs,
             stage=_stage(settings),
             camera=_camera(settings),
-            active_budget_s=reading.budget_s if settings.active_stage else None,
+            active_stage=settings.active_stage,
             metrics=self.metrics,
             targets=tuple(self.ports.senders),
-            watch=self.watch,
+            watch=self.jobs.watch,
             shadow=settings.shadow,
         )
         self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
         self.metrics.gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
         self.metrics.gauge("workers_ready", "1 while parts can be read.", lambda: float(self.pool.ready()))
-        if self.watch is not None:
+        if self.jobs.watched:
             self.metrics.gauge(
-                "drift", "1 while parts are unlike the certified ones.", lambda: float(bool(self.drift))
+                "drift", "1 while parts are unlike the certified ones.", lambda: float(bool(self.jobs.drift))
             )
         self.metrics.gauge("outbox", "Results not yet published.", self.store.undelivered)
 
-    @property
-    def drift(self) -> str:
-        """How the latest parts differ from the certified ones; empty where they do not, or there is no certificate."""
-        return "" if self.watch is None else self.watch.message()
+    def _check_job(self, name: str) -> None:
+        try:
+            self.jobs.settings(name)
+        except Problem as problem:
+            raise SettingsError(f"watch_job: {problem.detail}") from problem
 
     def why_not_ready(self) -> str:
         """What keeps it from reading parts; empty where nothing does."""
@@ -197,13 +201,15 @@ def create_app(service: Service) -> FastAPI:
     )
     app.include_router(parts_router(service.parts, service.access))
     app.include_router(lookup_router(service.parts, service.access))
+    app.include_router(jobs_router(service.jobs, service.access))
     app.include_router(
         pages_router(
             service.store,
             service.evidence,
             service.access,
             review=service.parts.review,
-            drift=lambda: service.drift,
+            drift=lambda: service.jobs.drift,
+            jobs=service.jobs,
             shadow=settings.shadow,
         )
     )
@@ -254,7 +260,7 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
         return {
             "status": "ready",
             **mode,
-            **({} if service.watch is None else {"drift": service.drift or "none"}),
+            **({"drift": service.jobs.drift or "none"} if service.jobs.watched else {}),
         }
 
     @app.get(
@@ -297,7 +303,7 @@ def _camera(settings: ServiceSettings) -> Camera:
 
 
 def check_folder(settings: ServiceSettings) -> Path:
-    """Make the service's folder, and in it the one for glyph databases.
+    """Make the service's folder, and in it those for glyph databases and jobs.
 
     Raises:
         FileError: it cannot be made.
@@ -308,6 +314,8 @@ def check_folder(settings: ServiceSettings) -> Path:
         settings.folder.mkdir(parents=True, exist_ok=True)
         if settings.databases is None:
             settings.databases_folder.mkdir(exist_ok=True)
+        if settings.jobs_folder is None:
+            settings.job_files.mkdir(exist_ok=True)
     except OSError as error:
         raise FileError(
             settings.folder, f"cannot be made ({error.strerror})", "name another with --folder"

@@ -68,6 +68,7 @@ class Client:
         name: str = "",
         expected: str = "",
         database: str = "",
+        job: str = "",
         touch: Literal["plan", "stage"] = "plan",
         idempotency_key: str | None = None,
     ) -> PartRecord:
@@ -79,6 +80,7 @@ class Client:
             name: what the line calls the part.
             expected: text that it should read.
             database: glyph database to read with.
+            job: that says how to read, database and all.
             touch: where the camera is unsure: "plan" answers what to scan, "stage" has the service's stage scan it.
             idempotency_key: of this part; made unless given. Give one that is kept with the part, and the part can be
                 sent again even after this program was started anew.
@@ -90,7 +92,7 @@ class Client:
         """
         if photo is None and scan is None:
             raise ValueError("give a photograph, a scan, or both")
-        fields = {"name": name, "expected": expected, "database": database, "touch": touch}
+        fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
         files = {"photo": (photo, "photo"), "scan": (scan, "scan.h5")}
         answer = self._http.send(
             "POST",

@@ -55,12 +55,14 @@ class NewPart:
         name: what the line calls it.
         expected: text that it should read; empty where none is.
         database: name of the glyph database; empty for the service's own choice.
+        job: name of the job that says how to read; empty for the service's own settings.
         touch: have the stage scan it at once where the camera is unsure.
     """
 
     name: str = ""
     expected: str = ""
     database: str = ""
+    job: str = ""
     touch: bool = False
 
 
@@ -76,9 +78,9 @@ class PartService:
         stage: Stage,
         camera: Camera,
         metrics: Metrics,
-        active_budget_s: float | None = None,
+        active_stage: bool = False,
         targets: Sequence[str] = (),
-        watch: DriftWatch | None = None,
+        watch: Callable[[str], DriftWatch | None] = lambda _: None,
         shadow: bool = False,
     ) -> None:
         """Take what it works with.
@@ -90,14 +92,15 @@ class PartService:
             stage: scans what the camera is unsure of.
             camera: photographs a part when a trigger comes.
             metrics: what is counted.
-            active_budget_s: most stage seconds of a part that is felt pass by pass, by a stage with sessions; None:
-                every part is scanned by its whole plan.
+            active_stage: feel parts pass by pass, by a stage with sessions; else every part is scanned by its whole
+                plan.
             targets: of results: webhook, mqtt; `on_result` is called when there is something for them,
                 `on_part` with every part that was read.
+            watch: what compares parts with the certified ones, by the name of their job.
             shadow: read and compare with the line's own reader; decide and publish nothing.
         """
         self.store, self.evidence, self.jobs, self.metrics = store, evidence, jobs, metrics
-        self.stage, self.camera, self._active_budget_s = stage, camera, active_budget_s
+        self.stage, self.camera, self._active_stage = stage, camera, active_stage
         self._targets, self._watch, self._shadow = () if shadow else tuple(targets), watch, shadow
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
@@ -123,6 +126,9 @@ class PartService:
                 422, "there is neither photo nor scan; send one of them, or both, as multipart/form-data"
             )
 
+        if new.job and new.database:
+            raise Problem(422, "there are job and database; a job says what to read with, send one of them")
+
         async def work() -> PartRecord:
             part_id = new_part_id()
             done, kept = await self.jobs.read(
@@ -130,6 +136,7 @@ class PartService:
                 name=new.name,
                 expected="" if self._shadow else new.expected,
                 database=new.database,
+                job_name=new.job,
             )
             state, shadow = _standing(done, new.expected, shadow=self._shadow)
             part = await self._stored(
@@ -141,6 +148,7 @@ class PartService:
                 evidence=kept,
                 expected=new.expected,
                 database=new.database,
+                job=new.job,
                 plan=done.plan if state is PartState.TOUCH_NEEDED else None,
                 targets=self._targets,
                 idempotency=idempotency,
@@ -182,8 +190,8 @@ class PartService:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
         order = ScanOrder(part_name=part.name, plan=part.plan)
         try:
-            if self._active_budget_s is not None and has_sessions(self.stage):
-                done, kept = await self._felt(part, order, self.stage, self._active_budget_s)
+            if self._active_stage and has_sessions(self.stage):
+                done, kept = await self._felt(part, order, self.stage)
                 return await self._add(part, done, kept, None)
             with self.jobs.work_folder() as folder:
                 path = await self._scan(order, folder)
@@ -192,8 +200,8 @@ class PartService:
             await self._stored(self.store.note_event, part.id, "touch_failed", {"why": str(error)})
             raise Problem(422, str(error)) from error
 
-    async def trigger(self, name: str) -> PartRecord:
-        """Photograph and read the part under the camera; scan it where the camera is unsure.
+    async def trigger(self, name: str, job: str = "") -> PartRecord:
+        """Photograph and read the part under the camera by a job; scan it where the camera is unsure.
 
         Raises:
             Problem: as `receive`; no photograph and nothing to scan.
@@ -209,7 +217,7 @@ class PartService:
                 raise Problem(
                     422, f"the camera's picture of {name} cannot be read ({error.strerror})"
                 ) from error
-            done = await self.receive(NewPart(name=name, touch=True), photo=Upload(copy, taken.name))
+            done = await self.receive(NewPart(name=name, job=job, touch=True), photo=Upload(copy, taken.name))
         return done.part
 
     def review(self, part_id: str, **said: Any) -> PartRecord:
@@ -233,7 +241,7 @@ class PartService:
             return await asyncio.to_thread(self.stage.feel, order, folder)
 
     async def _felt(
-        self, part: PartRecord, order: ScanOrder, stage: SessionStage[ScanOrder], budget_s: float
+        self, part: PartRecord, order: ScanOrder, stage: SessionStage[ScanOrder]
     ) -> tuple[Done, list[EvidenceRecord]]:
         """Pass by pass; a simulated stage works in the worker, a real one here and feels one part at a time."""
         feel = partial(
@@ -241,8 +249,8 @@ class PartService:
             order=order,
             expected=part.expected,
             database=part.database,
+            job_name=part.job,
             earlier_photo=await self._photo_of(part),
-            budget_s=budget_s,
         )
         if isinstance(stage, SimulatedStage):
             return await feel(stage)
@@ -266,6 +274,7 @@ class PartService:
             name=part.name,
             expected="" if self._in_shadow(part) else part.expected,
             database=part.database,
+            job_name=part.job,
             earlier_photo=await self._photo_of(part),
         )
         return await self._add(part, done, kept, idempotency)
@@ -302,8 +311,9 @@ class PartService:
             self._announcing.add(announcing)  # a task that nobody holds may vanish
             announcing.add_done_callback(self._announcing.discard)
         last = done.readings[-1]
-        if self._watch is not None and self._watch.add(last.source, done.measures):
-            log.warning("parts unlike the certified ones", why=self._watch.message())
+        watch = self._watch(part.job)
+        if watch is not None and watch.add(last.source, done.measures):
+            log.warning("parts unlike the certified ones", job=part.job, why=watch.message())
         self.metrics.parts.labels(part.state.value).inc()
         for reading in done.readings:
             self.metrics.readings.labels(reading.source, reading.decision).inc()
@@ -312,6 +322,7 @@ class PartService:
             "part read",
             part=part.id,
             name=part.name,
+            job=part.job,
             state=part.state.value,
             text=part.text,
             readings=[f"{r.source}: {r.decision}" for r in done.readings],

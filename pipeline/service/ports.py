@@ -103,6 +103,7 @@ class Ports:
                     settings.watch,
                     parts,
                     journal=self._watch_journal,
+                    job=settings.watch_job,
                     every_s=settings.watch_every_s,
                     most_bytes=settings.max_upload_mb * 1_000_000,
                     at_once=settings.jobs,

@@ -49,7 +49,7 @@ class ReadingJobs:
         evidence: EvidenceFolder,
         pool: WorkPool,
         databases: Callable[[str], Path | None],
-        reading: ReadSettings,
+        settings: Callable[[str], ReadSettings],
         limits: Limits,
         metrics: Metrics,
     ) -> None:
@@ -59,12 +59,12 @@ class ReadingJobs:
             evidence: where files are kept.
             pool: where parts are read.
             databases: file of the glyph database of a name; raises Problem for one that is not there.
-            reading: how parts are read.
+            settings: how parts of a job are read, by its name; raises Problem for one that is not there.
             limits: of files.
             metrics: what is counted.
         """
         self._evidence, self._pool, self._databases = evidence, pool, databases
-        self._reading, self._limits, self._metrics = reading, limits, metrics
+        self._settings, self._limits, self._metrics = settings, limits, metrics
 
     @property
     def busy(self) -> float | None:
@@ -78,6 +78,7 @@ class ReadingJobs:
         name: str,
         expected: str,
         database: str,
+        job_name: str = "",
         earlier_photo: Path | None = None,
     ) -> tuple[Done, list[EvidenceRecord]]:
         """Read the files in a worker; keep them and what was made of them.
@@ -87,11 +88,13 @@ class ReadingJobs:
             name: what the line calls the part.
             expected: text that it should read.
             database: name of the glyph database.
+            job_name: of the job that says how to read.
             earlier_photo: the photograph from before.
 
         Raises:
             Problem: files that cannot be used, no room in the queue, a worker that was lost, a full disk.
         """
+        settings = await asyncio.to_thread(self._settings, job_name)
         given = {role: upload for role, upload in uploads.items() if upload is not None}
         with self.work_folder() as folder:
             raw = {upload.kind(role): upload for role, upload in given.items()}
@@ -107,7 +110,7 @@ class ReadingJobs:
                 database=self._databases(database),
                 names={kind.value: upload.name for kind, upload in raw.items()},
             )
-            done = await self.in_worker(read_job, job, self._reading, self._limits)
+            done = await self.in_worker(read_job, job, settings, self._limits)
             return done, await self._kept(raw, done)
 
     async def feel(
@@ -117,8 +120,8 @@ class ReadingJobs:
         *,
         expected: str,
         database: str,
+        job_name: str,
         earlier_photo: Path | None,
-        budget_s: float,
     ) -> tuple[Done, list[EvidenceRecord]]:
         """Have a worker feel a part pass by pass and read it; keep the recording and what was made of it.
 
@@ -127,13 +130,14 @@ class ReadingJobs:
             order: the part, and where to feel it.
             expected: text that it should read.
             database: name of the glyph database.
+            job_name: of the job that says how to read, and for how many stage seconds at most.
             earlier_photo: the photograph from before.
-            budget_s: most stage seconds.
 
         Raises:
             StageError: nothing could be felt.
             Problem: as `read`.
         """
+        settings = await asyncio.to_thread(self._settings, job_name)
         with self.work_folder() as folder:
             job = Job(
                 folder=folder,
@@ -142,8 +146,8 @@ class ReadingJobs:
                 expected=expected,
                 database=self._databases(database),
             )
-            read = partial(read_on_stage, budget_s=budget_s)
-            done = await self.in_worker(read, job, self._reading, self._limits, stage, order)
+            read = partial(read_on_stage, budget_s=settings.budget_s)
+            done = await self.in_worker(read, job, settings, self._limits, stage, order)
             return done, await self._kept({}, done)
 
     async def _kept(self, raw: dict[EvidenceKind, Upload], done: Done) -> list[EvidenceRecord]:

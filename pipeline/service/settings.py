@@ -78,6 +78,8 @@ class ServiceSettings(Settings):
     """Largest height map; checked before it is decoded."""
     databases: Path | None = None
     """Folder of glyph databases (.glyphs) that requests may choose from; databases in the folder unless given."""
+    jobs_folder: Path | None = None
+    """Folder of job files (NAME.toml) that requests and triggers name; jobs in the folder unless given."""
     retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
     """Days for which photographs, scans and pictures are kept; 0: for ever."""
     stage: Path | None = None
@@ -97,6 +99,8 @@ class ServiceSettings(Settings):
     or published; the page /shadow shows how the two agree."""
     watch: Path | None = None
     """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem."""
+    watch_job: str = ""
+    """Job that the photographs of that folder are read by; the service's own settings unless given."""
     watch_every_s: float = Field(default=1.0, ge=0.05, le=3600.0)
     """Seconds between two looks into that folder; a photograph is complete when two looks find it alike."""
     line_host: str = "127.0.0.1"
@@ -179,6 +183,11 @@ class ServiceSettings(Settings):
     def databases_folder(self) -> Path:
         """Where glyph databases are looked for."""
         return self.databases if self.databases is not None else self.folder / "databases"
+
+    @property
+    def job_files(self) -> Path:
+        """Where jobs are looked for."""
+        return self.jobs_folder if self.jobs_folder is not None else self.folder / "jobs"
 
 
 def is_loopback(host: str) -> bool:

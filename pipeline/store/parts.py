@@ -41,6 +41,7 @@ def add_part(
     evidence: Sequence[EvidenceRecord] = (),
     expected: str = "",
     database: str = "",
+    job: str = "",
     plan: ScanPlanRecord | None = None,
     targets: Sequence[str] = (),
     idempotency: IdempotencyKey | None = None,
@@ -57,6 +58,7 @@ def add_part(
         evidence: files that are kept already.
         expected: text it should read.
         database: glyph database asked for.
+        job: that it was read by.
         plan: what to scan; with another state than TOUCH_NEEDED it says that the part was scanned because of it.
         targets: where the result is published, unless touch is needed first.
         idempotency: of the request.
@@ -77,6 +79,7 @@ def add_part(
         "text_folded": "",
         "expected": fit(expected, "the text expected"),
         "database": fit(database, "the name of the database"),
+        "job": fit(job, "the name of the job"),
         "state": state,
         "created_at": tx.now,
         "changed_at": tx.now,
@@ -87,7 +90,8 @@ def add_part(
     if not tx.insert_if_new(parts, row):
         raise ConflictError(f"there is a part {part_id} already", hint="take a new id")
     claim(tx, idempotency, part_id)
-    add_events(tx, part_id, [("received", {"name": name, "expected": expected, "database": database})])
+    given = {"name": name, "expected": expected, "database": database, "job": job}
+    add_events(tx, part_id, [("received", given)])
     return _add(tx, part_id, state, readings, evidence, plan, targets, shadow)
 
 

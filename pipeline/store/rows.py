@@ -54,6 +54,7 @@ def part_of(row: Row[Any]) -> PartRecord:
         reading=None if row.read_record is None else _reading(row.read_record, row.read_at),
         expected=row.expected,
         database=row.database,
+        job=row.job or "",
         plan=None if row.plan is None else from_json(ScanPlanRecord, row.plan),
         review=None if row.review_id is None else _review(row, "review_"),
         shadow=None

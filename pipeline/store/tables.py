@@ -80,6 +80,7 @@ parts = sa.Table(
     sa.Column("text_folded", sa.Text, nullable=False),
     sa.Column("expected", sa.Text, nullable=False),
     sa.Column("database", sa.Text, nullable=False),
+    sa.Column("job", sa.Text),
     sa.Column("plan", sa.JSON(none_as_null=True)),
     sa.Column("created_at", UtcTime, nullable=False),
     sa.Column("changed_at", UtcTime, nullable=False),

@@ -75,6 +75,7 @@ class Service:
     url: str
     store: Any
     evidence: Any
+    jobs: Any
     drawn: int = 0
 
     def draw(self, text: str, kind: EvidenceKind, *, around: int = 0) -> EvidenceRecord:
@@ -127,7 +128,9 @@ def service(tmp_path: Path) -> Iterator[Service]:
     from fastapi import FastAPI
     from fastapi.responses import FileResponse
 
+    from pipeline.common.settings import ReadSettings
     from pipeline.service.access import Access
+    from pipeline.service.job_folder import JobFolder
     from pipeline.service.pages.routes import pages_router
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store
@@ -135,7 +138,8 @@ def service(tmp_path: Path) -> Iterator[Service]:
     store = Store.open(f"sqlite:///{tmp_path / 'store.db'}")
     evidence = EvidenceFolder(tmp_path / "evidence")
     app = FastAPI()
-    app.include_router(pages_router(store, evidence, Access(store, required=False)))
+    jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
+    app.include_router(pages_router(store, evidence, Access(store, required=False), jobs=jobs))
 
     @app.get("/v1/parts/{part_id}/pictures/{which}", response_class=FileResponse)
     def picture(part_id: str, which: str) -> FileResponse:
@@ -151,7 +155,7 @@ def service(tmp_path: Path) -> Iterator[Service]:
         assert thread.is_alive(), "the server has ended before it began"
         waited.wait(0.01)
     port = server.servers[0].sockets[0].getsockname()[1]
-    yield Service(f"http://127.0.0.1:{port}", store, evidence)
+    yield Service(f"http://127.0.0.1:{port}", store, evidence, jobs)
     server.should_exit = True
     thread.join(10.0)
     store.close()
@@ -480,3 +484,87 @@ def test_pages_fit_their_window(
                 assert box["y"] + box["height"] <= height, what
             for which in ("photo", "edges"):
                 assert page.locator(f"[data-which={which}] svg").bounding_box()["width"] > 0.45 * width
+
+
+def test_a_job_is_taught_by_a_box_and_a_text(
+    service: Service, sit_down: Callable[..., OperatorAtPage]
+) -> None:
+    part_id = service.add("KX407251", name="tray-7/housing-left-0012", around=200)
+    operator = sit_down()
+    page = operator.page
+    page.goto(f"{service.url}/parts/{part_id}")
+    page.click("text=Teach a job")
+    operator.settled()
+    assert page.input_value("[name=name]") == "housing-left"
+    assert (page.input_value("#text"), page.input_value("#format")) == ("KX407251", "AA999999")
+    operator.picture("teach")
+    # the box that is drawn, in the middle half of the picture, and the four numbers say the same
+    at = page.locator("#drawn-on").bounding_box()
+    ends = [(at["x"] + s * at["width"], at["y"] + s * at["height"]) for s in (0.25, 0.75)]
+    page.mouse.move(*ends[1])
+    page.mouse.down()
+    page.mouse.move(*ends[0], steps=3)
+    page.mouse.up()
+    sides = ("left", "top", "right", "bottom")
+    drawn = [float(page.input_value(f"#{side}")) for side in sides]
+    assert np.allclose(drawn, [25.0, 25.0, 75.0, 75.0], atol=0.6)  # a pixel of the screen
+    # the format follows the text until somebody types one
+    page.fill("#text", "KX-4")
+    page.wait_for_function("document.getElementById('format').value === 'AA-9'")
+    page.fill("#format", "**-9")
+    page.fill("#text", "KX-45")
+    page.click("text=Save the job")
+    assert "is not of the format **-9" in page.inner_text(".flash")
+    operator.wrong.clear()  # the browser notes the answer's status, 422
+    page.fill("#format", "")
+    page.click("text=Save the job")
+    page.wait_for_url("**/jobs?done=housing-left*")
+    operator.picture("jobs")
+    settings = service.jobs.settings("housing-left")
+    assert settings.format == ("AA-99",)
+    assert np.allclose(settings.region, [0.25, 0.25, 0.75, 0.75], atol=0.006)
+
+
+def test_a_job_is_taught_on_a_phone_and_by_keyboard(
+    service: Service, sit_down: Callable[..., OperatorAtPage]
+) -> None:
+    part_id = service.add("KX407251", name="P-1")
+    operator = sit_down(viewport={"width": 390, "height": 800})
+    page = operator.page
+    page.goto(f"{service.url}/jobs/new?part={part_id}&by=edges")
+    operator.settled()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    operator.picture("teach-phone")
+    assert page.evaluate("document.activeElement.id") == "text"
+    keys = [
+        "AB12",
+        "Tab",
+        "Tab",
+        "side-b",
+        "Tab",
+        "lot",
+        "Tab",
+        "Tab",
+        "Tab",
+    ]  # format, job, line, height, left
+    for key in keys:
+        if key == "Tab":
+            page.keyboard.press(key)
+        else:
+            page.keyboard.press("Control+a")
+            page.keyboard.type(key)
+    assert page.evaluate("document.activeElement.id") == "top"
+    page.keyboard.press("Control+a")
+    page.keyboard.type("12.5")
+    page.wait_for_function("document.getElementById('format').value === 'AA99'")
+    box = page.evaluate("document.querySelector('rect.edge').y.baseVal.value / "
+                        "document.getElementById('drawn-on').viewBox.baseVal.height")  # fmt: skip
+    assert box == pytest.approx(0.125, abs=1e-3)
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/jobs?done=side-b*")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    operator.picture("jobs-phone")
+    (line,) = service.jobs.settings("side-b").line
+    assert line.startswith("lot@")
+    assert line.endswith("=AA99")
+    assert line.split(",")[1] == "0.125"

@@ -101,6 +101,15 @@ Expected = Annotated[
 Database = Annotated[
     str, Form(max_length=200, pattern=TEXT, description="glyph database, as /v1/databases lists them")
 ]
+JobName = Annotated[
+    str,
+    Form(
+        max_length=200,
+        pattern=TEXT,
+        description="job that says how to read, as /v1/jobs lists them",
+        examples=["housing-left"],
+    ),
+]
 PartId = Annotated[
     str, Path(max_length=64, description="of the part", examples=["01JD8Z6Y3Q5V7W9X1B2C3D4E5F"])
 ]

@@ -13,6 +13,7 @@ from pipeline.service.access import Access, Caller
 from pipeline.service.api.answers import (
     Database,
     Expected,
+    JobName,
     Key,
     Name,
     PartAnswer,
@@ -71,6 +72,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         name: Name = "",
         expected: Expected = "",
         database: Database = "",
+        job: JobName = "",
         touch: Annotated[
             Literal["plan", "stage"],
             Form(
@@ -80,13 +82,19 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         idempotency_key: Key = None,
         caller: Caller = Writes,
     ) -> Any:
-        new = NewPart(name=name, expected=expected.strip(), database=database, touch=touch == "stage")
+        new = NewPart(
+            name=name, expected=expected.strip(), database=database, job=job, touch=touch == "stage"
+        )
         folder = service.evidence.new_work_folder()
         try:
             photograph = await receive(photo, "photo", folder) if photo is not None else None
             scanned = await receive(scan, "scan", folder) if scan is not None else None
             key = _idempotency(
-                request, caller, idempotency_key, (photograph, scanned), (name, expected, database, touch)
+                request,
+                caller,
+                idempotency_key,
+                (photograph, scanned),
+                (name, expected, database, job, touch),
             )
             done = await service.receive(new, photo=photograph, scan=scanned, idempotency=key)
         finally:

@@ -6,6 +6,7 @@ Objects/DeviceSet/<name>: OcrReaderDeviceType
   ScanStart(Settings) -> Status             one trigger, answered at once; the result comes as OcrScanEventType
   ScanStop()                                forgets that a scan was started; its part is still read
   TriggerPart(PartName) -> ...              the same as Scan in plain types, and with the part's name
+  TriggerJob(PartName, JobName) -> ...      the same, read by a job
   LastPartId, LastDecision, LastConfidence  of the last part, whatever triggered it
 
 One scan is one part: a repetition by Cycles or Duration would make further parts of the same piece of metal, so
@@ -145,6 +146,7 @@ class OpcUaPort:
             "ScanStart": self._scan_start,
             "ScanStop": self._scan_stop,
             "TriggerPart": self._trigger_part,
+            "TriggerJob": self._trigger_part,
         }
         model = await build_model(server)
         self._nodes, self._events = await build_device(
@@ -235,14 +237,17 @@ class OpcUaPort:
         return []
 
     async def _trigger_part(self, _parent: Any, *arguments: Any) -> Any:
-        """Method TriggerPart: a scan in plain types, with the part's name."""
+        """Methods TriggerPart and TriggerJob: a scan in plain types, with the names of the part and of its job."""
         ua = ua_types()
-        name = arguments[0].Value if len(arguments) == 1 else 0
-        if not isinstance(name, str | None) or any(is_hidden(char) for char in name or ""):
+        names = [argument.Value for argument in arguments]
+        if not all(isinstance(one, str | None) for one in names) or len(names) not in (1, 2):
+            return bad("BadInvalidArgument")
+        name, job = (*(one or "" for one in names), "")[:2]
+        if any(is_hidden(char) for char in name + job):
             return bad("BadInvalidArgument")
         if not self._ready:
             return bad("BadInvalidState")
-        part, _ = await self._wait(self._begin(name or "", BUSY, event=True), self._answer_s)
+        part, _ = await self._wait(self._begin(name, BUSY, event=True, job=job), self._answer_s)
         if part is None:
             return bad("BadDeviceFailure")
         reading, kinds = part.reading, ua.VariantType
@@ -256,16 +261,16 @@ class OpcUaPort:
     def _ready(self) -> bool:
         return self._scanning is None and not self._stopped
 
-    def _begin(self, name: str, status: int, *, event: bool) -> asyncio.Task[PartRecord]:
+    def _begin(self, name: str, status: int, *, event: bool, job: str = "") -> asyncio.Task[PartRecord]:
         """Begin the one scan that there may be."""
-        self._scanning = task = asyncio.create_task(self._cycle(name, status, event))
+        self._scanning = task = asyncio.create_task(self._cycle(name, job, status, event))
         task.add_done_callback(lambda done: done.cancelled() or done.exception())  # DeviceInfo says it
         return task
 
-    async def _cycle(self, name: str, status: int, event: bool) -> PartRecord:
+    async def _cycle(self, name: str, job: str, status: int, event: bool) -> PartRecord:
         try:
             await self._write("DeviceStatus", status)
-            part = await self._trigger(name)
+            part = await self._trigger(name, job)
             await self.show(part, event=event)
             await self._write("DeviceInfo", "")
             return part

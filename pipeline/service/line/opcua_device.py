@@ -29,7 +29,7 @@ async def build_device(
         model: of the specification.
         name: of the device.
         version: of the software.
-        methods: Scan, ScanStart, ScanStop and TriggerPart.
+        methods: Scan, ScanStart, ScanStop, TriggerPart and TriggerJob.
 
     Returns:
         Its variables by name, and the generator of its events.
@@ -61,11 +61,13 @@ async def build_device(
     settings, status = scan_settings_argument(model.autoid), status_output(model.autoid)
     plain = [plain_argument(one, kinds.String) for one in ("PartId", "Text", "Decision")]
     plain += [plain_argument("Confidence", kinds.Double), plain_argument("Source", kinds.String)]
+    called = [plain_argument(one, kinds.String) for one in ("PartName", "JobName")]
     for namespace, one, inputs, outputs in (
         (model.autoid, "Scan", [settings], scan_outputs(model.autoid)),
         (model.autoid, "ScanStart", [settings], [status]),
         (model.autoid, "ScanStop", [], []),
-        (own, "TriggerPart", [plain_argument("PartName", kinds.String)], plain),
+        (own, "TriggerPart", called[:1], plain),
+        (own, "TriggerJob", called, plain),
     ):
         await device.add_method(
             node_id(own, f"reader.{one}"), qualified(namespace, one), methods[one], inputs, outputs

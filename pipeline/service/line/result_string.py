@@ -29,6 +29,7 @@ TEXT_FIELDS = (
     "expected",
     "font",
     "database",
+    "job",
     "lines",
     "codes",
 )
@@ -117,6 +118,7 @@ def _values(part: PartRecord) -> dict[str, str | float]:
         "expected": part.expected,
         "font": reading.font if reading else "",
         "database": part.database,
+        "job": part.job,
         "lines": lines_text(reading.lines) if reading else "",
         "codes": codes_text(reading.codes) if reading else "",
         "confidence": reading.confidence if reading else 0.0,

@@ -1,8 +1,11 @@
 """A raw TCP port as line controllers use: a line in, a line out.
 
-TRIGGER P17<CR><LF>  -->  P17;ACCEPT;KX407251;0.998;fused;01JD...<CR><LF>        (pipeline.service.line.result_string)
-PING<CR><LF>         -->  PONG<CR><LF>
-anything else        -->  ERROR;what is wrong<CR><LF>
+TRIGGER P17<CR><LF>                -->  P17;ACCEPT;KX407251;0.998;fused;01JD...<CR><LF>
+TRIGGER:housing-left P17<CR><LF>   -->  the same, read by the job housing-left
+PING<CR><LF>                       -->  PONG<CR><LF>
+anything else                      -->  ERROR;what is wrong<CR><LF>
+
+The answer is made by `pipeline.service.line.result_string`.
 
 Lines are UTF-8 and end with CR LF, CR or LF. Answers come in the order of the lines. The port asks for no name and
 encrypts nothing: whoever reaches it can trigger. So it listens on the loopback address unless set otherwise, and
@@ -168,24 +171,25 @@ class TcpPort:
         if any(is_hidden(char) for char in words):
             return _error("the line holds control characters")
         command, _, rest = words.partition(" ")
-        match command.upper():
-            case "PING" if not rest:
+        verb, colon, job = command.partition(":")
+        match verb.upper():
+            case "PING" if not rest and not colon:
                 return b"PONG"
-            case "TRIGGER":
-                return await self._triggered(rest.strip())
-        return _error("unknown command; send TRIGGER name, or PING")
+            case "TRIGGER" if job or not colon:
+                return await self._triggered(rest.strip(), job)
+        return _error("unknown command; send TRIGGER name, TRIGGER:job name, or PING")
 
-    async def _triggered(self, name: str) -> bytes:
+    async def _triggered(self, name: str, job: str) -> bytes:
         # the part is read to its end though the caller may go: it may already be counted on elsewhere
-        reading = asyncio.create_task(self._read(name))
+        reading = asyncio.create_task(self._read(name, job))
         self._reading.add(reading)
         reading.add_done_callback(self._reading.discard)
         done, _ = await asyncio.wait({reading}, timeout=self._limits.answer_s)
         return reading.result() if done else _error("no result in time; the part is still being read")
 
-    async def _read(self, name: str) -> bytes:
+    async def _read(self, name: str, job: str) -> bytes:
         try:
-            return self._result.of(await self._trigger(name)).encode()
+            return self._result.of(await self._trigger(name, job)).encode()
         except Exception as error:
             if not isinstance(error, EXPECTED):
                 _log.exception("a trigger of the TCP port failed")

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Awaitable, Callable
 from enum import StrEnum
+from typing import Protocol
 
 from glyphs.errors import MarksError
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.problem import Problem
-
-Trigger = Callable[[str], Awaitable[PartRecord]]
-"""Takes the picture of the part of that name (it may be empty), reads it, and answers when it is durable."""
 
 EXPECTED = (Problem, MarksError)
 """Failures whose words are for the caller; any other one is a fault of the program, for the log."""
 
 _MOST_WORDS = 200
 _HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
+
+
+class Trigger(Protocol):
+    """Takes the picture of a part and reads it."""
+
+    async def __call__(self, name: str, job: str = "", /) -> PartRecord:
+        """The part of that name (it may be empty), read by the job of that name, once it is durable."""
 
 
 class LineDecision(StrEnum):

@@ -128,6 +128,7 @@ class WatchedFolder:
         parts: PartService,
         *,
         journal: WatchJournal,
+        job: str = "",
         every_s: float,
         most_bytes: int,
         at_once: int,
@@ -138,12 +139,13 @@ class WatchedFolder:
             folder: to watch; folders in it are not looked into.
             parts: reads them.
             journal: what became of them so far.
+            job: that the photographs are read by.
             every_s: between two looks.
             most_bytes: of a photograph.
             at_once: photographs that are read at a time.
         """
         self.folder = folder.absolute()
-        self._parts, self._every_s, self._most_bytes = parts, every_s, most_bytes
+        self._parts, self._job, self._every_s, self._most_bytes = parts, job, every_s, most_bytes
         self._at_once = asyncio.Semaphore(at_once)
         self._journal = journal
         self._seen: dict[str, FileState] = {}
@@ -267,7 +269,7 @@ class WatchedFolder:
                 return None
             key = f"watch:{path}:{state.n_bytes}:{state.mtime_ns}"
             received = await self._parts.receive(
-                NewPart(name=sent_name(path.stem), touch=True),
+                NewPart(name=sent_name(path.stem), job=self._job, touch=True),
                 photo=Upload(copy, name),
                 idempotency=IdempotencyKey(key, key),
             )

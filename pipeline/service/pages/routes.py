@@ -1,6 +1,6 @@
 """The operator's page: queue, review, parts and dashboard, made on the server; works without script and internet.
 
-/review  /review/{id}  /parts  /parts/{id}  /dashboard  /shadow  /login  /static/{name}
+/review  /review/{id}  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /login  /static/{name}
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from starlette.responses import Response
 
 from pipeline.service.pages.dashboard import add_dashboard
 from pipeline.service.pages.frame import Frame, page_route
+from pipeline.service.pages.jobs import add_job_pages
 from pipeline.service.pages.login import add_login
 from pipeline.service.pages.parts import add_part_pages
 from pipeline.service.pages.places import LOW_MARGIN
@@ -23,6 +24,7 @@ from pipeline.service.pages.shadow import add_shadow_page
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
     from pipeline.service.access import Access
+    from pipeline.service.job_folder import JobFolder
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store
 
@@ -35,6 +37,7 @@ def pages_router(
     low_margin: float = LOW_MARGIN,
     review: Callable[..., PartRecord] | None = None,
     drift: Callable[[], str] = str,
+    jobs: JobFolder | None = None,
     shadow: bool = False,
 ) -> APIRouter:
     """The routes of all pages.
@@ -46,14 +49,18 @@ def pages_router(
         low_margin: lead of the first over the second candidate below which a place is marked unsure.
         review: keeps what a person says, `Store.review` unless given.
         drift: says how the latest parts differ from the certified ones; empty where they do not.
+        jobs: that parts may be read by; without it there are no pages of them.
         shadow: whether the service decides nothing.
     """
     frame = Frame.make(store, evidence, access, low_margin=low_margin, review=review, shadow=shadow)
+    frame.environment.globals["teaches"] = jobs is not None
     router = APIRouter(route_class=page_route(frame), include_in_schema=False)
     add_review_pages(router, frame)
     add_part_pages(router, frame)
     add_dashboard(router, frame, drift)
     add_shadow_page(router, frame)
+    if jobs is not None:
+        add_job_pages(router, frame, jobs)
     add_login(router, frame)
 
     @router.get("/static/{name}")

@@ -149,15 +149,11 @@ def test_a_url_is_read_and_its_error_names_it(tmp_path: Path) -> None:
 def test_files_of_the_settings_travel_with_the_order(tmp_path: Path) -> None:
     lexicon = tmp_path / "known.txt"
     lexicon.write_text("AB12\n")
-    layout = tmp_path / "layout.toml"
-    layout.write_text("[lines.lot]\nformat = 'A9'\n")
-    settings = ReadSettings(lexicon=lexicon, layout=layout, font=("gothic",))
+    settings = ReadSettings(lexicon=lexicon, font=("gothic",))
     sent = files_to_send(settings)
     lexicon.unlink()  # as on another machine
     there = settled(settings, sent)
     assert there.lexicon is not None
-    assert there.layout is not None
-    assert (there.layout.read_bytes(), there.layout != layout) == (layout.read_bytes(), True)
     assert (there.lexicon.read_text(), there.lexicon.name, there.font) == ("AB12\n", "known.txt", ("gothic",))
     assert settled(settings, sent) == there
     assert settled(settings, {}) is settings

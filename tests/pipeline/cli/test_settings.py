@@ -13,6 +13,7 @@ from pipeline.cli.settings import (
     READING,
     SERVICE,
     Config,
+    JobPath,
     Reading,
     ReadingOfFile,
     Service,
@@ -42,7 +43,7 @@ def run(command: Callable[..., object], *flags: str) -> object:
 def reading(*flags: str) -> ReadSettings:
     """The settings of a command that reads."""
 
-    def command(reading: Reading = READING, config: Config = None) -> ReadSettings:
+    def command(reading: Reading = READING, job: JobPath = None, config: Config = None) -> ReadSettings:
         return reading
 
     found = run(command, *flags)
@@ -153,11 +154,8 @@ def test_experts_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_other_lines_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
     assert reading().line == ()
-    FILE.write_text(
-        'layout = "l.toml"\n[line]\nlot = "AAA99"\ndate = "99/99"\n[service]\nport = 1\n', encoding="utf-8"
-    )
+    FILE.write_text('[line]\nlot = "AAA99"\ndate = "99/99"\n[service]\nport = 1\n', encoding="utf-8")
     assert reading().line == serving()[1].line == ("lot=AAA99", "date=99/99")
-    assert serving()[1].layout == Path("l.toml")
     monkeypatch.setenv("TACTILE_MARKS_LINE", '{"lot": "AA9", "heat": "sets:H,0-9"}')
     assert reading().line == ("lot=AA9", "heat=sets:H,0-9")
     monkeypatch.setenv("TACTILE_MARKS_LINE", "heat=sets:H,0-9")
@@ -166,6 +164,37 @@ def test_other_lines_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
     FILE.write_text('line = ["lot=AAA99", "date=99/99"]\n', encoding="utf-8")
     monkeypatch.delenv("TACTILE_MARKS_LINE")
     assert reading().line == ("lot=AAA99", "date=99/99")
+
+
+def test_regions_from_every_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert reading().region is None
+    FILE.write_text(
+        'region = [0, 0.2, 1, 0.6]\n[line.lot]\nformat = "AAA99"\nregion = [0.0, 0.5, 1.0, 1.0]\n'
+        '[line.date]\nformat = "99/99"\n',
+        encoding="utf-8",
+    )
+    assert reading().region == (0.0, 0.2, 1.0, 0.6)
+    assert serving()[1].line == reading().line == ("lot@0,0.5,1,1=AAA99", "date=99/99")
+    monkeypatch.setenv("TACTILE_MARKS_REGION", "0, 0.1, 1, 0.5")
+    monkeypatch.setenv("TACTILE_MARKS_LINE", '{"lot": {"format": "A9", "region": [0, 0, 1, 0.5]}}')
+    assert (reading().region, reading().line) == ((0.0, 0.1, 1.0, 0.5), ("lot@0,0,1,0.5=A9",))
+    given = ("--region", "0", "0", "0.5", "1", "--line", "lot@0,0.5,1,1=AAA99")
+    assert reading(*given).region == (0.0, 0.0, 0.5, 1.0)
+    assert reading(*given).line == ("lot@0,0.5,1,1=AAA99",)
+
+
+def test_a_job_stands_in_place_of_file_and_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    FILE.write_text('height_mm = 3\nexclude = "I"\n', encoding="utf-8")
+    monkeypatch.setenv("TACTILE_MARKS_MIN_DEPTH_MM", "0.2")
+    Path("jobs").mkdir()
+    Path("jobs/lids.txt").write_text("KX40\n", encoding="utf-8")
+    Path("jobs/left.toml").write_text('format = "AA99"\nlexicon = "lids.txt"\n', encoding="utf-8")
+    job = ReadSettings(format=("AA99",), lexicon=Path("jobs/lids.txt").absolute())
+    assert reading("--job", "jobs/left.toml") == job
+    over = reading("--job", "jobs/left.toml", "--format", "A9", "--mode", "auto")
+    assert over == job.model_copy(update={"format": ("A9",), "mode": "auto"})
+    with pytest.raises(SettingsError, match="--job and --config both say how to read; name one"):
+        reading("--job", "jobs/left.toml", "--config", str(FILE))
 
 
 def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -198,7 +227,15 @@ def test_rules_for_depth(monkeypatch: pytest.MonkeyPatch) -> None:
         ("line = 'AAA99'", "line in .*'AAA99' is no line; write NAME=FORMAT, such as lot=AAA99"),
         ("line = ['lot=A', 'lot=9']", "line in .* two lines are called lot"),
         ("line = {lot = 'check:luhm'}", "line in .* unknown check digit"),
-        ("[line.lot]\nformat = 'A'", "line in .* write its format as text, a region in a layout file"),
+        ("[line.lot]\nformat = 'A'\nbox = 1", "line in .* write its format, or a table of format and region"),
+        ("[line.lot]\nregion = [0, 0, 1, 1]", "line in .* write its format, or a table of format and region"),
+        (
+            "[line.lot]\nformat = 'A'\nregion = [0, 1]",
+            "line in .* give left, top, right and bottom as shares",
+        ),
+        ("region = [0, 0.8, 1, 0.2]", "region in .* give left, top, right and bottom as shares, 0 to 1"),
+        ("region = [0, 0, 20, 5]", "region in .* as shares, 0 to 1"),
+        ("region = 3", "region in .* give left, top"),
         ("line = 'a b=A'", "line in .* 'a b' is no name of a line"),
         ("exclude = 'I O'", "exclude in .* is 'I O': it has a blank"),
         ("accept_confidence = 1.5", "accept_confidence in .* is '1.5'"),

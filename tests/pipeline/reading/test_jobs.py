@@ -263,7 +263,7 @@ def test_soil_beside_the_map_is_felt(folder: Path, tmp_path: Path) -> None:
 def test_a_fault_of_the_program_is_not_put_down_to_the_file(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(_: ReadSettings) -> None:
+    def broken(_: ReadSettings, **__: object) -> None:
         raise ZeroDivisionError("no marks")
 
     monkeypatch.setattr("pipeline.reading.kept_readers.reader_of", broken)

@@ -39,12 +39,13 @@ def test_what_the_certificate_says_nothing_of_goes_on_to_touch(
 
 def test_drift_is_told_at_readyz_in_the_metrics_and_on_the_page(served: tuple[Service, TestClient]) -> None:
     service, client = served
-    assert service.watch is not None
+    watch = service.jobs.watch("")
+    assert watch is not None
     assert client.get("/readyz").json() == {"status": "ready", "drift": "none"}
     assert "tactile_marks_drift 0.0" in client.get("/metrics").text
     assert 'class="drift"' not in client.get("/dashboard").text
     for part in measured(EVERY, rough_um=5.0):
-        service.watch.add("tactile", part)
+        watch.add("tactile", part)
     answer = client.get("/readyz")
     assert (answer.status_code, answer.json()["status"]) == (200, "ready")
     assert "unlike the certified ones" in answer.json()["drift"]

@@ -72,7 +72,7 @@ asyncio.run(main(sys.argv[1]))
 """
 
 
-async def read_at_once(name: str) -> PartRecord:
+async def read_at_once(name: str, job: str = "") -> PartRecord:
     return part(name)
 
 
@@ -80,7 +80,7 @@ def numbered() -> Any:
     """A trigger that makes a new part each time."""
     count = 0
 
-    async def trigger(name: str) -> PartRecord:
+    async def trigger(name: str, job: str = "") -> PartRecord:
         nonlocal count
         count += 1
         return part(name, id=f"PART{count}", changed_at=NOW + timedelta(seconds=count))
@@ -105,11 +105,13 @@ class Shared:
         self._loop = asyncio.new_event_loop()
         threading.Thread(target=self._loop.run_forever, daemon=True).start()
         self._trigger: Any = read_at_once
+        self.jobs: list[str] = []
         self.port = OpcUaPort(self._triggered, version="0.1.0")
         self.run(self.port.start())
 
-    async def _triggered(self, name: str) -> PartRecord:
-        record: PartRecord = await self._trigger(name)
+    async def _triggered(self, name: str, job: str = "") -> PartRecord:
+        self.jobs.append(job)
+        record: PartRecord = await self._trigger(name, job)
         return record
 
     def run(self, work: Coroutine[Any, Any, T]) -> T:
@@ -118,6 +120,7 @@ class Shared:
     @contextlib.asynccontextmanager
     async def serving(self, trigger: Any = read_at_once) -> AsyncIterator[tuple[OpcUaPort, str]]:
         self._trigger = trigger
+        self.jobs.clear()
         self.port._shown.clear()
         yield self.port, f"opc.tcp://127.0.0.1:{self.port.port}/tactile-marks"
         await until(lambda: self.port._scanning is None)
@@ -197,6 +200,8 @@ def test_scanning_shows_the_part_in_the_variables(shared: Shared) -> None:
             assert await value_of(device, "4:LastPartId") == "PART1"
             told = await device.call_method("4:TriggerPart", "tray-7")
             assert told == ["PART2", "KX407251", "ACCEPT", 0.9984, "fused"]
+            named = await device.call_method("4:TriggerJob", "tray-8", "housing-left")
+            assert (named[0], shared.jobs[-1]) == ("PART3", "housing-left")
             names = ("3:LastScanData", "3:LastScanTimestamp", "4:LastPartId", "4:LastConfidence")
             values = [await (await device.get_child(name)).read_data_value() for name in names]
             assert len({value.SourceTimestamp for value in values}) == 1
@@ -212,7 +217,7 @@ def test_one_scan_at_a_time_and_its_status(shared: Shared) -> None:
     async def run() -> None:
         go = asyncio.Event()
 
-        async def trigger(name: str) -> PartRecord:
+        async def trigger(name: str, job: str = "") -> PartRecord:
             await go.wait()
             return part(name)
 
@@ -272,7 +277,7 @@ def test_failures_come_as_a_status_and_words(shared: Shared) -> None:
     async def run() -> None:
         problem: Exception = Problem(422, "no picture;\nput one into the folder")
 
-        async def trigger(_: str) -> PartRecord:
+        async def trigger(_: str, job: str = "") -> PartRecord:
             raise problem
 
         async with shared.serving(trigger) as (_, url), asking(url) as (_, device):
@@ -292,7 +297,7 @@ def test_a_scan_that_takes_longer_than_its_duration_goes_on_and_is_told_as_it_en
     async def run() -> None:
         go = asyncio.Event()
 
-        async def trigger(name: str) -> PartRecord:
+        async def trigger(name: str, job: str = "") -> PartRecord:
             await go.wait()
             return part(name)
 
@@ -309,7 +314,7 @@ def test_a_scan_that_takes_longer_than_its_duration_goes_on_and_is_told_as_it_en
 async def test_a_caller_that_goes_does_not_end_the_reading_and_a_stop_waits_for_it() -> None:
     go, read = asyncio.Event(), []
 
-    async def trigger(name: str) -> PartRecord:
+    async def trigger(name: str, job: str = "") -> PartRecord:
         await go.wait()
         read.append(name)
         return part(name)

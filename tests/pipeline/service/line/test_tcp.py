@@ -7,6 +7,7 @@ import contextlib
 import socket
 import struct
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
 
@@ -26,7 +27,7 @@ pytestmark = pytest.mark.anyio
 ANSWER = b"P17;ACCEPT;KX407251;0.998;fused;01KB0000000000000000000017\r\n"
 
 
-async def read_at_once(name: str) -> PartRecord:
+async def read_at_once(name: str, job: str = "") -> PartRecord:
     return part(name)
 
 
@@ -70,6 +71,15 @@ def test_a_trigger_is_answered_with_one_result_string(end: bytes) -> None:
     assert answer_to(b"PING" + end + b"trigger P17" + end) == b"PONG\r\n" + ANSWER
 
 
+def test_a_trigger_may_name_a_job() -> None:
+    async def by_job(name: str, job: str = "") -> PartRecord:
+        return replace(part(name), job=job)
+
+    template = "{name};{job}"
+    assert answer_to(b"TRIGGER:housing-left P 17\r\n", by_job, template=template) == b"P 17;housing-left\r\n"
+    assert answer_to(b"trigger:L\r\nTRIGGER P18\r\n", by_job, template=template) == b";L\r\nP18;\r\n"
+
+
 async def test_a_line_may_come_in_pieces_and_lines_together() -> None:
     async with listening() as port:
         reader, writer = await asyncio.open_connection(port.host, port.port)
@@ -93,8 +103,9 @@ async def test_a_return_at_the_end_of_a_packet_is_answered_without_waiting_for_a
 
 
 def test_what_is_not_understood_is_told() -> None:
-    assert answer_to(b"GO\r\n") == b"ERROR;unknown command, send TRIGGER name, or PING\r\n"
-    assert answer_to(b"PING PONG\r\n").startswith(b"ERROR;unknown command")
+    assert answer_to(b"GO\r\n") == b"ERROR;unknown command, send TRIGGER name, TRIGGER:job name, or PING\r\n"
+    for line in (b"PING PONG", b"PING:left", b"TRIGGER: P17", b"TRIGGERS:left P17"):
+        assert answer_to(line + b"\r\n").startswith(b"ERROR;unknown command")
     assert answer_to(b"TRIGGER \xff\r\n") == b"ERROR;the line is not UTF-8\r\n"
     assert answer_to(b"TRIGGER a\x07b\r\n") == b"ERROR;the line holds control characters\r\n"
     assert answer_to(b"TRIGGER\r\n").startswith(b";ACCEPT;KX407251;")  # a part without a name
@@ -102,10 +113,10 @@ def test_what_is_not_understood_is_told() -> None:
 
 
 def test_a_failure_is_told_in_one_line_or_only_that_there_was_one() -> None:
-    async def refused(_: str) -> PartRecord:
+    async def refused(*_: str) -> PartRecord:
         raise Problem(422, "no picture of P17;\r\nput one into the folder")
 
-    async def broken(_: str) -> PartRecord:
+    async def broken(*_: str) -> PartRecord:
         raise KeyError("password")
 
     assert answer_to(b"TRIGGER P17\r\n", refused) == b"ERROR;no picture of P17, put one into the folder\r\n"
@@ -169,7 +180,7 @@ def test_only_the_clients_named_may_call() -> None:
 async def test_answers_keep_the_order_of_the_lines_and_callers_do_not_wait_for_each_other() -> None:
     go = asyncio.Event()
 
-    async def trigger(name: str) -> PartRecord:
+    async def trigger(name: str, job: str = "") -> PartRecord:
         if name == "slow":
             await go.wait()
         return part(name)
@@ -187,7 +198,7 @@ async def test_answers_keep_the_order_of_the_lines_and_callers_do_not_wait_for_e
 async def test_a_part_is_read_to_its_end_though_the_caller_resets_or_gives_up() -> None:
     begun, go, read = asyncio.Event(), asyncio.Event(), []
 
-    async def trigger(name: str) -> PartRecord:
+    async def trigger(name: str, job: str = "") -> PartRecord:
         begun.set()
         await go.wait()
         read.append(name)
@@ -209,7 +220,7 @@ async def test_a_part_is_read_to_its_end_though_the_caller_resets_or_gives_up() 
 async def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
     begun, go = asyncio.Event(), asyncio.Event()
 
-    async def trigger(name: str) -> PartRecord:
+    async def trigger(name: str, job: str = "") -> PartRecord:
         begun.set()
         await go.wait()
         return part(name)
@@ -230,7 +241,7 @@ async def test_stopping_answers_what_is_under_way_and_closes_the_rest() -> None:
 
 
 async def test_a_stop_does_not_wait_for_ever() -> None:
-    async def never(_: str) -> PartRecord:
+    async def never(*_: str) -> PartRecord:
         await asyncio.Event().wait()
         raise AssertionError
 

@@ -1,0 +1,122 @@
+"""Job files: how one kind of part is read, in a TOML file that commands, requests and triggers name.
+
+jobs/housing-left.toml      format = "AA999999"
+                            region = [0.1, 0.3, 0.9, 0.6]
+                            certificate = "housing-left.json"       (a file is looked for beside the job)
+                            [line.lot]
+                            format = "AAA99"
+                            region = [0.0, 0.5, 1.0, 1.0]
+
+The keys are the settings of reading. A job is whole: what it leaves out is as usual, whatever other settings there are,
+so that it means the same wherever it is named.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError, require_file
+from pipeline.common.settings import NamedLine, ReadSettings, SettingsError
+
+SUFFIX = ".toml"
+NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
+"""What a job may be called: it is the name of a file, and a word of a trigger."""
+FILES = ("lexicon", "database", "certificate")
+"""Settings that name a file; fonts may, too."""
+_MOST_BYTES = 1_000_000
+_NAME_HINT = "write letters, digits, _, - and ., a letter or digit first"
+_MODE_HINT = "take it out; a part is read by all that it has files for, and read has --mode beside --job"
+
+
+@dataclass(frozen=True)
+class JobFile:
+    """A job, checked.
+
+    Attributes:
+        name: the stem of its file.
+        settings: of reading; files are named by their whole paths.
+        written: what stands in the file.
+        sha256: of the file.
+    """
+
+    name: str
+    settings: ReadSettings
+    written: Mapping[str, Any]
+    sha256: str
+
+
+def read_job_file(path: Path) -> JobFile:
+    """A job out of its file.
+
+    Raises:
+        FileError: no such file, no name for a job, no TOML, a setting that is none or cannot be, a file in it that is
+            not there.
+    """
+    require_file(path, most_bytes=_MOST_BYTES)
+    content = path.read_bytes()
+    try:
+        written = tomllib.loads(content.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
+    return job_of(path, written, sha256(content).hexdigest())
+
+
+def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
+    """The job that stands, or is to stand, in a file.
+
+    Args:
+        path: of the file.
+        written: its keys.
+        digest: SHA-256 of the file.
+
+    Raises:
+        FileError: as `read_job_file`.
+    """
+    if not re.fullmatch(NAME, path.stem):
+        raise FileError(path, "has no name for a job", _NAME_HINT)
+    if "mode" in written:
+        raise FileError(path, "holds mode, which no job has", _MODE_HINT)
+    try:
+        settings = ReadSettings.of(**written)
+    except SettingsError as error:
+        raise FileError(path, error.what, error.hint or "correct it") from error
+    settings = with_whole_paths(settings, path.parent)
+    for name in FILES:
+        named: Path | None = getattr(settings, name)
+        if named is not None and not named.is_file():
+            raise FileError(path, f"names the {name} {named}, which is not there", "put it beside the job")
+    return JobFile(path.stem, settings, written, digest)
+
+
+def job_text(written: Mapping[str, Any]) -> str:
+    """The text of a job file with these keys.
+
+    Raises:
+        SettingsError: a setting that is none or cannot be.
+    """
+    lines = [NamedLine.parse(text) for text in ReadSettings.of(**written).line]
+    made = [f"{key} = {_value(value)}" for key, value in written.items() if key != "line"]
+    for line in lines:
+        made += ["", f"[line.{line.name}]", f"format = {_value(line.format)}"]
+        made += [] if line.region is None else [f"region = {_value(line.region)}"]
+    return "\n".join(made).lstrip("\n") + "\n"
+
+
+def _value(value: Any) -> str:
+    # a TOML value, for JSON's texts, numbers and lists are TOML's, but for DEL
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def with_whole_paths(settings: ReadSettings, folder: Path) -> ReadSettings:
+    """The settings with files that they name looked for in a folder; fonts as far as they are files there."""
+    folder = folder.absolute()
+    paths = {name: folder / path for name in FILES if (path := getattr(settings, name)) is not None}
+    fonts = tuple(str(folder / font) if (folder / font).is_file() else font for font in settings.font)
+    return settings.model_copy(update={**paths, "font": fonts})

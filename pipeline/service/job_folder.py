@@ -1,0 +1,245 @@
+"""The jobs that a service knows: the files of one folder, by name.
+
+    jobs/housing-left.toml --checked with all that it names--> settings of reading of whoever names housing-left
+
+* A file is looked at whenever its job is named, so jobs are made, changed and taken away while the service runs.
+* At the start every job must be one that can be used. One that is spoilt later goes on as it was before; the log and
+  the list say so.
+* Without a name, parts are read by the service's own settings.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import structlog
+
+from glyphs.errors import FileError, MarksError
+from pipeline.common.atomic import replacing
+from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_of, job_text, read_job_file
+from pipeline.common.settings import ReadSettings
+from pipeline.reading.certificate import certificate_of
+from pipeline.reading.drift import DriftWatch
+from pipeline.service.problem import Problem
+
+log = structlog.get_logger("tactile-marks")
+_State = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class JobAnswer:
+    """A job as the list has it.
+
+    Attributes:
+        name: that requests call it by.
+        settings: of reading, as its file has them; of files the names.
+        problem: why the file cannot be used as it is now; empty where it can.
+    """
+
+    name: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A file as it was last looked at; the job is of the last look that found one."""
+
+    state: _State
+    job: JobFile | None
+    watch: DriftWatch | None
+    problem: str = ""
+
+
+class JobFolder:
+    """Jobs by name. Threads may share it.
+
+    Attributes:
+        folder: of the files.
+        own: settings of parts that name no job.
+        lock: held by whoever changes a job by what stands in it.
+    """
+
+    def __init__(self, folder: Path, *, own: ReadSettings) -> None:
+        """Take the folder, and look at every job in it.
+
+        Args:
+            folder: of the files; it need not be there.
+            own: settings of parts that name no job.
+
+        Raises:
+            FileError: a job that cannot be used.
+            SettingsError: settings that name a certificate that does not hold for them.
+        """
+        self.folder, self.own = folder, own
+        self._own_watch = _watch_of(own)
+        self._known: dict[str, _Known] = {}
+        self.lock = threading.RLock()
+        for name, path in self._files().items():
+            job, watch = _checked(read_job_file(path))
+            self._known[name] = _Known(_state_of(path), job, watch)
+
+    def settings(self, name: str) -> ReadSettings:
+        """How parts of a job are read.
+
+        Raises:
+            Problem: there is none of that name, or none that can be used.
+        """
+        return self.own if not name else self._job(name).settings
+
+    def watch(self, name: str) -> DriftWatch | None:
+        """What compares a job's parts with those of its certificate; None where it has none."""
+        if not name:
+            return self._own_watch
+        with self.lock:
+            known = self._known.get(name)
+            return None if known is None else known.watch
+
+    @property
+    def watched(self) -> bool:
+        """Whether anything is certified."""
+        with self.lock:
+            return self._own_watch is not None or any(known.watch for known in self._known.values())
+
+    @property
+    def drift(self) -> str:
+        """How parts differ from the certified ones; empty where they do not, or nothing is certified."""
+        said = [] if self._own_watch is None else [self._own_watch.message()]
+        with self.lock:
+            for name, known in sorted(self._known.items()):
+                message = "" if known.watch is None else known.watch.message()
+                said.append(f"job {name}: {message}" if message else "")
+        return "; ".join(filter(None, said))
+
+    def listed(self) -> list[JobAnswer]:
+        """Every job, by name."""
+        found = []
+        for name in self._files():
+            known = self._look(name)
+            if known is None:
+                continue
+            written = {} if known.job is None else known.job.written
+            shown = {key: Path(value).name if key in FILES else value for key, value in written.items()}
+            found.append(JobAnswer(name, shown, known.problem))
+        return found
+
+    def written(self, name: str) -> dict[str, Any] | None:
+        """What stands in the file of a job, with lines as `ReadSettings.line`; None where there is none.
+
+        Raises:
+            Problem: a file that cannot be used.
+        """
+        if re.fullmatch(NAME, name) is None or name not in self._files():
+            return None
+        job = self._job(name)
+        lines = {"line": list(job.settings.line)} if job.settings.line else {}
+        return {**job.written, **lines}
+
+    def save(self, name: str, written: Mapping[str, Any]) -> bool:
+        """Write a job; whether it is a new one.
+
+        Args:
+            name: of the job.
+            written: settings, as they are to stand in the file.
+
+        Raises:
+            Problem: they cannot be, or the file cannot be written.
+        """
+        if re.fullmatch(NAME, name) is None:
+            raise Problem(
+                422, f"{name[:100]!r} is no name for a job; write letters, digits, _, - and ., a letter first"
+            )
+        path = self.folder / f"{name}{SUFFIX}"
+        with self.lock:
+            new = not path.exists()
+            try:
+                text = job_text(written)
+                _checked(job_of(path, written))
+                self.folder.mkdir(exist_ok=True)
+                with replacing(path) as temporary:
+                    temporary.write_text(text, encoding="utf-8")
+            except FileError as error:
+                raise Problem(422, _unplaced(error, self.folder)) from error
+            except MarksError as error:
+                raise Problem(422, str(error)) from error
+            except OSError as error:
+                log.error("job not written", job=name, why=str(error))
+                raise Problem(503, "the job cannot be written; the service's log says why") from error
+            self._look(name)
+        return new
+
+    def _job(self, name: str) -> JobFile:
+        known = self._look(name) if re.fullmatch(NAME, name) else None
+        if known is None:
+            there = ", ".join(self._files()) or "none at all"
+            raise Problem(422, f"there is no job {name[:100]!r}; there is {there}")
+        if known.job is None:
+            raise Problem(422, f"the job {name} cannot be used: {known.problem}")
+        return known.job
+
+    def _look(self, name: str) -> _Known | None:
+        """A job as it now is; None where there is none."""
+        path = self.folder / f"{name}{SUFFIX}"
+        with self.lock:
+            before = self._known.get(name)
+            try:
+                state = _state_of(path)
+            except OSError:
+                self._known.pop(name, None)
+                return None
+            if before is not None and before.state == state:
+                return before
+            try:
+                job, watch = _checked(read_job_file(path))
+            except MarksError as error:
+                problem = _unplaced(error, self.folder)
+                log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
+                kept = (None, None) if before is None else (before.job, before.watch)
+                self._known[name] = _Known(state, *kept, problem)
+            else:
+                log.info("job", job=name, sha256=job.sha256)
+                self._known[name] = _Known(state, job, watch)
+            return self._known[name]
+
+    def _files(self) -> dict[str, Path]:
+        try:
+            return {path.stem: path for path in sorted(self.folder.glob(f"[!.]*{SUFFIX}")) if path.is_file()}
+        except OSError:
+            return {}
+
+
+def _checked(job: JobFile) -> tuple[JobFile, DriftWatch | None]:
+    """The job, once everything that it names is found to be of use; what watches its parts.
+
+    Raises:
+        FileError: something is not.
+    """
+    from pipeline.reading.readers import open_reader
+
+    try:
+        open_reader(job.settings)
+        return job, _watch_of(job.settings)
+    except FileError:
+        raise
+    except MarksError as error:
+        raise FileError(f"{job.name}{SUFFIX}", error.what, error.hint) from error
+
+
+def _watch_of(settings: ReadSettings) -> DriftWatch | None:
+    certificate = certificate_of(settings)
+    return None if certificate is None else DriftWatch(certificate)
+
+
+def _state_of(path: Path) -> _State:
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size
+
+
+def _unplaced(error: MarksError, folder: Path) -> str:
+    # paths of the server are nobody's business
+    return str(error).replace(f"{folder.absolute()}/", "").replace(f"{folder}/", "")

@@ -1,0 +1,252 @@
+"""Jobs of a service: who may name them and how, what is told of them, and what of a part they decide."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from glyphs.errors import FileError
+from pipeline.common.records import PartState, ReadingRecord, Scope
+from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.files.limits import Limits
+from pipeline.files.synth import SynthSpec, write_part
+from pipeline.reading.drift import EVERY
+from pipeline.reading.jobs import Done, Job, read_job
+from pipeline.service.app import Service
+from pipeline.service.job_folder import JobFolder
+from pipeline.service.problem import Problem
+from pipeline.service.teaching import Taught, name_like, teach
+from recognition.reader import Reader
+from tests.support import certificates
+from tests.support.service_fixtures import FORMAT, inline_service
+
+PNG = {"photo": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(100))}
+BOX = (0.1, 0.2, 0.9, 0.6)
+PROBLEM = "application/problem+json"
+
+
+def put(folder: Path, name: str, text: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.toml"
+    before = path.stat().st_mtime_ns if path.exists() else 0
+    path.write_text(text, encoding="utf-8")
+    # as if a second had passed
+    os.utime(path, ns=(before + 10**9, before + 10**9))
+    return path
+
+
+def by_format(_: Job, settings: ReadSettings, *__: object) -> Done:
+    """A reading that says by which format it was made; only the camera is never sure."""
+    return Done((ReadingRecord("vision", settings.format[0], "accept", 0.999),))
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
+    put(tmp_path / "jobs", "left", 'format = "A9"\n')
+    with inline_service(tmp_path, camera=tmp_path / "camera") as (service, client):
+        service.pool.instead = by_format  # type: ignore[attr-defined]
+        yield service, client
+
+
+def post(client: TestClient, **data: str) -> Any:
+    return client.post("/v1/parts", files=PNG, data=data)
+
+
+def test_a_part_is_read_by_the_job_that_it_names(served: tuple[Service, TestClient], tmp_path: Path) -> None:
+    service, client = served
+    assert post(client).json()["text"] == FORMAT
+    part = post(client, job="left").json()
+    assert (part["text"], part["job"]) == ("A9", "left")
+    assert service.store.part(part["id"]).job == "left"
+    received = client.get(part["links"]["history"]).json()["events"][0]
+    assert received["data"]["job"] == "left"
+    # a scan that comes later is read by the same
+    client.post(f"/v1/parts/{part['id']}/scan", files={"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")})
+    assert service.pool.jobs[-1][2].format == ("A9",)  # type: ignore[attr-defined]
+    (tmp_path / "camera").mkdir()
+    (tmp_path / "camera" / "P-1.png").write_bytes(PNG["photo"][1])
+    triggered = asyncio.run(service.parts.trigger("P-1", "left"))
+    assert (triggered.text, triggered.job, triggered.state) == ("A9", "left", PartState.ACCEPTED)
+
+
+def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
+    served: tuple[Service, TestClient], tmp_path: Path
+) -> None:
+    _, client = served
+    refused = post(client, job="right")
+    assert (refused.status_code, refused.headers["content-type"]) == (422, PROBLEM)
+    assert refused.json()["detail"] == "there is no job 'right'; there is left"
+    put(tmp_path / "jobs", "right", 'format = "99"\n')
+    assert post(client, job="right").json()["text"] == "99"
+    put(tmp_path / "jobs", "right", 'format = "9A"\n')
+    assert post(client, job="right").json()["text"] == "9A"
+    spoilt = put(tmp_path / "jobs", "right", 'formt = "9A"\n')
+    assert post(client, job="right").json()["text"] == "9A"  # the line goes on
+    listed = {job["name"]: job for job in client.get("/v1/jobs").json()}
+    assert listed["left"] == {"name": "left", "settings": {"format": "A9"}, "problem": ""}
+    assert listed["right"]["problem"].startswith("right.toml: unknown setting formt; did you mean format")
+    spoilt.unlink()
+    assert post(client, job="right").status_code == 422
+    put(tmp_path / "jobs", "new", "font = 'nowhere.ttf'\n")
+    detail = post(client, job="new").json()["detail"]
+    assert detail.startswith("the job new cannot be used: new.toml: font file 'nowhere.ttf' is missing")
+    for odd in ("../left", ".left", "a b"):
+        assert post(client, job=odd).status_code == 422
+
+
+def test_a_service_does_not_start_with_a_job_that_cannot_be(tmp_path: Path) -> None:
+    put(tmp_path / "jobs", "left", 'format = "re:["\n')
+    with pytest.raises(FileError, match=r"left\.toml: format is"), inline_service(tmp_path):
+        pass
+    (tmp_path / "jobs" / "left.toml").unlink()
+    with (
+        pytest.raises(SettingsError, match="watch_job: there is no job 'left'; there is none"),
+        inline_service(tmp_path, watch=tmp_path / "jobs", watch_job="left"),
+    ):
+        pass
+
+
+def test_job_and_database_are_not_both_named(served: tuple[Service, TestClient]) -> None:
+    answer = post(served[1], job="left", database="die")
+    assert (answer.status_code, answer.json()["detail"][:26]) == (422, "there are job and database")
+
+
+def test_a_job_is_written_by_whoever_may_review(tmp_path: Path) -> None:
+    with inline_service(tmp_path, tokens="on") as (service, client):
+        looks, reviews = (
+            {"Authorization": f"Bearer {service.store.add_token(scope, [scope])}"}
+            for scope in (Scope.READ, Scope.REVIEW)
+        )
+        body = {"format": "AA99", "region": [0, 0.1, 1, 0.5], "line": {"lot": "AAA9"}, "height_mm": 4}
+        assert client.put("/v1/jobs/left", json=body).status_code == 401
+        assert client.put("/v1/jobs/left", json=body, headers=looks).status_code == 403
+        assert client.get("/v1/jobs", headers=looks).json() == []
+        made = client.put("/v1/jobs/left", json=body, headers=reviews)
+        assert made.status_code == 201, made.text
+        assert client.put("/v1/jobs/left", json=body, headers=reviews).status_code == 200
+        (listed,) = client.get("/v1/jobs", headers=looks).json()
+        assert listed["settings"]["line"] == {"lot": {"format": "AAA9"}}
+        assert service.jobs.settings("left") == ReadSettings.of(**body)
+        for bad, says in (
+            ({"mode": "vision"}, "holds mode"),
+            ({"formt": "A"}, "formt: extra inputs"),
+            ({"region": [0, 1]}, "give left, top"),
+            ({"font": ["gothik"]}, "unknown font 'gothik'"),
+            ({"database": "/etc/passwd"}, "database is a file of the service's machine"),
+            ({"font": ["/etc/x.ttf"]}, "/etc/x.ttf is a file of the service's machine"),
+        ):
+            refused = client.put("/v1/jobs/left", json=bad, headers=reviews)
+            assert (refused.status_code, refused.headers["content-type"]) == (422, PROBLEM), bad
+            assert says in refused.json()["detail"]
+        assert client.put("/v1/jobs/.left", json=body, headers=reviews).status_code == 422
+        assert service.jobs.settings("left").format == ("AA99",)
+
+
+def test_a_job_has_a_certificate_of_its_own(tmp_path: Path) -> None:
+    settings = ReadSettings(format=("A9",))
+    (tmp_path / "jobs").mkdir()
+    certificates.written(tmp_path / "jobs" / "left.json", settings)
+    put(tmp_path / "jobs", "left", 'format = "A9"\ncertificate = "left.json"\n')
+    jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
+    watch = jobs.watch("left")
+    assert watch is not None
+    assert (jobs.watched, jobs.watch(""), jobs.drift) == (True, None, "")
+    for part in certificates.measured(EVERY, rough_um=5.0):
+        watch.add("tactile", part)
+    assert jobs.drift.startswith("job left: these parts are unlike the certified ones")
+    put(tmp_path / "jobs", "left", 'format = "A99"\ncertificate = "left.json"\n')
+    (listed,) = jobs.listed()
+    assert "made with other settings" in listed.problem
+
+
+# ---- taught
+
+
+def test_a_line_is_taught_after_the_other(tmp_path: Path) -> None:
+    own = ReadSettings(format=("99",), font=("gothic",), exclude="I", accept_margin=0.5, region=BOX)
+    jobs = JobFolder(tmp_path / "jobs", own=own)
+    teach(jobs, "left", Taught("", "KX40", "AA99", BOX, 4.0), replace=False)
+    teach(jobs, "left", Taught("lot", "B-7", "A-9", (0.0, 0.5, 1.0, 1.0)), replace=False)
+    wanted = ReadSettings(
+        font=("gothic",),
+        accept_margin=0.5,
+        format=("AA99",),
+        region=BOX,
+        height_mm=4.0,
+        line=("lot@0,0.5,1,1=A-9",),
+    )
+    assert jobs.settings("left") == wanted
+    for again in (Taught("", "KX40", "AA99", BOX), Taught("lot", "B-7", "A-9", BOX)):
+        with pytest.raises(Problem, match="already") as refused:
+            teach(jobs, "left", again, replace=False)
+        assert refused.value.status == 409
+    teach(jobs, "left", Taught("lot", "B7", "A9", BOX), replace=True)
+    teach(jobs, "left", Taught("", "KX40", "AA99", BOX), replace=True)
+    found = jobs.settings("left")
+    assert (found.line, found.height_mm) == (("lot@0.1,0.2,0.9,0.6=A9",), None)
+
+
+@pytest.mark.parametrize(
+    ("name", "taught", "says"),
+    [
+        ("left", Taught("", "KX40", "AA9", BOX), "'KX40' is not of the format AA9: it does not fit"),
+        ("left", Taught("", "KX40", "re:[", BOX), "is not a regular expression"),
+        ("left", Taught("a b", "KX40", "AA99", BOX), "'a b' is no name of a line"),
+        ("the left", Taught("", "KX40", "AA99", BOX), "'the left' is no name for a job"),
+    ],
+)
+def test_what_cannot_be_taught(name: str, taught: Taught, says: str, tmp_path: Path) -> None:
+    jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
+    with pytest.raises(Problem, match=says):
+        teach(jobs, name, taught, replace=False)
+    assert jobs.listed() == []
+
+
+def test_a_name_for_the_job_of_a_part() -> None:
+    names = ("tray-7/housing-left-0012", "part-3", "housing left_4", "0012", "")
+    assert [name_like(name) for name in names] == ["housing-left", "part", "housing-left", "", ""]
+
+
+# ---- regions
+
+
+def test_of_two_lines_the_region_says_which(tmp_path: Path) -> None:
+    write_part(SynthSpec(format=FORMAT, seed=4, layout="two-lines"), tmp_path / "part", 0, photos=True)
+    read = [
+        read_job(Job(tmp_path, photo=tmp_path / "part.png"), ReadSettings(region=region), Limits()).readings[
+            -1
+        ]
+        for region in ((0.0, 0.0, 1.0, 0.5), (0.0, 0.5, 1.0, 1.0))
+    ]
+    assert [reading.text for reading in read] == ["SY859990", "CRPUIB"]
+
+
+def test_a_scan_of_what_the_camera_saw_has_no_regions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = Reader(region=BOX, lines={"lot": "A9"}, format="AA99").after_photo()
+    assert seen.vision.settings.region == BOX
+    assert seen.touch.settings.region is None
+    assert seen.touch.settings.asked["lot"].region is None
+    asked: list[bool] = []
+
+    def asks(_: ReadSettings, *, after_photo: bool) -> None:
+        asked.append(after_photo)
+        raise FileError("part", "is not read", "")
+
+    monkeypatch.setattr("pipeline.reading.kept_readers.reader_of", asks)
+    job = Job(tmp_path, scan=tmp_path / "a.h5", earlier_photo=tmp_path / "a.png")
+    for one, settings in (
+        (job, ReadSettings(line=("a@0,0,1,0.5=A",))),
+        (job, ReadSettings()),
+        (Job(tmp_path, scan=tmp_path / "a.h5"), ReadSettings(region=BOX)),
+    ):
+        with pytest.raises(FileError):
+            read_job(one, settings, Limits())
+    assert asked == [True, False, False]
