@@ -25,6 +25,7 @@ from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_of, job_t
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.certificate import certificate_of
 from pipeline.reading.drift import DriftWatch
+from pipeline.service.glyph_databases import GlyphDatabases
 from pipeline.service.problem import Problem
 
 log = structlog.get_logger("tactile-marks")
@@ -62,21 +63,24 @@ class JobFolder:
     Attributes:
         folder: of the files.
         own: settings of parts that name no job.
+        databases: that a job may be given by name.
         lock: held by whoever changes a job by what stands in it.
     """
 
-    def __init__(self, folder: Path, *, own: ReadSettings) -> None:
+    def __init__(self, folder: Path, *, own: ReadSettings, databases: GlyphDatabases | None = None) -> None:
         """Take the folder, and look at every job in it.
 
         Args:
             folder: of the files; it need not be there.
             own: settings of parts that name no job.
+            databases: that a job may be given by name; those beside the jobs unless given.
 
         Raises:
             FileError: a job that cannot be used.
             SettingsError: settings that name a certificate that does not hold for them.
         """
         self.folder, self.own = folder, own
+        self.databases = databases or GlyphDatabases(folder)
         self._own_watch = _watch_of(own)
         self._known: dict[str, _Known] = {}
         self.lock = threading.RLock()

@@ -31,6 +31,7 @@ class Taught:
         format: of such texts.
         region: where its middle lies.
         height_mm: of its characters; None to measure it.
+        database: name of the glyph database of a die that was learned; empty for none. Of the serial.
     """
 
     line: str
@@ -38,6 +39,7 @@ class Taught:
     format: str
     region: Region
     height_mm: float | None = None
+    database: str = ""
 
 
 def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
@@ -62,6 +64,7 @@ def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
             line = NamedLine(line.name, line.format, taught.region)
     except (MarksError, ValueError) as error:
         raise Problem(422, str(error)) from error
+    database = jobs.databases.path(taught.database) if taught.database else None
     if objections:
         raise Problem(422, f"{taught.text!r} is not of the format {taught.format}: {objections[0]}")
     with jobs.lock:
@@ -72,7 +75,7 @@ def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
                 409,
                 f"the job {name} has {which} already; name the line that you mean, or say that it may be replaced",
             )
-        jobs.save(name, _written(_of_service(jobs.own) if before is None else before, taught, line))
+        jobs.save(name, _written(_of_service(jobs.own) if before is None else before, taught, line, database))
 
 
 def _stands_in(written: Mapping[str, Any], line: str) -> bool:
@@ -86,13 +89,17 @@ def _of_service(own: ReadSettings) -> dict[str, Any]:
     return settings.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_TAKEN_OVER)
 
 
-def _written(before: Mapping[str, Any], taught: Taught, line: NamedLine | None) -> dict[str, Any]:
+def _written(
+    before: Mapping[str, Any], taught: Taught, line: NamedLine | None, database: Path | None
+) -> dict[str, Any]:
     written = dict(before)
     if line is None:
         written["format"], written["region"] = taught.format, list(taught.region)
         written.pop("height_mm", None)
         if taught.height_mm is not None:
             written["height_mm"] = taught.height_mm
+        if database is not None:
+            written["database"] = str(database.absolute())
         return written
     others = [text for text in before.get("line", ()) if NamedLine.parse(text).name != line.name]
     written["line"] = [*others, str(line)]

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Response
 
-from pipeline.common.job_file import FILES, NAME
+from pipeline.common.job_file import NAME
 from pipeline.common.records import Scope
 from pipeline.common.settings import ReadSettings
 from pipeline.service.access import Access, Caller
@@ -37,6 +37,7 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
         response_model=JobAnswer,
         status_code=201,
         summary="Write a job: settings of reading that hold for the parts that name it",
+        description="A `database` is one that /v1/databases lists; other files are named in the job file itself.",
         responses={
             200: {"model": JobAnswer, "description": "written over the job that was there"},
             201: {"description": "a new job"},
@@ -50,13 +51,15 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
         caller: Caller = Reviews,
     ) -> Any:
         written = body.model_dump(mode="json", exclude_unset=True)
-        named = [key for key in FILES if written.get(key) is not None]
+        if body.database is not None:
+            written["database"] = str(jobs.databases.path(str(body.database)))
+        named = [key for key in ("lexicon", "certificate") if written.get(key) is not None]
         named += [font for font in body.font if FilePath(font).name != font or "." in font]
         if named:
             raise Problem(422, f"{named[0]} {_FILES_BY_HAND}")
         written = {key: value for key, value in written.items() if value is not None}
         if not jobs.save(name, written):
             response.status_code = 200
-        return JobAnswer(name, written)
+        return next(job for job in jobs.listed() if job.name == name)
 
     return router

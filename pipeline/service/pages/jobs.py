@@ -41,6 +41,7 @@ class Shown:
         text: that stands there.
         format: of the text.
         height_mm: of characters, as typed.
+        database: of a learned die, by name.
         box: left, top, right and bottom of the region, per cent of the picture.
         replace: whether a line that the job has may be replaced.
     """
@@ -51,6 +52,7 @@ class Shown:
     format: str
     height_mm: str
     box: tuple[str, ...]
+    database: str = ""
     replace: bool = False
 
     def taught(self) -> Taught:
@@ -69,7 +71,8 @@ class Shown:
         region = (left, top, right, bottom)
         if not (0.0 <= left < right <= 1.0 and 0.0 <= top < bottom <= 1.0):
             raise Problem(422, "the box is none; draw one, or type left < right and top < bottom, 0 to 100")
-        return Taught(self.line, self.text, self.format or format_like(self.text), region, height_mm)
+        format = self.format or format_like(self.text)
+        return Taught(self.line, self.text, format, region, height_mm, self.database)
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,7 @@ def add_job_pages(router: APIRouter, frame: Frame, jobs: JobFolder) -> None:
         top: Annotated[str, Form()] = "",
         right: Annotated[str, Form()] = "",
         bottom: Annotated[str, Form()] = "",
+        database: Annotated[str, Form()] = "",
         replace: Annotated[str, Form()] = "",
         form_value: Annotated[str, Form()] = "",
     ) -> Response:
@@ -137,7 +141,7 @@ def add_job_pages(router: APIRouter, frame: Frame, jobs: JobFolder) -> None:
             value.strip()[:MOST_TEXT]
             for value in (name, line, text, format, height_mm, left, top, right, bottom)
         )
-        shown = Shown(name, line, text, format, height_mm, tuple(box), replace=bool(replace))
+        shown = Shown(name, line, text, format, height_mm, tuple(box), database, bool(replace))
         try:
             teach(jobs, shown.name, shown.taught(), replace=shown.replace)
         except Problem as problem:
@@ -169,6 +173,7 @@ def _teach_page(
         others=others,
         shown=shown,
         names=[job.name for job in jobs.listed()],
+        databases=[one["name"] for one in jobs.databases.listed()],
         most=MOST_TEXT,
         fault="" if problem is None else problem.detail,
         may_replace=problem is not None and problem.status == 409,

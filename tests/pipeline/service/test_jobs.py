@@ -138,7 +138,8 @@ def test_a_job_is_written_by_whoever_may_review(tmp_path: Path) -> None:
             ({"formt": "A"}, "formt: extra inputs"),
             ({"region": [0, 1]}, "give left, top"),
             ({"font": ["gothik"]}, "unknown font 'gothik'"),
-            ({"database": "/etc/passwd"}, "database is a file of the service's machine"),
+            ({"database": "/etc/passwd"}, "there is no glyph database '/etc/passwd'; there is none at all"),
+            ({"lexicon": "/etc/passwd"}, "lexicon is a file of the service's machine"),
             ({"font": ["/etc/x.ttf"]}, "/etc/x.ttf is a file of the service's machine"),
         ):
             refused = client.put("/v1/jobs/left", json=bad, headers=reviews)
