@@ -54,7 +54,9 @@ def _type(annotation: Any) -> str:
     if origin in (Union, UnionType):
         return _type(next(a for a in arguments if a is not type(None)))
     if origin is tuple:
-        return f"{_type(arguments[0])}, {'any number' if arguments[-1] is ... else len(arguments)}"
+        return (
+            f"{_type(arguments[0])}, {'any number' if arguments[-1] is ... else f'{len(arguments)} of them'}"
+        )
     return _TYPES[origin or annotation]
 
 

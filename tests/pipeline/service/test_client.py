@@ -65,6 +65,7 @@ class Service:
             name: Annotated[str, Form()] = "",
             expected: Annotated[str, Form()] = "",
             database: Annotated[str, Form()] = "",
+            job: Annotated[str, Form()] = "",
             touch: Annotated[str, Form()] = "plan",
             idempotency_key: Annotated[str, Header()] = "",
         ) -> Any:
@@ -73,7 +74,7 @@ class Service:
                 for key, file in {"photo": photo, "scan": scan}.items()
                 if file is not None
             }
-            fields = {"name": name, "expected": expected, "database": database, "touch": touch}
+            fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
             self._note(request, files=files, fields=fields, key=idempotency_key)
             again = idempotency_key in self.made
             self.made.setdefault(idempotency_key, ID)
@@ -154,11 +155,14 @@ def test_a_part_is_read_from_files(fresh: tuple[Service, str], photo: Path, tmp_
     scan = tmp_path / "part.h5"
     scan.write_bytes(b"a scan")
     with Client(url, token="tm_secret") as client:
-        made = client.read(photo=photo, scan=str(scan), name="P17", expected="KX407251", touch="stage")
+        made = client.read(
+            photo=photo, scan=str(scan), name="P17", expected="KX407251", job="housing-left", touch="stage"
+        )
     assert made == part("P17", expected="KX407251")
     (request,) = service.requests
     assert request["files"] == {"photo": ("part-ä.png", b"a photograph"), "scan": ("part.h5", b"a scan")}
-    assert request["fields"] == {"name": "P17", "expected": "KX407251", "database": "", "touch": "stage"}
+    fields = {"name": "P17", "expected": "KX407251", "database": "", "job": "housing-left", "touch": "stage"}
+    assert request["fields"] == fields
     assert request["headers"]["authorization"] == "Bearer tm_secret"
     assert len(request["key"]) >= 32
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import html
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,8 @@ import pytest
 from starlette.testclient import TestClient
 
 from glyphs.errors import FileError
-from pipeline.common.records import PartState, ReadingRecord, Scope
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReadingRecord, Scope
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.limits import Limits
 from pipeline.files.synth import SynthSpec, write_part
@@ -191,6 +194,61 @@ def test_a_line_is_taught_after_the_other(tmp_path: Path) -> None:
     teach(jobs, "left", Taught("", "KX40", "AA99", BOX), replace=True)
     found = jobs.settings("left")
     assert (found.line, found.height_mm) == (("lot@0.1,0.2,0.9,0.6=A9",), None)
+
+
+def test_the_page_teaches_those_who_may_review_and_its_own_forms_alone(tmp_path: Path) -> None:
+    picture = {"mm_per_pixel": 0.05, "x0_mm": 0.0, "y0_mm": 0.0, "width": 400.0, "height": 100.0}
+    with inline_service(tmp_path, tokens="on") as (service, client):
+        kept = tmp_path / "picture.png"
+        kept.write_bytes(PNG["photo"][1])
+        sha256, n_bytes = service.evidence.keep(kept)
+        shown = EvidenceRecord(EvidenceKind.PHOTO_PICTURE, sha256, n_bytes, "a.png", "image/png", picture)
+        part, bare = new_part_id(), new_part_id()
+        for one, evidence in ((part, [shown]), (bare, [])):
+            service.store.add_part(part_id=one, name="P-1", state=PartState.REVIEW, evidence=evidence)
+        looks, reviews = (
+            {"Authorization": f"Bearer {service.store.add_token(name, scopes)}"}
+            for name, scopes in (("looks", [Scope.READ]), ("reviews", [Scope.READ, Scope.REVIEW]))
+        )
+        page = f"/jobs/new?part={part}"
+        assert client.get("/jobs", headers=looks).status_code == 200
+        assert "Teach a job" not in client.get(f"/parts/{part}", headers=looks).text
+        assert client.get(page, headers=looks).status_code == 403
+        assert client.get(f"/jobs/new?part={bare}", headers=reviews).status_code == 404
+        assert page in client.get(f"/parts/{part}", headers=reviews).text
+        form = client.get(page, headers=reviews).text
+        assert client.get("/jobs/format?text=KX-40", headers=looks).text == "AA-99"
+        said = {
+            "part": part,
+            "name": "left",
+            "text": "KX40",
+            "left": "0",
+            "top": "10",
+            "right": "100",
+            "bottom": "50",
+        }
+        assert client.post("/jobs/new", data=said, headers=reviews).status_code == 403
+        found = re.search(r'name="form_value" value="([^"]+)"', form)
+        assert found is not None
+        said["form_value"] = found[1]
+        assert client.post("/jobs/new", data=said, headers=looks).status_code == 403
+        for key, value, says in (
+            ("top", "60", "the box is none"),
+            ("top", "much", "is no number"),
+            ("text", " ", "type the text"),
+            ("format", "A", "is not of the format A"),
+            ("height_mm", "-1", "height_mm is -1.0"),
+            ("database", "none", "there is no glyph database"),
+        ):
+            refused = client.post("/jobs/new", data={**said, key: value}, headers=reviews)
+            assert (refused.status_code, says in html.unescape(refused.text)) == (422, True), says
+        assert client.get("/v1/jobs", headers=looks).json() == []
+        saved = client.post("/jobs/new", data=said, headers=reviews)
+        assert (saved.status_code, "left" in saved.text) == (200, True)
+        assert service.jobs.settings("left").region == (0.0, 0.1, 1.0, 0.5)
+        again = client.post("/jobs/new", data=said, headers=reviews)
+        assert (again.status_code, 'name="replace"' in again.text) == (409, True)
+        assert client.post("/jobs/new", data={**said, "replace": "1"}, headers=reviews).status_code == 200
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ class Bench:
     def anew(self) -> None:
         journal = WatchJournal.open(self.journal, {})
         self.watched = WatchedFolder(
-            self.folder, self.parts, journal=journal, every_s=0.05, most_bytes=1000, at_once=1,  # type: ignore[arg-type]
+            self.folder, self.parts, journal=journal, job="housing-left", every_s=0.05, most_bytes=1000, at_once=1,  # type: ignore[arg-type]
         )  # fmt: skip
 
     def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
@@ -110,6 +110,7 @@ def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None
     assert bench.look(3) == ["part-3"]
     new, name, data = bench.parts.received[0]
     assert (new.touch, new.expected, name, data) == (True, "", "part-3.png", PNG)
+    assert new.job == "housing-left"
     assert (bench.folder / "part-3.png").read_bytes() == PNG
     assert not list((bench.journal.parent / "work").iterdir())
 
