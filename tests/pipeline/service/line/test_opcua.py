@@ -205,7 +205,7 @@ def test_scanning_shows_the_part_in_the_variables(shared: Shared) -> None:
             names = ("3:LastScanData", "3:LastScanTimestamp", "4:LastPartId", "4:LastConfidence")
             values = [await (await device.get_child(name)).read_data_value() for name in names]
             assert len({value.SourceTimestamp for value in values}) == 1
-            assert values[1].Value.Value == values[1].SourceTimestamp == NOW + timedelta(seconds=2)
+            assert values[1].Value.Value == values[1].SourceTimestamp == NOW + timedelta(seconds=3)
             # a part that came by another door
             await port.show(part(id="PART9", text="ZZ9"))
             assert await value_of(device, "3:LastScanData") == "ZZ9"
