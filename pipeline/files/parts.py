@@ -210,8 +210,7 @@ def key_and_kind(file: str) -> tuple[tuple[str, str] | None, str]:
         return None, ""
     stem, suffix = os.path.splitext(last)
     kind = _KINDS.get(suffix.lower(), "")
-    several = _SEVERAL.match(stem) if kind == "photo" else None
-    return (folder, several["stem"] if several else stem), kind
+    return (folder, set_of(file) or stem), kind
 
 
 def _with(part: ListedPart, kind: str, file: str) -> ListedPart:
@@ -220,7 +219,7 @@ def _with(part: ListedPart, kind: str, file: str) -> ListedPart:
     Photographs that are numbered (part.light-2.png) are all meant.
     """
     first: str = getattr(part, kind)
-    if kind == "photo" and first and file not in (first, *part.more_photos) and _numbered(file):
+    if kind == "photo" and first and file not in (first, *part.more_photos) and set_of(file):
         return replace(part, more_photos=(*part.more_photos, file))
     problem = None
     if first and first != file:
@@ -233,8 +232,11 @@ def _with(part: ListedPart, kind: str, file: str) -> ListedPart:
     return replace(part, height_map=file, problem=part.problem or problem)
 
 
-def _numbered(file: str) -> bool:
-    return _SEVERAL.match(os.path.splitext(split_name(file)[1])[0]) is not None
+def set_of(file: str) -> str:
+    """Stem of the set that one of several photographs belongs to (part.light-2.png); empty of others."""
+    stem, suffix = os.path.splitext(split_name(file)[1])
+    several = _SEVERAL.match(stem) if _KINDS.get(suffix.lower()) == "photo" else None
+    return several["stem"] if several else ""
 
 
 def _stem_name(stem: str) -> str:

@@ -6,6 +6,8 @@ photo + scan (map)       -> vision, fused
 earlier photo + scan (map) -> fused          the photograph of an earlier job
 earlier photo + stage      -> fused          felt pass by pass, see `read_on_stage`
 
+Several photographs of a part are read as one.
+
 Whatever is wrong with a file is a `FileError` that calls the file as its sender did: paths of the server are
 nobody's business.
 """
@@ -18,6 +20,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -31,12 +34,12 @@ if TYPE_CHECKING:
     from pipeline.reading.job_pictures import MadeFile
     from recognition.active.active_reading import ActiveReading
     from recognition.decision.part_measures import Measure
+    from recognition.decision.reading import Reading
     from recognition.reader import Reader
     from whisker_array.scan.session import SessionStage
 
 Order = TypeVar("Order")
 _log = logging.getLogger(__name__)
-_FIELDS = {"scan": "scan", "height_map": "height map", "photo": "photo", "earlier_photo": "photo"}
 
 
 @dataclass(frozen=True)
@@ -45,45 +48,53 @@ class Job:
 
     Attributes:
         folder: for the files that are made; it is there, and the job's own.
-        photo: photograph.
+        photos: photographs, the one that the others are laid over first.
         scan: recording (HDF5).
         height_map: surface; the suffix of its name says its format.
-        earlier_photo: photograph of an earlier job, which has given its reading and its picture: fused with touch.
+        earlier_photos: photographs of an earlier job, which has given its reading and its picture: fused with touch.
         part_name: what the line calls the part.
         expected: text it should read; empty where none is.
         database: glyph database to read with; the settings' unless given.
-        names: of "photo", "scan" and "height_map", what their sender calls them; their paths' own unless given.
+        names: what their sender calls the files; their paths' own unless given.
     """
 
     folder: Path
-    photo: Path | None = None
+    photos: tuple[Path, ...] = ()
     scan: Path | None = None
     height_map: Path | None = None
-    earlier_photo: Path | None = None
+    earlier_photos: tuple[Path, ...] = ()
     part_name: str = ""
     expected: str = ""
     database: Path | None = None
-    names: Mapping[str, str] = field(default_factory=dict)
+    names: Mapping[Path, str] = field(default_factory=dict)
 
-    def name_of(self, what: str) -> str:
+    @property
+    def files(self) -> dict[Path, str]:
+        """All files, each with what it is, in words."""
+        told = (
+            *((self.scan, "scan"), (self.height_map, "height map")),
+            *((photo, "photo") for photo in (*self.photos, *self.earlier_photos)),
+        )
+        return {path: what for path, what in told if path is not None}
+
+    def name_of(self, path: Path) -> str:
         """The sender's name of a file, for messages: never a path of the server."""
-        path: Path | None = getattr(self, what)
-        given = self.names.get(what, "") or (path.name if path is not None else "")
+        given = self.names.get(path, "") or path.name
         # a name is shown, not opened: its last part is enough, and no more than a line
         last = given.replace("\\", "/").rpartition("/")[2]
-        return "".join(c for c in last if c.isprintable())[:120] or _FIELDS[what]
+        return "".join(c for c in last if c.isprintable())[:120] or self.files[path]
 
     @property
     def name(self) -> str:
         """Of the part: the line's, or the stem of its first file's."""
-        first = next((what for what in _FIELDS if getattr(self, what) is not None), "scan")
+        first = next(iter(self.files), Path("scan"))
         return self.part_name or Path(self.name_of(first)).stem
 
     def names_by_path(self) -> dict[Path, str]:
         """What its sender calls each file."""
-        names = {path: self.name_of(what) for what in _FIELDS if (path := getattr(self, what)) is not None}
+        names = {path: self.name_of(path) for path in self.files}
         if self.height_map is not None:
-            name = self.name_of("height_map")
+            name = self.name_of(self.height_map)
             names[self.folder / f"height_map{Path(name).suffix.lower()}"] = name
         return names
 
@@ -127,7 +138,7 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits, *, felt: ActiveRe
     from recognition.decision.part_measures import measures_of
 
     tactile = job.scan is not None or job.height_map is not None
-    if not tactile and (job.photo is None or job.earlier_photo is not None):
+    if not tactile and (not job.photos or job.earlier_photos):
         raise ValueError(
             "a job has a photo, a scan or a height map; an earlier photo goes with one of the latter"
         )
@@ -135,26 +146,33 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits, *, felt: ActiveRe
     started, expected = time.perf_counter(), job.expected.strip()
     with _sender_names(job, job.names_by_path()):
         # a format is known by the suffix that the sender gave the file
-        part = Part(job.name, job.height_map and _with_suffix(job), job.scan, job.photo or job.earlier_photo)
+        photo, *more = job.photos or job.earlier_photos or (None,)
+        part = Part(
+            job.name,
+            job.height_map and _with_suffix(job),
+            job.scan,
+            photo,
+            more_photos=tuple(filter(None, more)),
+        )
         mode = Mode.FUSED if tactile and part.photo else None
         parts = PartReader(
             reader, mode=mode, unit=Unit(settings.unit), limits=limits, budget_s=settings.touch_budget_s
         )
-        found = parts.unverified(part, expected=expected, felt=felt)
+        found = _in_sender_words(parts.unverified(part, expected=expected, felt=felt), job)
         readings = [parts.verified(found, expected)]
-        if job.photo is not None and found.trace.vision is not None:
+        if job.photos and found.trace.vision is not None:
             readings.insert(0, parts.verified(reader.certified(found.trace.vision), expected))
         took = [math.fsum(r.seconds.values()) for r in readings[:-1]] + [time.perf_counter() - started]
         records = tuple(
             reading_record(r, settings, reader.grammar, part=job.name, seconds=s)
             for r, s in zip(readings, took, strict=True)
         )
-        made = tuple(pictures_of(readings[-1], job.folder, photo=job.photo is not None))
+        made = tuple(pictures_of(readings[-1], job.folder, photo=bool(job.photos)))
         measures = measures_of(readings[-1]) if settings.certificate is not None else {}
-        photo = found.trace.photo
-        if tactile or photo is None or state_after(records[-1]) is not PartState.TOUCH_NEEDED:
+        taken = found.trace.photo
+        if tactile or taken is None or state_after(records[-1]) is not PartState.TOUCH_NEEDED:
             return Done(records, made, measures=measures)
-        plan = plan_of(found, photo, settings, field_mm=limits.stage_field_mm, reason=why_touch(records[-1]))
+        plan = plan_of(found, taken, settings, field_mm=limits.stage_field_mm, reason=why_touch(records[-1]))
         return Done(records, made, plan, measures)
 
 
@@ -212,7 +230,7 @@ def _reader(job: Job, settings: ReadSettings) -> tuple[ReadSettings, Reader]:
     if job.database is not None:
         settings = settings.model_copy(update={"database": job.database})
     with _sender_names(job, {settings.database: settings.database.stem} if settings.database else {}):
-        return settings, reader_of(settings, after_photo=settings.regions and job.earlier_photo is not None)
+        return settings, reader_of(settings, after_photo=settings.regions and bool(job.earlier_photos))
 
 
 def _with_suffix(job: Job) -> Path:
@@ -221,7 +239,7 @@ def _with_suffix(job: Job) -> Path:
 
     path = job.height_map
     assert path is not None
-    suffix = Path(job.name_of("height_map")).suffix.lower()
+    suffix = Path(job.name_of(path)).suffix.lower()
     named = Path(f"height_map{suffix}")
     if not is_height_map(named):
         raise FileError(
@@ -265,6 +283,15 @@ def _sender_names(job: Job, names: Mapping[Path, str]) -> Iterator[None]:
     except Exception as error:
         _log.exception("fault of the program while reading %s", name)
         raise FaultError(name, _unplaced(fault_of(error), job, names), "please report it") from error
+
+
+def _in_sender_words(reading: Reading, job: Job) -> Reading:
+    """The reading with its notes calling files as their sender did."""
+    names = job.names_by_path()
+    notes = tuple(
+        reduce(lambda note, path: note.replace(str(path), names[path]), names, note) for note in reading.notes
+    )
+    return replace(reading, notes=tuple(_unplaced(note, job, names) for note in notes))
 
 
 def _unplaced(message: str, job: Job, names: Iterable[Path]) -> str:

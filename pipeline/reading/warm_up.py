@@ -44,7 +44,9 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
         write_npz(folder / "part.npz", part.height_map)
         write_photo(folder / "part.png", photo)
         with contextlib.suppress(FileError):
-            read_job(Job(folder, photo=folder / "part.png", height_map=folder / "part.npz"), settings, limits)
+            read_job(
+                Job(folder, photos=(folder / "part.png",), height_map=folder / "part.npz"), settings, limits
+            )
 
 
 def _a_text(settings: ReadSettings) -> str:

@@ -12,6 +12,7 @@ A part is sent with an idempotency key, so it becomes one part however often it 
 from __future__ import annotations
 
 import secrets
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -62,7 +63,7 @@ class Client:
 
     def read(
         self,
-        photo: Source | None = None,
+        photo: Source | Sequence[Source] | None = None,
         scan: Source | None = None,
         *,
         name: str = "",
@@ -75,7 +76,7 @@ class Client:
         """Have a part read from its photograph, its scan, or both.
 
         Args:
-            photo: PNG, JPEG, BMP or TIFF.
+            photo: PNG, JPEG, BMP or TIFF; or several of the part, under other lights, which are read as one.
             scan: recording (.h5) or height map (.npz, .x3p, .sdf, .sur ...); as bytes it is taken for a recording.
             name: what the line calls the part.
             expected: text that it should read.
@@ -90,21 +91,28 @@ class Client:
             ValueError: neither photograph nor scan.
             OSError: a file cannot be read.
         """
-        if photo is None and scan is None:
-            raise ValueError("give a photograph, a scan, or both")
         fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
-        files = {"photo": (photo, "photo"), "scan": (scan, "scan.h5")}
+        photos = [photo] if isinstance(photo, (str, bytes, Path)) else list(photo or ())
+        files = [("photo", (one, "photo")) for one in photos]
+        if scan is not None:
+            files.append(("scan", (scan, "scan.h5")))
+        if not files:
+            raise ValueError("give a photograph, a scan, or both")
         answer = self._http.send(
             "POST",
             "/v1/parts",
             data={key: value for key, value in fields.items() if value},
-            files={key: file for key, file in files.items() if file[0] is not None},
+            files=files,
             headers={"idempotency-key": idempotency_key or secrets.token_urlsafe(24)},
         )
         return _record(PartRecord, answer)
 
     def verify(
-        self, expected: str, photo: Source | None = None, scan: Source | None = None, **options: Any
+        self,
+        expected: str,
+        photo: Source | Sequence[Source] | None = None,
+        scan: Source | None = None,
+        **options: Any,
     ) -> PartRecord:
         """As `read`, of a part that should bear a text: `part.reading.verdict` says whether it does.
 
@@ -125,7 +133,7 @@ class Client:
         answer = self._http.send(
             "POST",
             f"{_path(part_id)}/scan",
-            files={"scan": (scan, "scan.h5")},
+            files=[("scan", (scan, "scan.h5"))],
             headers={"idempotency-key": idempotency_key or secrets.token_urlsafe(24)},
         )
         return _record(PartRecord, answer)

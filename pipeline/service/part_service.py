@@ -112,7 +112,7 @@ class PartService:
         self,
         new: NewPart,
         *,
-        photo: Upload | None = None,
+        photos: Sequence[Upload] = (),
         scan: Upload | None = None,
         idempotency: IdempotencyKey | None = None,
     ) -> Received:
@@ -121,7 +121,7 @@ class PartService:
         Raises:
             Problem: nothing to read, files that cannot be used, no room in the queue, a key used for another request.
         """
-        if photo is None and scan is None:
+        if not photos and scan is None:
             raise Problem(
                 422, "there is neither photo nor scan; send one of them, or both, as multipart/form-data"
             )
@@ -132,7 +132,8 @@ class PartService:
         async def work() -> PartRecord:
             part_id = new_part_id()
             done, kept = await self.jobs.read(
-                {"photo": photo, "scan": scan},
+                photos,
+                scan,
                 name=new.name,
                 expected="" if self._shadow else new.expected,
                 database=new.database,
@@ -209,15 +210,20 @@ class PartService:
         with self.jobs.work_folder() as folder:
             try:
                 taken = await asyncio.to_thread(self.camera.take, name)
-                copy = folder / f"taken{taken.suffix.lower()}"
-                await asyncio.to_thread(shutil.copyfile, taken, copy)
+                files = (taken,) if isinstance(taken, Path) else tuple(taken)
+                photos = [
+                    Upload(folder / f"taken-{n}{file.suffix.lower()}", file.name)
+                    for n, file in enumerate(files, start=1)
+                ]
+                for file, photo in zip(files, photos, strict=True):
+                    await asyncio.to_thread(shutil.copyfile, file, photo.path)
             except StageError as error:
                 raise Problem(422, str(error)) from error
             except OSError as error:
                 raise Problem(
                     422, f"the camera's picture of {name} cannot be read ({error.strerror})"
                 ) from error
-            done = await self.receive(NewPart(name=name, job=job, touch=True), photo=Upload(copy, taken.name))
+            done = await self.receive(NewPart(name=name, job=job, touch=True), photos=photos)
         return done.part
 
     def review(self, part_id: str, **said: Any) -> PartRecord:
@@ -250,7 +256,7 @@ class PartService:
             expected=part.expected,
             database=part.database,
             job_name=part.job,
-            earlier_photo=await self._photo_of(part),
+            earlier_photos=await self._photos_of(part),
         )
         if isinstance(stage, SimulatedStage):
             return await feel(stage)
@@ -261,21 +267,23 @@ class PartService:
             finally:
                 await asyncio.to_thread(link.close)
 
-    async def _photo_of(self, part: PartRecord) -> Path | None:
+    async def _photos_of(self, part: PartRecord) -> tuple[Path, ...]:
         records = await self._stored(self.store.evidence, part.id)
-        photos = [e for e in records if e.kind is EvidenceKind.PHOTO and not e.gone]
-        return self.evidence.path(photos[-1].sha256) if photos else None
+        return tuple(
+            self.evidence.path(e.sha256) for e in records if e.kind is EvidenceKind.PHOTO and not e.gone
+        )
 
     async def _read_scan(
         self, part: PartRecord, scan: Upload, idempotency: IdempotencyKey | None
     ) -> PartRecord:
         done, kept = await self.jobs.read(
-            {"scan": scan},
+            (),
+            scan,
             name=part.name,
             expected="" if self._in_shadow(part) else part.expected,
             database=part.database,
             job_name=part.job,
-            earlier_photo=await self._photo_of(part),
+            earlier_photos=await self._photos_of(part),
         )
         return await self._add(part, done, kept, idempotency)
 

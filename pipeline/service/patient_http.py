@@ -10,7 +10,7 @@ from __future__ import annotations
 import random
 import ssl
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -83,7 +83,7 @@ class PatientHttp:
         method: str,
         path: str,
         *,
-        files: Mapping[str, tuple[Source | None, str]] | None = None,
+        files: Sequence[tuple[str, tuple[Source, str]]] = (),
         repeatable: bool = True,
         **request: Any,
     ) -> httpx.Response:
@@ -92,7 +92,7 @@ class PatientHttp:
         Args:
             method: of HTTP.
             path: on the service.
-            files: by field; each with the name it bears where it is not a file.
+            files: each with its field, and the name it bears where it is not a file.
             repeatable: whether doing it twice comes to the same; else only what surely was not done is sent again.
             request: as httpx takes it.
 
@@ -108,8 +108,8 @@ class PatientHttp:
             wait_s = 0.0
             try:
                 with ExitStack() as opened:
-                    if files is not None:
-                        request["files"] = {key: _opened(opened, *file) for key, file in files.items()}
+                    if files:
+                        request["files"] = [(key, _opened(opened, *file)) for key, file in files]
                     answer = self._http.request(method, path, **request)
             except httpx.TransportError as error:
                 # without a connection nothing was sent
@@ -129,10 +129,10 @@ class PatientHttp:
             time.sleep(wait_s)
 
 
-def _opened(stack: ExitStack, source: Source | None, name: str) -> tuple[str, Any]:
+def _opened(stack: ExitStack, source: Source, name: str) -> tuple[str, Any]:
     if isinstance(source, bytes):
         return name, source
-    path = Path(source or "")
+    path = Path(source)
     return path.name, stack.enter_context(path.open("rb"))
 
 

@@ -105,6 +105,8 @@ class Ports:
                     journal=self._watch_journal,
                     job=settings.watch_job,
                     every_s=settings.watch_every_s,
+                    a_set=settings.watch_photos,
+                    settle_s=settings.watch_settle_s,
                     most_bytes=settings.max_upload_mb * 1_000_000,
                     at_once=settings.jobs,
                 )

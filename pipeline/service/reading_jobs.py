@@ -1,6 +1,6 @@
 """Reading jobs: a part's files go to a worker, and what comes of them into the evidence folder.
 
-photo, scan    --> work folder --> worker: readings, pictures            --> evidence folder
+photos, scan   --> work folder --> worker: readings, pictures            --> evidence folder
 stage, a pass after the other --> worker: readings, pictures, recording --> evidence folder
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -73,42 +73,45 @@ class ReadingJobs:
 
     async def read(
         self,
-        uploads: dict[str, Upload | None],
+        photos: Sequence[Upload],
+        scan: Upload | None,
         *,
         name: str,
         expected: str,
         database: str,
         job_name: str = "",
-        earlier_photo: Path | None = None,
+        earlier_photos: tuple[Path, ...] = (),
     ) -> tuple[Done, list[EvidenceRecord]]:
         """Read the files in a worker; keep them and what was made of them.
 
         Args:
-            uploads: photo and scan, as they were sent.
+            photos: as they were sent.
+            scan: recording or height map.
             name: what the line calls the part.
             expected: text that it should read.
             database: name of the glyph database.
             job_name: of the job that says how to read.
-            earlier_photo: the photograph from before.
+            earlier_photos: the photographs from before.
 
         Raises:
             Problem: files that cannot be used, no room in the queue, a worker that was lost, a full disk.
         """
         settings = await asyncio.to_thread(self._settings, job_name)
-        given = {role: upload for role, upload in uploads.items() if upload is not None}
+        raw = [*((EvidenceKind.PHOTO, photo) for photo in photos)]
+        if scan is not None:
+            raw.append((scan.touch_kind(), scan))
+        felt = {kind: upload.path for kind, upload in raw}
         with self.work_folder() as folder:
-            raw = {upload.kind(role): upload for role, upload in given.items()}
-            paths = {kind: upload.path for kind, upload in raw.items()}
             job = Job(
                 folder=folder,
-                photo=paths.get(EvidenceKind.PHOTO),
-                scan=paths.get(EvidenceKind.SCAN),
-                height_map=paths.get(EvidenceKind.HEIGHT_MAP),
-                earlier_photo=earlier_photo,
+                photos=tuple(photo.path for photo in photos),
+                scan=felt.get(EvidenceKind.SCAN),
+                height_map=felt.get(EvidenceKind.HEIGHT_MAP),
+                earlier_photos=earlier_photos,
                 part_name=name,
                 expected=expected,
                 database=self._databases(database),
-                names={kind.value: upload.name for kind, upload in raw.items()},
+                names={upload.path: upload.name for _, upload in raw},
             )
             done = await self.in_worker(read_job, job, settings, self._limits)
             return done, await self._kept(raw, done)
@@ -121,7 +124,7 @@ class ReadingJobs:
         expected: str,
         database: str,
         job_name: str,
-        earlier_photo: Path | None,
+        earlier_photos: tuple[Path, ...],
     ) -> tuple[Done, list[EvidenceRecord]]:
         """Have a worker feel a part pass by pass and read it; keep the recording and what was made of it.
 
@@ -131,7 +134,7 @@ class ReadingJobs:
             expected: text that it should read.
             database: name of the glyph database.
             job_name: of the job that says how to read, and for how many stage seconds at most.
-            earlier_photo: the photograph from before.
+            earlier_photos: the photographs from before.
 
         Raises:
             StageError: nothing could be felt.
@@ -141,16 +144,16 @@ class ReadingJobs:
         with self.work_folder() as folder:
             job = Job(
                 folder=folder,
-                earlier_photo=earlier_photo,
+                earlier_photos=earlier_photos,
                 part_name=order.part_name,
                 expected=expected,
                 database=self._databases(database),
             )
             read = partial(read_on_stage, budget_s=settings.budget_s)
             done = await self.in_worker(read, job, settings, self._limits, stage, order)
-            return done, await self._kept({}, done)
+            return done, await self._kept([], done)
 
-    async def _kept(self, raw: dict[EvidenceKind, Upload], done: Done) -> list[EvidenceRecord]:
+    async def _kept(self, raw: Sequence[tuple[EvidenceKind, Upload]], done: Done) -> list[EvidenceRecord]:
         try:
             return await asyncio.to_thread(self._keep, raw, done)
         except FileError as problem:
@@ -158,9 +161,9 @@ class ReadingJobs:
             busy = "the service cannot keep what was sent; its log says why"
             raise Problem(503, busy, headers={"Retry-After": "30"}) from problem
 
-    def _keep(self, raw: dict[EvidenceKind, Upload], done: Done) -> list[EvidenceRecord]:
+    def _keep(self, raw: Sequence[tuple[EvidenceKind, Upload]], done: Done) -> list[EvidenceRecord]:
         kept = []
-        for kind, upload in raw.items():
+        for kind, upload in raw:
             sha256, n_bytes = self._evidence.keep(upload.path)
             kept.append(
                 EvidenceRecord(kind, sha256, n_bytes, name=upload.name, media_type=upload.media_type(kind))

@@ -103,6 +103,11 @@ class ServiceSettings(Settings):
     """Job that the photographs of that folder are read by; the service's own settings unless given."""
     watch_every_s: float = Field(default=1.0, ge=0.05, le=3600.0)
     """Seconds between two looks into that folder; a photograph is complete when two looks find it alike."""
+    watch_photos: int = Field(default=0, ge=0, le=12)
+    """Photographs of a part in the watched folder, where its files are numbered (part.light-1.png): with so many it is
+    read at once; 0: as many as come."""
+    watch_settle_s: float = Field(default=2.0, ge=0.05, le=3600.0)
+    """A part of numbered photographs is read when none was added or changed for so long."""
     line_host: str = "127.0.0.1"
     """Address of the TCP port and the OPC UA server, which know no tokens."""
     tcp_port: Port | None = None

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.records import ScanPlanRecord
+from pipeline.files.parts import set_of
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
@@ -73,8 +74,8 @@ def has_sessions(stage: Stage | SessionStage[ScanOrder]) -> TypeGuard[SessionSta
 class Camera(Protocol):
     """Takes photographs of parts."""
 
-    def take(self, part_name: str) -> Path:
-        """Photograph the part that lies under the camera.
+    def take(self, part_name: str) -> Path | Sequence[Path]:
+        """Photograph the part that lies under the camera, once or under several lights.
 
         Raises:
             StageError: no photograph, and what to do.
@@ -110,18 +111,29 @@ class FolderCamera:
     """Finds the photograph of a part in a folder, where a camera's own program saves it.
 
     Attributes:
-        folder: of the photographs, named as the parts.
+        folder: of the photographs, named as the parts, or as `part.light-1.png` and so on.
     """
 
     folder: Path
 
-    def take(self, part_name: str) -> Path:
-        """The photograph of that name.
+    def take(self, part_name: str) -> Path | Sequence[Path]:
+        """The photograph of that name, or those of several lights.
 
         Raises:
             StageError: none, or a name that cannot be one.
         """
-        return _file_of(self.folder, part_name, _PHOTO_SUFFIXES, "photograph")
+        try:
+            return _file_of(self.folder, part_name, _PHOTO_SUFFIXES, "photograph")
+        except StageError:
+            root = self.folder.resolve()
+            several = [
+                file
+                for file in (sorted(root.iterdir()) if root.is_dir() else ())
+                if part_name and set_of(file.name) == part_name and file.is_file() and file.resolve().is_relative_to(root)
+            ]
+            if not several:
+                raise
+            return several
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from starlette.datastructures import UploadFile
 
 MOST_NAME = 200
+MOST_PHOTOS = 12
+"""Of one part."""
 _CHUNK = 1 << 20
 HEAD_BYTES = 16
 """By which a picture is known."""
@@ -44,14 +46,8 @@ class Upload:
     name: str
     sha256: str = ""
 
-    def kind(self, role: str) -> EvidenceKind:
-        """What it is, sent as photo or as scan.
-
-        Raises:
-            Problem: 415, a file of no kind that is read.
-        """
-        if role == "photo":
-            return EvidenceKind.PHOTO
+    def touch_kind(self) -> EvidenceKind:
+        """What a file is that was felt."""
         return EvidenceKind.SCAN if is_scan(self.path) else EvidenceKind.HEIGHT_MAP
 
     def media_type(self, kind: EvidenceKind) -> str:
@@ -62,19 +58,30 @@ class Upload:
         return types.get(self.path.suffix, "application/octet-stream")
 
 
+def check_count(photos: int) -> None:
+    """Refuse more photographs of a part than are read.
+
+    Raises:
+        Problem: 422.
+    """
+    if photos > MOST_PHOTOS:
+        raise Problem(422, f"there are {photos} photos; {MOST_PHOTOS} of a part may be")
+
+
 def sent_name(name: str | None) -> str:
     """A file's name as its sender gave it: the last part of any path, printable, of bounded length."""
     last = re.split(r"[/\\]", name or "")[-1]
     return _UNPRINTABLE.sub("_", last)[:MOST_NAME] or "unnamed"
 
 
-async def receive(sent: UploadFile, role: str, folder: Path) -> Upload:
+async def receive(sent: UploadFile, role: str, folder: Path, *, number: int = 1) -> Upload:
     """Write what was sent into the folder.
 
     Args:
         sent: the part of the form.
         role: photo or scan.
         folder: of this request.
+        number: of the photograph, of several.
 
     Raises:
         Problem: 415 for a file of no kind that is read, 422 for an empty one.
@@ -86,7 +93,7 @@ async def receive(sent: UploadFile, role: str, folder: Path) -> Upload:
     if not head:
         raise Problem(422, f"the {role} {name!r} is empty; send it again")
     await sent.seek(0)
-    path = folder / f"{role}{suffix_of(role, name, head)}"
+    path = folder / f"{role}-{number}{suffix_of(role, name, head)}"
     digest = hashlib.sha256()
 
     def write() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, File, Form, Request, Response, UploadFile
@@ -28,7 +30,7 @@ from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE
 from pipeline.service.idempotency import Received
 from pipeline.service.part_service import NewPart, PartService
 from pipeline.service.problem import Problem
-from pipeline.service.uploads import Upload, receive
+from pipeline.service.uploads import Upload, check_count, receive
 from pipeline.store.store import IdempotencyKey
 
 
@@ -65,7 +67,12 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
     async def read_part(
         request: Request,
         response: Response,
-        photo: Annotated[UploadFile | None, File(description="PNG, JPEG, BMP or TIFF")] = None,
+        photo: Annotated[
+            list[UploadFile] | None,
+            File(
+                description="PNG, JPEG, BMP or TIFF; several of one part under other lights are read as one"
+            ),
+        ] = None,
         scan: Annotated[
             UploadFile | None, File(description="scan (.h5) or height map (.npz, .x3p, .sdf, .sur ...)")
         ] = None,
@@ -87,16 +94,16 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         )
         folder = service.evidence.new_work_folder()
         try:
-            photograph = await receive(photo, "photo", folder) if photo is not None else None
+            photos = await _received(photo or [], folder)
             scanned = await receive(scan, "scan", folder) if scan is not None else None
             key = _idempotency(
                 request,
                 caller,
                 idempotency_key,
-                (photograph, scanned),
+                (*photos, scanned),
                 (name, expected, database, job, touch),
             )
-            done = await service.receive(new, photo=photograph, scan=scanned, idempotency=key)
+            done = await service.receive(new, photos=photos, scan=scanned, idempotency=key)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
         return _answered(done, response)
@@ -163,6 +170,16 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         return answer(part)
 
     return router
+
+
+async def _received(sent: Sequence[UploadFile], folder: Path) -> tuple[Upload, ...]:
+    """The photographs, in the order sent.
+
+    Raises:
+        Problem: as `receive`.
+    """
+    check_count(len(sent))
+    return tuple([await receive(one, "photo", folder, number=n) for n, one in enumerate(sent, start=1)])
 
 
 def _idempotency(

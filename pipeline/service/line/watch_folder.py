@@ -7,7 +7,8 @@
 * It is complete when two looks, `every_s` apart, find the same length and time: one that is moved in, at its second.
 * What was submitted stands in a journal, and in the store under an idempotency key: the first lasts for as long as the
   file lies there, the second fills the moment between the part's transaction and the journal's line.
-* A file that cannot be used is named once, in the log, and left where it is. Nothing in the folder is ever changed.
+* A file that cannot be used is named once, in the log, and left where it is; of a set, the others are read. Nothing in
+  the folder is ever changed.
 * While the queue is full, files wait in the folder.
 """
 
@@ -15,24 +16,22 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import os
 import shutil
 import stat
 import time
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING
 
 import structlog
 
 from glyphs.errors import FileError
-from pipeline.common.atomic import replacing
-from pipeline.common.line_journal import LineJournal
 from pipeline.common.records import PartRecord
+from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, PartFiles, WatchJournal
 from pipeline.service.part_service import NewPart, PartService
 from pipeline.service.problem import Problem
-from pipeline.service.uploads import HEAD_BYTES, Upload, sent_name, suffix_of
+from pipeline.service.uploads import HEAD_BYTES, Upload, check_count, sent_name, suffix_of
 from pipeline.store.store import IdempotencyKey, StoreError
 
 if TYPE_CHECKING:
@@ -42,68 +41,6 @@ log = structlog.get_logger("tactile-marks")
 BUSY = 503
 REST = 5.0
 """Times that a look took, waited at least before the next: a folder of very many files is looked at less often."""
-_SPARE = 1000
-"""Entries of files that have left the folder, beyond as many as lie there, at which the journal is written anew."""
-
-
-@dataclass(frozen=True)
-class FileState:
-    """How a file stands at a look."""
-
-    n_bytes: int
-    mtime_ns: int
-
-    @classmethod
-    def of(cls, status: os.stat_result) -> FileState:
-        """Out of what the system says."""
-        return cls(status.st_size, status.st_mtime_ns)
-
-
-@dataclass(frozen=True)
-class Handled:
-    """What became of a file.
-
-    Attributes:
-        state: as it stood.
-        part_id: of the part that it is; empty where it cannot be used.
-        problem: why it cannot.
-    """
-
-    state: FileState
-    part_id: str = ""
-    problem: str = ""
-
-
-class WatchJournal(LineJournal[Handled]):
-    """What became of the files of a watched folder, by their paths."""
-
-    kind: ClassVar[str] = "watched folder"
-    version: ClassVar[int] = 1
-
-    def encoded(self, kept: Handled) -> dict[str, Any]:
-        """The entries of a file's line."""
-        state = {"n_bytes": kept.state.n_bytes, "mtime_ns": kept.state.mtime_ns}
-        return {**state, "part_id": kept.part_id, "problem": kept.problem}
-
-    def decoded(self, line: Mapping[str, Any]) -> Handled:
-        """The same, read."""
-        state = FileState(int(line["n_bytes"]), int(line["mtime_ns"]))
-        return Handled(state, str(line["part_id"]), str(line["problem"]))
-
-    def keep_only(self, paths: Iterable[str]) -> None:
-        """Forget all others.
-
-        Raises:
-            FileError: it cannot be written.
-        """
-        self.done = {path: self.done[path] for path in paths if path in self.done}
-        kept, self.done = self.done, {}
-        with replacing(self.path) as temporary:
-            temporary.write_text(self._heading(), encoding="utf-8")
-            fresh = type(self)(temporary, self.description)
-            for path, one in kept.items():
-                fresh.add(path, one)
-        self.done = kept
 
 
 def watch_journal(settings: ServiceSettings) -> WatchJournal | None:
@@ -130,6 +67,8 @@ class WatchedFolder:
         journal: WatchJournal,
         job: str = "",
         every_s: float,
+        a_set: int = 0,
+        settle_s: float = 0.0,
         most_bytes: int,
         at_once: int,
     ) -> None:
@@ -141,6 +80,8 @@ class WatchedFolder:
             journal: what became of them so far.
             job: that the photographs are read by.
             every_s: between two looks.
+            a_set: photographs of a part, where its files are numbered; 0 where nobody knows.
+            settle_s: without a new or changed file, after which such a set is whole.
             most_bytes: of a photograph.
             at_once: photographs that are read at a time.
         """
@@ -148,8 +89,7 @@ class WatchedFolder:
         self._parts, self._job, self._every_s, self._most_bytes = parts, job, every_s, most_bytes
         self._at_once = asyncio.Semaphore(at_once)
         self._journal = journal
-        self._seen: dict[str, FileState] = {}
-        self._gone, self._looked_s = False, 0.0
+        self._looks = FolderLooks(self.folder, journal, a_set=a_set, settle_s=settle_s)
         self._stopping = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
 
@@ -169,10 +109,10 @@ class WatchedFolder:
 
     async def look(self) -> None:
         """Look once, and submit what is complete."""
-        complete = await asyncio.to_thread(self._complete)
+        complete = await asyncio.to_thread(self._looks.complete)
         async with asyncio.TaskGroup() as group:
-            for path, state in complete:
-                group.create_task(self._take(path, state))
+            for part in complete:
+                group.create_task(self._take(part))
 
     async def _watch(self) -> None:
         while not self._stopping.is_set():
@@ -181,81 +121,81 @@ class WatchedFolder:
                 await self.look()
             except Exception:
                 log.exception("look at the watched folder failed")
-            rest_s = max(self._every_s, REST * self._looked_s) - (time.monotonic() - began)
+            rest_s = max(self._every_s, REST * self._looks.took_s) - (time.monotonic() - began)
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._stopping.wait(), max(rest_s, 0.01))
 
-    def _complete(self) -> list[tuple[Path, FileState]]:
-        """Files that are new and stand as at the last look, the eldest first."""
-        began = time.monotonic()
-        now = self._files()
-        self._looked_s = time.monotonic() - began
-        if now is None:
-            return []
-        complete = []
-        for path, state in now.items():
-            known = self._journal.done.get(path)
-            if self._seen.get(path) == state and state.n_bytes and (known is None or known.state != state):
-                complete.append((Path(path), state))
-        self._seen = now
-        # an empty folder may be a drive that is away
-        if now and len(self._journal.done) > 2 * len(now) + _SPARE:
-            self._journal.keep_only(now)
-        return sorted(complete, key=lambda one: (one[1].mtime_ns, one[0]))
-
-    def _files(self) -> dict[str, FileState] | None:
-        """The files that lie there; None where the folder is away.
-
-        Hidden ones, which programs write before they rename them, do not count.
-        """
-        found = {}
-        try:
-            with os.scandir(self.folder) as entries:
-                for entry in entries:
-                    with contextlib.suppress(FileNotFoundError):  # taken away meanwhile
-                        if entry.name.startswith(".") or entry.is_dir(follow_symlinks=False):
-                            continue
-                        found[entry.path] = FileState.of(entry.stat(follow_symlinks=False))
-        except OSError as error:
-            if not self._gone:
-                log.warning("watched folder cannot be looked at", folder=str(self.folder), why=error.strerror)
-            self._gone = True
-            return None
-        if self._gone:
-            log.info("watched folder is back", folder=str(self.folder))
-        self._gone = False
-        return found
-
-    async def _take(self, path: Path, state: FileState) -> None:
-        """Submit a file, and write down what became of it."""
+    async def _take(self, part: PartFiles) -> None:
+        """Submit a part's files, and write down what became of them."""
         async with self._at_once:
             if self._stopping.is_set():
                 return
+            problems: dict[Path, str] = {}
             try:
-                part = await self._submitted(path, state)
+                read = await self._submitted(part, problems)
             except Problem as problem:
                 if problem.status == BUSY:
                     return  # the next look finds it again
-                log.warning("watched file left", file=path.name, why=problem.detail)
-                handled = Handled(state, problem=problem.detail)
+                log.warning("watched file left", file=part.name, why=problem.detail)
+                problems = {path: problems.get(path, problem.detail) for path in part.files}
             except (OSError, StoreError) as error:
-                log.warning("watched file waits", file=path.name, why=str(error))
+                log.warning("watched file waits", file=part.name, why=str(error))
                 return
             else:
-                if part is None:
+                if read is None and not problems:
                     return
-                handled = Handled(state, part.id)
-            try:
-                await asyncio.to_thread(self._journal.add, str(path), handled)
-            except FileError as error:
-                log.error("watched file not written down", file=path.name, why=str(error))
-                self._journal.done[str(path)] = handled
+            for path, state in part.files.items():
+                part_id = "" if path in problems or read is None else read.id
+                await self._write_down(path, Handled(state, part_id, problems.get(path, "")))
 
-    async def _submitted(self, path: Path, state: FileState) -> PartRecord | None:
-        """The part of a file; None where it was written to meanwhile.
+    async def _write_down(self, path: Path, handled: Handled) -> None:
+        try:
+            await asyncio.to_thread(self._journal.add, str(path), handled)
+        except FileError as error:
+            log.error("watched file not written down", file=path.name, why=str(error))
+            self._journal.done[str(path)] = handled
+
+    async def _submitted(self, part: PartFiles, problems: dict[Path, str]) -> PartRecord | None:
+        """The part of its files; None where one was written to meanwhile, or none can be used.
+
+        Args:
+            part: its files.
+            problems: told what is wrong with those that cannot be used.
 
         Raises:
-            Problem: it cannot be used, or there is no room in the queue.
+            Problem: they cannot be used together, or there is no room in the queue.
+            OSError: one cannot be read.
+        """
+        check_count(len(part.files))
+        photos = []
+        with self._parts.jobs.work_folder() as folder:
+            for number, (path, state) in enumerate(part.files.items(), start=1):
+                try:
+                    copy = await asyncio.to_thread(self._copied, path, state, folder, number)
+                except Problem as problem:
+                    log.warning("watched file left", file=path.name, why=problem.detail)
+                    problems[path] = problem.detail
+                    continue
+                if copy is None:
+                    problems.clear()
+                    return None
+                photos.append(Upload(copy, sent_name(path.name)))
+            if not photos:
+                return None
+            digest = hashlib.sha256(part.key.encode()).hexdigest()
+            received = await self._parts.receive(
+                NewPart(name=sent_name(part.name), job=self._job, touch=True),
+                photos=photos,
+                idempotency=IdempotencyKey(f"watch:{digest}", digest),
+            )
+        log.info("watched file read", file=part.name, photos=len(photos), part=received.part.id)
+        return received.part
+
+    def _copied(self, path: Path, state: FileState, folder: Path, number: int) -> Path | None:
+        """A copy under a name that says what it holds; None where the file is no longer as it was.
+
+        Raises:
+            Problem: no picture, or too large a one.
             OSError: it cannot be read.
         """
         name = sent_name(path.name)
@@ -263,34 +203,13 @@ class WatchedFolder:
             raise Problem(
                 413, f"{name} has {state.n_bytes:,} bytes; {self._most_bytes:,} may be (max_upload_mb)"
             )
-        with self._parts.jobs.work_folder() as folder:
-            copy = await asyncio.to_thread(_copied, path, state, folder)
-            if copy is None:
-                return None
-            key = f"watch:{path}:{state.n_bytes}:{state.mtime_ns}"
-            received = await self._parts.receive(
-                NewPart(name=sent_name(path.stem), job=self._job, touch=True),
-                photo=Upload(copy, name),
-                idempotency=IdempotencyKey(key, key),
-            )
-        log.info("watched file read", file=path.name, part=received.part.id)
-        return received.part
-
-
-def _copied(path: Path, state: FileState, folder: Path) -> Path | None:
-    """A copy under a name that says what it holds; None where the file is no longer as it was.
-
-    Raises:
-        Problem: no picture.
-        OSError: it cannot be read.
-    """
-    # a pipe or device would be waited for, and a link may show what is none of the folder's
-    if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):
-        raise Problem(415, f"{path.name} is no regular file")
-    with path.open("rb") as source:
-        copy = folder / f"watched{suffix_of('photo', sent_name(path.name), source.read(HEAD_BYTES))}"
-        source.seek(0)
-        with copy.open("xb") as target:
-            shutil.copyfileobj(source, target)
-        after = FileState.of(os.fstat(source.fileno()))
-    return copy if after == state else None
+        # a pipe or device would be waited for, and a link may show what is none of the folder's
+        if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):
+            raise Problem(415, f"{path.name} is no regular file")
+        with path.open("rb") as source:
+            copy = folder / f"watched-{number}{suffix_of('photo', name, source.read(HEAD_BYTES))}"
+            source.seek(0)
+            with copy.open("xb") as target:
+                shutil.copyfileobj(source, target)
+            after = FileState.of(os.fstat(source.fileno()))
+        return copy if after == state else None

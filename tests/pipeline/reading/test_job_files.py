@@ -35,10 +35,14 @@ def outcomes(pipe: Any) -> None:
             folder.mkdir()
             path = folder / "upload"
             path.write_bytes(data)
-            what = "photo" if is_photo(Path(name)) else "scan" if is_scan(Path(name)) else "height_map"
+            sent: dict[str, Any] = (
+                {"photos": (path,)}
+                if is_photo(Path(name))
+                else {"scan" if is_scan(Path(name)) else "height_map": path}
+            )
             started = time.monotonic()
             try:
-                done = read_job(Job(folder, **{what: path}, names={what: name}), settings, Limits())
+                done = read_job(Job(folder, **sent, names={path: name}), settings, Limits())
                 said = f"read {done.readings[-1].decision}"
             except FileError as problem:
                 said = f"problem {problem}"

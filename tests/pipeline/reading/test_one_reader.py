@@ -72,7 +72,12 @@ def test_whoever_reads_a_part_reads_the_same(
     by_cluster = pickle.loads(
         pickle.dumps(read_listed(*pickle.loads(pickle.dumps((RunOrder(settings), listed)))))
     )
-    by_service = read_job(Job(tmp_path, **given), settings, Limits()).readings[-1]
+    job = Job(
+        tmp_path,
+        photos=tuple(path for kind, path in given.items() if kind == "photo"),
+        height_map=given.get("height_map"),
+    )
+    by_service = read_job(job, settings, Limits()).readings[-1]
     assert by_command.error == ""
     assert told(by_command) == told(by_cluster.record) == told(by_service)
 

@@ -60,7 +60,7 @@ class Service:
         @app.post("/v1/parts")
         async def read(
             request: Request,
-            photo: Annotated[UploadFile | None, File()] = None,
+            photo: Annotated[list[UploadFile] | None, File()] = None,
             scan: Annotated[UploadFile | None, File()] = None,
             name: Annotated[str, Form()] = "",
             expected: Annotated[str, Form()] = "",
@@ -69,11 +69,11 @@ class Service:
             touch: Annotated[str, Form()] = "plan",
             idempotency_key: Annotated[str, Header()] = "",
         ) -> Any:
-            files = {
-                key: (file.filename, await file.read())
-                for key, file in {"photo": photo, "scan": scan}.items()
-                if file is not None
-            }
+            sent = [
+                *((f"photo-{n}", one) for n, one in enumerate(photo or ())),
+                *([("scan", scan)] if scan else []),
+            ]
+            files = {key.replace("-0", ""): (file.filename, await file.read()) for key, file in sent}
             fields = {"name": name, "expected": expected, "database": database, "job": job, "touch": touch}
             self._note(request, files=files, fields=fields, key=idempotency_key)
             again = idempotency_key in self.made
@@ -165,6 +165,17 @@ def test_a_part_is_read_from_files(fresh: tuple[Service, str], photo: Path, tmp_
     assert request["fields"] == fields
     assert request["headers"]["authorization"] == "Bearer tm_secret"
     assert len(request["key"]) >= 32
+
+
+def test_several_photographs_are_sent_as_one_part(fresh: tuple[Service, str], photo: Path) -> None:
+    service, url = fresh
+    with Client(url) as client:
+        client.read(photo=[photo, b"another lamp"])
+    (request,) = service.requests
+    assert request["files"] == {
+        "photo": ("part-ä.png", b"a photograph"),
+        "photo-1": ("photo", b"another lamp"),
+    }
 
 
 def test_a_part_is_read_from_bytes_and_without_a_token(fresh: tuple[Service, str]) -> None:

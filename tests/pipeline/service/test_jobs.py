@@ -278,9 +278,9 @@ def test_a_name_for_the_job_of_a_part() -> None:
 def test_of_two_lines_the_region_says_which(tmp_path: Path) -> None:
     write_part(SynthSpec(format=FORMAT, seed=4, layout="two-lines"), tmp_path / "part", 0, photos=True)
     read = [
-        read_job(Job(tmp_path, photo=tmp_path / "part.png"), ReadSettings(region=region), Limits()).readings[
-            -1
-        ]
+        read_job(
+            Job(tmp_path, photos=(tmp_path / "part.png",)), ReadSettings(region=region), Limits()
+        ).readings[-1]
         for region in ((0.0, 0.0, 1.0, 0.5), (0.0, 0.5, 1.0, 1.0))
     ]
     assert [reading.text for reading in read] == ["SY859990", "CRPUIB"]
@@ -291,7 +291,7 @@ def test_a_scan_of_what_the_camera_saw_has_no_regions(tmp_path: Path) -> None:
     # the line is in the middle of all that was scanned, wherever the photograph has it: looked for at the rim of the
     # scan, a line of eight was a review at 0.33
     settings = ReadSettings(region=(0.0, 0.0, 1.0, 0.3), format=("AA99",), fidelity="pointwise")
-    scanned = Job(tmp_path, height_map=tmp_path / "part.npz", earlier_photo=tmp_path / "part.png")
+    scanned = Job(tmp_path, height_map=tmp_path / "part.npz", earlier_photos=(tmp_path / "part.png",))
     reading = read_job(scanned, settings, Limits()).readings[-1]
     assert (reading.text, reading.decision) == (text, "accept")
     seen = Reader(region=BOX, lines={"lot": "A9"}, format="AA99").after_photo()

@@ -7,7 +7,8 @@ import contextlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,12 +20,13 @@ from glyphs.errors import FileError
 from pipeline.common.records import PartRecord, PartState, ReadingRecord
 from pipeline.reading.jobs import Done, Job
 from pipeline.service.idempotency import Received
-from pipeline.service.line.watch_folder import WatchedFolder, WatchJournal
+from pipeline.service.line.watch_folder import WatchedFolder
+from pipeline.service.line.watched_files import WatchJournal
 from pipeline.service.part_service import NewPart
 from pipeline.service.problem import Problem
 from pipeline.service.uploads import Upload
 from pipeline.store.store import IdempotencyKey, StoreError
-from tests.support.line_fakes import part, until_now
+from tests.support.line_fakes import LONG_S, part, until_now
 from tests.support.service_fixtures import InlinePool, inline_service
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
@@ -50,13 +52,17 @@ class Parts:
         finally:
             shutil.rmtree(made)
 
-    async def receive(self, new: NewPart, *, photo: Upload, idempotency: IdempotencyKey) -> Received:
+    async def receive(
+        self, new: NewPart, *, photos: Sequence[Upload], idempotency: IdempotencyKey
+    ) -> Received:
         self.meanwhile()
         if self.problem is not None:
             raise self.problem
         if idempotency.key in self.by_key:
             return Received(self.by_key[idempotency.key], replayed=True)
-        self.received.append((new, photo.name, photo.path.read_bytes()))
+        self.received.append(
+            (new, " ".join(p.name for p in photos), b"".join(p.path.read_bytes() for p in photos))
+        )
         self.by_key[idempotency.key] = part(new.name)
         return Received(self.by_key[idempotency.key])
 
@@ -68,16 +74,17 @@ class Parts:
 class Bench:
     """A folder, what it submits to, and a journal; `anew` is a restart."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, a_set: int = 0, settle_s: float = 0.0) -> None:
         self.folder, self.journal = folder / "in", folder / "watched.jsonl"
         self.folder.mkdir()
-        self.parts = Parts(folder / "work")
+        self.parts, self.a_set, self.settle_s = Parts(folder / "work"), a_set, settle_s
         self.anew()
 
     def anew(self) -> None:
         journal = WatchJournal.open(self.journal, {})
         self.watched = WatchedFolder(
             self.folder, self.parts, journal=journal, job="housing-left", every_s=0.05, most_bytes=1000, at_once=1,  # type: ignore[arg-type]
+            a_set=self.a_set, settle_s=self.settle_s,
         )  # fmt: skip
 
     def put(self, name: str, data: bytes = PNG, *, at_s: float | None = None) -> Path:
@@ -233,7 +240,7 @@ def test_a_folder_that_is_away_comes_back(bench: Bench, tmp_path: Path) -> None:
 
 
 def test_the_journal_forgets_what_has_left(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.service.line.watch_folder._SPARE", 2)
+    monkeypatch.setattr("pipeline.service.line.watched_files._SPARE", 2)
     for k in range(8):
         bench.put(f"{k}.png")
     bench.look()
@@ -245,7 +252,7 @@ def test_the_journal_forgets_what_has_left(bench: Bench, monkeypatch: pytest.Mon
     assert len(bench.look(2)) == 8
     # an empty folder may be a drive that is away: nothing is forgotten
     (bench.folder / "7.png").unlink()
-    monkeypatch.setattr("pipeline.service.line.watch_folder._SPARE", 0)
+    monkeypatch.setattr("pipeline.service.line.watched_files._SPARE", 0)
     bench.look(2)
     assert len(bench.journal.read_text().splitlines()) == 2
 
@@ -294,3 +301,53 @@ def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
         inline_service(tmp_path / "service", watch=tmp_path / "none"),
     ):
         pass
+
+
+def test_photographs_of_several_lights_are_one_part(bench: Bench) -> None:
+    for number in (2, 1, 10):
+        bench.put(f"part-3.light-{number}.png", PNG + bytes([number]))
+    bench.put("part-4.png")
+    assert sorted(bench.look()) == ["part-3", "part-4"]
+    name = next(name for new, name, _ in bench.parts.received if new.name == "part-3")
+    assert set(name.split()) == {f"part-3.light-{number}.png" for number in (1, 2, 10)}
+    bench.anew()
+    assert len(bench.look(3)) == 2
+
+
+def test_a_set_waits_for_its_last_light(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, a_set=3, settle_s=LONG_S)
+    for number in (1, 2):
+        bench.put(f"a.light-{number}.png")
+    assert bench.look(4) == []
+    bench.put("a.light-3.png")
+    assert bench.look() == ["a"]
+
+
+def test_a_set_that_nothing_is_added_to_is_read_as_it_is(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, a_set=3, settle_s=0.2)
+    bench.put("a.light-1.png")
+    assert bench.look() == []
+    time.sleep(0.25)
+    assert bench.look(1) == ["a"]
+    # the lamp that came late makes it another set
+    bench.put("a.light-2.png")
+    bench.look()
+    time.sleep(0.25)
+    assert bench.look(1) == ["a", "a"]
+    assert bench.parts.received[1][1] == "a.light-1.png a.light-2.png"
+
+
+def test_one_of_a_set_that_is_no_picture_costs_itself_alone(bench: Bench) -> None:
+    bench.put("a.light-1.png")
+    broken = bench.put("a.light-2.png", b"no picture at all")
+    assert bench.look(3) == ["a"]
+    assert bench.parts.received[0][1] == "a.light-1.png"
+    told = WatchJournal.open(bench.journal, {}).done
+    assert "not a picture" in told[str(broken)].problem
+
+
+def test_a_set_of_too_many_is_left_and_said(bench: Bench) -> None:
+    for number in range(13):
+        path = bench.put(f"a.shot-{number}.png")
+    assert bench.look(3) == []
+    assert "12 of a part" in WatchJournal.open(bench.journal, {}).done[str(path)].problem

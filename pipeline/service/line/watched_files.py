@@ -1,0 +1,197 @@
+"""The files of a watched folder: how they stand at every look, which belong together, and what became of each.
+
+    look --> new or changed --> next look --> unchanged: complete --> a part's files, the eldest part first
+                                         \\-> changed: looked at again
+
+* A file is known by its name, length and time: one that is written over is another photograph.
+* It is complete when two looks find the same length and time: one that is moved in, at its second.
+* Photographs of one part under several lights (part.light-1.png, part.light-2.png) are a set. A set is complete when
+  all its files are, and there are as many as were told, or none was added or changed for a while. One that is added
+  later makes it another set, which is read anew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import structlog
+
+from pipeline.common.atomic import replacing
+from pipeline.common.line_journal import LineJournal
+from pipeline.files.parts import set_of
+
+log = structlog.get_logger("tactile-marks")
+_SPARE = 1000
+"""Entries of files that have left the folder, beyond as many as lie there, at which the journal is written anew."""
+
+
+@dataclass(frozen=True)
+class FileState:
+    """How a file stands at a look."""
+
+    n_bytes: int
+    mtime_ns: int
+
+    @classmethod
+    def of(cls, status: os.stat_result) -> FileState:
+        """Out of what the system says."""
+        return cls(status.st_size, status.st_mtime_ns)
+
+
+@dataclass(frozen=True)
+class Handled:
+    """What became of a file.
+
+    Attributes:
+        state: as it stood.
+        part_id: of the part that it is; empty where it cannot be used.
+        problem: why it cannot.
+    """
+
+    state: FileState
+    part_id: str = ""
+    problem: str = ""
+
+
+class WatchJournal(LineJournal[Handled]):
+    """What became of the files of a watched folder, by their paths."""
+
+    kind: ClassVar[str] = "watched folder"
+    version: ClassVar[int] = 1
+
+    def encoded(self, kept: Handled) -> dict[str, Any]:
+        """The entries of a file's line."""
+        state = {"n_bytes": kept.state.n_bytes, "mtime_ns": kept.state.mtime_ns}
+        return {**state, "part_id": kept.part_id, "problem": kept.problem}
+
+    def decoded(self, line: Mapping[str, Any]) -> Handled:
+        """The same, read."""
+        state = FileState(int(line["n_bytes"]), int(line["mtime_ns"]))
+        return Handled(state, str(line["part_id"]), str(line["problem"]))
+
+    def keep_only(self, paths: Iterable[str]) -> None:
+        """Forget all others.
+
+        Raises:
+            FileError: it cannot be written.
+        """
+        self.done = {path: self.done[path] for path in paths if path in self.done}
+        kept, self.done = self.done, {}
+        with replacing(self.path) as temporary:
+            temporary.write_text(self._heading(), encoding="utf-8")
+            fresh = type(self)(temporary, self.description)
+            for path, one in kept.items():
+                fresh.add(path, one)
+        self.done = kept
+
+
+@dataclass(frozen=True)
+class PartFiles:
+    """The photographs of one part.
+
+    Attributes:
+        name: of the part: the file's stem, or the set's.
+        files: each as it stood, by name.
+    """
+
+    name: str
+    files: Mapping[Path, FileState]
+
+    @property
+    def key(self) -> str:
+        """By which the same files, as they stood, are known again."""
+        told = (f"{path}:{state.n_bytes}:{state.mtime_ns}" for path, state in self.files.items())
+        return "watch:" + "|".join(told)
+
+
+class FolderLooks:
+    """Looks at a folder again and again.
+
+    Attributes:
+        took_s: the last look.
+    """
+
+    def __init__(self, folder: Path, journal: WatchJournal, *, a_set: int, settle_s: float) -> None:
+        """Take what it works with.
+
+        Args:
+            folder: to look at; folders in it are not looked into.
+            journal: what became of its files so far.
+            a_set: photographs of a set that is whole; 0 where nobody knows.
+            settle_s: without a new or changed file, after which a set is whole, however many it has.
+        """
+        self.folder, self.took_s = folder, 0.0
+        self._journal, self._a_set, self._settle_s = journal, a_set, settle_s
+        self._seen: dict[str, FileState] = {}
+        self._sets: dict[str, tuple[dict[str, FileState], float]] = {}
+        self._gone = False
+
+    def complete(self) -> list[PartFiles]:
+        """Parts whose files are new and stand as at the last look, the eldest first."""
+        began = time.monotonic()
+        now = self._files()
+        self.took_s = time.monotonic() - began
+        if now is None:
+            return []
+        groups: dict[str, dict[str, FileState]] = {}
+        for path, state in sorted(now.items()):
+            groups.setdefault(set_of(path) or path, {})[path] = state
+        complete = [
+            PartFiles(
+                name if several else Path(name).stem, {Path(path): state for path, state in files.items()}
+            )
+            for name, files in groups.items()
+            if self._stands(files) and self._is_new(files)
+            if not (several := name not in now) or self._is_whole(name, files, began)
+        ]
+        self._seen = now
+        self._sets = {name: kept for name, kept in self._sets.items() if name in groups}
+        # an empty folder may be a drive that is away
+        if now and len(self._journal.done) > 2 * len(now) + _SPARE:
+            self._journal.keep_only(now)
+        return sorted(complete, key=lambda one: (min(s.mtime_ns for s in one.files.values()), one.name))
+
+    def _stands(self, files: Mapping[str, FileState]) -> bool:
+        return all(self._seen.get(path) == state and state.n_bytes for path, state in files.items())
+
+    def _is_new(self, files: Mapping[str, FileState]) -> bool:
+        known = (self._journal.done.get(path) for path in files)
+        return any(
+            one is None or one.state != state for one, state in zip(known, files.values(), strict=True)
+        )
+
+    def _is_whole(self, name: str, files: dict[str, FileState], now_s: float) -> bool:
+        before, since_s = self._sets.get(name, ({}, now_s))
+        if before != files:
+            since_s = now_s
+        self._sets[name] = (files, since_s)
+        return len(files) == self._a_set or now_s - since_s >= self._settle_s
+
+    def _files(self) -> dict[str, FileState] | None:
+        """The files that lie there; None where the folder is away.
+
+        Hidden ones, which programs write before they rename them, do not count.
+        """
+        found = {}
+        try:
+            with os.scandir(self.folder) as entries:
+                for entry in entries:
+                    with contextlib.suppress(FileNotFoundError):  # taken away meanwhile
+                        if entry.name.startswith(".") or entry.is_dir(follow_symlinks=False):
+                            continue
+                        found[entry.path] = FileState.of(entry.stat(follow_symlinks=False))
+        except OSError as error:
+            if not self._gone:
+                log.warning("watched folder cannot be looked at", folder=str(self.folder), why=error.strerror)
+            self._gone = True
+            return None
+        if self._gone:
+            log.info("watched folder is back", folder=str(self.folder))
+        self._gone = False
+        return found
