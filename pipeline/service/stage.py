@@ -129,7 +129,8 @@ class FolderCamera:
             several = [
                 file
                 for file in (sorted(root.iterdir()) if root.is_dir() else ())
-                if part_name and set_of(file.name) == part_name and file.is_file() and file.resolve().is_relative_to(root)
+                if part_name and set_of(file.name) == part_name
+                if file.is_file() and file.resolve().is_relative_to(root)
             ]
             if not several:
                 raise

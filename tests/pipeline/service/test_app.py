@@ -86,6 +86,18 @@ def test_a_clean_part_is_accepted_on_the_cameras_word(client: TestClient, parts:
     assert client.get(part["links"]["edges"]).status_code == 404  # nothing was felt
 
 
+def test_several_photographs_of_a_part_are_one_reading(client: TestClient, parts: Path) -> None:
+    files = [*photo(parts, CLEAN).items(), ("photo", ("again.png", (parts / f"{CLEAN}.png").read_bytes()))]
+    part = client.post("/v1/parts", files=files).json()
+    assert (part["state"], part["text"], part["reading"]["photos"]) == ("accepted", truth(parts, CLEAN), 2)
+    history = client.get(f"{part['links']['self']}/history").json()
+    kept = [one["name"] for one in history["evidence"] if one["kind"] == "photo"]
+    assert kept == [f"{CLEAN}.png", "again.png"]
+    refused = client.post("/v1/parts", files=[*photo(parts, CLEAN).items()] * 13)
+    assert refused.status_code == 422
+    assert refused.json()["detail"] == "there are 13 photos; 12 of a part may be"
+
+
 def test_an_unsure_camera_asks_for_touch_with_a_plan(unsure: dict[str, object]) -> None:
     plan = unsure["plan"]
     assert isinstance(plan, dict)

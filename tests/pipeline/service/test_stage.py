@@ -124,6 +124,16 @@ def test_stage_and_camera_never_leave_their_folder(plates: Path, tmp_path: Path,
         FolderCamera(plates).take(name)
 
 
+def test_a_camera_of_several_lights_gives_them_all(tmp_path: Path) -> None:
+    for name in ("a.light-2.png", "a.light-1.png", "ab.light-1.png", "a.light-3.txt"):
+        (tmp_path / name).touch()
+    taken = FolderCamera(tmp_path).take("a")
+    assert [path.name for path in taken] == ["a.light-1.png", "a.light-2.png"]  # type: ignore[union-attr]
+    # one that is named as the part goes before
+    (tmp_path / "a.png").touch()
+    assert FolderCamera(tmp_path).take("a") == tmp_path.resolve() / "a.png"
+
+
 def test_map_that_cannot_be_felt_is_told_without_folders(plates: Path, tmp_path: Path) -> None:
     (plates / "broken.npz").write_bytes(b"no map")
     with pytest.raises(StageError) as caught:

@@ -271,7 +271,7 @@ def test_a_service_watches(tmp_path: Path) -> None:
     folder.mkdir()
 
     def read(job: Job, *_: object) -> Done:
-        assert job.photo is not None
+        assert job.photos
         text = "AA999999" if job.part_name == "a" else ""
         return Done((ReadingRecord("vision", text, "accept" if text else "review", 0.99),))
 
