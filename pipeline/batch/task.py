@@ -42,7 +42,7 @@ class RunOrder:
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a part, for a person who reviews it: a `pipeline.reading.job_pictures.MadeFile` with its content."""
+    """A picture of a part, for a person who reviews it: a `MadeFile` of `pipeline.reading` with its content."""
 
     kind: EvidenceKind
     name: str
@@ -123,7 +123,7 @@ def _reader_for(order: RunOrder, listed: ListedPart) -> Reader:
 
 def _pictures(reading: Reading) -> tuple[Picture, ...]:
     """As the service keeps them of a part."""
-    from pipeline.reading.job_pictures import pictures_of
+    from pipeline.reading.part_pictures import pictures_of
 
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as name:
         return tuple(

@@ -33,7 +33,7 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
     from glyphs.stamping.variation import StampingVariation
     from pipeline.files.npz import write_npz
     from pipeline.files.photos import write_photo
-    from pipeline.reading.jobs import Job, read_job
+    from pipeline.reading.part_orders import PartOrder, read_order
 
     cv2.setNumThreads(1)
     height_mm = settings.height_mm or 5.0
@@ -44,8 +44,10 @@ def warm_up(settings: ReadSettings, limits: Limits) -> None:
         write_npz(folder / "part.npz", part.height_map)
         write_photo(folder / "part.png", photo)
         with contextlib.suppress(FileError):
-            read_job(
-                Job(folder, photos=(folder / "part.png",), height_map=folder / "part.npz"), settings, limits
+            read_order(
+                PartOrder(folder, photos=(folder / "part.png",), height_map=folder / "part.npz"),
+                settings,
+                limits,
             )
 
 

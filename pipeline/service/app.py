@@ -34,7 +34,7 @@ from pipeline.service.part_service import PartService
 from pipeline.service.ports import Ports
 from pipeline.service.problem import Problem
 from pipeline.service.problem_responses import add_problem_handlers
-from pipeline.service.reading_jobs import ReadingJobs
+from pipeline.service.reading_orders import ReadingOrders
 from pipeline.service.stage import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
 from pipeline.service.stage_driver import load_driver
 from pipeline.store.evidence_folder import EvidenceFolder
@@ -97,7 +97,7 @@ class Service:
             warm_up=partial(warm_up, reading, limits),
         )
         self.ports = Ports(settings)
-        jobs = ReadingJobs(
+        orders = ReadingOrders(
             evidence=self.evidence,
             pool=self.pool,
             databases=self.databases.path,
@@ -108,7 +108,7 @@ class Service:
         self.parts = PartService(
             store=self.store,
             evidence=self.evidence,
-            jobs=jobs,
+            orders=orders,
             stage=_stage(settings),
             camera=_camera(settings),
             active_stage=settings.active_stage,
@@ -218,7 +218,7 @@ def create_app(service: Service) -> FastAPI:
     app.openapi = lambda: described(app, asked=service.access.required)  # type: ignore[method-assign]
     app.add_middleware(
         DoorLayer,
-        busy=lambda: service.parts.jobs.busy,
+        busy=lambda: service.parts.orders.busy,
         refused=service.metrics.refused.inc,
         uploads=lambda path: (
             path == "/v1/parts" or (path.startswith("/v1/parts/") and path.endswith("/scan"))

@@ -1,6 +1,6 @@
 """The service's work with parts: takes them in, has them read, keeps what came of it, and sends them on.
 
-    photo, scan --> reading job: readings, files --> store: one transaction --> answer, outbox
+    photo, scan --> reading order: readings, files --> store: one transaction --> answer, outbox
 
 * Nothing is answered before it is on the disk.
 * What ends on the way, by a bad file or a lost machine, leaves no part; the sender asks again, with the same
@@ -26,11 +26,11 @@ import structlog
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, ShadowRecord
-from pipeline.reading.jobs import Done
+from pipeline.reading.part_orders import Done
 from pipeline.reading.triage import compared, state_after
 from pipeline.service.idempotency import IdempotentRequests, Received
 from pipeline.service.problem import Problem
-from pipeline.service.reading_jobs import ReadingJobs
+from pipeline.service.reading_orders import ReadingOrders
 from pipeline.service.stage import Camera, ScanOrder, SimulatedStage, Stage, has_sessions
 from pipeline.service.stage_link import StageLink
 from pipeline.service.uploads import Upload
@@ -74,7 +74,7 @@ class PartService:
         *,
         store: Store,
         evidence: EvidenceFolder,
-        jobs: ReadingJobs,
+        orders: ReadingOrders,
         stage: Stage,
         camera: Camera,
         metrics: Metrics,
@@ -88,7 +88,7 @@ class PartService:
         Args:
             store: where records are kept.
             evidence: where files are kept.
-            jobs: who reads files and keeps them.
+            orders: who has files read and keeps them.
             stage: scans what the camera is unsure of.
             camera: photographs a part when a trigger comes.
             metrics: what is counted.
@@ -99,7 +99,7 @@ class PartService:
             watch: what compares parts with the certified ones, by the name of their job.
             shadow: read and compare with the line's own reader; decide and publish nothing.
         """
-        self.store, self.evidence, self.jobs, self.metrics = store, evidence, jobs, metrics
+        self.store, self.evidence, self.orders, self.metrics = store, evidence, orders, metrics
         self.stage, self.camera, self._active_stage = stage, camera, active_stage
         self._targets, self._watch, self._shadow = () if shadow else tuple(targets), watch, shadow
         self.on_result: Callable[[], object] = lambda: None
@@ -131,7 +131,7 @@ class PartService:
 
         async def work() -> PartRecord:
             part_id = new_part_id()
-            done, kept = await self.jobs.read(
+            done, kept = await self.orders.read(
                 photos,
                 scan,
                 name=new.name,
@@ -194,7 +194,7 @@ class PartService:
             if self._active_stage and has_sessions(self.stage):
                 done, kept = await self._felt(part, order, self.stage)
                 return await self._add(part, done, kept, None)
-            with self.jobs.work_folder() as folder:
+            with self.orders.work_folder() as folder:
                 path = await self._scan(order, folder)
                 return await self._read_scan(part, Upload(path, path.name), None)
         except StageError as error:
@@ -207,7 +207,7 @@ class PartService:
         Raises:
             Problem: as `receive`; no photograph and nothing to scan.
         """
-        with self.jobs.work_folder() as folder:
+        with self.orders.work_folder() as folder:
             try:
                 taken = await asyncio.to_thread(self.camera.take, name)
                 files = (taken,) if isinstance(taken, Path) else tuple(taken)
@@ -242,7 +242,7 @@ class PartService:
     async def _scan(self, order: ScanOrder, folder: Path) -> Path:
         """The recording; a real stage scans one part at a time, a simulated one as many as there are workers."""
         if isinstance(self.stage, SimulatedStage):
-            return await self.jobs.in_worker(self.stage.feel, order, folder)
+            return await self.orders.in_worker(self.stage.feel, order, folder)
         async with self._one_at_the_stage:
             return await asyncio.to_thread(self.stage.feel, order, folder)
 
@@ -251,7 +251,7 @@ class PartService:
     ) -> tuple[Done, list[EvidenceRecord]]:
         """Pass by pass; a simulated stage works in the worker, a real one here and feels one part at a time."""
         feel = partial(
-            self.jobs.feel,
+            self.orders.feel,
             order=order,
             expected=part.expected,
             database=part.database,
@@ -276,7 +276,7 @@ class PartService:
     async def _read_scan(
         self, part: PartRecord, scan: Upload, idempotency: IdempotencyKey | None
     ) -> PartRecord:
-        done, kept = await self.jobs.read(
+        done, kept = await self.orders.read(
             (),
             scan,
             name=part.name,

@@ -168,7 +168,7 @@ class WatchedFolder:
         """
         check_count(len(part.files))
         photos = []
-        with self._parts.jobs.work_folder() as folder:
+        with self._parts.orders.work_folder() as folder:
             for number, (path, state) in enumerate(part.files.items(), start=1):
                 try:
                     copy = await asyncio.to_thread(self._copied, path, state, folder, number)

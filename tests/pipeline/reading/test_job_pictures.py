@@ -9,7 +9,7 @@ import pytest
 from glyphs.camera.photo import Photo
 from glyphs.surface.maps import EdgeMap, TraceDirection
 from pipeline.common.records import EvidenceKind
-from pipeline.reading.job_pictures import (
+from pipeline.reading.part_pictures import (
     MOST_PIXELS_A_SIDE,
     MadeFile,
     edges_picture,

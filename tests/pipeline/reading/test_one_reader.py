@@ -21,7 +21,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
 from pipeline.files.listed import ListedPart
 from pipeline.files.synth import SynthSpec, write_part
-from pipeline.reading.jobs import Job, read_job
+from pipeline.reading.part_orders import PartOrder, read_order
 from recognition.senses.photo_sizes import SIZES
 from recognition.senses.settings import ReaderSettings
 
@@ -72,12 +72,12 @@ def test_whoever_reads_a_part_reads_the_same(
     by_cluster = pickle.loads(
         pickle.dumps(read_listed(*pickle.loads(pickle.dumps((RunOrder(settings), listed)))))
     )
-    job = Job(
+    order = PartOrder(
         tmp_path,
         photos=tuple(path for kind, path in given.items() if kind == "photo"),
         height_map=given.get("height_map"),
     )
-    by_service = read_job(job, settings, Limits()).readings[-1]
+    by_service = read_order(order, settings, Limits()).readings[-1]
     assert by_command.error == ""
     assert told(by_command) == told(by_cluster.record) == told(by_service)
 

@@ -20,7 +20,7 @@ from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.limits import Limits
 from pipeline.files.synth import SynthSpec, write_part
 from pipeline.reading.drift import EVERY
-from pipeline.reading.jobs import Done, Job, read_job
+from pipeline.reading.part_orders import Done, PartOrder, read_order
 from pipeline.service.app import Service
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.problem import Problem
@@ -44,7 +44,7 @@ def put(folder: Path, name: str, text: str) -> Path:
     return path
 
 
-def by_format(_: Job, settings: ReadSettings, *__: object) -> Done:
+def by_format(_: PartOrder, settings: ReadSettings, *__: object) -> Done:
     """A reading that says by which format it was made; only the camera is never sure."""
     return Done((ReadingRecord("vision", settings.format[0], "accept", 0.999),))
 
@@ -278,8 +278,8 @@ def test_a_name_for_the_job_of_a_part() -> None:
 def test_of_two_lines_the_region_says_which(tmp_path: Path) -> None:
     write_part(SynthSpec(format=FORMAT, seed=4, layout="two-lines"), tmp_path / "part", 0, photos=True)
     read = [
-        read_job(
-            Job(tmp_path, photos=(tmp_path / "part.png",)), ReadSettings(region=region), Limits()
+        read_order(
+            PartOrder(tmp_path, photos=(tmp_path / "part.png",)), ReadSettings(region=region), Limits()
         ).readings[-1]
         for region in ((0.0, 0.0, 1.0, 0.5), (0.0, 0.5, 1.0, 1.0))
     ]
@@ -291,8 +291,8 @@ def test_a_scan_of_what_the_camera_saw_has_no_regions(tmp_path: Path) -> None:
     # the line is in the middle of all that was scanned, wherever the photograph has it: looked for at the rim of the
     # scan, a line of eight was a review at 0.33
     settings = ReadSettings(region=(0.0, 0.0, 1.0, 0.3), format=("AA99",), fidelity="pointwise")
-    scanned = Job(tmp_path, height_map=tmp_path / "part.npz", earlier_photos=(tmp_path / "part.png",))
-    reading = read_job(scanned, settings, Limits()).readings[-1]
+    scanned = PartOrder(tmp_path, height_map=tmp_path / "part.npz", earlier_photos=(tmp_path / "part.png",))
+    reading = read_order(scanned, settings, Limits()).readings[-1]
     assert (reading.text, reading.decision) == (text, "accept")
     seen = Reader(region=BOX, lines={"lot": "A9"}, format="AA99").after_photo()
     assert (seen.vision.settings.region, seen.touch.settings.region) == (BOX, None)

@@ -11,7 +11,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from pipeline.common.records import PartState, ReadingRecord
-from pipeline.reading.jobs import Done, Job
+from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.service.app import Service
 from pipeline.service.line.trigger import LineDecision, decision_of
 from tests.support.service_fixtures import InlinePool, inline_service
@@ -21,16 +21,16 @@ HOOK = {"webhook": "http://127.0.0.1:9/none"}
 
 
 class Bench:
-    """Reads what a part is named: "KX40", "KX40?" unsurely, "" nothing; notes the jobs."""
+    """Reads what a part is named: "KX40", "KX40?" unsurely, "" nothing; notes the orders."""
 
     def __init__(self) -> None:
-        self.jobs: list[Job] = []
+        self.orders: list[PartOrder] = []
 
-    def read(self, job: Job, *_: object) -> Done:
-        self.jobs.append(job)
-        text = job.part_name.removesuffix("?").removeprefix("nothing")
-        decision = "accept" if text == job.part_name else "review" if text else "reject"
-        return Done((ReadingRecord("vision" if job.scan is None else "fused", text, decision, 0.9),))
+    def read(self, order: PartOrder, *_: object) -> Done:
+        self.orders.append(order)
+        text = order.part_name.removesuffix("?").removeprefix("nothing")
+        decision = "accept" if text == order.part_name else "review" if text else "reject"
+        return Done((ReadingRecord("vision" if order.scan is None else "fused", text, decision, 0.9),))
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_nothing_is_decided(
     assert (part["state"], part["shadow"], part["expected"]) == ("shadow", shadow, expected)
     assert part["plan"] is None
     # the reader knows nothing of what the line's own has said
-    assert [job.expected for job in bench.jobs] == [""]
+    assert [order.expected for order in bench.orders] == [""]
     assert service.store.undelivered() == 0
     assert service.store.queue() == ()
     assert client.post(f"/v1/parts/{part['id']}/touch").status_code == 409
@@ -98,7 +98,7 @@ def test_a_scan_is_read_and_compared_too(served: tuple[Service, TestClient], ben
     part = post(client, "KX40?", "KX40")
     read = client.post(f"/v1/parts/{part['id']}/scan", files={"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}).json()
     assert (read["state"], read["shadow"]) == ("shadow", {"agreement": "same", "would_be": "review"})
-    assert [job.expected for job in bench.jobs] == ["", ""]
+    assert [order.expected for order in bench.orders] == ["", ""]
 
 
 def test_a_review_says_who_was_right_and_is_not_published(served: tuple[Service, TestClient]) -> None:
@@ -127,7 +127,7 @@ def test_live_it_decides_and_leaves_what_was_compared(bench: Bench, tmp_path: Pa
     with serve() as (service, client):
         service.pool.instead = bench.read
         live = post(client, "KX40", "KX40")
-        assert (live["state"], live["shadow"], bench.jobs[-1].expected) == ("accepted", None, "KX40")
+        assert (live["state"], live["shadow"], bench.orders[-1].expected) == ("accepted", None, "KX40")
         assert service.store.undelivered() == 1
         # a part of before stays undecided, whatever is added to it
         scan = {"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}

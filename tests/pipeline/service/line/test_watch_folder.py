@@ -18,7 +18,7 @@ import structlog
 
 from glyphs.errors import FileError
 from pipeline.common.records import PartRecord, PartState, ReadingRecord
-from pipeline.reading.jobs import Done, Job
+from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.service.idempotency import Received
 from pipeline.service.line.watch_folder import WatchedFolder
 from pipeline.service.line.watched_files import WatchJournal
@@ -36,7 +36,7 @@ class Parts:
     """What the folder submits to: keeps what it was given, and knows a key again."""
 
     def __init__(self, folder: Path) -> None:
-        self.jobs = SimpleNamespace(work_folder=self._work_folder)
+        self.orders = SimpleNamespace(work_folder=self._work_folder)
         self._folder = folder
         self.received: list[tuple[NewPart, str, bytes]] = []
         self.by_key: dict[str, PartRecord] = {}
@@ -270,9 +270,9 @@ def test_a_service_watches(tmp_path: Path) -> None:
     folder = tmp_path / "in"
     folder.mkdir()
 
-    def read(job: Job, *_: object) -> Done:
-        assert job.photos
-        text = "AA999999" if job.part_name == "a" else ""
+    def read(order: PartOrder, *_: object) -> Done:
+        assert order.photos
+        text = "AA999999" if order.part_name == "a" else ""
         return Done((ReadingRecord("vision", text, "accept" if text else "review", 0.99),))
 
     def served(done: Callable[[Any], None]) -> None:

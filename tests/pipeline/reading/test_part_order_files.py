@@ -1,4 +1,4 @@
-"""Bad files through `read_job` in a process with bounded memory: a problem or a reading each, and nothing else."""
+"""Bad files through `read_order` in a process with bounded memory: a problem or a reading each, and nothing else."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def outcomes(pipe: Any) -> None:
     from pipeline.common.settings import ReadSettings
     from pipeline.files.limits import Limits
     from pipeline.files.touch_file import is_photo, is_scan
-    from pipeline.reading.jobs import Job, read_job
+    from pipeline.reading.part_orders import PartOrder, read_order
 
     settings = ReadSettings(font=("gothic",), height_mm=5.0)
     with tempfile.TemporaryDirectory() as place:
@@ -42,7 +42,7 @@ def outcomes(pipe: Any) -> None:
             )
             started = time.monotonic()
             try:
-                done = read_job(Job(folder, **sent, names={path: name}), settings, Limits())
+                done = read_order(PartOrder(folder, **sent, names={path: name}), settings, Limits())
                 said = f"read {done.readings[-1].decision}"
             except FileError as problem:
                 said = f"problem {problem}"

@@ -3,7 +3,7 @@
 photo                    -> vision           and a plan for touch where the camera is unsure
 scan or height map       -> tactile
 photo + scan (map)       -> vision, fused
-earlier photo + scan (map) -> fused          the photograph of an earlier job
+earlier photo + scan (map) -> fused          the photograph of an earlier order
 earlier photo + stage      -> fused          felt pass by pass, see `read_on_stage`
 
 Several photographs of a part are read as one.
@@ -31,7 +31,7 @@ from pipeline.files.limits import Limits
 from pipeline.files.parts import Part
 
 if TYPE_CHECKING:
-    from pipeline.reading.job_pictures import MadeFile
+    from pipeline.reading.part_pictures import MadeFile
     from recognition.active.active_reading import ActiveReading
     from recognition.decision.part_measures import Measure
     from recognition.decision.reading import Reading
@@ -43,15 +43,15 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Job:
+class PartOrder:
     """One part to be read.
 
     Attributes:
-        folder: for the files that are made; it is there, and the job's own.
+        folder: for the files that are made; it is there, and the order's own.
         photos: photographs, the one that the others are laid over first.
         scan: recording (HDF5).
         height_map: surface; the suffix of its name says its format.
-        earlier_photos: photographs of an earlier job, which has given its reading and its picture: fused with touch.
+        earlier_photos: photographs of an earlier order, which has given its reading and its picture: fused with touch.
         part_name: what the line calls the part.
         expected: text it should read; empty where none is.
         database: glyph database to read with; the settings' unless given.
@@ -101,7 +101,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Done:
-    """What became of a job.
+    """What became of an order.
 
     Attributes:
         readings: in the order they were made; the last one counts.
@@ -116,41 +116,43 @@ class Done:
     measures: Mapping[Measure, float] = field(default_factory=dict)
 
 
-def read_job(job: Job, settings: ReadSettings, limits: Limits, *, felt: ActiveReading | None = None) -> Done:
+def read_order(
+    order: PartOrder, settings: ReadSettings, limits: Limits, *, felt: ActiveReading | None = None
+) -> Done:
     """Read a part.
 
     Args:
-        job: its files.
+        order: its files.
         settings: how to read; `mode` is of no account, a part is read by all that it has files for.
         limits: checked from the files' heads before anything is decoded.
         felt: what was read of its scan already, while it was felt.
 
     Raises:
         FileError: a file that cannot be used; or an expected text or a database, named so.
-        ValueError: a job without any file to read, or an earlier one's photograph without touch.
+        ValueError: an order without any file to read, or an earlier one's photograph without touch.
     """
     from pipeline.files.units import Unit
     from pipeline.reading.as_record import reading_record
-    from pipeline.reading.job_pictures import pictures_of
+    from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.part_reader import Mode, PartReader
     from pipeline.reading.scan_plan import plan_of
     from pipeline.reading.triage import state_after, why_touch
     from recognition.decision.part_measures import measures_of
 
-    tactile = job.scan is not None or job.height_map is not None
-    if not tactile and (not job.photos or job.earlier_photos):
+    tactile = order.scan is not None or order.height_map is not None
+    if not tactile and (not order.photos or order.earlier_photos):
         raise ValueError(
-            "a job has a photo, a scan or a height map; an earlier photo goes with one of the latter"
+            "an order has a photo, a scan or a height map; an earlier photo goes with one of the latter"
         )
-    settings, reader = _reader(job, settings)
-    started, expected = time.perf_counter(), job.expected.strip()
-    with _sender_names(job, job.names_by_path()):
+    settings, reader = _reader(order, settings)
+    started, expected = time.perf_counter(), order.expected.strip()
+    with _sender_names(order, order.names_by_path()):
         # a format is known by the suffix that the sender gave the file
-        photo, *more = job.photos or job.earlier_photos or (None,)
+        photo, *more = order.photos or order.earlier_photos or (None,)
         part = Part(
-            job.name,
-            job.height_map and _with_suffix(job),
-            job.scan,
+            order.name,
+            order.height_map and _with_suffix(order),
+            order.scan,
             photo,
             more_photos=tuple(filter(None, more)),
         )
@@ -158,16 +160,16 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits, *, felt: ActiveRe
         parts = PartReader(
             reader, mode=mode, unit=Unit(settings.unit), limits=limits, budget_s=settings.touch_budget_s
         )
-        found = _in_sender_words(parts.unverified(part, expected=expected, felt=felt), job)
+        found = _in_sender_words(parts.unverified(part, expected=expected, felt=felt), order)
         readings = [parts.verified(found, expected)]
-        if job.photos and found.trace.vision is not None:
+        if order.photos and found.trace.vision is not None:
             readings.insert(0, parts.verified(reader.certified(found.trace.vision), expected))
         took = [math.fsum(r.seconds.values()) for r in readings[:-1]] + [time.perf_counter() - started]
         records = tuple(
-            reading_record(r, settings, reader.grammar, part=job.name, seconds=s)
+            reading_record(r, settings, reader.grammar, part=order.name, seconds=s)
             for r, s in zip(readings, took, strict=True)
         )
-        made = tuple(pictures_of(readings[-1], job.folder, photo=bool(job.photos)))
+        made = tuple(pictures_of(readings[-1], order.folder, photo=bool(order.photos)))
         measures = measures_of(readings[-1]) if settings.certificate is not None else {}
         taken = found.trace.photo
         if tactile or taken is None or state_after(records[-1]) is not PartState.TOUCH_NEEDED:
@@ -177,11 +179,11 @@ def read_job(job: Job, settings: ReadSettings, limits: Limits, *, felt: ActiveRe
 
 
 def read_on_stage(
-    job: Job,
+    order: PartOrder,
     settings: ReadSettings,
     limits: Limits,
     stage: SessionStage[Order],
-    order: Order,
+    scan_order: Order,
     *,
     budget_s: float,
 ) -> Done:
@@ -191,55 +193,55 @@ def read_on_stage(
     look at.
 
     Args:
-        job: the part's other files; `scan` is of no account.
-        settings: as of `read_job`.
+        order: the part's other files; `scan` is of no account.
+        settings: as of `read_order`.
         limits: likewise.
         stage: opens a session.
-        order: what to open it for.
+        scan_order: what to open it for.
         budget_s: most stage seconds.
 
     Raises:
         StageError: nothing could be felt.
-        FileError: as `read_job`.
+        FileError: as `read_order`.
     """
-    from pipeline.reading.job_pictures import MadeFile
+    from pipeline.reading.part_pictures import MadeFile
     from recognition.active.replay import read_kept
     from whisker_array.scan.recording import save_scan
     from whisker_array.scan.stage_error import StageError
 
-    reader = _reader(job, settings)[1]
-    session = stage.open(order)
+    reader = _reader(order, settings)[1]
+    session = stage.open(scan_order)
     try:
         felt = read_kept(reader.touch, session, budget_s=budget_s)
     finally:
         session.close()
     if felt.scan is None:
         raise StageError(felt.problem or "the stage has felt nothing")
-    recording = job.folder / "scan.h5"
-    with _sender_names(job, {recording: recording.name}):
+    recording = order.folder / "scan.h5"
+    with _sender_names(order, {recording: recording.name}):
         save_scan(felt.scan, recording)
-    done = read_job(replace(job, scan=recording), settings, limits, felt=felt)
+    done = read_order(replace(order, scan=recording), settings, limits, felt=felt)
     kept = MadeFile(EvidenceKind.SCAN, recording, "application/x-hdf5", name=recording.name)
     return replace(done, made=(kept, *done.made))
 
 
-def _reader(job: Job, settings: ReadSettings) -> tuple[ReadSettings, Reader]:
-    """The settings with the job's own database, and the reader that they ask for."""
+def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Reader]:
+    """The settings with the order's own database, and the reader that they ask for."""
     from pipeline.reading.kept_readers import reader_of
 
-    if job.database is not None:
-        settings = settings.model_copy(update={"database": job.database})
-    with _sender_names(job, {settings.database: settings.database.stem} if settings.database else {}):
-        return settings, reader_of(settings, after_photo=settings.regions and bool(job.earlier_photos))
+    if order.database is not None:
+        settings = settings.model_copy(update={"database": order.database})
+    with _sender_names(order, {settings.database: settings.database.stem} if settings.database else {}):
+        return settings, reader_of(settings, after_photo=settings.regions and bool(order.earlier_photos))
 
 
-def _with_suffix(job: Job) -> Path:
+def _with_suffix(order: PartOrder) -> Path:
     """The height map under the suffix that its sender gave it."""
     from pipeline.files.touch_file import is_height_map
 
-    path = job.height_map
+    path = order.height_map
     assert path is not None
-    suffix = Path(job.name_of(path)).suffix.lower()
+    suffix = Path(order.name_of(path)).suffix.lower()
     named = Path(f"height_map{suffix}")
     if not is_height_map(named):
         raise FileError(
@@ -249,18 +251,18 @@ def _with_suffix(job: Job) -> Path:
         )
     if path.suffix.lower() == suffix:
         return path
-    link = job.folder / named
+    link = order.folder / named
     link.unlink(missing_ok=True)
     link.symlink_to(path.resolve())
     return link
 
 
 @contextlib.contextmanager
-def _sender_names(job: Job, names: Mapping[Path, str]) -> Iterator[None]:
+def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]:
     """Turn whatever goes wrong with a file into an error of the name that its sender gave it.
 
     Args:
-        job: no error tells of its folder.
+        order: no error tells of its folder.
         names: of the files, by path; the first is named where an error names none.
 
     Raises:
@@ -275,28 +277,28 @@ def _sender_names(job: Job, names: Mapping[Path, str]) -> Iterator[None]:
         raise FileError("expected", error.what, error.hint) from error
     except FileError as error:
         known = names.get(error.path, error.path.name)
-        raise FileError(known, _unplaced(error.what, job, names), error.hint) from error
+        raise FileError(known, _unplaced(error.what, order, names), error.hint) from error
     except MarksError as error:
-        raise FileError(name, _unplaced(error.what, job, names), error.hint) from error
+        raise FileError(name, _unplaced(error.what, order, names), error.hint) from error
     except MemoryError as error:
-        raise FileError(name, "needs more memory than a job may have", "crop or thin it") from error
+        raise FileError(name, "needs more memory than an order may have", "crop or thin it") from error
     except Exception as error:
         _log.exception("fault of the program while reading %s", name)
-        raise FaultError(name, _unplaced(fault_of(error), job, names), "please report it") from error
+        raise FaultError(name, _unplaced(fault_of(error), order, names), "please report it") from error
 
 
-def _in_sender_words(reading: Reading, job: Job) -> Reading:
+def _in_sender_words(reading: Reading, order: PartOrder) -> Reading:
     """The reading with its notes calling files as their sender did."""
-    names = job.names_by_path()
+    names = order.names_by_path()
     notes = tuple(
         reduce(lambda note, path: note.replace(str(path), names[path]), names, note) for note in reading.notes
     )
-    return replace(reading, notes=tuple(_unplaced(note, job, names) for note in notes))
+    return replace(reading, notes=tuple(_unplaced(note, order, names) for note in notes))
 
 
-def _unplaced(message: str, job: Job, names: Iterable[Path]) -> str:
+def _unplaced(message: str, order: PartOrder, names: Iterable[Path]) -> str:
     """The message without the folders of the server."""
-    for folder in (*(path.parent for path in names), job.folder):
+    for folder in (*(path.parent for path in names), order.folder):
         if len(str(folder)) > 1:
             message = message.replace(f"{folder.resolve()}/", "").replace(f"{folder}/", "")
     return message

@@ -15,8 +15,8 @@ from pipeline.files.limits import Limits
 from pipeline.files.npz import write_npz
 from pipeline.files.photos import read_photo
 from pipeline.files.synth import SynthSpec, make_part, write_part
-from pipeline.reading.jobs import Done, Job, read_job
 from pipeline.reading.kept_readers import MOST_KEPT, reader_of
+from pipeline.reading.part_orders import Done, PartOrder, read_order
 from pipeline.reading.scan_plan import plan_of
 from pipeline.service.stage import ScanOrder, SimulatedStage
 
@@ -46,9 +46,9 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> Parts:
 
 @pytest.fixture(scope="module")
 def unsure(parts: Parts, tmp_path_factory: pytest.TempPathFactory) -> Done:
-    """What a job makes of a photograph that is not sure enough."""
+    """What an order makes of a photograph that is not sure enough."""
     folder = tmp_path_factory.mktemp("unsure")
-    return read_job(Job(folder, photos=(parts.photo,), expected=parts.text), UNSURE, LIMITS)
+    return read_order(PartOrder(folder, photos=(parts.photo,), expected=parts.text), UNSURE, LIMITS)
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def middle(record: ReadingRecord) -> np.ndarray:
 def test_sure_photograph_is_accepted_without_touch(parts: Parts, folder: Path) -> None:
     # without a format its 0 may be an O
     settings = SETTINGS.model_copy(update={"format": ("AA99",)})
-    done = read_job(Job(folder, photos=(parts.photo,)), settings, LIMITS)
+    done = read_order(PartOrder(folder, photos=(parts.photo,)), settings, LIMITS)
     (reading,) = done.readings
     assert (reading.source, reading.text, reading.decision) == ("vision", parts.text, "accept")
     assert done.plan is None
@@ -102,8 +102,8 @@ def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
     done = unsure
     assert done.plan is not None
     scan = SimulatedStage(parts.folder).feel(ScanOrder("part", done.plan), folder)
-    later = read_job(
-        Job(folder, scan=scan, earlier_photos=(parts.photo,), expected=parts.text), SETTINGS, LIMITS
+    later = read_order(
+        PartOrder(folder, scan=scan, earlier_photos=(parts.photo,), expected=parts.text), SETTINGS, LIMITS
     )
     (reading,) = later.readings
     assert (reading.source, reading.text, reading.decision) == ("fused", parts.text, "accept")
@@ -115,14 +115,16 @@ def test_scan_of_the_plan_is_fused_with_the_earlier_photograph(
 
 
 def test_height_map_after_the_photograph_is_fused_in_its_own_frame(parts: Parts, folder: Path) -> None:
-    later = read_job(Job(folder, height_map=parts.map, earlier_photos=(parts.photo,)), SETTINGS, LIMITS)
+    later = read_order(
+        PartOrder(folder, height_map=parts.map, earlier_photos=(parts.photo,)), SETTINGS, LIMITS
+    )
     assert len(later.readings) == 1
     assert later.readings[0].source == "fused"
     assert later.readings[0].text == parts.text
 
 
 def test_photo_and_height_map_give_two_readings_in_the_plate_frame(parts: Parts, folder: Path) -> None:
-    done = read_job(Job(folder, photos=(parts.photo,), height_map=parts.map), SETTINGS, LIMITS)
+    done = read_order(PartOrder(folder, photos=(parts.photo,), height_map=parts.map), SETTINGS, LIMITS)
     seen, both = done.readings
     assert (seen.source, both.source) == ("vision", "fused")
     assert seen.text == both.text == parts.text
@@ -136,8 +138,8 @@ def test_height_map_alone_is_read_by_touch_under_the_name_its_sender_gave(
 ) -> None:
     kept = tmp_path / ("ab" * 32)
     kept.write_bytes(parts.map.read_bytes())
-    job = Job(folder, height_map=kept, names={kept: "C:\\parts\\plate.NPZ"}, expected="ZZ00")
-    (reading,) = read_job(job, SETTINGS, LIMITS).readings
+    order = PartOrder(folder, height_map=kept, names={kept: "C:\\parts\\plate.NPZ"}, expected="ZZ00")
+    (reading,) = read_order(order, SETTINGS, LIMITS).readings
     assert (reading.source, reading.text, reading.verdict) == ("tactile", parts.text, "refuted")
     assert any("expected" in message for message in reading.messages)
 
@@ -147,8 +149,8 @@ def test_several_photographs_are_read_as_one_and_one_that_cannot_be_is_called_as
 ) -> None:
     broken = tmp_path / "photo-2.png"
     broken.write_bytes(b"no picture")
-    job = Job(folder, photos=(parts.photo, broken), names={broken: "left lamp.png"})
-    (reading,) = read_job(job, SETTINGS, LIMITS).readings
+    order = PartOrder(folder, photos=(parts.photo, broken), names={broken: "left lamp.png"})
+    (reading,) = read_order(order, SETTINGS, LIMITS).readings
     assert (reading.text, reading.photos) == (parts.text, 1)
     (note,) = [message for message in reading.messages if "read without one of its photographs" in message]
     assert "left lamp.png: is not a picture" in note
@@ -157,8 +159,8 @@ def test_several_photographs_are_read_as_one_and_one_that_cannot_be_is_called_as
 
 def test_results_can_be_pickled(unsure: Done) -> None:
     assert pickle.loads(pickle.dumps(unsure)) == unsure
-    job = Job(Path("a"), photos=(Path("b"),), names={Path("b"): "c"})
-    assert pickle.loads(pickle.dumps(job)) == job
+    order = PartOrder(Path("a"), photos=(Path("b"),), names={Path("b"): "c"})
+    assert pickle.loads(pickle.dumps(order)) == order
 
 
 def test_problems_survive_pickling() -> None:
@@ -183,7 +185,7 @@ def test_problems_call_a_file_as_its_sender_did(tmp_path: Path, given: str, show
     path = tmp_path / "upload-7"
     path.write_bytes(b"no picture")
     with pytest.raises(FileError) as caught:
-        read_job(Job(tmp_path, photos=(path,), names={path: given}), SETTINGS, LIMITS)
+        read_order(PartOrder(tmp_path, photos=(path,), names={path: given}), SETTINGS, LIMITS)
     assert str(caught.value).startswith(f"{shown}: is not a picture")
     assert str(tmp_path) not in str(caught.value)
 
@@ -192,31 +194,31 @@ def test_limits_are_checked_from_the_heads(parts: Parts, folder: Path, tmp_path:
     rows, cols = read_photo(parts.photo).shape
     narrow = replace(LIMITS, max_photo_pixels=rows * cols - 1, max_map_samples=1000)
     with pytest.raises(FileError, match="over the limit"):
-        read_job(Job(folder, photos=(parts.photo,)), SETTINGS, narrow)
+        read_order(PartOrder(folder, photos=(parts.photo,)), SETTINGS, narrow)
     with pytest.raises(FileError, match="over the limit"):
-        read_job(Job(folder, height_map=parts.map), SETTINGS, narrow)
+        read_order(PartOrder(folder, height_map=parts.map), SETTINGS, narrow)
     with pytest.raises(FileError, match="is not there"):
-        read_job(Job(folder, photos=(tmp_path / "none.png",)), SETTINGS, LIMITS)
+        read_order(PartOrder(folder, photos=(tmp_path / "none.png",)), SETTINGS, LIMITS)
 
 
 def test_expected_text_that_the_format_forbids_is_told(parts: Parts, folder: Path) -> None:
     settings = SETTINGS.model_copy(update={"format": ("AA99",)})
     with pytest.raises(FileError, match=r"^expected: is '12'"):
-        read_job(Job(folder, photos=(parts.photo,), expected="12"), settings, LIMITS)
+        read_order(PartOrder(folder, photos=(parts.photo,), expected="12"), settings, LIMITS)
 
 
 def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="a job has"):
-        read_job(Job(tmp_path), SETTINGS, LIMITS)
+    with pytest.raises(ValueError, match="an order has"):
+        read_order(PartOrder(tmp_path), SETTINGS, LIMITS)
     with pytest.raises(ValueError, match="an earlier photo goes with"):
-        read_job(Job(tmp_path, earlier_photos=(tmp_path / "b",)), SETTINGS, LIMITS)
+        read_order(PartOrder(tmp_path, earlier_photos=(tmp_path / "b",)), SETTINGS, LIMITS)
 
 
 def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "dies.npz"
     path.write_bytes(b"no database")
     with pytest.raises(FileError) as caught:
-        read_job(Job(folder, photos=(parts.photo,), database=path), SETTINGS, LIMITS)
+        read_order(PartOrder(folder, photos=(parts.photo,), database=path), SETTINGS, LIMITS)
     assert str(caught.value).startswith("dies: ")
     assert str(tmp_path) not in str(caught.value)
 
@@ -261,7 +263,7 @@ def test_scan_beyond_the_limit_is_refused(parts: Parts, unsure: Done, folder: Pa
     assert unsure.plan is not None
     scan = SimulatedStage(parts.folder, noise=False).feel(ScanOrder("part", unsure.plan), folder)
     with pytest.raises(FileError, match="over the limit"):
-        read_job(Job(folder, scan=scan), SETTINGS, replace(LIMITS, max_scan_samples=10_000))
+        read_order(PartOrder(folder, scan=scan), SETTINGS, replace(LIMITS, max_scan_samples=10_000))
 
 
 def test_soil_beside_the_map_is_felt(folder: Path, tmp_path: Path) -> None:
@@ -272,7 +274,7 @@ def test_soil_beside_the_map_is_felt(folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "soiled.npz"
     write_npz(path, HeightMap(z, 0.1), more={"friction": np.float64(5.0)})
     with pytest.raises(FileError, match="friction runs"):
-        read_job(Job(folder, height_map=path), SETTINGS, LIMITS)
+        read_order(PartOrder(folder, height_map=path), SETTINGS, LIMITS)
 
 
 def test_a_fault_of_the_program_is_not_put_down_to_the_file(
@@ -284,4 +286,4 @@ def test_a_fault_of_the_program_is_not_put_down_to_the_file(
     monkeypatch.setattr("pipeline.reading.kept_readers.reader_of", broken)
     says = r"fault of the program \(ZeroDivisionError: no marks\); please report it"
     with pytest.raises(FaultError, match=says):
-        read_job(Job(folder=folder, photos=(folder / "photo.png",)), ReadSettings(), Limits())
+        read_order(PartOrder(folder=folder, photos=(folder / "photo.png",)), ReadSettings(), Limits())

@@ -1,4 +1,4 @@
-"""Reading jobs: a part's files go to a worker, and what comes of them into the evidence folder.
+"""Reading orders: a part's files go to a worker, and what comes of them into the evidence folder.
 
 photos, scan   --> work folder --> worker: readings, pictures            --> evidence folder
 stage, a pass after the other --> worker: readings, pictures, recording --> evidence folder
@@ -18,7 +18,7 @@ import structlog
 
 from glyphs.errors import FaultError, FileError
 from pipeline.common.records import EvidenceKind, EvidenceRecord
-from pipeline.reading.jobs import Done, Job, read_job, read_on_stage
+from pipeline.reading.part_orders import Done, PartOrder, read_on_stage, read_order
 from pipeline.service.problem import Problem
 from pipeline.service.uploads import Upload
 from pipeline.workers.pool import BusyError, WorkerLostError
@@ -36,7 +36,7 @@ T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
 
 
-class ReadingJobs:
+class ReadingOrders:
     """Has files read by the pool's workers, and keeps them with what was made of them.
 
     * A work folder lasts as long as its request; what is to be kept is moved out of it.
@@ -102,7 +102,7 @@ class ReadingJobs:
             raw.append((scan.touch_kind(), scan))
         felt = {kind: upload.path for kind, upload in raw}
         with self.work_folder() as folder:
-            job = Job(
+            part = PartOrder(
                 folder=folder,
                 photos=tuple(photo.path for photo in photos),
                 scan=felt.get(EvidenceKind.SCAN),
@@ -113,7 +113,7 @@ class ReadingJobs:
                 database=self._databases(database),
                 names={upload.path: upload.name for _, upload in raw},
             )
-            done = await self.in_worker(read_job, job, settings, self._limits)
+            done = await self.in_worker(read_order, part, settings, self._limits)
             return done, await self._kept(raw, done)
 
     async def feel(
@@ -142,7 +142,7 @@ class ReadingJobs:
         """
         settings = await asyncio.to_thread(self._settings, job_name)
         with self.work_folder() as folder:
-            job = Job(
+            part = PartOrder(
                 folder=folder,
                 earlier_photos=earlier_photos,
                 part_name=order.part_name,
@@ -150,7 +150,7 @@ class ReadingJobs:
                 database=self._databases(database),
             )
             read = partial(read_on_stage, budget_s=settings.budget_s)
-            done = await self.in_worker(read, job, settings, self._limits, stage, order)
+            done = await self.in_worker(read, part, settings, self._limits, stage, order)
             return done, await self._kept([], done)
 
     async def _kept(self, raw: Sequence[tuple[EvidenceKind, Upload]], done: Done) -> list[EvidenceRecord]:
