@@ -34,7 +34,7 @@ BUILTIN_FONTS: tuple[str, ...] = ("gothic", "futural", "futuram", "timesr", "tim
 SERIAL_CHARACTERS = string.ascii_uppercase + string.digits
 
 _HERSHEY_STROKE = {"futural": 0.14, "futuram": 0.10, "timesr": 0.075, "timesrb": 0.075}
-_HERSHEY_CHARACTERS = SERIAL_CHARACTERS + "-/.+&()#*:,=' "
+_HERSHEY_CHARACTERS = string.ascii_letters + string.digits + "-/.+&()#*:,=' "
 _FONT_CHARACTERS = string.ascii_letters + string.digits + string.punctuation + " "
 _FONT_SUFFIXES = {".ttf", ".otf", ".ttc", ".otc", ".woff", ".woff2"}
 _FLATNESS = 0.002  # cap heights: a hundredth of a millimetre at 5 mm, far below a die's edge radius

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import string
 
 import numpy as np
 
 from glyphs.errors import MarksError
 
+SIGNS = "-./#()&"
+"""What stands between letters and figures of part markings."""
 _CLASSES = {
     "A": string.ascii_uppercase,
+    "a": string.ascii_lowercase,
     "9": string.digits,
     "*": string.ascii_uppercase + string.digits,
 }
@@ -20,32 +24,41 @@ class FormatError(MarksError, ValueError):
 
 
 def allowed_characters(format: str, *, exclude: str = "") -> tuple[str, ...]:
-    """The characters allowed at each position.
+    r"""The characters allowed at each position.
 
     Args:
-        format: `A` stands for A-Z, `9` for 0-9, `*` for either, any other character for itself.
-        exclude: characters that `A`, `9` and `*` leave out (a VIN excludes "IOQ"); literals stay.
+        format: `A` stands for A-Z, `a` for a-z, `9` for 0-9, `*` for A-Z and 0-9, any other character for itself;
+            `\` takes the next one for itself (`\A` is an A).
+        exclude: characters that the classes leave out (a VIN excludes "IOQ"); literals stay.
 
     Returns:
         One string of characters per position, in order.
 
     Raises:
-        FormatError: the format is empty, holds a control character, or exclusion leaves a position without any.
+        FormatError: the format is empty, holds a control character, ends with a `\` that takes nothing, or exclusion
+            leaves a position without any.
     """
     if not format:
         raise FormatError(
-            "the format is empty", hint="write one character a position: A letter, 9 digit, * either"
+            "the format is empty",
+            hint="write one character a position: A letter, a small letter, 9 digit, * A or 9",
         )
     if not format.isprintable():
         raise FormatError(f"format {format!r} holds characters that cannot be printed", hint="remove them")
+    # a token is a class, a literal, or a literal behind its backslash
+    tokens = re.findall(r"\\.|.", format)
+    if tokens[-1] == "\\":
+        raise FormatError(
+            f"nothing follows the backslash that ends {format!r}", hint="write \\\\ for a backslash"
+        )
     allowed = tuple(
-        "".join(c for c in _CLASSES[place] if c not in exclude) if place in _CLASSES else place
-        for place in format
+        "".join(c for c in _CLASSES[token] if c not in exclude) if token in _CLASSES else token[-1]
+        for token in tokens
     )
     for k, characters in enumerate(allowed):
         if not characters:
             raise FormatError(
-                f"nothing is left for {format[k]!r} at position {k + 1} of {format!r}",
+                f"nothing is left for {tokens[k]!r} at position {k + 1} of {format!r}",
                 hint=f"exclude less than {exclude!r}",
             )
     return allowed

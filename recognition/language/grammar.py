@@ -102,7 +102,8 @@ class Grammar:
     @property
     def gaps(self) -> frozenset[int]:
         """Places that the format has a word gap after."""
-        inked = [k for k, c in enumerate(self.format or "") if c != " "]
+        places = allowed_characters(self.format) if self.format else ()
+        inked = [k for k, chars in enumerate(places) if chars != " "]
         return frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
 
     @property
@@ -122,7 +123,7 @@ class Grammar:
         """
         limits: list[frozenset[int]] = []
         if self.format is not None:
-            limits.append(frozenset({sum(c != " " for c in self.format)} - {0}))
+            limits.append(frozenset({sum(c != " " for c in allowed_characters(self.format))} - {0}))
         if self.sets is not None:
             limits.append(frozenset({len(self.sets)} - {0}))
         if self.lexicon is not None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from glyphs.fonts.glyph import Font, FontError
 from glyphs.fonts.outlines import load_font
-from glyphs.fonts.serials import FormatError
+from glyphs.fonts.serials import SIGNS, FormatError
 from glyphs.surface.display import one_line
 from recognition.belief.part_lines import LineFormat, Region, check_region
 from recognition.belief.weights import EXPERTS
@@ -147,6 +147,7 @@ class Repertoire:
         others = {char for line in settings.asked.values() for char in line.grammar.characters}
         self.chars = "".join(sorted({*ALPHANUMERIC, *others}))
         if self.grammar is None:
+            self.chars = "".join(sorted({*self.chars, *SIGNS}))
             return
         # characters that the format forbids are looked for as well: where one stands, it is not passed over
         self.chars = "".join(sorted({*self.chars, *self.grammar.characters}))
