@@ -158,6 +158,19 @@ class LineRecord:
 
 
 @dataclass(frozen=True)
+class FieldRecord:
+    """A field of a marking that says what it is.
+
+    Attributes:
+        name: text element or application identifier: SER, 21.
+        value: what it holds.
+    """
+
+    name: str
+    value: str
+
+
+@dataclass(frozen=True)
 class CodeRecord:
     """A Data Matrix or QR code in a part's photograph.
 
@@ -232,6 +245,7 @@ class ReadingRecord:
         rivals: other serials with some belief, most first.
         lines: the part's other lines: those asked for, then those that nobody has asked for.
         codes: Data Matrix and QR codes in its photographs.
+        fields: what the marking says by name, SER KB74 or (21)KB74, on any of its lines.
         program: version of the program that read it.
         settings: hash of the settings that it was read with.
         photos: photographs that it is of; 0 of touch alone.
@@ -262,6 +276,7 @@ class ReadingRecord:
     rivals: tuple[RivalRecord, ...] = ()
     lines: tuple[LineRecord, ...] = ()
     codes: tuple[CodeRecord, ...] = ()
+    fields: tuple[FieldRecord, ...] = ()
     program: str = ""
     settings: str = ""
     photos: int = 0

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.common.records import CharacterRecord, CodeRecord, LineRecord, ReadingRecord
+from pipeline.common.records import CharacterRecord, CodeRecord, FieldRecord, LineRecord, ReadingRecord
 
 WORTH_SHOWING = 0.01
 """Least probability of an alternative that a row names."""
@@ -51,6 +51,7 @@ class Row:
         height_px: character height in pixels, of a photograph whose scale is not known; else None.
         lines: the part's other lines, as "lot=LOT77;date=12/26"; one that nobody has asked for has no name: "SN8".
         codes: its Data Matrix and QR codes, and whether each holds the serial: "SER KB74 (same) | 4711 (other)".
+        fields: what the marking says by name, as "MFR=0AB12;SER=KB74"; empty of one that says no names.
         burr_mm: height of the highest rim beside a character's strokes; None where it is not known.
     """
 
@@ -82,6 +83,7 @@ class Row:
     lines: str = ""
     codes: str = ""
     burr_mm: float | None = None
+    fields: str = ""
 
     @classmethod
     def of(cls, record: ReadingRecord) -> Row:
@@ -120,6 +122,7 @@ class Row:
             lines=lines_text(record.lines),
             codes=codes_text(record.codes),
             burr_mm=_rounded(max(burrs, default=None), 4),
+            fields=fields_text(record.fields),
         )
 
 
@@ -134,6 +137,11 @@ def depths_text(places: Sequence[CharacterRecord]) -> str:
 def lines_text(lines: Sequence[LineRecord]) -> str:
     """Other lines of a part: "lot=LOT77;date=12/26"; a text alone where nobody has asked for it."""
     return ";".join(f"{line.name}={line.text}" if line.name else line.text for line in lines)
+
+
+def fields_text(fields: Sequence[FieldRecord]) -> str:
+    """Fields by name: "MFR=0AB12;SER=KB74"."""
+    return ";".join(f"{field.name}={field.value}" for field in fields)
 
 
 def codes_text(codes: Sequence[CodeRecord]) -> str:

@@ -13,6 +13,7 @@ from recognition.decision.flags import Finding, ReadingFlag, flags_of
 from recognition.decision.grade import Action, MarkGrade
 from recognition.language.box import Box
 from recognition.language.confusions import PlaceState
+from recognition.language.elements import named_fields
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -231,6 +232,14 @@ class Reading:
     photos: int = 0
     codes: tuple[Code, ...] = ()
     trace: ReadingTrace = field(default=_NO_TRACE, compare=False, repr=False)
+
+    @property
+    def fields(self) -> Mapping[str, str]:
+        """What the marking says by name, "SER KB74" or "(21)KB74", on the serial's line and on others: SER -> KB74."""
+        found: dict[str, str] = {}
+        for text in (self.text, *(line.text for line in self.others)):
+            found = {**named_fields(text), **found}
+        return found
 
     @property
     def touch(self) -> Reading | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -15,6 +16,7 @@ from recognition.belief.part_lines import LineFormat, PartLines, ReadLine
 from recognition.decision.decide import LEAST_VALID_MASS, Thresholds, decided
 from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.reading import Candidate, CharacterReading, OtherLine, Reading
+from recognition.experts.steps import Steps
 from recognition.language.box import Box
 from recognition.language.confusions import state_of
 from recognition.language.constrained_decoding import Choice, choose
@@ -39,6 +41,8 @@ IN_FORMAT = MappingProxyType({"tactile": -1.5, "vision": -2.5})
 alphabet 22 were accepted without this rule; with it 12 of 134, an Θ for a 0 or a Λ for an A."""
 UNCHANGED = 0.5
 """Belief before the format has its say in the text that it chose, twins counted, from which it has changed nothing."""
+GAP_BELIEF = 0.5
+"""In a word gap between two places, from which one is there."""
 WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
 """Between the middles of neighbours beyond the usual, from which a gap is taken for a space."""
 
@@ -48,7 +52,6 @@ def reading_of_line(
     settings: Thresholds,
     *,
     grammar: Grammar | None,
-    gaps: frozenset[int],
     flags: ReadingFlag,
     source: str,
     asked: Mapping[str, LineFormat] = MappingProxyType({}),
@@ -59,7 +62,6 @@ def reading_of_line(
         part: its lines.
         settings: thresholds of acceptance.
         grammar: what the serial obeys.
-        gaps: places of the format before a word gap.
         flags: known beforehand.
         source: the sense.
         asked: other lines that should stand on the part.
@@ -68,9 +70,10 @@ def reading_of_line(
     if main is None:
         return replace(decided((), 0.0, settings, flags=flags), source=source)
     boxes = main.boxes()
-    spaces = gaps if grammar is not None and grammar.format is not None else word_gaps(main.belief.columns)
-    lattice = replace(main.belief.lattice, boxes=boxes, spaces_after=spaces)
+    lattice = replace(main.belief.lattice, boxes=boxes)
     choice = choose(lattice, grammar)
+    spaces = spaces_of(choice.text, grammar, main.belief.heard, main.belief.columns)
+    lattice = replace(lattice, spaces_after=spaces)
     if not choice.text or min(_surest(lattice), _surest(main.belief.openly[0])) < LEAST_READ:
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
     if (
@@ -86,7 +89,7 @@ def reading_of_line(
     others += [
         OtherLine(
             "",
-            text_of(one),
+            spaced(text_of(one), spaces_of(text_of(one), None, one.belief.heard, one.belief.openly[1])),
             worth.confidence(_likely(one)),
             hull(one.open_boxes()),
             may_be_serial=one.belief.evidence_of(grammar) >= NOT_THE_SERIAL,
@@ -216,7 +219,10 @@ def _twins(char: str) -> str:
 
 def _other(name: str, one: ReadLine, grammar: Grammar, worth: Calibration) -> OtherLine:
     choice = choose(one.belief.lattice, grammar)
-    return OtherLine(name, choice.text, worth.confidence(choice.probability), hull(one.boxes()))
+    spaces = spaces_of(choice.text, grammar, one.belief.heard, one.belief.columns)
+    return OtherLine(
+        name, spaced(choice.text, spaces), worth.confidence(choice.probability), hull(one.boxes())
+    )
 
 
 def characters_of(choice: Choice, lattice: Lattice) -> list[CharacterReading]:
@@ -232,6 +238,37 @@ def characters_of(choice: Choice, lattice: Lattice) -> list[CharacterReading]:
     return made
 
 
+def spaces_of(
+    text: str, grammar: Grammar | None, heard: Mapping[str, Sequence[Steps]], columns: NDArray[np.float64]
+) -> frozenset[int]:
+    """Places of a text that a word gap follows: where the format has them, or else where they are seen.
+
+    Args:
+        text: without blanks.
+        grammar: what it may be.
+        heard: along its line.
+        columns: (places,) where each stands.
+    """
+    known = None if grammar is None else grammar.spaces(text)
+    return word_gaps(columns) | gaps_heard(heard, columns) if known is None else known
+
+
+def gaps_heard(heard: Mapping[str, Sequence[Steps]], columns: NDArray[np.float64]) -> frozenset[int]:
+    """Places after which some recogniser believes more in a word gap than in none, mean of its looks."""
+    found: set[int] = set()
+    for looks in heard.values():
+        believed = [
+            [
+                float(np.max(look.gap[(look.columns > left) & (look.columns < right)], initial=0.0))
+                for left, right in pairwise(columns)
+            ]
+            for look in looks
+        ]
+        if believed:
+            found.update(int(k) for k in np.flatnonzero(np.mean(believed, axis=0) > GAP_BELIEF))
+    return frozenset(found)
+
+
 def word_gaps(columns: NDArray[np.float64]) -> frozenset[int]:
     """Places after which a space stands out: wide in itself, and against the line's usual step."""
     if columns.size < 3:
@@ -240,6 +277,11 @@ def word_gaps(columns: NDArray[np.float64]) -> frozenset[int]:
     usual = float(np.median(step))
     wide = (step > usual + WORD_GAP_HEIGHTS) & (step > WORD_STEP * usual)
     return frozenset(int(k) for k in np.flatnonzero(wide))
+
+
+def spaced(text: str, spaces: Collection[int]) -> str:
+    """A text with a blank after these places."""
+    return "".join(char + " " * (k in spaces) for k, char in enumerate(text)).rstrip()
 
 
 def _surest(lattice: Lattice) -> float:

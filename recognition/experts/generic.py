@@ -119,8 +119,9 @@ def steps_of(looks: Sequence[Picture], *, chars: str) -> list[Steps]:
                 if own in classes:
                     shares[:, k] += said[:, classes[own]]
         # a word gap is land to us: its class counts as blank
-        blank = (said[:, 0] + said[:, classes[" "]]).astype(np.float64)
-        made.append(Steps.of(blank[within], shares[within], chars, at[within] / ZOOM - 0.5))
+        gap = said[within, classes[" "]].astype(np.float64)
+        blank = said[within, 0] + gap
+        made.append(Steps.of(blank, shares[within], chars, at[within] / ZOOM - 0.5, gap=gap))
     return made
 
 

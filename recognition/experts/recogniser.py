@@ -54,9 +54,9 @@ def steps_of(strips: Sequence[Layers], *, chars: str) -> list[Steps]:
             for own in {char, *([char.lower()] if char.lower() not in chars else [])}:
                 if own in _CODES:
                     of[:, k] += power[:, _CODES[own]]
-        blank = power[:, 0] + (power[:, _CODES[" "]] if " " not in chars else 0.0)
+        gap = power[:, _CODES[" "]]
         columns = (np.arange(len(power), dtype=np.float64) + 0.5) * STEP_COLUMNS - 0.5
-        made.append(Steps.of(blank, of, chars, columns))
+        made.append(Steps.of(power[:, 0] + gap, of, chars, columns, gap=gap))
     return made
 
 

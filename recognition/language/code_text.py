@@ -76,9 +76,10 @@ def holds(text: str, serial: str) -> bool | None:
         text: of the code.
         serial: as read.
     """
-    serial = _bare(serial)
-    if serial and _bare(text) == serial:
+    if serial and _bare(text) == _bare(serial):
         return True
+    # a marking may say its fields, too: "SER KB7402" is the serial KB7402
+    serial = _bare(next((field.value for field in fields_of(serial) if field.key in SERIAL_KEYS), serial))
     fields = fields_of(text)
     serials = [f for f in fields if f.key in SERIAL_KEYS | ENDING_KEYS]
     if any(_is(f, serial) for f in serials or fields):

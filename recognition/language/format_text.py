@@ -2,9 +2,11 @@
 
 More than one may be given, and all must hold:
 
-    AA999999, mask:AA 9999   A letter, 9 digit, * either, others themselves, a blank is a word gap
+    AA999999, mask:AA 9999   A letter, a small one, 9 digit, * A or 9, others themselves, a blank is a word gap;
+                             \\ takes the next one as it is
     re:[A-Z]{2}\\d{4,6}       regular expression for the whole serial without blanks
     sets:AB,0-9,0-9          characters a place; \\ takes the next one as it is
+    fields:MFR/SER AA9999    text elements and GS1 identifiers by name, see `recognition.language.elements`
     vin                      17 characters with the check digit of 49 CFR 565.15
     check:luhn               nothing but a check digit
     ...+check=RULE           as well, see `recognition.language.check_digits`
@@ -19,6 +21,7 @@ from dataclasses import dataclass
 
 from glyphs.fonts.serials import FormatError
 from recognition.language.check_digits import CheckDigit
+from recognition.language.elements import elements_format
 from recognition.language.remainders import DIGITS, VIN_CHARACTERS, VIN_CHECK_PLACE, VIN_LENGTH
 
 
@@ -31,6 +34,7 @@ class FormatParts:
     sets: tuple[str, ...] | None
     checks: tuple[CheckDigit, ...]
     exclude: str
+    elements: str | None = None
 
 
 def parts_of(texts: Iterable[str]) -> FormatParts:
@@ -42,6 +46,7 @@ def parts_of(texts: Iterable[str]) -> FormatParts:
     given: dict[str, str] = {}
     checks: list[CheckDigit] = []
     exclude = ""
+    elements: str | None = None
     for text in texts:
         body, options = _options(text)
         kind, rest = _kind(body)
@@ -49,14 +54,18 @@ def parts_of(texts: Iterable[str]) -> FormatParts:
             checks.append(CheckDigit("vin"))
         if kind == "check":
             checks.append(CheckDigit.parse(rest))
-        elif (slot := "sets" if kind == "vin" else kind) in given:
+        elif (slot := {"vin": "sets", "fields": "re"}.get(kind, kind)) in given:
             raise FormatError(f"the format has two of {slot}", hint="give each kind once")
         else:
             given[slot] = rest
+            if kind == "fields":
+                elements = rest
+                given[slot], more = elements_format(rest)
+                checks.extend(more)
         checks.extend(CheckDigit.parse(value) for key, value in options if key == "check")
         exclude += "".join(value for key, value in options if key == "exclude")
     sets = _sets(given["sets"]) if "sets" in given else None
-    return FormatParts(given.get("mask"), given.get("re"), sets, tuple(checks), exclude)
+    return FormatParts(given.get("mask"), given.get("re"), sets, tuple(checks), exclude, elements)
 
 
 _OPTION = re.compile(r"(?P<body>.*)\+(?P<key>check|exclude)=(?P<value>[^+]+)", re.DOTALL)
@@ -78,10 +87,11 @@ def _kind(body: str) -> tuple[str, str]:
         return "vin", ",".join(
             DIGITS + "X" if k == VIN_CHECK_PLACE else VIN_CHARACTERS for k in range(VIN_LENGTH)
         )
-    if not colon or kind not in ("mask", "re", "sets", "check"):
+    if not colon or kind not in ("mask", "re", "sets", "check", "fields"):
         if not body:
             raise FormatError(
-                "the format is empty", hint="write for example AA999999, or re:, sets:, vin or check:"
+                "the format is empty",
+                hint="write for example AA999999, or re:, sets:, fields:, vin or check:",
             )
         return "mask", body
     if not rest:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from glyphs.fonts.serials import FormatError, allowed_characters
 from recognition.language.automaton import Automaton, Machine, Strings, WordList, coded, unrolled
 from recognition.language.check_digits import CheckDigit
+from recognition.language.elements import names_before_gaps
 from recognition.language.expression import MOST_PLACES, expression_machine
 from recognition.language.expression_tree import expression_tree
 from recognition.language.format_text import parts_of
@@ -35,6 +36,7 @@ class Grammar:
         checks: check digits that must hold.
         exclude: characters that stand nowhere, except where the format writes them themselves.
         alphabet: characters that stand where nothing else says so (`.` in an expression).
+        elements: the text elements that the expression was made of, as `recognition.language.elements` has them.
 
     Raises:
         FormatError: a part that cannot be used, or parts that no serial meets together.
@@ -47,6 +49,7 @@ class Grammar:
     checks: tuple[CheckDigit, ...] = ()
     exclude: str = ""
     alphabet: str = ALPHANUMERIC
+    elements: str | None = None
 
     def __post_init__(self) -> None:
         if self.lexicon is not None:
@@ -81,6 +84,7 @@ class Grammar:
             lexicon=words,
             checks=parts.checks,
             exclude=parts.exclude,
+            elements=parts.elements,
         )
 
     def __repr__(self) -> str:
@@ -91,7 +95,8 @@ class Grammar:
         """The parts, about as `parse` reads them."""
         parts = [
             f"mask:{self.format}" if self.format is not None else "",
-            f"re:{self.expression}" if self.expression is not None else "",
+            f"re:{self.expression}" if self.expression is not None and self.elements is None else "",
+            f"fields:{self.elements}" if self.elements is not None else "",
             f"sets:{','.join(self.sets)}" if self.sets is not None else "",
             f"lexicon of {len(self.lexicon)}" if self.lexicon is not None else "",
             *(f"check={check}" for check in self.checks),
@@ -105,6 +110,12 @@ class Grammar:
         places = allowed_characters(self.format) if self.format else ()
         inked = [k for k, chars in enumerate(places) if chars != " "]
         return frozenset(k for k in range(len(inked) - 1) if inked[k + 1] - inked[k] > 1)
+
+    def spaces(self, text: str) -> frozenset[int] | None:
+        """Places of a serial, without blanks, that a word gap follows; None where the format says nothing of them."""
+        if self.format is not None:
+            return self.gaps
+        return None if self.elements is None else names_before_gaps(text)
 
     @property
     def characters(self) -> tuple[str, ...]:
@@ -173,7 +184,9 @@ class Grammar:
         if self.format is not None:
             parts.append(replace(bare, format=self.format))
         if self.expression is not None:
-            parts.append(replace(bare, expression=self.expression, alphabet=self.alphabet))
+            parts.append(
+                replace(bare, expression=self.expression, alphabet=self.alphabet, elements=self.elements)
+            )
         if self.sets is not None:
             parts.append(replace(bare, sets=self.sets))
         return parts or ([bare] if self.lexicon is None else [])

@@ -98,7 +98,6 @@ class VisionReader:
             part,
             self.settings,
             grammar=self.grammar,
-            gaps=self.gaps,
             flags=ReadingFlag.NONE,
             source="vision",
             asked=self.settings.asked,

@@ -180,7 +180,6 @@ class TactileReader:
             part,
             self.settings,
             grammar=self.grammar,
-            gaps=self.gaps,
             flags=flags,
             source="tactile",
             asked=self.settings.asked,

@@ -14,7 +14,7 @@ from string import Formatter
 
 from glyphs.errors import MarksError
 from pipeline.common.records import PartRecord
-from pipeline.common.row import codes_text, lines_text
+from pipeline.common.row import codes_text, fields_text, lines_text
 from pipeline.service.line.trigger import decision_of, is_hidden
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
@@ -32,6 +32,7 @@ TEXT_FIELDS = (
     "job",
     "lines",
     "codes",
+    "fields",
 )
 NUMBER_FIELDS = ("confidence", "height_mm", "rotation_deg", "seconds")
 _SPEC = re.compile(r"0?[0-9]{0,2}(\.[0-9]{1,2}f)?")
@@ -121,6 +122,7 @@ def _values(part: PartRecord) -> dict[str, str | float]:
         "job": part.job,
         "lines": lines_text(reading.lines) if reading else "",
         "codes": codes_text(reading.codes) if reading else "",
+        "fields": fields_text(reading.fields) if reading else "",
         "confidence": reading.confidence if reading else 0.0,
         "height_mm": (reading.height_mm or 0.0) if reading else 0.0,
         "rotation_deg": reading.rotation_deg if reading else 0.0,
