@@ -3,8 +3,8 @@
 Drawn after the single-stroke letters of ISO 3098 type B and DIN 1451, with the wider round letters of
 steel-stamp sets. Look-alikes are kept apart as a die cutter keeps them: O is a full oval and 0 a narrow
 obround, 1 carries a flag and I is a bare stroke, 5 and Z have corners where S and 2 are round, 8 is waisted
-where B has a stem. Small letters are 0.7 high, with ascenders of the capitals' height and descenders of 0.3, after the same
-standard; l carries a curl, which I and 1 lack.
+where B has a stem. Small letters are 0.7 high, with ascenders of the capitals' height and descenders of
+0.3, after the same standard; l carries a curl, which I and 1 lack.
 
 Frame: y up, the *centre lines* of H span y = 0..1; x starts at 0 on the leftmost centre line. A stroke is a
 sequence of points (x, y) and `Arc`s joined by straight lines in the order written.

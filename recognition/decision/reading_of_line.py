@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,11 @@ IN_FORMAT = MappingProxyType({"tactile": -1.5, "vision": -2.5})
 alphabet 22 were accepted without this rule; with it 12 of 134, an Θ for a 0 or a Λ for an A."""
 UNCHANGED = 0.5
 """Belief before the format has its say in the text that it chose, twins counted, from which it has changed nothing."""
-GAP_BELIEF = 0.5
-"""In a word gap between two places, from which one is there."""
+GAP_BELIEF, GAP_HINT = 0.4, 0.1
+"""In a word gap between two places, from which one is there; likewise where signs, which are narrow, do not explain a
+wide step."""
+SMALL_BELIEF = 0.5
+"""In a small letter where none was asked for, from which a person is asked."""
 WORD_GAP_HEIGHTS, WORD_STEP = 0.5, 1.45
 """Between the middles of neighbours beyond the usual, from which a gap is taken for a space."""
 
@@ -84,6 +88,7 @@ def reading_of_line(
         # a scratch reads as a 1, two dents as OO
         return replace(decided((), 0.0, settings, flags=flags), source=source).traced(lattice=lattice)
     changed = _beyond_format(main, choice.text, grammar, least=IN_FORMAT[source])
+    small = small_letters(main.belief.heard, main.belief.columns, choice.text) if grammar is None else ()
     worth = calibration_for(source, main.belief.heard)
     others = [_other(name, one, asked[name].grammar, worth) for name, one in part.named.items()]
     others += [
@@ -103,7 +108,7 @@ def reading_of_line(
         flags=flags,
         choice=choice,
         grammar=grammar,
-        findings=(*changed, *doubts_of_lines(others, asked, settings)),
+        findings=(*changed, *small, *doubts_of_lines(others, asked, settings)),
         others=tuple(others),
         height_mm=main.line.height_mm,
         rotation_deg=main.line.turned_deg,
@@ -250,32 +255,59 @@ def spaces_of(
         columns: (places,) where each stands.
     """
     known = None if grammar is None else grammar.spaces(text)
-    return word_gaps(columns) | gaps_heard(heard, columns) if known is None else known
+    return word_gaps(columns, heard) if known is None else known
 
 
-def gaps_heard(heard: Mapping[str, Sequence[Steps]], columns: NDArray[np.float64]) -> frozenset[int]:
-    """Places after which some recogniser believes more in a word gap than in none, mean of its looks."""
-    found: set[int] = set()
+def small_letters(
+    heard: Mapping[str, Sequence[Steps]], columns: NDArray[np.float64], text: str
+) -> tuple[Finding, ...]:
+    """Whether small letters may stand where, unasked for, they were counted as capitals.
+
+    Many a die is small capitals, and many a letter has one shape for both: a person who knows the marking decides,
+    once, by a format.
+    """
+    if columns.size < 2:
+        return ()
+    half = 0.5 * float(np.diff(columns).min())
+    believed = _heard_between([(c - half, c + half) for c in columns], heard, "small")
+    if believed is None or not (small := np.flatnonzero(believed > SMALL_BELIEF)).size:
+        return ()
+    k = int(small[0])
+    words = f"{text[k]} at place {k + 1} may be a small letter (a format says which: A or a)"
+    return (Finding(ReadingFlag.LOW_CONFIDENCE, words),)
+
+
+def _heard_between(
+    spans: Sequence[tuple[float, float]], heard: Mapping[str, Sequence[Steps]], what: Literal["gap", "small"]
+) -> NDArray[np.float64] | None:
+    """(spans,) the greatest belief along each: mean of looks, then of experts; None where nobody listened."""
+    experts = []
     for looks in heard.values():
-        believed = [
+        each = [
             [
-                float(np.max(look.gap[(look.columns > left) & (look.columns < right)], initial=0.0))
-                for left, right in pairwise(columns)
+                float(values[(look.columns > low) & (look.columns < high)].max(initial=0.0))
+                for low, high in spans
             ]
             for look in looks
+            if (values := getattr(look, what)) is not None
         ]
-        if believed:
-            found.update(int(k) for k in np.flatnonzero(np.mean(believed, axis=0) > GAP_BELIEF))
-    return frozenset(found)
+        if each:
+            experts.append(np.mean(each, axis=0))
+    return np.asarray(np.mean(experts, axis=0)) if experts else None
 
 
-def word_gaps(columns: NDArray[np.float64]) -> frozenset[int]:
-    """Places after which a space stands out: wide in itself, and against the line's usual step."""
+def word_gaps(
+    columns: NDArray[np.float64], heard: Mapping[str, Sequence[Steps]] = MappingProxyType({})
+) -> frozenset[int]:
+    """Places after which there is a space: heard, or so wide against the line's usual step that a little is enough."""
     if columns.size < 3:
         return frozenset()
     step = np.diff(columns) / HEIGHT_ROWS
     usual = float(np.median(step))
     wide = (step > usual + WORD_GAP_HEIGHTS) & (step > WORD_STEP * usual)
+    believed = _heard_between(list(pairwise(columns)), heard, "gap")
+    if believed is not None:
+        wide = (wide & (believed > GAP_HINT)) | (believed > GAP_BELIEF)
     return frozenset(int(k) for k in np.flatnonzero(wide))
 
 

@@ -113,15 +113,18 @@ def steps_of(looks: Sequence[Picture], *, chars: str) -> list[Steps]:
     for said in session.run(None, {session.get_inputs()[0].name: fed})[0]:
         at = (np.arange(len(said)) + 0.5) / len(said) * fed.shape[3]
         within = at < columns + 8
-        shares = np.zeros((len(said), len(chars)))
+        shares, small = np.zeros((len(said), len(chars))), np.zeros(len(said))
         for k, char in enumerate(chars):
             for own in {char, *([char.lower()] if char.lower() not in chars else [])}:
                 if own in classes:
                     shares[:, k] += said[:, classes[own]]
+                    small += said[:, classes[own]] * (own != char)
         # a word gap is land to us: its class counts as blank
         gap = said[within, classes[" "]].astype(np.float64)
         blank = said[within, 0] + gap
-        made.append(Steps.of(blank, shares[within], chars, at[within] / ZOOM - 0.5, gap=gap))
+        made.append(
+            Steps.of(blank, shares[within], chars, at[within] / ZOOM - 0.5, gap=gap, small=small[within])
+        )
     return made
 
 

@@ -49,14 +49,15 @@ def steps_of(strips: Sequence[Layers], *, chars: str) -> list[Steps]:
     made = []
     for log in believed(strips):
         power = np.exp(log.astype(np.float64))
-        of = np.zeros((power.shape[0], len(chars)))
+        of, small = np.zeros((power.shape[0], len(chars))), np.zeros(power.shape[0])
         for k, char in enumerate(chars):
             for own in {char, *([char.lower()] if char.lower() not in chars else [])}:
                 if own in _CODES:
                     of[:, k] += power[:, _CODES[own]]
+                    small += power[:, _CODES[own]] * (own != char)
         gap = power[:, _CODES[" "]]
         columns = (np.arange(len(power), dtype=np.float64) + 0.5) * STEP_COLUMNS - 0.5
-        made.append(Steps.of(power[:, 0] + gap, of, chars, columns, gap=gap))
+        made.append(Steps.of(power[:, 0] + gap, of, chars, columns, gap=gap, small=small))
     return made
 
 

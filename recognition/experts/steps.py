@@ -32,7 +32,8 @@ class Steps:
         log_chars: (steps, C) of each of `chars`.
         chars: which.
         columns: (steps,) of the strip, where each step's middle lies.
-        gap: (steps,) belief in a word gap, which `log_blank` holds as well; none where the recogniser knows no gaps.
+        gap: (steps,) belief in a word gap, which `log_blank` holds as well; None where nobody asked for gaps.
+        small: (steps,) belief in small letters, which `log_chars` counts as their capitals; None likewise.
         view: number of the view that was looked at, of several of one part.
     """
 
@@ -40,18 +41,25 @@ class Steps:
     log_chars: Floats
     chars: str
     columns: Floats
-    gap: Floats
+    gap: Floats | None = None
+    small: Floats | None = None
     view: int = 0
 
     __repr__ = one_line
 
     @classmethod
     def of(
-        cls, blank: Floats, shares: Floats, chars: str, columns: Floats, *, gap: Floats | None = None
+        cls,
+        blank: Floats,
+        shares: Floats,
+        chars: str,
+        columns: Floats,
+        *,
+        gap: Floats | None = None,
+        small: Floats | None = None,
     ) -> Steps:
-        """Of probabilities, (steps,) and (steps, C); (steps,) of the share of the blank that is a word gap."""
-        gap = np.zeros(blank.shape) if gap is None else np.asarray(gap, dtype=np.float64)
-        return cls(np.log(blank + FLOOR), np.log(shares + FLOOR), chars, columns, gap)
+        """Of probabilities, (steps,) and (steps, C); see the class."""
+        return cls(np.log(blank + FLOOR), np.log(shares + FLOOR), chars, columns, gap, small)
 
     def places(self, allowed: Sequence[str]) -> PlaceBelief | None:
         """Posteriors of so many places, each of which may bear these characters; None where they have no room."""

@@ -1,12 +1,12 @@
 r"""Text elements and application identifiers: markings whose fields say themselves what they are, as formats.
 
-    fields:SER                        SER KB740215            ATA Spec 2000, MIL-STD-130: three letters, a blank, a value
+    fields:SER                        SER KB740215            ATA Spec 2000, MIL-STD-130
     fields:MFR/SER AA999999           MFR 0AB12/SER KB740215  several in a line; a mask narrows a value
     fields:(01)(17)(21)AA999999       (01)09501101530003(17)271231(21)KB740215   GS1, as it is written for people
 
 They become a regular expression, a check digit where one is prescribed, and the blanks that stand after names.
-Lengths and characters: GS1 General Specifications 3.2 (of the characters of X..20 the usual ones: a mask names others);
-MIL-STD-130N tables II and III and the DoD Guide to Uniquely Identifying Items (ATA Spec 2000 chapter 9 has no longer ones).
+GS1: General Specifications 3.2; of the characters of X..20 the usual ones, a mask names others. Text elements: greatest
+lengths of the DoD Guide to Uniquely Identifying Items (part number 32, serial 30, lot 20, identifier 50, DUNS 9, CAGE 5).
 """
 
 from __future__ import annotations
