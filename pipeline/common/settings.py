@@ -241,9 +241,10 @@ class ReadSettings(Settings):
     photographs), print (RapidOCR, with the extra vision: touch and photographs), templates (the shapes of the fonts
     that are named, and of the die that a lot has taught, as touch feels them: touch only). All of them unless given."""
     format: Annotated[tuple[str, ...], BeforeValidator(_one), AfterValidator(_formats)] = ()
-    """What serials look like; may be repeated, all must hold. Such as AA999999 (A letter, 9 digit, * either, any
-    other character itself), re:EXPRESSION, sets:AB,0-9,... (the characters of each place), vin, or check:RULE;
-    +check=RULE and +exclude=IOQ may follow any of them."""
+    """What serials look like; may be repeated, all must hold. Such as AA999999 (A letter, a small letter, 9
+    digit, * A or 9, any other character and what a \\ stands before itself, a blank a word gap), re:EXPRESSION,
+    sets:AB,0-9,... (the characters of each place), fields:SER (text elements and GS1 identifiers), vin, or
+    check:RULE; +check=RULE and +exclude=IOQ may follow any of them."""
     lexicon: Path | None = None
     """File of all serials that exist, one a line; # starts a comment."""
     check: Annotated[Names, AfterValidator(_checks)] = ()

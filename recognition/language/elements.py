@@ -5,8 +5,8 @@ r"""Text elements and application identifiers: markings whose fields say themsel
     fields:(01)(17)(21)AA999999       (01)09501101530003(17)271231(21)KB740215   GS1, as it is written for people
 
 They become a regular expression, a check digit where one is prescribed, and the blanks that stand after names.
-GS1: General Specifications 3.2; of the characters of X..20 the usual ones, a mask names others. Text elements: greatest
-lengths of the DoD Guide to Uniquely Identifying Items (part number 32, serial 30, lot 20, identifier 50, DUNS 9, CAGE 5).
+GS1: General Specifications 3.2; of the characters of X..20 the usual ones, a mask names others. Text elements: the
+lengths of the DoD Guide to Uniquely Identifying Items (part number 32, serial 30, lot 20, UII 50, DUNS 9, CAGE 5).
 """
 
 from __future__ import annotations

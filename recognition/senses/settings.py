@@ -47,7 +47,7 @@ class ReaderSettings:
 
     Attributes:
         fonts: fonts, names of built-in fonts, paths of TTF/OTF files, if any is known: their templates have a say.
-        format: of the serial (`A` letter, `9` digit, `*` either, others themselves; blanks are word gaps), or a
+        format: of the serial (a mask, `glyphs.fonts.serials.allowed_characters`; blanks are word gaps), or a
             grammar; None where nothing is known.
         height_mm: character height, if known.
         fidelity: how the virtual array feels a height map.

@@ -53,7 +53,7 @@ def line_of(
 def read(
     main: ReadLine | None, *others: ReadLine, grammar: Grammar | None = None, **options: object
 ) -> Reading:
-    given = {"gaps": frozenset(), "flags": ReadingFlag.NONE, "source": "tactile", **options}
+    given = {"flags": ReadingFlag.NONE, "source": "tactile", **options}
     return reading_of_line(PartLines(main, others=others), Rules(), grammar=grammar, **given)  # type: ignore[arg-type]
 
 
