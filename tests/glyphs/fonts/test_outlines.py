@@ -1,4 +1,5 @@
 import itertools
+import string
 from pathlib import Path
 
 import matplotlib
@@ -21,6 +22,7 @@ from glyphs.fonts.outlines import (
     transformed,
     with_stroke,
 )
+from glyphs.fonts.serials import SIGNS
 
 DEJAVU = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 CFF_LIKE_STIX = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "STIXGeneral.ttf"
@@ -309,3 +311,14 @@ def test_glyphs_cannot_be_changed_through_their_arrays():
         glyph.strokes[0][0, 0] = 1.0
     with pytest.raises(TypeError):
         load_font("gothic").glyphs["A"] = glyph
+
+
+@pytest.mark.parametrize("name", BUILTIN_FONTS)
+def test_built_in_fonts_have_small_letters_and_signs_of_their_proper_heights(name):
+    font = load_font(name)
+    assert set(string.ascii_letters + string.digits + SIGNS + " ") <= set(font.glyphs)
+    for (
+        char
+    ) in "osvwxz":  # in height alone they differ from their capitals; 0.5 to 0.8 of them in any of the fonts
+        tops = [max(float(s[:, 1].max()) for s in font.glyph(c).strokes) for c in (char, char.upper())]
+        assert 0.5 < tops[0] / tops[1] < 0.8

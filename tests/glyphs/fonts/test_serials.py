@@ -13,6 +13,7 @@ formats = st.text("A9*BZ-./0", min_size=1, max_size=12)
 def test_mask_letters():
     letters, figures = string.ascii_uppercase, string.digits
     assert allowed_characters("A9*-") == (letters, figures, letters + figures, "-")
+    assert allowed_characters(r"a-\a\A\\") == (string.ascii_lowercase, "-", "a", "A", "\\")
     assert allowed_characters("B0") == ("B", "0")
     assert "O" not in allowed_characters("A", exclude="IOQ")[0]
     assert allowed_characters("O", exclude="IOQ") == ("O",)
@@ -36,7 +37,7 @@ def test_random_text_uses_the_whole_alphabet():
 
 @pytest.mark.parametrize(
     ("format", "exclude", "message"),
-    [("", "", "empty"), ("A\n", "", "printed"), ("A9", string.digits, "position 2")],
+    [("", "", "empty"), ("A\n", "", "printed"), ("A9", string.digits, "position 2"), ("A\\", "", "follows")],
 )
 def test_masks_refused(format, exclude, message):
     with pytest.raises(FormatError, match=message):

@@ -12,7 +12,7 @@ from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.belief.weights import ExpertWeights, Power
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Decision, Reading
-from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, word_gaps
+from recognition.decision.reading_of_line import IN_FORMAT, hull, reading_of_line, small_letters, word_gaps
 from recognition.experts.steps import Steps
 from recognition.language.box import Box
 from recognition.language.grammar import Grammar
@@ -174,3 +174,27 @@ def test_no_line_and_a_line_that_says_nothing_are_no_characters() -> None:
 def test_a_hull_holds_its_boxes() -> None:
     assert hull([]) is None
     assert hull([Box(0, 1, 2, 3), Box(-1, 2, 1, 5)]) == Box(-1, 1, 2, 5)
+
+
+def _steps(columns: np.ndarray, **beliefs: np.ndarray) -> Steps:
+    return Steps.of(np.ones(columns.size), np.zeros((columns.size, len(CHARS))), CHARS, columns, **beliefs)
+
+
+def test_word_gaps_need_to_be_heard_where_somebody_listens() -> None:
+    at = np.array([0.0, 0.8, 1.6, 3.2, 4.0]) * HEIGHT_ROWS
+    where = np.arange(0.0, 4.0, 0.1) * HEIGHT_ROWS
+    deaf = _steps(where, gap=np.zeros(where.size))
+    hears = _steps(where, gap=np.where(np.abs(where - 0.4 * HEIGHT_ROWS) < 3.0, 0.9, 0.0))
+    assert word_gaps(at, {"own": [_steps(where)]}) == word_gaps(at) == {2}
+    assert word_gaps(at, {"own": [deaf]}) == frozenset()
+    assert word_gaps(at, {"own": [hears]}) == {0}
+
+
+def test_small_letters_that_nobody_asked_for_go_to_a_person() -> None:
+    at = np.array([0.0, 1.0, 2.0]) * HEIGHT_ROWS
+    where = np.arange(0.0, 2.1, 0.1) * HEIGHT_ROWS
+    seen = _steps(where, small=np.where(np.abs(where - at[1]) < 3.0, 0.9, 0.0))
+    (finding,) = small_letters({"own": [seen]}, at, "ABC")
+    assert finding.flag is ReadingFlag.LOW_CONFIDENCE
+    assert "B at place 2" in finding.text
+    assert small_letters({"own": [_steps(where)]}, at, "ABC") == ()
