@@ -66,11 +66,17 @@ class Perturbation:
             raise ValueError(f"the perturbation {self.name!r} changes nothing")
 
     def reaches(self, senses: Sequence[str]) -> bool:
-        """Whether it changes anything for some senses ("touch" or "felt", "vision"); of none all may be used."""
+        """Whether it changes anything for some senses; of none all may be used.
+
+        Args:
+            senses: "touch" or "felt", "vision" or "lights".
+        """
         wanted = set(senses) or {"touch", "vision"}
         of_touch = self.shift or self.noise or self.scale or self.reordered
         of_camera = self.light or self.noise or self.scale
-        return bool((of_touch and wanted & {"touch", "felt"}) or (of_camera and "vision" in wanted))
+        return bool(
+            (of_touch and wanted & {"touch", "felt"}) or (of_camera and wanted & {"vision", "lights"})
+        )
 
 
 PERTURBATIONS = (

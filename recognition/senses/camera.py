@@ -107,7 +107,7 @@ class VisionReader:
             made,
             unit="mm" if scaled else "px",
             seconds=MappingProxyType(dict(timer.seconds)),
-            photos=len(views),
+            photos=1 + len(photo.others) - len(left_out),
             notes=notes,
         ).traced(photo=photo)
         return on_known_ground(made, self.settings)

@@ -1,6 +1,7 @@
 """Several photographs of a part laid over the first: each a view of its own, all in one frame.
 
     photographs --gradient's size, whatever the light--> phase correlation, then ECC --> shift and turn --> views
+    four or more views of different lights --> slopes, one more view
 
 A lamp from another side turns bright flanks dark, but edges stay where they are: the size of the gradient is compared.
 Source: G. Evangelidis, E. Psarakis, IEEE PAMI 30 (2008) 1858 (ECC).
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
+from recognition.views.slopes import slope_picture
 from recognition.views.view import GREY, KNOWN, View, photo_view
 
 Floats = NDArray[np.float32]
@@ -27,11 +29,13 @@ LEAST_ALIKE = 0.15
 def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
     """A view of each photograph, in the frame of the first, and which do not show the same and are left out.
 
+    Of four or more under different lights the view of the slopes comes before them: stains are gone from it.
+
     Args:
         photo: with its others.
 
     Returns:
-        The views, the first photograph's first; numbers of those left out, where the first one is 1.
+        The views, the slopes' first, then the first photograph's; numbers of those left out, where the first one is 1.
     """
     first = photo_view(photo)
     if not photo.others:
@@ -47,7 +51,21 @@ def photo_views(photo: Photo) -> tuple[list[View], tuple[int, ...]]:
         else:
             motion[:, 2] /= scale
             views.append(_laid_over(first, grey, motion))
-    return views, tuple(left_out)
+    return [*_slopes(views), *views], tuple(left_out)
+
+
+def _slopes(views: list[View]) -> list[View]:
+    """The view of how steep it is, where lights show that."""
+    known = np.all([view.layers[KNOWN] > 0.5 for view in views], axis=0)
+    # what a light does not reach is filled from the first: no edge is made there
+    first = views[0].layers[GREY]
+    picture = slope_picture([np.where(v.layers[KNOWN] > 0.5, v.layers[GREY], first) for v in views])
+    if picture is None:
+        return []
+    layers = np.zeros_like(views[0].layers)
+    layers[KNOWN] = known
+    layers[GREY] = picture * known
+    return [View(views[0].kind, layers, views[0].pitch_mm, views[0].origin_mm)]
 
 
 def _gradient(grey: Floats, scale: float) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -18,6 +18,8 @@ from pipeline.files.synth import MAX_PARTS, SynthSpec, make_part, text_of
 
 LIGHTS: Final[dict[str, float | None]] = {"drawn": None, "raking": 18.0, "steep": 70.0}
 """How high the lamp stands, degrees; its direction is drawn for every part."""
+SEVERAL = 4
+"""Lights, evenly all round, for the mode that reads several photographs of a part."""
 COUNTS = ("parts", "parts_a_cell")
 """Settings of a design that no part depends on."""
 _SPECIAL = ("soil", "severity", "light")
@@ -93,6 +95,7 @@ class DesignedParts:
             height_map=part.height_map,
             soil=part.soil,
             take_photo=lambda: spec.photograph(part),
+            take_lights=lambda: replace(spec, lights=SEVERAL).photograph(part),
             line_mm=hull(boxes),
             boxes_mm=boxes,
             height_mm=stamped.height_mm,

@@ -23,6 +23,7 @@ def perturbed(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> S
     """
     again = Retake(how, zlib.crc32(f"{specimen.part} {how.name}".encode()))
     grown, take, turned = again.grown, specimen.take_photo, specimen.turned
+    take_lights = specimen.take_lights
 
     def larger(box: Box | None) -> Box | None:
         return None if box is None else (box[0] * grown, box[1] * grown, box[2] * grown, box[3] * grown)
@@ -32,6 +33,7 @@ def perturbed(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> S
         height_map=again.surface(specimen.height_map),
         turned=None if turned is None else lambda: again.surface(turned()),
         take_photo=None if take is None else lambda: again.photo(take()),
+        take_lights=None if take_lights is None else lambda: again.photo(take_lights()),
         line_mm=larger(specimen.line_mm),
         boxes_mm=tuple(b for b in map(larger, specimen.boxes_mm) if b is not None),
         beside_mm=larger(specimen.beside_mm),

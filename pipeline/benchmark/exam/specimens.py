@@ -59,6 +59,7 @@ class Specimen:
         beside_mm: around another line, which is not asked for; None without one.
         turned: the map with the other row first, as `pipeline.reading.part_reader.read_surface` takes it.
         feel: scans it; by the default plan unless given.
+        take_lights: photographs it as `take_photo`, with others under other lights; None without.
     """
 
     part: str
@@ -72,6 +73,7 @@ class Specimen:
     beside_mm: Box | None = None
     turned: Callable[[], HeightMap] | None = None
     feel: Feel | None = None
+    take_lights: Callable[[], Photo] | None = None
 
 
 class Parts(Protocol):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from whisker_array.scan.scan import Scan
 
 
-_KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision")}
+_KEPT = {"touch": ("touch", "felt"), "vision": ("photo", "photograph", "vision", "photographs", "lights")}
 """What `PartReadings` keeps of each sense: values, and their times."""
 
 
@@ -107,6 +107,22 @@ class PartReadings:
         reading: Reading = self._timed("vision", lambda: self._reader.vision.read_photo(photo))
         return reading
 
+    @cached_property
+    def lights(self) -> Reading:
+        """The photographs under several lights read as one.
+
+        Raises:
+            MarksError: there is only one, or none.
+        """
+        from recognition.reader import centred
+
+        if self.specimen.take_lights is None:
+            raise MarksError(f"{self.specimen.part} has no photographs under several lights")
+        photo: Photo = self._timed("photographs", self.specimen.take_lights)
+        shown = photo if photo.centre_mm is not None else centred(photo, self.specimen.height_map)
+        reading: Reading = self._timed("lights", lambda: self._reader.vision.read_photo(shown))
+        return reading
+
     def _timed(self, name: str, act: Callable[[], Any]) -> Any:
         start = time.perf_counter()
         result = act()
@@ -137,7 +153,8 @@ class ModeReader(Protocol):
     """A mode.
 
     Attributes:
-        uses: what it needs of `PartReadings`: "touch", "vision", "felt"; the others' time is not charged to it.
+        uses: what it needs of `PartReadings`: "touch", "vision", "lights", "felt"; the others' time is not charged to
+            it.
     """
 
     uses: tuple[str, ...]

@@ -42,6 +42,19 @@ class VisionMode:
         return senses.vision
 
 
+class LightsMode:
+    """The camera alone, under several lights."""
+
+    uses: tuple[str, ...] = ("lights",)
+
+    def __init__(self, reader: Reader) -> None:
+        _ = reader.vision
+
+    def read(self, senses: PartReadings) -> Reading:
+        """The reading of all photographs together."""
+        return senses.lights
+
+
 class FusedMode:
     """Touch and camera."""
 
@@ -69,6 +82,7 @@ def _peer(engine: str, picture: str) -> Callable[[Reader], ModeReader]:
 MODES: dict[str, Callable[[Reader], ModeReader]] = {
     "tactile": TactileMode,
     "vision": VisionMode,
+    "lights": LightsMode,
     "fused": FusedMode,
 }
 """The project's own modes by name."""

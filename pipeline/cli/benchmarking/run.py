@@ -92,7 +92,8 @@ def benchmark(
         Number of parts for every soil, dirt, font and format; 200 unless given. Of a design: the first so many; all
         unless given.
     mode
-        What reads: tactile, vision, fused, "rapidocr relief" and its like, separated by commas.
+        What reads: tactile, vision, fused, lights (vision of four photographs, the lamp on another side each time),
+        "rapidocr relief" and its like, separated by commas.
     font
         Built-in names or TTF/OTF files, separated by commas; gothic unless given. Of --inputs: those that may be
         theirs, all built-in ones unless given.

@@ -1,0 +1,57 @@
+"""How steep a surface is, from photographs under several lights, wherever the lamps stood: one more view.
+
+    under lights 1 .. n --own brightness out, colour out--> changes --two main directions--> slopes --size--> view
+
+A flat plate is as bright under every light; a flank is bright under one and dark under another. What changes from light
+to light, in logarithms, is about linear in the two slopes, so that two components hold nearly all of it. Lamps that
+nobody measured leave these turned and stretched, but flat ground stays flat: the size shows the flanks, dark on light.
+Stains, rust and paint, which are as dark under all lights, are gone. Glints and shadows are cut.
+Sources: R. Woodham, Opt. Eng. 19 (1980) 139; H. Hayakawa, JOSA A 11 (1994) 3079 (lights that are not known).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+LEAST_LIGHTS = 4
+_NEAR = 1 / 50
+"""Of the longer side: blur of a light's own brightness over the part."""
+_DARK, _CUT = 0.02, (0.1, 3.0)
+"""Brightness added before the ratio; ratios to the ground about them at which shadows and glints are cut."""
+_FOCUS, _FULL_PERCENT = 1.0, 99.0
+"""Blur, pixels; percentile of the steepest that is drawn black."""
+LEAST_SHARE = 0.75
+"""Of all changes, that two components hold from which it was the light that changed: of noise they hold 2 / (n - 1)."""
+
+
+def slope_picture(photographs: Sequence[Floats]) -> Floats | None:
+    """Flanks dark on light, (rows, cols) 0 to 1; None of too few photographs, or all under one light.
+
+    Args:
+        photographs: brightness of each, (rows, cols) 0 to 1, laid over each other.
+    """
+    from glyphs.opencv import cv2
+
+    if len(photographs) < LEAST_LIGHTS:
+        return None
+    shape = photographs[0].shape
+    reach = _NEAR * max(shape)
+    ratios = [
+        cv2.GaussianBlur(one, (0, 0), _FOCUS) / (cv2.GaussianBlur(one, (0, 0), reach) + _DARK)
+        for one in photographs
+    ]
+    changes = np.log(np.clip(np.stack(ratios).reshape(len(ratios), -1), *_CUT))
+    changes -= changes.mean(axis=0)
+    power, directions = np.linalg.eigh(changes @ changes.T)
+    share = float(power[-2:].sum() / max(float(power.sum()), 1e-12))
+    if share < LEAST_SHARE or power[-2] <= 0.0:
+        return None
+    slopes = directions[:, -2:].T @ changes
+    slopes /= slopes.std(axis=1, keepdims=True)
+    size = np.hypot(*slopes).reshape(shape)
+    full = max(float(np.percentile(size, _FULL_PERCENT)), 1e-6)
+    return np.asarray(1.0 - np.clip(size / full, 0.0, 1.0), dtype=np.float32)
