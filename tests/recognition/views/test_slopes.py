@@ -66,6 +66,11 @@ def test_a_burst_under_one_light_has_no_slopes() -> None:
     assert slope_picture([under(20.0, seed=k) for k in range(6)]) is None
 
 
+def test_exposures_under_one_light_have_no_slopes() -> None:
+    exposures = (0.4, 0.8, 1.5, 3.0)  # the brightest are white in places
+    assert slope_picture([under(20.0, seed=k, exposure=e) for k, e in enumerate(exposures)]) is None
+
+
 def test_three_lights_are_too_few() -> None:
     assert slope_picture([under(a, seed=k) for k, a in enumerate(AROUND[:3])]) is None
 
