@@ -88,8 +88,9 @@ class LineSearch:
         """Lines of a view by a look each; what is less usual is tried where the usual says little."""
         found = find_lines(view, height_mm=self.height_mm)[:MOST_LINES]
         seen = self.looks(view, _straight_and_bent(found[:1]))
-        if seen and says_much(self.meant(view, seen), PLAIN):
-            # the same ink seen otherwise has no more to say; other lines on the part may
+        if self.grammar is not None and says_much(self.meant(view, seen), PLAIN):
+            # the same ink seen otherwise has no more to say; other lines on the part may. Without a format nobody
+            # knows how far the line goes
             band_mm = seen[0].line.height_mm
             rest = [
                 one.line
