@@ -170,7 +170,7 @@ class LineReader:
         """What every expert hears at a look, and the generic one's pictures."""
         heard, pictures = dict(best.belief.heard), self._pictures(view, best.line)
         if pictures:
-            heard["print"] = generic.steps_of(pictures[:1], chars=self.chars)
+            heard["print"] = generic.steps_of(pictures[:1], chars=self.chars, rare=self.search.rare)
         return heard, pictures
 
     def _believed(
@@ -203,11 +203,16 @@ class LineReader:
                 pictures = self._pictures(view, line)
             heard["own"] = [*heard["own"], *self._own(view, line, moves)]
             if pictures[first:]:
-                heard["print"] = [*heard["print"], *generic.steps_of(pictures[first:], chars=self.chars)]
+                heard["print"] = [
+                    *heard["print"],
+                    *generic.steps_of(pictures[first:], chars=self.chars, rare=self.search.rare),
+                ]
             for number, other in enumerate(others, start=1):
                 heard["own"] = [*heard["own"], *_of_view(number, self._own(other, line, (HERE, *JITTERS)))]
                 if pictures:
-                    shown = generic.steps_of(self._pictures(other, line), chars=self.chars)
+                    shown = generic.steps_of(
+                        self._pictures(other, line), chars=self.chars, rare=self.search.rare
+                    )
                     heard["print"] = [*heard["print"], *_of_view(number, shown)]
             belief = believed(
                 {name: looks for name, looks in heard.items() if looks}, grammar, weights=weights
@@ -224,7 +229,7 @@ class LineReader:
 
     def _own(self, view: View, line: TextLine, moves: Sequence[tuple[float, float]]) -> list[Steps]:
         strips = [view.strip(moved(line, down, size)) for down, size in moves]
-        return recogniser.steps_of(strips, chars=self.chars)
+        return recogniser.steps_of(strips, chars=self.chars, rare=self.search.rare)
 
     def _pictures(self, view: View, line: TextLine) -> list[generic.Picture]:
         return generic.looks_at(view, line)[:MOST_PRINT] if self.print_too else []

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from glyphs.fonts.serials import SIGNS
 from recognition.belief.line_belief import believed
 from recognition.belief.part_lines import ReadLine, Region, stands_in
 from recognition.belief.weights import weights_of
@@ -73,6 +74,7 @@ class LineSearch:
             region: where the middle of the serial's line lies; anywhere unless given.
         """
         self.grammar, self.chars, self.height_mm, self.region = grammar, chars, height_mm, region
+        self.rare = SIGNS if grammar is None else ""
 
     def heights_mm(self, view: View) -> list[float]:
         """Character heights worth a scan of what a view shows, most promising first."""
@@ -153,7 +155,7 @@ class LineSearch:
         ]
         if not lines:
             return []
-        steps = recogniser.steps_of([view.strip(line) for line in lines], chars=self.chars)
+        steps = recogniser.steps_of([view.strip(line) for line in lines], chars=self.chars, rare=self.rare)
         beliefs = [believed({"own": [one]}, self.grammar, weights=weights_of(view.kind)) for one in steps]
         return _ranked([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
 

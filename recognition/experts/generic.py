@@ -98,7 +98,7 @@ def _painted(values: NDArray[np.float32]) -> Picture:
     return np.asarray(127.5 * (values + 1.0), dtype=np.uint8)
 
 
-def steps_of(looks: Sequence[Picture], *, chars: str) -> list[Steps]:
+def steps_of(looks: Sequence[Picture], *, chars: str, rare: str = "") -> list[Steps]:
     """What is believed along pictures of one line, (ROWS, columns) each, cut by `looks_at`.
 
     Raises:
@@ -123,7 +123,9 @@ def steps_of(looks: Sequence[Picture], *, chars: str) -> list[Steps]:
         gap = said[within, classes[" "]].astype(np.float64)
         blank = said[within, 0] + gap
         made.append(
-            Steps.of(blank, shares[within], chars, at[within] / ZOOM - 0.5, gap=gap, small=small[within])
+            Steps.of(
+                blank, shares[within], chars, at[within] / ZOOM - 0.5, gap=gap, small=small[within], rare=rare
+            )
         )
     return made
 

@@ -40,7 +40,7 @@ def _believed(strip: Layers) -> NDArray[np.float32]:
     return found[: -(-columns // STEP_COLUMNS)]
 
 
-def steps_of(strips: Sequence[Layers], *, chars: str) -> list[Steps]:
+def steps_of(strips: Sequence[Layers], *, chars: str, rare: str = "") -> list[Steps]:
     """What is believed along strips as `View.strip` cuts them.
 
     Small letters that are not asked for count as their capitals, which many a die has for both; what else is not asked
@@ -56,8 +56,9 @@ def steps_of(strips: Sequence[Layers], *, chars: str) -> list[Steps]:
                     of[:, k] += power[:, _CODES[own]]
                     small += power[:, _CODES[own]] * (own != char)
         gap = power[:, _CODES[" "]]
+        blank = power[:, 0] + (gap if " " not in chars else 0.0)
         columns = (np.arange(len(power), dtype=np.float64) + 0.5) * STEP_COLUMNS - 0.5
-        made.append(Steps.of(power[:, 0] + gap, of, chars, columns, gap=gap, small=small))
+        made.append(Steps.of(blank, of, chars, columns, gap=gap, small=small, rare=rare))
     return made
 
 

@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 FLOOR = 1e-6
 """Probability that a step leaves to everything: no character is ruled out by one network."""
 
+RARE = 0.1
+"""Prior of a sign against a letter or figure: an eighth of real markings hold one at all."""
 SHOWN = math.log(1e-4)
 """Logarithm of the belief that a character reaches at some step, or it is taken to stand nowhere."""
 
@@ -57,9 +59,16 @@ class Steps:
         *,
         gap: Floats | None = None,
         small: Floats | None = None,
+        rare: str = "",
     ) -> Steps:
-        """Of probabilities, (steps,) and (steps, C); see the class."""
-        return cls(np.log(blank + FLOOR), np.log(shares + FLOOR), chars, columns, gap, small)
+        """Of probabilities, (steps,) and (steps, C); see the class.
+
+        Args:
+            blank, shares, chars, columns, gap, small: as the class has them, not yet logarithms.
+            rare: characters that seldom stand on parts, and that nobody has asked for.
+        """
+        prior = np.array([RARE if char in rare else 1.0 for char in chars])
+        return cls(np.log(blank + FLOOR), np.log(shares * prior + FLOOR), chars, columns, gap, small)
 
     def places(self, allowed: Sequence[str]) -> PlaceBelief | None:
         """Posteriors of so many places, each of which may bear these characters; None where they have no room."""

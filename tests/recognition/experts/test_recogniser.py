@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from glyphs.stamping.stamp import StampedPart
 from recognition.experts import recogniser
 from recognition.experts.recogniser import CHARACTERS, STEP_COLUMNS, believed, steps_of
+from recognition.experts.steps import RARE
 from recognition.language.remainders import ALPHANUMERIC
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
 from recognition.views.view import Layers, heights_view
@@ -52,6 +53,12 @@ def test_small_letters_count_as_capitals_unless_asked_for(said: Callable) -> Non
     assert one("Kk")[1] == pytest.approx([0.2, 0.3], abs=1e-5)
     # of characters that it does not know it says nothing
     assert one("€")[1] == pytest.approx([0.0], abs=1e-5)
+
+
+def test_what_seldom_stands_on_parts_is_believed_less(said: Callable) -> None:
+    said({"A": 0.2, ".": 0.4})
+    (steps,) = steps_of([np.zeros((7, 40, 8), np.float32)], chars="A.", rare=".")
+    assert np.exp(steps.log_chars[0]) == pytest.approx([0.2, 0.4 * RARE], abs=1e-5)
 
 
 def test_a_space_is_blank_unless_asked_for(said: Callable) -> None:
