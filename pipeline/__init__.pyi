@@ -3,7 +3,7 @@ from .benchmark.exam.designed_parts import DesignedParts
 from .benchmark.exam.editions import design_named
 from .benchmark.readers.own_reader import Answer, ExamPart
 from .benchmark.trials.run import Benchmark, run_benchmark
-from .common.records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
+from .common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from .common.row import Row
 from .common.settings import ReadSettings, SettingsError
 from .files.parts import Part, discover

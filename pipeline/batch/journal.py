@@ -36,7 +36,7 @@ from pipeline.batch.tables import (
 )
 from pipeline.common.atomic import replacing, sync_folder
 from pipeline.common.file_lock import lock
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
 from pipeline.common.run_description import differences, key_of
 

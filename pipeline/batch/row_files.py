@@ -13,7 +13,7 @@ from typing import BinaryIO, NamedTuple
 
 from glyphs.errors import FileError
 from pipeline.batch.tables import LINE_FORMS, LineForm, parquet_records
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
 
 _MOST_RECORD_BYTES = 1 << 24  # more than all texts of a row take, escaped

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 from glyphs.errors import fault_of
 from pipeline.batch.summary import Summary
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
 from pipeline.files.listed import ListedPart
 from pipeline.store.errors import UnfitError

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pipeline.batch.row_files import RowFile
 from pipeline.batch.tables import LineForm, record_of_json
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
 from recognition.learning.lot import is_better
 

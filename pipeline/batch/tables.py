@@ -29,7 +29,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from glyphs.errors import FileError, damage_reported
 from pipeline.common.atomic import check_writable, replacing
-from pipeline.common.records import CandidateRecord, CharacterRecord, ReadingRecord
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.row import Row
 
 CSV_COLUMNS = tuple(f.name for f in fields(Row))

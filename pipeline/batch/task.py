@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
-from pipeline.common.records import EvidenceKind, ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import EvidenceKind
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart, settings_of
 from pipeline.reading.as_record import record_of_part

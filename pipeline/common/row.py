@@ -10,7 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pipeline.common.records import CharacterRecord, CodeRecord, FieldRecord, LineRecord, ReadingRecord
+from pipeline.common.reading_records import (
+    CharacterRecord,
+    CodeRecord,
+    FieldRecord,
+    LineRecord,
+    ReadingRecord,
+)
 
 WORTH_SHOWING = 0.01
 """Least probability of an alternative that a row names."""

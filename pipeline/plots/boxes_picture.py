@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 
 _ORANGE_BGR = (46, 87, 228)
 _WHITE_BGR = (255, 255, 255)

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from glyphs.errors import MarksError, fault_of
-from pipeline.common.records import (
+from pipeline.common.reading_records import (
     Box,
     CandidateRecord,
     CharacterRecord,

@@ -25,7 +25,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from glyphs.errors import FaultError, FileError, MarksError, fault_of
-from pipeline.common.records import EvidenceKind, PartState, ReadingRecord, ScanPlanRecord
+from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
+from pipeline.common.records import EvidenceKind, PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
 from pipeline.files.parts import Part

@@ -19,7 +19,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pipeline.common.records import ScanPlanRecord
+from pipeline.common.reading_records import ScanPlanRecord
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo

@@ -10,7 +10,8 @@ decided.
 
 from __future__ import annotations
 
-from pipeline.common.records import Agreement, PartState, ReadingRecord, ShadowRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import Agreement, PartState, ShadowRecord
 from pipeline.common.same_text import same_text
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 from glyphs.errors import FileError, MarksError
-from pipeline.common.records import ScanPlanRecord
+from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.files.parts import set_of
 from whisker_array.scan.stage_error import StageError
 

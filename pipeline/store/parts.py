@@ -10,15 +10,9 @@ from typing import Any
 import sqlalchemy as sa
 
 from pipeline.common.part_id import is_part_id
+from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.record_json import to_json
-from pipeline.common.records import (
-    EvidenceRecord,
-    PartRecord,
-    PartState,
-    ReadingRecord,
-    ScanPlanRecord,
-    ShadowRecord,
-)
+from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ShadowRecord
 from pipeline.store import tables
 from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError, UnfitError, cleaned, fit

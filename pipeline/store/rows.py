@@ -9,6 +9,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Row
 
 from pipeline.common.part_id import is_part_id
+from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.record_json import from_json
 from pipeline.common.records import (
     Agreement,
@@ -17,10 +18,8 @@ from pipeline.common.records import (
     EvidenceRecord,
     PartRecord,
     PartState,
-    ReadingRecord,
     ReviewAction,
     ReviewRecord,
-    ScanPlanRecord,
     ShadowRecord,
 )
 from pipeline.store.database import Transaction

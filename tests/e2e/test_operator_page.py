@@ -18,15 +18,8 @@ import numpy as np
 import pytest
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import (
-    CandidateRecord,
-    CharacterRecord,
-    EvidenceKind,
-    EvidenceRecord,
-    PartState,
-    ReadingRecord,
-    ReviewAction,
-)
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 
 MM = 0.05
 CELL, LEFT, TOP, TALL = 80, 60, 70, 90  # pixels of the drawings

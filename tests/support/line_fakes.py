@@ -11,15 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.record_json import to_json
-from pipeline.common.records import (
-    CandidateRecord,
-    CharacterRecord,
-    Delivery,
-    PartRecord,
-    PartState,
-    ReadingRecord,
-)
+from pipeline.common.records import Delivery, PartRecord, PartState
 
 NOW = datetime(2026, 11, 21, 19, 0, tzinfo=UTC)
 LONG_S = 60.0

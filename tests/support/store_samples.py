@@ -6,16 +6,8 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import (
-    CandidateRecord,
-    CharacterRecord,
-    EvidenceKind,
-    EvidenceRecord,
-    PartRecord,
-    PartState,
-    ReadingRecord,
-    ScanPlanRecord,
-)
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, ScanPlanRecord
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState
 from pipeline.store.store import Store
 
 START = datetime(2026, 11, 21, 9, 30, tzinfo=UTC)

@@ -10,12 +10,7 @@ from fastapi import Depends, Form, Header, Path, Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.records import (
-    EvidenceKind,
-    PartRecord,
-    ReviewAction,
-    Scope,
-)
+from pipeline.common.records import EvidenceKind, PartRecord, ReviewAction, Scope
 from pipeline.service.access import Access, Caller
 from pipeline.service.problem import MEDIA_TYPE, Problem, ProblemBody
 

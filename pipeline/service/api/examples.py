@@ -5,18 +5,15 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any
 
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, ScanPlanRecord
 from pipeline.common.record_json import to_json
 from pipeline.common.records import (
-    CandidateRecord,
-    CharacterRecord,
     EvidenceKind,
     EvidenceRecord,
     PartRecord,
     PartState,
-    ReadingRecord,
     ReviewAction,
     ReviewRecord,
-    ScanPlanRecord,
 )
 
 _ID = "01JD8Z6Y3Q5V7W9X1B2C3D4E5F"

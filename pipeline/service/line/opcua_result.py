@@ -14,7 +14,8 @@ import math
 from datetime import UTC
 from typing import Any
 
-from pipeline.common.records import PartRecord, PartState, ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import PartRecord, PartState
 from pipeline.service.line.opcua_library import ua_types
 from pipeline.service.line.trigger import LineDecision, decision_of
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median
 
-from pipeline.common.records import PassRecord, ReadingRecord
+from pipeline.common.reading_records import PassRecord, ReadingRecord
 from pipeline.service.pages.pictures import PictureView
 from recognition.active.active_reading import StopReason
 

@@ -15,7 +15,8 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.part_id import is_part_id
-from pipeline.common.records import PartRecord, ReadingRecord, Scope
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import PartRecord, Scope
 from pipeline.common.serial_format import format_like
 from pipeline.common.settings import NamedLine, ReadSettings, Region
 from pipeline.service.job_folder import JobAnswer, JobFolder

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING
 
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord
 from pipeline.service.pages.places import LOW_MARGIN, aligned, places_of
 
 if TYPE_CHECKING:

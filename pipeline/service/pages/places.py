@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from itertools import takewhile
 
-from pipeline.common.records import CandidateRecord, CharacterRecord, PartRecord, ReadingRecord
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
+from pipeline.common.records import PartRecord
 
 LOW_MARGIN = 0.3
 """Lead of the first over the second candidate below which a place is unsure; the reader's own limit."""

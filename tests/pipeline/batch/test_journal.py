@@ -28,7 +28,7 @@ from pipeline.batch.journal import RunJournal
 from pipeline.batch.row_files import read_rows
 from pipeline.batch.tables import LINE_FORMS, MOST_TEXT, record_of_json, write_records
 from pipeline.common.file_lock import lock
-from pipeline.common.records import (
+from pipeline.common.reading_records import (
     CandidateRecord,
     CharacterRecord,
     CodeRecord,
@@ -301,7 +301,7 @@ def test_the_longest_texts_come_back(table: Path) -> None:
 KILLED = """
 import os, sys
 from pathlib import Path
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.batch.journal import RunJournal
 book = RunJournal.open(Path(sys.argv[1]), {"font": "gothic", "formats": ["AA99"], "depth_mm": 0.3})
 if os.fork() == 0:
@@ -625,7 +625,7 @@ def test_places_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
 FULL = """
 import resource, sys
 from pathlib import Path
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 from glyphs.errors import FileError
 from pipeline.common.file_lock import lock
 from pipeline.batch.journal import RunJournal

@@ -21,7 +21,8 @@ from pipeline.batch.setting_files import files_to_send, settled
 from pipeline.batch.setup import opened
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.cli.main import main
-from pipeline.common.records import EvidenceKind, ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import EvidenceKind
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.listed import ListedPart, settings_of
 from pipeline.files.manifest import read_manifest

@@ -18,7 +18,7 @@ from pipeline.batch.run import Run
 from pipeline.batch.second_pass import SecondPass, learns
 from pipeline.batch.setup import opened
 from pipeline.batch.task import ReadPart, RunOrder
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.listed import ListedPart
 from pipeline.reading.enrolment import EnrolReport, ReviewedPart

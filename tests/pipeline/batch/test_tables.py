@@ -12,7 +12,7 @@ import pytest
 
 from glyphs.errors import FileError
 from pipeline.batch.tables import check_output, record_of_json, write_records
-from pipeline.common.records import (
+from pipeline.common.reading_records import (
     CandidateRecord,
     CharacterRecord,
     CodeRecord,

@@ -10,7 +10,7 @@ import pytest
 from pipeline.batch.options import RunOptions
 from pipeline.batch.tables import write_records
 from pipeline.cli.benchmarking.lot import lot
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.parts import discover
 from pipeline.files.synth import text_of

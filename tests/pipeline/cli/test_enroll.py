@@ -10,7 +10,8 @@ from pipeline.cli.enroll import enroll
 from pipeline.cli.exit_status import CommandError
 from pipeline.cli.main import main
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReadingRecord, ReviewAction
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReviewAction
 from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, make_part

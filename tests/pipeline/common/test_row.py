@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.common.records import CandidateRecord, CharacterRecord, LineRecord, ReadingRecord, RivalRecord
+from pipeline.common.reading_records import (
+    CandidateRecord,
+    CharacterRecord,
+    LineRecord,
+    ReadingRecord,
+    RivalRecord,
+)
 from pipeline.common.row import _ACTIONS, Row
 from recognition.decision.grade import Action
 

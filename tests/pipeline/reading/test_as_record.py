@@ -14,8 +14,8 @@ import x3pio
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap, MapError
+from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord
 from pipeline.common.record_json import from_json, to_json
-from pipeline.common.records import CodeRecord, LineRecord, ReadingRecord
 from pipeline.common.row import Row
 from pipeline.common.run_description import key_of
 from pipeline.common.settings import ReadSettings

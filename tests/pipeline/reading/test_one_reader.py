@@ -16,7 +16,7 @@ from pipeline.batch.task import RunOrder, read_listed
 from pipeline.benchmark.exam.condition import Condition
 from pipeline.benchmark.exam.folder_parts import FolderParts
 from pipeline.benchmark.trials.run import Benchmark, try_part
-from pipeline.common.records import ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
 from pipeline.files.listed import ListedPart

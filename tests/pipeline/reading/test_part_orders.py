@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from glyphs.errors import FaultError, FileError
-from pipeline.common.records import EvidenceKind, ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import EvidenceKind
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
 from pipeline.files.npz import write_npz

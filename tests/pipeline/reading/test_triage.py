@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.common.records import Agreement, PartState, ReadingRecord, ShadowRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import Agreement, PartState, ShadowRecord
 from pipeline.reading.triage import compared
 
 

@@ -15,7 +15,8 @@ from starlette.testclient import TestClient
 
 from glyphs.errors import FileError
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, ReadingRecord, Scope
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, Scope
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.limits import Limits
 from pipeline.files.synth import SynthSpec, write_part

@@ -11,7 +11,8 @@ import pytest
 from starlette.testclient import TestClient
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import PartState, ScanPlanRecord
+from pipeline.common.reading_records import ScanPlanRecord
+from pipeline.common.records import PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.files.parts import Part
 from pipeline.files.synth import SynthSpec, write_part

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from pipeline.common.records import PartState, ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import PartState
 from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.service.app import Service
 from pipeline.service.line.trigger import LineDecision, decision_of

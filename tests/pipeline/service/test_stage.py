@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap
-from pipeline.common.records import ScanPlanRecord
+from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.files.npz import write_npz
 from pipeline.files.touch_file import read_scan
 from pipeline.reading.scan_plan import raster_of

@@ -122,7 +122,8 @@ def test_many_write_and_look_at_once(store_url: str) -> None:
 _WRITER = """
 import sys
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import PartState, ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import PartState
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store
 store = Store.open(sys.argv[1])
 who = sys.argv[2]

@@ -15,7 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.common.records import CodeRecord, LineRecord, PartRecord, PartState, ReadingRecord
+from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord
+from pipeline.common.records import PartRecord, PartState
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString, ResultStringError
 from pipeline.service.line.tcp import TcpLimits, TcpPort
 from pipeline.service.line.trigger import LineDecision, decision_of, in_words, is_hidden

@@ -17,7 +17,8 @@ import pytest
 import structlog
 
 from glyphs.errors import FileError
-from pipeline.common.records import PartRecord, PartState, ReadingRecord
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.service.idempotency import Received
 from pipeline.service.line.watch_folder import WatchedFolder

@@ -17,20 +17,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import (
-    Agreement,
+from pipeline.common.reading_records import (
     CandidateRecord,
     CharacterRecord,
     CodeRecord,
-    EvidenceKind,
-    EvidenceRecord,
     LineRecord,
-    PartRecord,
-    PartState,
     PassRecord,
     ReadingRecord,
-    ReviewAction,
     ScanPlanRecord,
+)
+from pipeline.common.records import (
+    Agreement,
+    EvidenceKind,
+    EvidenceRecord,
+    PartRecord,
+    PartState,
+    ReviewAction,
     Scope,
     ShadowRecord,
 )
