@@ -133,7 +133,7 @@ def ask(process: subprocess.Popen[str]) -> str:
 
 @pytest.mark.parametrize(
     ("what", "limit_s"),
-    [("scan_sure", 0.120), ("scan_unsure", 0.600), ("photo_sure", 0.120), ("photo_unsure", 0.800)],
+    [("scan_sure", 0.120), ("scan_unsure", 0.600), ("photo_sure", 0.080), ("photo_unsure", 0.500)],
 )
 def test_reading_on_one_core(benchmark: BenchmarkFixture, what: str, limit_s: float) -> None:
     """Eight characters, font and height unknown, the slowest of the parts; each by its quickest round."""
