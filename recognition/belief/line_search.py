@@ -1,7 +1,7 @@
 """Where lines may be, and which of them says most: our own recogniser looks at each once.
 
 view --find_lines--> lines --a look each--> most promising first --moved, grown--> the best as it lies
-                       ^--none says much: fainter, smaller ones, upside down, run down--/
+                       ^--none says much: fainter, smaller, upside down, slanted--/
 """
 
 from __future__ import annotations
