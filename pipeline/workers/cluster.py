@@ -1,6 +1,8 @@
 """A Dask cluster as an executor: workers on many machines, of which any may be lost.
 
-Dask gives the task of a lost worker to another one, and gives up a task that several workers have died of.
+Dask gives the task of a lost worker to another one, and gives up a task that several workers have died of. It blames
+all that such a worker had before it, though one alone has killed it: where several are blamed, each is tried once
+more by itself, when all others are done.
 """
 
 from __future__ import annotations
@@ -33,6 +35,10 @@ class ClusterError(MarksError):
 
 class OtherProgramError(MarksError):
     """A worker has another version of the program: its answers do not belong to this run."""
+
+
+class WorkersDiedError(RuntimeError):
+    """Workers were lost again and again while they had a task."""
 
 
 class ClusterExecutor:
@@ -101,6 +107,8 @@ class ClusterExecutor:
         shared = client.submit(_same, order, pure=False)
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         held: dict[Any, tuple[T, int]] = {}
+        blamed: list[Outcome[T, R]] = []
+        alone = False
         waiting = iter(tasks)
 
         def hand_over(given: Iterable[T], tries: int = 1) -> None:
@@ -111,7 +119,14 @@ class ClusterExecutor:
 
         hand_over(islice(waiting, self._ahead()))
         last_seen = looked = time.monotonic()
-        while held:
+        while held or blamed:
+            if not held:
+                if len(blamed) == 1 and not alone:
+                    # whoever kills is blamed each time, so one that is blamed by itself has killed
+                    yield blamed.pop()
+                    continue
+                alone = True
+                hand_over([blamed.pop().task])
             try:
                 future = done.get(timeout=_LOOK_S)
             except queue.Empty:
@@ -136,7 +151,9 @@ class ClusterExecutor:
             else:
                 task, tries = held.pop(future)
                 outcome: Outcome[T, R] | None = self._outcome(future, task)
-                if outcome is not None:
+                if outcome is not None and isinstance(outcome.error, WorkersDiedError) and not alone:
+                    blamed.append(outcome)
+                elif outcome is not None:
                     yield outcome
                 elif not self.count() and client.status != "running":
                     raise self._lost()
@@ -159,7 +176,7 @@ class ClusterExecutor:
         if isinstance(fault, OtherProgramError):
             raise ClusterError(fault.what, hint=fault.hint) from fault
         if isinstance(fault, KilledWorker):
-            fault = RuntimeError("several workers have died of it, perhaps for want of memory")
+            fault = WorkersDiedError("several workers have died of it, perhaps for want of memory")
         return None if fault is None else Outcome(task, error=fault)
 
     def _lost(self) -> ClusterError:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import socket
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from pipeline.workers.cluster import ClusterError, ClusterExecutor
+from pipeline.workers.cluster import ClusterError, ClusterExecutor, WorkersDiedError
+from pipeline.workers.executors import Outcome
 from tests.support.cluster_process import ClusterProcess, cluster_process
 from tests.support.executor_calls import dies_of_seven, doubled, noted, odd_fails
 
@@ -83,6 +85,28 @@ def test_a_task_that_kills_every_worker_is_given_up_alone(tmp_path: Path) -> Non
         assert sorted(outcomes) == list(range(12)), cluster.told()
         assert [task for task, o in outcomes.items() if o.error is not None] == [7], cluster.told()
         assert "workers have died of it" in str(outcomes[7].error)
+
+
+@pytest.mark.parametrize(("innocent", "tried"), [((), {7: 1}), ((3,), {3: 2, 7: 2})], ids=["alone", "beside"])
+def test_who_is_blamed_beside_the_one_that_kills_is_tried_by_itself(
+    cluster: ClusterProcess, monkeypatch: pytest.MonkeyPatch, innocent: tuple[int, ...], tried: dict[int, int]
+) -> None:
+    """The scheduler blames all that a lost worker had before it."""
+    told = ClusterExecutor._outcome
+    seen: Counter[int] = Counter()
+
+    def blamed(self: ClusterExecutor, future: Any, task: int) -> Outcome[int, int] | None:
+        seen[task] += 1
+        if task == 7 or (task in innocent and seen[task] == 1):
+            return Outcome(task, error=WorkersDiedError("workers have died of it"))
+        return told(self, future, task)
+
+    monkeypatch.setattr(ClusterExecutor, "_outcome", blamed)
+    with ClusterExecutor(cluster.address) as executor:
+        outcomes = {o.task: o for o in executor.calls(doubled, 2, range(9))}
+    assert sorted(outcomes) == list(range(9))
+    assert [task for task, o in outcomes.items() if o.error is not None] == [7]
+    assert {task: seen[task] for task in (*innocent, 7)} == tried
 
 
 def test_a_lost_scheduler_ends_the_run_with_the_mend(tmp_path: Path) -> None:
