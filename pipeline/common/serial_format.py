@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from string import ascii_uppercase, digits
+from string import ascii_lowercase, ascii_uppercase, digits
 
 from glyphs.errors import FileError, require_file
 from glyphs.fonts.serials import FormatError
@@ -56,11 +56,17 @@ def read_lexicon(path: Path) -> frozenset[str]:
 
 
 def format_like(text: str) -> str:
-    """The format of texts like this one: AA999999 of KX407251. Letters and figures may be others, all else stays."""
+    """The format of texts like this one: AA999999 of KX407251, Aaa-99 of Lot-07.
+
+    Letters and figures may be others of their kind, all else stays.
+    """
     return "".join(_like(char) for char in " ".join(text.split()))
 
 
 def _like(char: str) -> str:
     if char in ascii_uppercase:
         return "A"
-    return "9" if char in digits else char
+    if char in ascii_lowercase:
+        return "a"
+    # what means something else in a mask is taken as it is
+    return "9" if char in digits else f"\\{char}" if char in "*\\" else char
