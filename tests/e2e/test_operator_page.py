@@ -479,6 +479,13 @@ def test_pages_fit_their_window(
                 assert page.locator(f"[data-which={which}] svg").bounding_box()["width"] > 0.45 * width
 
 
+def wait_for_value(page: Any, field: str, value: str) -> None:
+    """Until a field holds this; looked at from outside, for the page lets no text be run as a program."""
+    from playwright.sync_api import expect
+
+    expect(page.locator(field)).to_have_value(value, timeout=30_000)
+
+
 def test_a_job_is_taught_by_a_box_and_a_text(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
@@ -503,7 +510,7 @@ def test_a_job_is_taught_by_a_box_and_a_text(
     assert np.allclose(drawn, [25.0, 25.0, 75.0, 75.0], atol=0.6)  # a pixel of the screen
     # the format follows the text until somebody types one
     page.fill("#text", "KX-4")
-    page.wait_for_function("document.getElementById('format').value === 'AA-9'")
+    wait_for_value(page, "#format", "AA-9")
     page.fill("#format", "**-9")
     page.fill("#text", "KX-45")
     page.click("text=Save the job")
@@ -549,7 +556,7 @@ def test_a_job_is_taught_on_a_phone_and_by_keyboard(
     assert page.evaluate("document.activeElement.id") == "top"
     page.keyboard.press("Control+a")
     page.keyboard.type("12.5")
-    page.wait_for_function("document.getElementById('format').value === 'AA99'")
+    wait_for_value(page, "#format", "AA99")
     box = page.evaluate("document.querySelector('rect.edge').y.baseVal.value / "
                         "document.getElementById('drawn-on').viewBox.baseVal.height")  # fmt: skip
     assert box == pytest.approx(0.125, abs=1e-3)
