@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Callable
+from types import FrameType
 from typing import TYPE_CHECKING
 
 import uvicorn
@@ -61,7 +63,7 @@ def run(
             status=USAGE,
         )
     set_up_logs(settings.log)
-    server = uvicorn.Server(
+    server = DrainingServer(
         uvicorn.Config(
             create_app(service),
             log_config=None,
@@ -71,7 +73,9 @@ def run(
             timeout_keep_alive=KEEP_ALIVE_S,
             timeout_graceful_shutdown=max(1, round(settings.shutdown_grace_s)),
             proxy_headers=False,
-        )
+        ),
+        drain=service.drain,
+        drain_s=settings.drain_s,
     )
     host, port = bound.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host
@@ -82,6 +86,29 @@ def run(
         )
     server.run(sockets=[bound])
     return 0 if server.started else 1
+
+
+class DrainingServer(uvicorn.Server):
+    """A web server that says for a while that it is stopping before it stops; a second signal stops it at once."""
+
+    def __init__(self, config: uvicorn.Config, *, drain: Callable[[], None], drain_s: float) -> None:
+        super().__init__(config)
+        self._drain, self._drain_s = drain, drain_s
+        self._stop_at_s: float | None = None
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Begin to drain."""
+        super().handle_exit(sig, frame)
+        if self._stop_at_s is None and self.started and not self.force_exit:
+            self._stop_at_s = time.monotonic() + self._drain_s
+            self.should_exit = False  # `on_tick` says when
+        self._drain()
+
+    async def on_tick(self, counter: int) -> bool:
+        """Whether to stop."""
+        if self._stop_at_s is not None and time.monotonic() >= self._stop_at_s:
+            self.should_exit = True
+        return await super().on_tick(counter)
 
 
 def _listening(host: str, port: int, *, option: str) -> socket.socket:

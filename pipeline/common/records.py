@@ -124,13 +124,26 @@ class EventRecord:
 
     Attributes:
         at: when.
-        kind: received, read, touch_needed, compared, reviewed, enrolled, evidence_expired.
+        kind: received, read, touch_needed, touch_failed, not_felt, compared, reviewed, enrolled, evidence_expired.
         data: more, by kind.
     """
 
     at: datetime
     kind: str
     data: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TouchWait:
+    """How a part waits for touch.
+
+    Attributes:
+        by_stage: the stage of its line is to feel it; else whoever sent it brings a scan.
+        until: when a person gets it all the same; None of a part from before this was kept.
+    """
+
+    by_stage: bool
+    until: datetime | None
 
 
 @dataclass(frozen=True)
@@ -169,14 +182,16 @@ class PartRecord:
         id: made by the store; sorts by time.
         name: what the line calls it; not unique.
         state: how far it has come.
-        text: the serial as it stands: as reviewed, else as last read.
+        text: the serial as it stands: as reviewed, else as last read; empty while touch is needed.
         created_at: when it was accepted.
         changed_at: when anything was last added.
         reading: the last one; None before any.
         expected: text it should read; empty where none is.
         database: glyph database asked for; empty for the built-in fonts.
         job: that it was read by; empty for the service's own settings.
-        plan: what to feel, while touch is needed.
+        line: that it came from; empty where lines have no names.
+        plan: what to feel, while touch is needed or where nobody was there to feel it.
+        touch: how it waits for touch; None of one that does not.
         review: the last one; None before any.
         shadow: what came of it in shadow mode; None of a part that the service has decided.
     """
@@ -191,7 +206,9 @@ class PartRecord:
     expected: str = ""
     database: str = ""
     job: str = ""
+    line: str = ""
     plan: ScanPlanRecord | None = None
+    touch: TouchWait | None = None
     review: ReviewRecord | None = None
     shadow: ShadowRecord | None = None
 

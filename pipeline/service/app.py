@@ -16,6 +16,7 @@ from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
+from glyphs.errors import FileError
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
@@ -37,6 +38,7 @@ from pipeline.service.problem_responses import add_problem_handlers
 from pipeline.service.reading_orders import ReadingOrders
 from pipeline.service.stage import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
 from pipeline.service.stage_driver import load_driver
+from pipeline.service.stage_work import CameraWork, StageWork
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store, StoreError
 from pipeline.workers.pool import WorkPool
@@ -109,10 +111,13 @@ class Service:
             store=self.store,
             evidence=self.evidence,
             orders=orders,
-            stage=_stage(settings),
-            camera=_camera(settings),
-            active_stage=settings.active_stage,
+            stage=StageWork(
+                _stage(settings), orders, active=settings.active_stage, timeout_s=settings.stage_timeout_s
+            ),
+            camera=CameraWork(_camera(settings), timeout_s=settings.camera_timeout_s),
             metrics=self.metrics,
+            line=settings.line,
+            touch_wait_s=settings.touch_wait_s,
             targets=tuple(self.ports.senders),
             watch=self.jobs.watch,
             shadow=settings.shadow,
@@ -134,11 +139,19 @@ class Service:
 
     def why_not_ready(self) -> str:
         """What keeps it from reading parts; empty where nothing does."""
+        if self.parts.draining:
+            return "the service is stopping"
         try:
             self.store.ping()
-        except StoreError as error:
+            self.evidence.check_room()
+        except (StoreError, FileError) as error:
             return str(error)
-        return "" if self.pool.ready() else "the workers are warming up"
+        trouble = self.parts.stage.trouble or self.parts.camera.trouble
+        return trouble or ("" if self.pool.ready() else "the workers are warming up")
+
+    def drain(self) -> None:
+        """Take no more parts, and say so at /readyz; what is at work goes on."""
+        self.parts.draining = True
 
     def sweep(self) -> None:
         """Throw away files that no record names, and those whose time is up."""
@@ -154,7 +167,8 @@ class Service:
     @contextlib.asynccontextmanager
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
         """Everything that runs beside the requests."""
-        beside = [asyncio.create_task(work) for work in (self._sweep_for_ever(), self._say_ready())]
+        works = (self._sweep_for_ever(), self._say_ready(), self.parts.touching.run())
+        beside = [asyncio.create_task(work) for work in works]
         try:
             async with self.ports.opened(self.parts):
                 yield
@@ -162,6 +176,7 @@ class Service:
             for task in beside:
                 task.cancel()
             await asyncio.gather(*beside, return_exceptions=True)
+            await self.parts.touching.stop()
             await asyncio.to_thread(self.close)
 
     def close(self) -> None:
@@ -308,8 +323,6 @@ def check_folder(settings: ServiceSettings) -> Path:
     Raises:
         FileError: it cannot be made.
     """
-    from glyphs.errors import FileError
-
     try:
         settings.folder.mkdir(parents=True, exist_ok=True)
         if settings.databases is None:

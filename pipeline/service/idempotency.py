@@ -61,23 +61,28 @@ class IdempotentRequests:
         future: asyncio.Future[PartRecord] = asyncio.get_running_loop().create_future()
         self._running[idempotency.key] = future
         try:
-            part = await work()
-            future.set_result(part)
-            return Received(part)
-        except AlreadyDoneError as error:
-            # another process, or another that waited for a failure, was quicker
-            part = await self._replayed(idempotency, error.fingerprint, error.part_id)
-            future.set_result(part)
-            return Received(part, replayed=True)
+            received = await self._tried(idempotency, work)
         except BaseException as error:
+            # whatever it was: nobody may be left waiting
             future.set_exception(
-                error if isinstance(error, Problem) else Problem(500, "the first try failed")
+                error if isinstance(error, Problem) else Problem(503, "the first try failed; send it again")
             )
             future.exception()  # looked at, so that nobody complains where none waits
             raise
+        else:
+            future.set_result(received.part)
+            return received
         finally:
             if self._running.get(idempotency.key) is future:
                 del self._running[idempotency.key]
+
+    async def _tried(self, asked: IdempotencyKey, work: Callable[[], Awaitable[PartRecord]]) -> Received:
+        try:
+            return Received(await work())
+        except AlreadyDoneError as error:
+            # another process, or another that waited for a failure, was quicker
+            part = await self._replayed(asked, error.fingerprint, error.part_id)
+            return Received(part, replayed=True)
 
     async def _replayed(self, asked: IdempotencyKey, fingerprint: str, part_id: str) -> PartRecord:
         if fingerprint != asked.fingerprint:

@@ -14,7 +14,7 @@ import structlog
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse
 
-from pipeline.service.problem import MEDIA_TYPE, Problem
+from pipeline.service.problem import MEDIA_TYPE, Problem, stopping
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -69,6 +69,10 @@ class RequestLayer:
                 if begun:
                     raise
                 await problem_answer(problem, request_id)(scope, receive, sent)
+            except asyncio.CancelledError:  # the time that requests have when the service stops is up
+                if begun:
+                    raise
+                await problem_answer(stopping(), request_id)(scope, receive, sent)
             except Exception:
                 log.exception("request failed", path=scope["path"])
                 if begun:

@@ -5,7 +5,7 @@
 * Nothing is answered before it is on the disk.
 * What ends on the way, by a bad file or a lost machine, leaves no part; the sender asks again, with the same
   idempotency key, and one part comes of it.
-* A real stage scans one part at a time; with sessions it feels pass by pass, until the serial is sure.
+* Where the camera is unsure, the part waits for touch (`touch_queue`); where nobody can feel it, it goes to a person.
 * In shadow mode parts are read without knowing what the line's own reader says, then compared with it; nothing is
   decided, felt by the stage, or published.
 * A stage that fails on the way costs no pass: the part is read from those before, for a person to look at.
@@ -15,24 +15,31 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import shutil
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
 from pipeline.common.part_id import new_part_id
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, ShadowRecord
+from pipeline.common.records import (
+    EvidenceKind,
+    EvidenceRecord,
+    PartRecord,
+    PartState,
+    ShadowRecord,
+    TouchWait,
+)
 from pipeline.reading.part_orders import Done
 from pipeline.reading.triage import compared, state_after
+from pipeline.service.driver_thread import StageDownError
 from pipeline.service.idempotency import IdempotentRequests, Received
-from pipeline.service.problem import Problem
+from pipeline.service.problem import Problem, stopping
 from pipeline.service.reading_orders import ReadingOrders
-from pipeline.service.stage import Camera, ScanOrder, SimulatedStage, Stage, has_sessions
-from pipeline.service.stage_link import StageLink
+from pipeline.service.stage_work import CameraWork, StageWork
+from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.uploads import Upload
 from pipeline.store.store import IdempotencyKey, Store
 from whisker_array.scan.stage_error import StageError
@@ -41,10 +48,20 @@ if TYPE_CHECKING:
     from pipeline.reading.drift import DriftWatch
     from pipeline.service.metrics import Metrics
     from pipeline.store.evidence_folder import EvidenceFolder
-    from whisker_array.scan.session import SessionStage
 
 T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
+
+
+class Touch(StrEnum):
+    """Who feels a part that the camera is unsure of."""
+
+    ASKED = "asked"
+    """The service's stage, once it is asked to; without a stage a person gets the part."""
+    STAGE = "stage"
+    """The service's stage, at once; without a stage a person gets the part."""
+    PLAN = "plan"
+    """Whoever sent it, by the plan that the answer holds."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +73,14 @@ class NewPart:
         expected: text that it should read; empty where none is.
         database: name of the glyph database; empty for the service's own choice.
         job: name of the job that says how to read; empty for the service's own settings.
-        touch: have the stage scan it at once where the camera is unsure.
+        touch: who feels it where the camera is unsure.
     """
 
     name: str = ""
     expected: str = ""
     database: str = ""
     job: str = ""
-    touch: bool = False
+    touch: Touch = Touch.ASKED
 
 
 class PartService:
@@ -75,10 +92,11 @@ class PartService:
         store: Store,
         evidence: EvidenceFolder,
         orders: ReadingOrders,
-        stage: Stage,
-        camera: Camera,
+        stage: StageWork,
+        camera: CameraWork,
         metrics: Metrics,
-        active_stage: bool = False,
+        line: str = "",
+        touch_wait_s: float = 900.0,
         targets: Sequence[str] = (),
         watch: Callable[[str], DriftWatch | None] = lambda _: None,
         shadow: bool = False,
@@ -89,24 +107,27 @@ class PartService:
             store: where records are kept.
             evidence: where files are kept.
             orders: who has files read and keeps them.
-            stage: scans what the camera is unsure of.
+            stage: feels what the camera is unsure of.
             camera: photographs a part when a trigger comes.
             metrics: what is counted.
-            active_stage: feel parts pass by pass, by a stage with sessions; else every part is scanned by its whole
-                plan.
+            line: that parts come from; kept with them.
+            touch_wait_s: how long a part waits for touch before a person gets it.
             targets: of results: webhook, mqtt; `on_result` is called when there is something for them,
                 `on_part` with every part that was read.
             watch: what compares parts with the certified ones, by the name of their job.
             shadow: read and compare with the line's own reader; decide and publish nothing.
         """
         self.store, self.evidence, self.orders, self.metrics = store, evidence, orders, metrics
-        self.stage, self.camera, self._active_stage = stage, camera, active_stage
+        self.stage, self.camera, self.line = stage, camera, line
         self._targets, self._watch, self._shadow = () if shadow else tuple(targets), watch, shadow
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
         self._announcing: set[asyncio.Future[None]] = set()
         self._requests = IdempotentRequests(store)
-        self._one_at_the_stage = asyncio.Lock()
+        self.draining = False
+        self.touching = TouchQueue(
+            store, self._felt, give_up=self._give_up_touch, line=line, wait_s=touch_wait_s
+        )
 
     async def receive(
         self,
@@ -130,6 +151,7 @@ class PartService:
             raise Problem(422, "there are job and database; a job says what to read with, send one of them")
 
         async def work() -> PartRecord:
+            self._refuse_at_the_end()
             part_id = new_part_id()
             done, kept = await self.orders.read(
                 photos,
@@ -140,6 +162,13 @@ class PartService:
                 job_name=new.job,
             )
             state, shadow = _standing(done, new.expected, shadow=self._shadow)
+            touch, not_felt = None, ""
+            plan = done.plan if state is PartState.TOUCH_NEEDED else None
+            if state is PartState.TOUCH_NEEDED:
+                if new.touch is Touch.PLAN or self.stage.there:
+                    touch = TouchWait(new.touch is Touch.STAGE, self.touching.until())
+                else:
+                    state, not_felt = PartState.REVIEW, "there is no stage to feel it"
             part = await self._stored(
                 self.store.add_part,
                 part_id=part_id,
@@ -150,18 +179,24 @@ class PartService:
                 expected=new.expected,
                 database=new.database,
                 job=new.job,
-                plan=done.plan if state is PartState.TOUCH_NEEDED else None,
+                line=self.line,
+                plan=plan,
+                touch=touch,
+                not_felt=not_felt,
                 targets=self._targets,
                 idempotency=idempotency,
                 shadow=shadow,
             )
             self._count(part, done)
-            if new.touch and part.state is PartState.TOUCH_NEEDED:
-                with contextlib.suppress(Problem):  # its history says so; the part still waits for touch
-                    return await self.touch(part.id)
             return part
 
-        return await self._requests.carry_out(idempotency, work)
+        received = await self._requests.carry_out(idempotency, work)
+        part = received.part
+        if part.touch is not None and part.touch.by_stage and not self.draining:
+            # also where the request was sent again because the service was killed at this place
+            with contextlib.suppress(Problem):  # its history says so; it still waits, and is tried again
+                part = await self.touching.felt(part)
+        return replace(received, part=part)
 
     async def add_scan(
         self, part_id: str, scan: Upload, *, idempotency: IdempotencyKey | None = None
@@ -187,43 +222,32 @@ class PartService:
         """
         part = await self._stored(self.store.part, part_id)
         _not_reviewed(part)
-        if part.plan is None:
+        if part.touch is None or part.plan is None:
             raise Problem(409, f"the part {part.id} does not wait for touch; it is {part.state.value}")
-        order = ScanOrder(part_name=part.name, plan=part.plan)
-        try:
-            if self._active_stage and has_sessions(self.stage):
-                done, kept = await self._felt(part, order, self.stage)
-                return await self._add(part, done, kept, None)
-            with self.orders.work_folder() as folder:
-                path = await self._scan(order, folder)
-                return await self._read_scan(part, Upload(path, path.name), None)
-        except StageError as error:
-            await self._stored(self.store.note_event, part.id, "touch_failed", {"why": str(error)})
-            raise Problem(422, str(error)) from error
+        self._refuse_at_the_end()
+        if not part.touch.by_stage and self.stage.there:
+            part = await self._stored(
+                self.store.ask_for_touch, part.id, line=self.line, until=self.touching.until()
+            )
+        return await self.touching.felt(part)
 
     async def trigger(self, name: str, job: str = "") -> PartRecord:
-        """Photograph and read the part under the camera by a job; scan it where the camera is unsure.
+        """Photograph and read the part under the camera by a job; feel it where the camera is unsure.
 
         Raises:
             Problem: as `receive`; no photograph and nothing to scan.
         """
+        self._refuse_at_the_end()
         with self.orders.work_folder() as folder:
             try:
-                taken = await asyncio.to_thread(self.camera.take, name)
-                files = (taken,) if isinstance(taken, Path) else tuple(taken)
-                photos = [
-                    Upload(folder / f"taken-{n}{file.suffix.lower()}", file.name)
-                    for n, file in enumerate(files, start=1)
-                ]
-                for file, photo in zip(files, photos, strict=True):
-                    await asyncio.to_thread(shutil.copyfile, file, photo.path)
+                photos = await self.camera.take(name, folder)
             except StageError as error:
-                raise Problem(422, str(error)) from error
+                raise _stage_problem(error) from error
             except OSError as error:
                 raise Problem(
                     422, f"the camera's picture of {name} cannot be read ({error.strerror})"
                 ) from error
-            done = await self.receive(NewPart(name=name, job=job, touch=True), photos=photos)
+            done = await self.receive(NewPart(name=name, job=job, touch=Touch.STAGE), photos=photos)
         return done.part
 
     def review(self, part_id: str, **said: Any) -> PartRecord:
@@ -239,33 +263,32 @@ class PartService:
             self.metrics.reviews.labels(part.review.action.value).inc()
         return part
 
-    async def _scan(self, order: ScanOrder, folder: Path) -> Path:
-        """The recording; a real stage scans one part at a time, a simulated one as many as there are workers."""
-        if isinstance(self.stage, SimulatedStage):
-            return await self.orders.in_worker(self.stage.feel, order, folder)
-        async with self._one_at_the_stage:
-            return await asyncio.to_thread(self.stage.feel, order, folder)
+    async def _felt(self, part: PartRecord) -> PartRecord:
+        """The part, felt by the stage and read.
 
-    async def _felt(
-        self, part: PartRecord, order: ScanOrder, stage: SessionStage[ScanOrder]
-    ) -> tuple[Done, list[EvidenceRecord]]:
-        """Pass by pass; a simulated stage works in the worker, a real one here and feels one part at a time."""
-        feel = partial(
-            self.orders.feel,
-            order=order,
-            expected=part.expected,
-            database=part.database,
-            job_name=part.job,
-            earlier_photos=await self._photos_of(part),
-        )
-        if isinstance(stage, SimulatedStage):
-            return await feel(stage)
-        async with self._one_at_the_stage:
-            link = StageLink(stage)
-            try:
-                return await feel(link.stage)
-            finally:
-                await asyncio.to_thread(link.close)
+        Raises:
+            Problem: it could not be felt; its history says why.
+        """
+        hidden = self._in_shadow(part)
+        try:
+            done, kept = await self.stage.feel(
+                part, expected="" if hidden else part.expected, earlier_photos=await self._photos_of(part)
+            )
+        except StageError as error:
+            *_, last = await self._stored(self.store.history, part.id)
+            why = {"why": str(error)}
+            if (last.kind, last.data) != ("touch_failed", why):  # once, however often it is tried
+                await self._stored(self.store.note_event, part.id, "touch_failed", why)
+            raise _stage_problem(error) from error
+        return await self._add(part, done, kept, None)
+
+    async def _give_up_touch(self, part: PartRecord, why: str) -> None:
+        targets = () if self._in_shadow(part) else self._targets
+        self._announce(await self._stored(self.store.give_up_touch, part.id, why=why, targets=targets))
+
+    def _refuse_at_the_end(self) -> None:
+        if self.draining:
+            raise stopping()
 
     async def _photos_of(self, part: PartRecord) -> tuple[Path, ...]:
         records = await self._stored(self.store.evidence, part.id)
@@ -312,17 +335,21 @@ class PartService:
     async def _stored(self, function: Callable[..., T], *arguments: Any, **options: Any) -> T:
         return await asyncio.to_thread(function, *arguments, **options)
 
-    def _count(self, part: PartRecord, done: Done) -> None:
+    def _announce(self, part: PartRecord) -> None:
         self.on_result()
-        if self.on_part is not None and part.state is not PartState.TOUCH_NEEDED:
+        felt_at_once = part.touch is not None and part.touch.by_stage
+        if self.on_part is not None and not felt_at_once:
             announcing = asyncio.ensure_future(self.on_part(part))
             self._announcing.add(announcing)  # a task that nobody holds may vanish
             announcing.add_done_callback(self._announcing.discard)
+        self.metrics.parts.labels(part.state.value).inc()
+
+    def _count(self, part: PartRecord, done: Done) -> None:
+        self._announce(part)
         last = done.readings[-1]
         watch = self._watch(part.job)
         if watch is not None and watch.add(last.source, done.measures):
             log.warning("parts unlike the certified ones", job=part.job, why=watch.message())
-        self.metrics.parts.labels(part.state.value).inc()
         for reading in done.readings:
             self.metrics.readings.labels(reading.source, reading.decision).inc()
             self.metrics.reading_seconds.labels(reading.source).observe(reading.seconds)
@@ -342,6 +369,13 @@ def _standing(done: Done, expected: str, *, shadow: bool) -> tuple[PartState, Sh
     if shadow:
         return PartState.SHADOW, compared(done.readings[-1], expected)
     return state_after(done.readings[-1]), None
+
+
+def _stage_problem(error: StageError) -> Problem:
+    """What a stage or camera could not do, as an answer: a driver that is down is not the caller's mistake."""
+    if isinstance(error, StageDownError):
+        return Problem(503, str(error), headers={"Retry-After": "30"})
+    return Problem(422, str(error))
 
 
 def _not_reviewed(part: PartRecord) -> None:

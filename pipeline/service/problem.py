@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import structlog
+
 MEDIA_TYPE = "application/problem+json"
 TITLES = {
     400: "The request cannot be understood",
@@ -20,8 +22,9 @@ TITLES = {
     422: "What was sent cannot be used",
     429: "Too many requests",
     500: "The service failed",
-    503: "The service is busy",
+    503: "The service cannot do it now",
 }
+log = structlog.get_logger("tactile-marks")
 
 
 class Problem(Exception):  # noqa: N818 - an answer, more than an exception
@@ -57,6 +60,19 @@ class Problem(Exception):  # noqa: N818 - an answer, more than an exception
             "detail": self.detail,
             "request_id": request_id,
         }
+
+
+def stopping() -> Problem:
+    """What a request is answered that comes while the service ends, or that its end cuts short."""
+    detail = "the service is stopping; send it again in a moment"
+    return Problem(503, detail, headers={"Retry-After": "5", "Connection": "close"})
+
+
+def no_room(error: Exception) -> Problem:
+    """What to say where a file of the service's own cannot be written or read: the sender has done nothing wrong."""
+    log.error("files cannot be kept", why=str(error))
+    detail = "the service cannot keep what was sent; its log says why; send it again later"
+    return Problem(503, detail, headers={"Retry-After": "30"})
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,10 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 
+from glyphs.errors import FileError
 from pipeline.service.access import DeniedError
 from pipeline.service.middleware import problem_answer
-from pipeline.service.problem import Problem
+from pipeline.service.problem import Problem, no_room
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
 
 log = structlog.get_logger("tactile-marks")
@@ -48,6 +49,11 @@ def add_problem_handlers(app: FastAPI) -> None:
         log.error("store", why=str(error))
         return answer(request, Problem(503, str(error), headers={"Retry-After": "5"}))
 
+    @app.exception_handler(FileError)  # of files that were sent, the reading orders have told already
+    @app.exception_handler(OSError)
+    async def _disk(request: Request, error: Exception) -> Response:
+        return answer(request, no_room(error))
+
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> Response:
         first = error.errors()[0]
@@ -58,6 +64,8 @@ def add_problem_handlers(app: FastAPI) -> None:
     @app.exception_handler(HTTPException)
     async def _http(request: Request, error: HTTPException) -> Response:
         detail = str(error.detail)
+        if isinstance(error.__cause__, OSError):  # the upload could not be put down while it came
+            return answer(request, no_room(error.__cause__))
         if error.status_code == 404:
             detail = f"there is nothing at {request.url.path[:200]}; see /openapi.json for the addresses"
         return answer(request, Problem(error.status_code, detail, headers=dict(error.headers or {})))

@@ -19,7 +19,7 @@ import structlog
 from glyphs.errors import FaultError, FileError
 from pipeline.common.records import EvidenceKind, EvidenceRecord
 from pipeline.reading.part_orders import Done, PartOrder, read_on_stage, read_order
-from pipeline.service.problem import Problem
+from pipeline.service.problem import Problem, no_room
 from pipeline.service.uploads import Upload
 from pipeline.workers.pool import BusyError, WorkerLostError
 
@@ -150,16 +150,15 @@ class ReadingOrders:
                 database=self._databases(database),
             )
             read = partial(read_on_stage, budget_s=settings.budget_s)
-            done = await self.in_worker(read, part, settings, self._limits, stage, order)
+            # what a stage has felt is felt once
+            done = await self.in_worker(read, part, settings, self._limits, stage, order, tries=1)
             return done, await self._kept([], done)
 
     async def _kept(self, raw: Sequence[tuple[EvidenceKind, Upload]], done: Done) -> list[EvidenceRecord]:
         try:
             return await asyncio.to_thread(self._keep, raw, done)
         except FileError as problem:
-            log.error("evidence not kept", why=str(problem))
-            busy = "the service cannot keep what was sent; its log says why"
-            raise Problem(503, busy, headers={"Retry-After": "30"}) from problem
+            raise no_room(problem) from problem
 
     def _keep(self, raw: Sequence[tuple[EvidenceKind, Upload]], done: Done) -> list[EvidenceRecord]:
         kept = []
@@ -177,27 +176,35 @@ class ReadingOrders:
             )
         return kept
 
-    async def in_worker(self, function: Callable[..., T], *arguments: Any) -> T:
-        """What a function returns that a worker calls.
+    async def in_worker(self, function: Callable[..., T], *arguments: Any, tries: int = 2) -> T:
+        """What a function returns that a worker calls; where the worker is lost, another one is asked.
 
         Raises:
-            Problem: no room in the queue, files that cannot be used, a worker that was lost.
+            Problem: no room in the queue, files that cannot be used, workers that were lost.
         """
+        lost = 0
+        while True:
+            try:
+                return await self._in_one_worker(function, *arguments)
+            except WorkerLostError as error:
+                lost += 1
+                if lost == tries or error.timed_out:
+                    raise _lost_problem(error, lost) from error
+
+    async def _in_one_worker(self, function: Callable[..., T], *arguments: Any) -> T:
         try:
-            future = self._pool.submit(function, *arguments)
+            return await asyncio.wrap_future(self._pool.submit(function, *arguments))
         except BusyError as error:
             self._metrics.refused.inc()
             seconds = max(1, round(error.retry_after_s))
             raise Problem(503, str(error), headers={"Retry-After": str(seconds)}) from error
-        try:
-            return await asyncio.wrap_future(future)
         except FileError as problem:
             status = 500 if isinstance(problem, FaultError) else 422
             raise Problem(status, str(problem)) from problem
         except WorkerLostError as error:
             self._metrics.lost_workers.inc()
             log.warning("worker lost", why=str(error))
-            raise Problem(422, str(error)) from error
+            raise
 
     @contextlib.contextmanager
     def work_folder(self) -> Iterator[Path]:
@@ -207,3 +214,14 @@ class ReadingOrders:
             yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
+    """What to say where workers were lost over a part: one that takes too long or crashes them twice is to blame."""
+    if error.timed_out:
+        return Problem(422, str(error))
+    if error.crashed and lost > 1:
+        return Problem(
+            422, f"its files have ended {lost} workers, the last so: {error}; leave them out, and report them"
+        )
+    return Problem(503, f"{error}; send it again", headers={"Retry-After": "5"})

@@ -57,6 +57,9 @@ class ServiceSettings(Settings):
     """Folder for the store, the evidence files and glyph databases; made if it is missing."""
     store: str = ""
     """Address of the store: sqlite:///FILE or postgresql://user@host/marks. A file in the folder unless given."""
+    line: str = Field(default="", max_length=100)
+    """Name of the line that the service stands at, kept with its parts. Services that share a store need one each:
+    a stage feels the parts of its own line."""
     tokens: Literal["auto", "on", "off"] = "auto"
     """Whether requests need a token; auto: if other machines can reach the host."""
     hosts: Names = ()
@@ -92,8 +95,14 @@ class ServiceSettings(Settings):
     and by other stages, the whole plan is scanned (feel)."""
     camera: Path | None = None
     """Folder into which the camera puts its pictures: NAME.png is the part called NAME."""
+    stage_timeout_s: float = Field(default=60.0, gt=0.0, le=3600.0)
+    """Seconds that the driver of a real stage has for one pass; for a whole plan it has the plan's own time beside."""
+    touch_wait_s: float = Field(default=900.0, gt=0.0, le=604_800.0)
+    """Seconds that a part waits for touch; then a person gets it."""
     camera_driver: str = ""
     """module:callable that makes the driver of a real camera instead (pipeline.service.stage.Camera)."""
+    camera_timeout_s: float = Field(default=30.0, gt=0.0, le=3600.0)
+    """Seconds that the camera has for the photographs of a part."""
     shadow: bool = False
     """Shadow mode: parts are read and compared with what the line's own reader says (expected), and nothing is decided
     or published; the page /shadow shows how the two agree."""
@@ -135,6 +144,9 @@ class ServiceSettings(Settings):
     """Web address to post results to; signed where webhook_secret is set."""
     webhook_secret: str = Field(default="", repr=False)
     """Key of the signature; better in the file or the environment than in a flag."""
+    drain_s: float = Field(default=1.0, ge=0.0, le=600.0)
+    """Seconds for which the service that is asked to stop still answers: /readyz says that it is stopping, new parts
+    are refused, and whoever sends them parts can look for another."""
     shutdown_grace_s: float = Field(default=20.0, ge=0.0, le=600.0)
     """Seconds that running requests have to end when the service stops."""
     log: Literal["json", "text"] = "json"

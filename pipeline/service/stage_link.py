@@ -7,26 +7,28 @@ The driver's session is closed when the worker has done, has failed, or is gone.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import secrets
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Client, Connection, Listener
 from typing import TYPE_CHECKING, Any
 
-import structlog
-
+from pipeline.service.driver_thread import StageDownError
 from pipeline.service.stage import ScanOrder
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
+    from pipeline.service.driver_thread import DriverThread
     from whisker_array.scan.felt_sweep import Sweep
     from whisker_array.scan.session import Fitting, SessionStage, StageSession
     from whisker_array.whisker.passes import Pass
 
 _LOST = (EOFError, OSError)
-log = structlog.get_logger("tactile-marks")
+_LOOK_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -96,67 +98,76 @@ class StageLink:
 
     Attributes:
         stage: for the worker.
+        down: what kept the driver from answering; None where it has answered all that it was asked.
     """
 
-    def __init__(self, stage: SessionStage[ScanOrder]) -> None:
-        """Wait for the worker, in a thread."""
+    def __init__(self, stage: SessionStage[ScanOrder], thread: DriverThread) -> None:
+        """Wait for the worker.
+
+        Args:
+            stage: the driver.
+            thread: that it is called in.
+        """
         key = secrets.token_bytes(32)
+        self._driver = thread
+        self.down: StageDownError | None = None
         self._listener = Listener(authkey=key)
         self.stage = LinkedStage(self._listener.address, key)
-        self._thread = threading.Thread(target=self._serve, args=(stage,), name="stage", daemon=True)
-        self._thread.start()
+        self._serving = threading.Thread(target=self._serve, args=(stage,), name="stage-link", daemon=True)
+        self._serving.start()
 
-    def close(self) -> None:
-        """Wait until the driver's session is closed."""
-        if self._thread.is_alive():
+    async def close(self) -> None:
+        """Wait until the driver's session is closed, or has not answered in time."""
+        if self._serving.is_alive():
             # a worker that never came is still waited for: a stranger's call, which is refused, ends that
             with contextlib.suppress(*_LOST):
                 Client(self.stage.address).close()
-        self._thread.join()
-        self._listener.close()
+        while (
+            self._serving.is_alive()
+        ):  # not joined: the end of the service need not wait for a driver that hangs
+            await asyncio.sleep(_LOOK_S)
 
     def _serve(self, stage: SessionStage[ScanOrder]) -> None:
         from multiprocessing import AuthenticationError
 
-        try:
-            connection = self._listener.accept()
-        except (*_LOST, AuthenticationError):
-            return
+        with self._listener:
+            try:
+                connection = self._listener.accept()
+            except (*_LOST, AuthenticationError):
+                return
         session = None
         with connection, contextlib.suppress(*_LOST):
             try:
-                session = _answered(connection, stage.open, _fitting)
+                session = self._answered(connection, stage.open, _fitting)
                 while session is not None:
-                    _answered(connection, session.feel)
+                    self._answered(connection, session.feel)
             finally:
                 if session is not None:
-                    _closed(session)
+                    with contextlib.suppress(StageError):  # the log has it
+                        self._driver.call(session.close)
+
+    def _answered(
+        self,
+        connection: Connection,
+        work: Callable[[Any], Any],
+        shown: Callable[[Any], Any] = lambda made: made,
+    ) -> Any:
+        """What comes of the next question, None of one that fails; the worker is sent the error, or what is shown of
+        it."""
+        question, made = connection.recv(), None
+        try:
+            made = self._driver.call(partial(work, question))
+            answer = shown(made)
+        except StageError as error:
+            answer = StageError(error.what, error.hint)
+            self.down = error if isinstance(error, StageDownError) else self.down
+        except OSError as error:
+            answer = StageError(
+                f"the stage cannot be used ({error.strerror or error})", "see that it is connected"
+            )
+        connection.send(answer)
+        return made
 
 
 def _fitting(session: StageSession) -> Fitting:
     return session.fitting
-
-
-def _answered(
-    connection: Connection, work: Callable[[Any], Any], shown: Callable[[Any], Any] = lambda made: made
-) -> Any:
-    """What comes of the next question, None of one that fails; the worker is sent the error, or what is shown of it."""
-    question, made = connection.recv(), None
-    try:
-        made = work(question)
-        answer = shown(made)
-    except StageError as error:
-        answer = error
-    except Exception as error:
-        log.exception("fault of the stage's driver")
-        said = f"the stage's driver has a fault ({type(error).__name__}: {error})"
-        answer = StageError(said, "the service's log has more of it")
-    connection.send(answer)
-    return made
-
-
-def _closed(session: StageSession) -> None:
-    try:
-        session.close()
-    except Exception:
-        log.exception("fault of the stage's driver", at="close")

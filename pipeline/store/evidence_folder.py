@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 _HASH = re.compile(r"[0-9a-f]{64}")
 _CHUNK = 1 << 20
 _BATCH = 200
+_PROBE_BYTES = 4096
+LEAST_ROOM_BYTES = 64 << 20
+"""Of the disk: a service with less is not ready, for the next upload may not fit."""
 _SETTLED_S = 3600.0
 """A file kept anew more recently may be about to be named by the store."""
 
@@ -92,6 +95,20 @@ class EvidenceFolder:
         if _HASH.fullmatch(sha256) is None:
             raise ValueError(f"{sha256[:80]!r} is not an SHA-256; give 64 hexadecimal digits in lower case")
         return self._files / sha256[:2] / sha256
+
+    def check_room(self) -> None:
+        """Check that files can be kept: one is written, synced and removed, and the disk has some room beyond it.
+
+        Raises:
+            FileError: they cannot, and why.
+        """
+        with _trouble_told(self.root):
+            if shutil.disk_usage(self.incoming).free < LEAST_ROOM_BYTES:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            with tempfile.TemporaryFile(dir=self.incoming) as probe:
+                probe.write(b"\0" * _PROBE_BYTES)
+                probe.flush()
+                os.fsync(probe.fileno())
 
     def new_work_folder(self) -> Path:
         """A new folder in `incoming` for one request; whoever asks for it removes it.

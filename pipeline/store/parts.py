@@ -12,7 +12,7 @@ import sqlalchemy as sa
 from pipeline.common.part_id import is_part_id
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.record_json import to_json
-from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ShadowRecord
+from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ShadowRecord, TouchWait
 from pipeline.store import tables
 from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError, UnfitError, cleaned, fit
@@ -36,7 +36,10 @@ def add_part(
     expected: str = "",
     database: str = "",
     job: str = "",
+    line: str = "",
     plan: ScanPlanRecord | None = None,
+    touch: TouchWait | None = None,
+    not_felt: str = "",
     targets: Sequence[str] = (),
     idempotency: IdempotencyKey | None = None,
     shadow: ShadowRecord | None = None,
@@ -53,8 +56,11 @@ def add_part(
         expected: text it should read.
         database: glyph database asked for.
         job: that it was read by.
-        plan: what to scan; with another state than TOUCH_NEEDED it says that the part was scanned because of it.
-        targets: where the result is published, unless touch is needed first.
+        line: that it comes from.
+        plan: what to scan; with a reading by touch it says that the part was scanned because of it.
+        touch: with TOUCH_NEEDED, how it waits.
+        not_felt: why a part of which the camera is unsure is not felt.
+        targets: where the result is published, also that touch is needed.
         idempotency: of the request.
         shadow: what came of it in shadow mode.
 
@@ -74,6 +80,7 @@ def add_part(
         "expected": fit(expected, "the text expected"),
         "database": fit(database, "the name of the database"),
         "job": fit(job, "the name of the job"),
+        "line": fit(line, "the name of the line"),
         "state": state,
         "created_at": tx.now,
         "changed_at": tx.now,
@@ -84,9 +91,14 @@ def add_part(
     if not tx.insert_if_new(parts, row):
         raise ConflictError(f"there is a part {part_id} already", hint="take a new id")
     claim(tx, idempotency, part_id)
-    given = {"name": name, "expected": expected, "database": database, "job": job}
+    given = {"name": name, "expected": expected, "database": database, "job": job, "line": line}
     add_events(tx, part_id, [("received", given)])
-    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow)
+    if state is PartState.TOUCH_NEEDED and touch is not None:
+        waits = {"touch_by_stage": touch.by_stage, "touch_until": touch.until}
+        tx.execute(sa.update(parts).where(parts.c.id == part_id).values(**waits))
+    after = (("not_felt", {"why": not_felt}),) if not_felt else ()
+    asked = plan is not None
+    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow, asked=asked, after=after)
 
 
 def add_readings(
@@ -116,7 +128,8 @@ def add_readings(
             f"part {part_id} was reviewed by {who} meanwhile", hint="correct the review if it is wrong"
         )
     claim(tx, idempotency, part_id)
-    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow)
+    asked = plan is not None or part.plan is not None
+    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow, asked=asked)
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
@@ -156,19 +169,22 @@ def _add(
     plan: ScanPlanRecord | None,
     targets: Sequence[str],
     shadow: ShadowRecord | None,
+    *,
+    asked: bool,
+    after: Sequence[Event] = (),
 ) -> PartRecord:
     touch_needed = state is PartState.TOUCH_NEEDED
+    felt = any(reading.source != "vision" for reading in readings)
     changes: dict[str, Any] = {"state": state, "changed_at": tx.now, "plan": None}
-    if touch_needed and plan is not None:
+    if plan is not None and not felt:
         changes["plan"] = to_json(plan)
-    if touch_needed or plan is not None:
+    if touch_needed or (asked and felt):
         changes["fell_back"] = True
     for reading in readings:
         changes["reading_id"] = _insert_reading(tx, part_id, reading)
     if readings:
         last = readings[-1]
-        changes["text"] = cleaned(last.text)
-        changes["text_folded"] = changes["text"].casefold()
+        changes |= text_columns("" if touch_needed else last.text)
         changes["by_camera"] = state is PartState.ACCEPTED and last.source == "vision"
         changes["rejected"] = last.decision == "reject"
     if shadow is not None:
@@ -176,11 +192,16 @@ def _add(
     tx.execute(sa.update(parts).where(parts.c.id == part_id).values(**changes))
     for file in evidence:
         tx.execute(sa.insert(tables.evidence).values(part_id=part_id, at=tx.now, **_evidence_row(file)))
-    add_events(tx, part_id, _events(state, readings, plan, shadow))
+    add_events(tx, part_id, [*_events(state, readings, plan, shadow), *after])
     part = part_by_id(tx, part_id)
-    if not touch_needed:
-        put_in_outbox(tx, part, targets)
+    put_in_outbox(tx, part, targets)
     return part
+
+
+def text_columns(text: str) -> dict[str, str]:
+    """The serial as it stands, and as it is searched."""
+    text = cleaned(text)
+    return {"text": text, "text_folded": text.casefold()}
 
 
 def _events(

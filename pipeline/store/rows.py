@@ -21,6 +21,7 @@ from pipeline.common.records import (
     ReviewAction,
     ReviewRecord,
     ShadowRecord,
+    TouchWait,
 )
 from pipeline.store.database import Transaction
 from pipeline.store.errors import NotFoundError
@@ -54,7 +55,11 @@ def part_of(row: Row[Any]) -> PartRecord:
         expected=row.expected,
         database=row.database,
         job=row.job or "",
+        line=row.line or "",
         plan=None if row.plan is None else from_json(ScanPlanRecord, row.plan),
+        touch=TouchWait(bool(row.touch_by_stage), row.touch_until)
+        if row.state == PartState.TOUCH_NEEDED
+        else None,
         review=None if row.review_id is None else _review(row, "review_"),
         shadow=None
         if row.agreement is None

@@ -20,6 +20,7 @@ from pipeline.store import reviews as _reviews
 from pipeline.store import shadow as _shadow
 from pipeline.store import statistics as _statistics
 from pipeline.store import tokens as _tokens
+from pipeline.store import touch as _touch
 from pipeline.store.database import Database, Transaction, open_database, utc_now
 from pipeline.store.errors import AlreadyDoneError, ConflictError, NotFoundError, StoreError, UnfitError
 from pipeline.store.idempotency import IdempotencyKey
@@ -103,6 +104,12 @@ class Store:
     evidence = _reads(rows.evidence_of)
     reviews = _reads(rows.reviews_of)
     history = _reads(rows.events_of)
+
+    # parts that wait for touch
+    waiting_for_stage = _reads(_touch.waiting_for_stage)
+    touch_overdue = _reads(_touch.touch_overdue)
+    ask_for_touch = _writes(_touch.ask_for_touch)
+    give_up_touch = _writes(_touch.give_up_touch)
 
     # lists of parts, and numbers about them
     parts = _reads(lists.find_parts)

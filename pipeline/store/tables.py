@@ -81,7 +81,11 @@ parts = sa.Table(
     sa.Column("expected", sa.Text, nullable=False),
     sa.Column("database", sa.Text, nullable=False),
     sa.Column("job", sa.Text),
+    sa.Column("line", sa.Text),
     sa.Column("plan", sa.JSON(none_as_null=True)),
+    # while it waits for touch: whether the stage of its line is to feel it, and when a person gets it all the same
+    sa.Column("touch_by_stage", sa.Boolean),
+    sa.Column("touch_until", UtcTime),
     sa.Column("created_at", UtcTime, nullable=False),
     sa.Column("changed_at", UtcTime, nullable=False),
     # no foreign keys, for those rows name this one; they are never removed

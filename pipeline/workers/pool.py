@@ -30,6 +30,7 @@ from pipeline.workers.slot import Slot, SlotOrder, Task, Tasks, WorkerLostError
 
 __all__ = ["BusyError", "WorkPool", "WorkerLostError"]
 
+_STOPPING = "the workers are stopping"
 _USUAL_S = 1.0
 _SMOOTHING = 0.2
 _LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0
@@ -98,13 +99,13 @@ class WorkPool:
 
         Raises:
             BusyError: as many jobs wait as may.
-            RuntimeError: the pool is closed.
+            WorkerLostError: the pool is closed.
         """
         future: Future[Any] = Future()
         future.set_running_or_notify_cancel()
         with self._lock:
             if self._order.closing.is_set():
-                raise RuntimeError("the pool is closed")
+                raise WorkerLostError(_STOPPING)
             busy_s = self.retry_after_s()
             if busy_s is not None:
                 raise BusyError(busy_s)
@@ -177,7 +178,7 @@ class WorkPool:
             while True:
                 task = self._tasks.get_nowait()
                 if task is not None:
-                    self._settle(task, WorkerLostError("the service is stopping"))
+                    self._settle(task, WorkerLostError(_STOPPING))
 
     def _settle(self, task: Task, outcome: Any) -> None:
         with self._lock:

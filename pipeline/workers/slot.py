@@ -7,6 +7,7 @@ import logging
 import multiprocessing
 import os
 import queue
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -25,6 +26,8 @@ _log = logging.getLogger(__name__)
 _PAUSE_S, _MOST_PAUSE_S = 0.2, 10.0
 _WARM_UP_S = 180.0
 _LOOK_S = 0.25
+_FROM_OUTSIDE = (None, -signal.SIGTERM, -getattr(signal, "SIGKILL", 9), -signal.SIGINT)
+"""Exit codes of workers that somebody has killed: a person, or a system short of memory."""
 
 
 class WorkerLostError(MarksError):
@@ -33,11 +36,12 @@ class WorkerLostError(MarksError):
     Attributes:
         reason: what became of the worker, in words.
         timed_out: whether it took longer than a job may; the same job will then hardly do better.
+        crashed: whether the worker has ended by a fault of what it ran, and was not killed from outside.
     """
 
-    def __init__(self, reason: str, timed_out: bool = False) -> None:
+    def __init__(self, reason: str, timed_out: bool = False, crashed: bool = False) -> None:
         super().__init__(reason)
-        self.reason, self.timed_out = reason, timed_out
+        self.reason, self.timed_out, self.crashed = reason, timed_out, crashed
 
 
 @dataclass
@@ -191,7 +195,9 @@ class Slot:
         if message is not None:
             return message
         timed_out = time.monotonic() - started >= self.order.timeout_s
-        lost = WorkerLostError(self._fate(timed_out), timed_out)
+        fate = self._fate(timed_out)
+        code = self.process.exitcode if self.process is not None else None
+        lost = WorkerLostError(fate, timed_out, not timed_out and code not in _FROM_OUTSIDE)
         _log.warning("%s", lost.reason)
         self._end()
         self.restarts += 1

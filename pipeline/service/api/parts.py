@@ -6,7 +6,7 @@ import hashlib
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from fastapi import APIRouter, File, Form, Request, Response, UploadFile
 
@@ -28,7 +28,7 @@ from pipeline.service.api.answers import (
 )
 from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE
 from pipeline.service.idempotency import Received
-from pipeline.service.part_service import NewPart, PartService
+from pipeline.service.part_service import NewPart, PartService, Touch
 from pipeline.service.problem import Problem
 from pipeline.service.uploads import Upload, check_count, receive
 from pipeline.store.store import IdempotencyKey
@@ -81,17 +81,17 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         database: Database = "",
         job: JobName = "",
         touch: Annotated[
-            Literal["plan", "stage"],
+            Touch,
             Form(
-                description="where the camera is unsure: return a scan plan, or have the service's stage scan the part"
+                description="who feels the part where the camera is unsure: stage, the service's at once; plan, the "
+                "sender by the plan in the answer; asked, the service's stage once it is asked to (/touch). Without a "
+                "stage a person gets it, unless it is plan"
             ),
-        ] = "plan",
+        ] = Touch.ASKED,
         idempotency_key: Key = None,
         caller: Caller = Writes,
     ) -> Any:
-        new = NewPart(
-            name=name, expected=expected.strip(), database=database, job=job, touch=touch == "stage"
-        )
+        new = NewPart(name=name, expected=expected.strip(), database=database, job=job, touch=touch)
         folder = service.evidence.new_work_folder()
         try:
             photos = await _received(photo or [], folder)

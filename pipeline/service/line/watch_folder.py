@@ -29,7 +29,7 @@ import structlog
 from glyphs.errors import FileError
 from pipeline.common.records import PartRecord
 from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, PartFiles, WatchJournal
-from pipeline.service.part_service import NewPart, PartService
+from pipeline.service.part_service import NewPart, PartService, Touch
 from pipeline.service.problem import Problem
 from pipeline.service.uploads import HEAD_BYTES, Upload, check_count, sent_name, suffix_of
 from pipeline.store.store import IdempotencyKey, StoreError
@@ -184,7 +184,7 @@ class WatchedFolder:
                 return None
             digest = hashlib.sha256(part.key.encode()).hexdigest()
             received = await self._parts.receive(
-                NewPart(name=sent_name(part.name), job=self._job, touch=True),
+                NewPart(name=sent_name(part.name), job=self._job, touch=Touch.STAGE),
                 photos=photos,
                 idempotency=IdempotencyKey(f"watch:{digest}", digest),
             )

@@ -326,12 +326,12 @@ def test_a_database_is_chosen_by_name(tmp_path: Path, parts: Path) -> None:
         assert "press-7" in missing.json()["detail"]
 
 
-def test_results_wait_for_their_targets_once_touch_is_done(tmp_path: Path, parts: Path) -> None:
+def test_results_wait_for_their_targets_also_that_touch_is_needed(tmp_path: Path, parts: Path) -> None:
     with inline_service(tmp_path, webhook="http://127.0.0.1:9/none", stage=parts) as (service, client):
         waiting = client.post("/v1/parts", files=photo(parts, FILTHY), data={"name": FILTHY}).json()
-        assert service.store.undelivered() == 0
-        client.post(f"/v1/parts/{waiting['id']}/touch")
         assert service.store.undelivered() == 1
+        client.post(f"/v1/parts/{waiting['id']}/touch")
+        assert service.store.undelivered() == 2
         service.store.review(waiting["id"], action=ReviewAction.CONFIRM, text="", who="Anna")
         assert service.store.part(waiting["id"]).state is PartState.REVIEWED
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from pipeline.files.synth import SynthSpec, write_part
 from pipeline.reading.part_reader import PartReader
 from pipeline.reading.readers import open_reader
 from pipeline.service.app import Service
+from pipeline.service.driver_thread import DriverThread
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage_link import StageLink
 from tests.support.service_fixtures import FORMAT, inline_service
@@ -168,18 +170,18 @@ def test_a_stage_that_fails_between_passes_gives_what_was_felt_to_review(
 
 
 @pytest.mark.parametrize(
-    ("fault", "says"),
+    ("fault", "answered", "says"),
     [
-        (StageError, "the array has jammed"),
-        (ValueError, "the stage's driver has a fault (ValueError: the array has jammed)"),
+        (StageError, 422, "the array has jammed"),
+        (ValueError, 503, "the stage's driver has a fault (ValueError: the array has jammed)"),
     ],
 )
 def test_a_stage_that_feels_nothing_leaves_the_part_waiting(
-    served: tuple[Service, TestClient], plan: ScanPlanRecord, fault: type[Exception], says: str
+    served: tuple[Service, TestClient], plan: ScanPlanRecord, fault: type[Exception], answered: int, says: str
 ) -> None:
     Iron.fails_after, Iron.fault = 0, fault
     status, problem, part_id = touched(served, plan)
-    assert status == 422
+    assert status == answered
     assert says in problem["detail"]
     part = served[1].get(f"/v1/parts/{part_id}").json()
     assert part["state"] == "touch_needed"
@@ -200,8 +202,8 @@ def test_a_link_that_no_worker_comes_to_ends() -> None:
         def open(self, order: ScanOrder) -> StageSession:
             raise AssertionError("nobody asked")
 
-    link = StageLink(Never())
-    link.close()
+    link = StageLink(Never(), DriverThread("stage", timeout_s=5.0))
+    asyncio.run(link.close())
     with pytest.raises(OSError):  # noqa: PT011 - whichever the system says of a socket that is gone
         link.stage.open(ScanOrder("part", PLAN))
 

@@ -71,10 +71,14 @@ def test_numbers_are_not_given_twice(store: Store) -> None:
     assert store.due()[0].id > first.id
 
 
-def test_nothing_is_sent_while_touch_is_needed(store: Store) -> None:
-    part = received(store, PartState.TOUCH_NEEDED, targets=("mqtt",))
-    assert store.undelivered() == 0
+def test_touch_needed_is_sent_without_a_text_and_so_is_what_came_of_it(store: Store) -> None:
+    unsure = reading("KX4O", "vision")
+    part = received(store, PartState.TOUCH_NEEDED, readings=(unsure,), targets=("mqtt",))
+    (needed,) = store.due()
+    assert (needed.payload["state"], needed.payload["text"]) == ("touch_needed", "")
     store.add_readings(
         part.id, readings=(reading("KX4", "fused"),), state=PartState.ACCEPTED, targets=("mqtt",)
     )
-    assert store.undelivered() == 1
+    store.delivered(needed.id)
+    (felt,) = store.due()
+    assert (felt.payload["state"], felt.payload["text"]) == ("accepted", "KX4")

@@ -156,7 +156,7 @@ def test_closing_waits_for_what_there_is(tmp_path: Path) -> None:
     assert [job.result(0.0) for job in jobs] == [None] * 4
     assert not any(alive(pid) for pid in pids)
     assert not pool.ready()
-    with pytest.raises(RuntimeError, match="closed"):
+    with pytest.raises(WorkerLostError, match="stopping"):
         pool.submit(os.getpid)
     pool.close(0.0)
 

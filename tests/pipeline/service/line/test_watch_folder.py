@@ -23,7 +23,7 @@ from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.service.idempotency import Received
 from pipeline.service.line.watch_folder import WatchedFolder
 from pipeline.service.line.watched_files import WatchJournal
-from pipeline.service.part_service import NewPart
+from pipeline.service.part_service import NewPart, Touch
 from pipeline.service.problem import Problem
 from pipeline.service.uploads import Upload
 from pipeline.store.store import IdempotencyKey, StoreError
@@ -117,7 +117,7 @@ def test_a_photograph_is_submitted_once_it_has_stood_still(bench: Bench) -> None
     assert bench.look(1) == ["part-3"]
     assert bench.look(3) == ["part-3"]
     new, name, data = bench.parts.received[0]
-    assert (new.touch, new.expected, name, data) == (True, "", "part-3.png", PNG)
+    assert (new.touch, new.expected, name, data) == (Touch.STAGE, "", "part-3.png", PNG)
     assert new.job == "housing-left"
     assert (bench.folder / "part-3.png").read_bytes() == PNG
     assert not list((bench.journal.parent / "work").iterdir())

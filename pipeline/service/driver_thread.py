@@ -1,0 +1,148 @@
+"""A thread of its own for a driver: one that hangs keeps nobody else, and the end of the service does not wait for it.
+
+    call(work) --> waiting (bounded) --> the driver's thread --> driver
+         \\------ timeout_s ------> StageDownError, and `trouble` says so until the driver comes back
+
+* A driver is never called by two threads at once.
+* Every call ends within its time: with the driver's answer, its exception, or StageDownError.
+* While a call hangs, others are refused at once; when it comes back at last, the driver is used again.
+* The thread is a daemon's: a driver that never comes back does not keep the process alive.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, InvalidStateError
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import structlog
+
+from whisker_array.scan.stage_error import StageError
+
+T = TypeVar("T")
+MOST_WAITING = 8
+log = structlog.get_logger("tactile-marks")
+
+
+class StageDownError(StageError):
+    """The driver does not answer, or has too much to do: not now, but perhaps later."""
+
+
+class DriverThread:
+    """Calls one driver.
+
+    Attributes:
+        what: camera or stage, for messages.
+        timeout_s: for one call, with its wait for those before, unless the caller says another.
+    """
+
+    def __init__(self, what: str, *, timeout_s: float) -> None:
+        self.what, self.timeout_s = what, timeout_s
+        self._calls: queue.Queue[_Call] = queue.Queue(MOST_WAITING)
+        self._thread: threading.Thread | None = None
+        self._starting = threading.Lock()
+        self._at_work: _Call | None = None
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the driver now, in words; empty where nothing is."""
+        at_work = self._at_work
+        if at_work is None or (waited_s := time.monotonic() - at_work.begun_s) < at_work.timeout_s:
+            return ""
+        return f"the {self.what} has not answered for {waited_s:.0f} s"
+
+    def call(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
+        """What comes of some work with the driver.
+
+        Raises:
+            StageError: the driver's own.
+            OSError: likewise.
+            StageDownError: it does not answer in time, has a fault, or others wait for it already.
+        """
+        made = self._submitted(work, timeout_s)
+        try:
+            outcome: T = made.future.result(made.timeout_s)
+        except TimeoutError:
+            raise self._late(made) from None
+        return outcome
+
+    async def called(self, work: Callable[[], T], *, timeout_s: float | None = None) -> T:
+        """As `call`, in a coroutine."""
+        made = self._submitted(work, timeout_s)
+        try:
+            outcome: T = await asyncio.wait_for(asyncio.wrap_future(made.future), made.timeout_s)
+        except TimeoutError:
+            raise self._late(made) from None
+        return outcome
+
+    def _submitted(self, work: Callable[[], Any], timeout_s: float | None) -> _Call:
+        if self.trouble:
+            raise self._down(self.trouble)
+        made = _Call(work, self.timeout_s if timeout_s is None else timeout_s)
+        with self._starting:
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name=self.what, daemon=True)
+                self._thread.start()
+        try:
+            self._calls.put_nowait(made)
+        except queue.Full:
+            raise self._down(f"{MOST_WAITING} others wait for the {self.what}") from None
+        return made
+
+    def _late(self, made: _Call) -> BaseException:
+        future = made.future
+        error = future.exception() if future.done() and not future.cancelled() else None
+        if error is not None:
+            return error  # a TimeoutError of the driver's own
+        future.cancel()
+        return self._down(f"the {self.what} has not answered in {made.timeout_s:g} s")
+
+    def _run(self) -> None:
+        while True:
+            made = self._calls.get()
+            if not made.future.set_running_or_notify_cancel():
+                continue  # its caller has given up
+            made.begun_s = time.monotonic()
+            self._at_work = made
+            try:
+                result = made.work()
+            except (StageError, OSError) as error:
+                self._settle(made.future.set_exception, error)
+            except BaseException as error:
+                log.exception("fault of a driver", driver=self.what)
+                fault = f"the {self.what}'s driver has a fault ({type(error).__name__}: {error})"
+                down = StageDownError(fault, "the service's log has more of it")
+                self._settle(made.future.set_exception, down)
+            else:
+                self._settle(made.future.set_result, result)
+
+    def _settle(self, settle: Callable[[Any], None], outcome: Any) -> None:
+        self._at_work = None
+        with contextlib.suppress(InvalidStateError):  # its caller has given up meanwhile
+            settle(outcome)
+
+    def _down(self, what: str) -> StageDownError:
+        return StageDownError(what, f"see that the {self.what} and its driver work")
+
+
+@dataclass(eq=False)
+class _Call:
+    """One call of the driver.
+
+    Attributes:
+        work: to be done.
+        timeout_s: that its caller waits.
+        future: what comes of it.
+        begun_s: when, by the monotonic clock.
+    """
+
+    work: Callable[[], Any]
+    timeout_s: float
+    future: Future[Any] = field(default_factory=Future)
+    begun_s: float = 0.0

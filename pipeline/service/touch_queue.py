@@ -1,0 +1,143 @@
+"""Parts that wait for touch, until they are felt or a person gets them.
+
+    touch_needed --the stage is to feel it--> attempt --felt-----> accepted, review
+        |                 ^                      \\--failed, busy--> tried again: retry_s later
+        \\-- until its time is up ----------------------------------> review, by a person
+
+* Who waits stands in the store, so a wish to be felt outlives a kill: the service's next start goes on with it.
+* Of one part there is one attempt at a time; whoever asks meanwhile gets what comes of it.
+* A part is tried for as long as it may wait, then given up: no part waits for ever, whoever was to feel it.
+* Services that share a store feel the parts of their own lines alone; any of them gives up any part.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+import structlog
+
+from pipeline.service.problem import Problem
+from pipeline.store.errors import ConflictError, StoreError
+
+if TYPE_CHECKING:
+    from pipeline.common.records import PartRecord
+    from pipeline.store.store import Store
+
+AT_ONCE = 4
+"""Attempts that no request waits for; a real stage feels one part at a time in any case."""
+NOBODY = "nobody has felt it in time"
+log = structlog.get_logger("tactile-marks")
+
+
+class TouchQueue:
+    """Has the stage feel what waits for it."""
+
+    def __init__(
+        self,
+        store: Store,
+        feel: Callable[[PartRecord], Awaitable[PartRecord]],
+        *,
+        give_up: Callable[[PartRecord, str], Awaitable[object]],
+        line: str = "",
+        wait_s: float = 900.0,
+        retry_s: float = 15.0,
+        look_s: float = 1.0,
+    ) -> None:
+        """Take what it works with; nothing is felt yet.
+
+        Args:
+            store: where the parts wait.
+            feel: has the stage feel a part, and keeps what was read; raises Problem.
+            give_up: leaves a part to a person, and says why.
+            line: whose parts the stage feels.
+            wait_s: how long a part waits.
+            retry_s: between two attempts at a part.
+            look_s: between two looks at the store.
+        """
+        self._store, self._feel, self._give_up = store, feel, give_up
+        self.line, self._wait_s, self._retry_s, self._look_s = line, wait_s, retry_s, look_s
+        self._attempts: dict[str, asyncio.Task[PartRecord]] = {}
+        self._rest_until: dict[str, float] = {}
+
+    def until(self) -> datetime:
+        """Until when a part waits that begins to wait now."""
+        return datetime.now(UTC) + timedelta(seconds=self._wait_s)
+
+    async def felt(self, part: PartRecord) -> PartRecord:
+        """The part once the attempt at it has ended; one that is under way is waited for.
+
+        Raises:
+            Problem: it could not be felt; it still waits, and is tried again.
+        """
+        attempt = self._attempts.get(part.id)
+        if attempt is None:
+            attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part))
+        # a caller who goes away takes nothing with him
+        return await asyncio.shield(attempt)
+
+    async def run(self) -> None:
+        """Look after whatever waits, for ever."""
+        troubled = False
+        while True:
+            try:
+                await self.look()
+                troubled = False
+            except StoreError as error:
+                if not troubled:
+                    log.warning("parts that wait for touch cannot be looked up; trying again", why=str(error))
+                troubled = True
+            except Exception:
+                log.exception("look at parts that wait for touch failed")
+            await asyncio.sleep(self._look_s)
+
+    async def look(self) -> None:
+        """Look once: give up what has waited for too long, and begin attempts at what is due."""
+        unsaid_before = datetime.now(UTC) - timedelta(seconds=self._wait_s)
+        for part in await asyncio.to_thread(self._store.touch_overdue, unsaid_before=unsaid_before):
+            if part.id not in self._attempts:
+                await self._given_up(part)
+        now = time.monotonic()
+        for part in await asyncio.to_thread(self._store.waiting_for_stage, self.line):
+            if len(self._attempts) >= AT_ONCE:
+                break
+            if part.id not in self._attempts and self._rest_until.get(part.id, 0.0) <= now:
+                attempt = self._attempts[part.id] = asyncio.create_task(self._attempt(part))
+                attempt.add_done_callback(_looked_at)
+
+    async def stop(self) -> None:
+        """End the attempts; what was not felt waits in the store for the next start."""
+        attempts = list(self._attempts.values())
+        for attempt in attempts:
+            attempt.cancel()
+        await asyncio.gather(*attempts, return_exceptions=True)
+
+    async def _attempt(self, part: PartRecord) -> PartRecord:
+        try:
+            felt = await self._feel(part)
+        except BaseException:
+            self._rest_until[part.id] = time.monotonic() + self._retry_s
+            raise
+        else:
+            self._rest_until.pop(part.id, None)
+            return felt
+        finally:
+            del self._attempts[part.id]
+
+    async def _given_up(self, part: PartRecord) -> None:
+        self._rest_until.pop(part.id, None)
+        try:
+            await self._give_up(part, NOBODY)
+        except ConflictError:
+            return  # it was felt, reviewed or given up by another service meanwhile
+        log.warning("part given up by touch", part=part.id, name=part.name, why=NOBODY)
+
+
+def _looked_at(attempt: asyncio.Task[PartRecord]) -> None:
+    """Nobody waits for the attempt: what it failed by is known to the part's history or the log."""
+    error = None if attempt.cancelled() else attempt.exception()
+    if error is not None and not isinstance(error, Problem | StoreError):
+        log.error("attempt at touch failed", exc_info=error)
