@@ -2,7 +2,7 @@
 
 with Client("http://127.0.0.1:8417", token="tm_...") as client:
     part = client.read(photo="part.png", name="tray-7/part-3")
-    if part.state is PartState.TOUCH_NEEDED:
+    if part.plan is not None:
         part = client.add_scan(part.id, "part.h5")
     print(part.text, part.state)
 
@@ -70,7 +70,7 @@ class Client:
         expected: str = "",
         database: str = "",
         job: str = "",
-        touch: Literal["plan", "stage"] = "plan",
+        touch: Literal["asked", "stage", "plan"] = "asked",
         idempotency_key: str | None = None,
     ) -> PartRecord:
         """Have a part read from its photograph, its scan, or both.
@@ -82,7 +82,8 @@ class Client:
             expected: text that it should read.
             database: glyph database to read with.
             job: that says how to read, database and all.
-            touch: where the camera is unsure: "plan" answers what to scan, "stage" has the service's stage scan it.
+            touch: where the camera is unsure: "stage" has the service's stage feel it at once, "asked" by `touch`; without
+                a stage a person gets it. "plan": this program will send a scan, by the plan of the answer.
             idempotency_key: of this part; made unless given. Give one that is kept with the part, and the part can be
                 sent again even after this program was started anew.
 

@@ -173,7 +173,7 @@ def _children(pid: int) -> list[int]:
 
 def test_one_key_at_once_is_one_part_and_who_is_at_work_may_end(tmp_path: Path, files: list[bytes]) -> None:
     """Four senders of one part; then a service that is asked to end while it reads."""
-    with service_process(tmp_path / "service", *OPTIONS) as service:
+    with service_process(tmp_path / "service", *OPTIONS, "--drain-s", "5") as service:
         answers: list[httpx.Response] = []
 
         def send(key: str, data: bytes) -> None:
@@ -197,12 +197,26 @@ def test_one_key_at_once_is_one_part_and_who_is_at_work_may_end(tmp_path: Path, 
         while len(answers) + _jobs(service) < len(last) and time.monotonic() < until:
             time.sleep(0.01)
         service.process.send_signal(signal.SIGTERM)
+        drained = _refused_ready(service)
+        late = httpx.post(f"{service.url}/v1/parts", files={"scan": ("part.npz", files[0])}, timeout=60.0)
+        for refused in (drained, late):
+            assert (refused.status_code, refused.headers["content-type"]) == (503, "application/problem+json")
+            assert int(refused.headers["retry-after"]) > 0
         for thread in last:
             thread.join()
         assert [a.status_code for a in answers] == [201] * 4
         # the signal is passed on once everything is closed
         assert service.process.wait(30.0) in (0, -signal.SIGTERM)
         assert "Application shutdown complete" in service.log.read_text()
+
+
+def _refused_ready(service: ServiceProcess) -> httpx.Response:
+    """The first answer of /readyz that is not ready."""
+    until = time.monotonic() + 30.0
+    while (answer := httpx.get(f"{service.url}/readyz", timeout=30.0)).status_code == 200:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    return answer
 
 
 def _jobs(service: ServiceProcess) -> float:

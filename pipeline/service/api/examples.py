@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, ScanPlanRecord
@@ -14,6 +14,7 @@ from pipeline.common.records import (
     PartState,
     ReviewAction,
     ReviewRecord,
+    TouchWait,
 )
 
 _ID = "01JD8Z6Y3Q5V7W9X1B2C3D4E5F"
@@ -62,9 +63,11 @@ def _answered(part: PartRecord) -> dict[str, Any]:
     return {**to_json(part), "links": links}
 
 
+_WAITS = TouchWait(by_stage=False, until=_AT + timedelta(minutes=15))
+
 PART_EXAMPLE = _answered(PartRecord(_ID, "tray-7/part-3", PartState.ACCEPTED, "KX40", _AT, _AT, _READING))
 TOUCH_EXAMPLE = _answered(
-    PartRecord(_ID, "tray-7/part-3", PartState.TOUCH_NEEDED, "KX4O", _AT, _AT, _UNSURE, plan=_PLAN)
+    PartRecord(_ID, "tray-7/part-3", PartState.TOUCH_NEEDED, "", _AT, _AT, _UNSURE, plan=_PLAN, touch=_WAITS)
 )
 HISTORY_EXAMPLE: dict[str, Any] = {
     "events": [{"at": "2026-11-02T09:30:00Z", "kind": "received", "data": {}}],

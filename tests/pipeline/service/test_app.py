@@ -336,6 +336,26 @@ def test_results_wait_for_their_targets_also_that_touch_is_needed(tmp_path: Path
         assert service.store.part(waiting["id"]).state is PartState.REVIEWED
 
 
+@pytest.mark.parametrize(
+    ("touch", "state"), [(None, "review"), ("asked", "review"), ("stage", "review"), ("plan", "touch_needed")]
+)
+def test_without_a_stage_a_person_gets_what_the_camera_is_unsure_of(
+    tmp_path: Path, parts: Path, touch: str | None, state: str
+) -> None:
+    with inline_service(tmp_path, webhook="http://127.0.0.1:9/none") as (service, client):
+        asked = {} if touch is None else {"touch": touch}
+        part = client.post("/v1/parts", files=photo(parts, FILTHY), data=asked).json()
+        assert part["state"] == state
+        assert part["plan"]["region_mm"]
+        assert service.store.undelivered() == 1
+        kinds = [e.kind for e in service.store.history(part["id"])]
+        assert kinds == ["received", "read", "touch_needed", *(["not_felt"] if state == "review" else [])]
+        assert [p.id for p in service.store.queue()] == ([part["id"]] if state == "review" else [])
+        # whoever has a stage may still send what it felt
+        felt = client.post(f"/v1/parts/{part['id']}/scan", files=height_map(parts, FILTHY))
+        assert (felt.status_code, felt.json()["reading"]["source"]) == (200, "fused")
+
+
 class Iron:
     """A driver of a stage, as an integrator writes one: here it has a recording ready."""
 

@@ -1,0 +1,262 @@
+"""What is the service's own fault is told so: 503 as a problem, with when to ask again; and /readyz knows."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import shutil
+import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from pipeline.cli.serving import DrainingServer
+from pipeline.common.part_id import new_part_id
+from pipeline.common.records import PartState
+from pipeline.files.synth import SynthSpec, write_part
+from pipeline.service.app import Service
+from pipeline.service.idempotency import IdempotentRequests
+from pipeline.service.problem import Problem
+from pipeline.service.stage import ScanOrder, SimulatedStage
+from pipeline.store.store import AlreadyDoneError, IdempotencyKey
+from pipeline.workers.slot import WorkerLostError
+from tests.support.service_fixtures import FORMAT, inline_service
+from tests.support.store_samples import PLAN
+from whisker_array.scan.stage_error import StageError
+
+
+@pytest.fixture(scope="module")
+def plate_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plate")
+    write_part(SynthSpec(format=FORMAT, seed=21), folder / "part", 0, photos=False)
+    return folder / "part.npz"
+
+
+@pytest.fixture(scope="module")
+def plate(plate_file: Path) -> bytes:
+    return plate_file.read_bytes()
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[Service, TestClient]]:
+    with inline_service(tmp_path / "s") as both:
+        yield both
+
+
+def sent(client: TestClient, plate: bytes) -> Any:
+    return client.post("/v1/parts", files={"scan": ("part.npz", plate)})
+
+
+def is_server_fault(answer: Any) -> bool:
+    return (
+        answer.status_code == 503
+        and answer.headers["content-type"] == "application/problem+json"
+        and int(answer.headers["retry-after"]) > 0
+        and answer.json()["status"] == 503
+    )
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EIO])
+@pytest.mark.parametrize("where", ["mkdtemp", "replace", "fsync"])
+def test_a_disk_that_does_not_take_files_is_not_the_senders_fault(
+    served: tuple[Service, TestClient], plate: bytes, monkeypatch: pytest.MonkeyPatch, where: str, code: int
+) -> None:
+    service, client = served
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    with monkeypatch.context() as patched:
+        module = "pipeline.store.evidence_folder.tempfile" if where == "mkdtemp" else "os"
+        patched.setattr(f"{module}.{where}", fail)
+        assert is_server_fault(sent(client, plate))
+        if where == "fsync":
+            ready = client.get("/readyz")
+            assert ready.status_code == 503
+            assert os.strerror(code) in ready.json()["detail"]
+    assert sent(client, plate).status_code == 201
+    assert client.get("/readyz").status_code == 200
+    assert len(service.store.parts()) == 1
+
+
+def test_no_room_for_an_upload_that_is_coming_is_not_its_senders_fault(
+    served: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("starlette.formparsers.SpooledTemporaryFile", full)
+    assert is_server_fault(sent(served[1], b"x" * 100))
+
+
+def test_a_disk_that_is_nearly_full_is_not_ready(
+    served: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = shutil.disk_usage("/")
+    monkeypatch.setattr("shutil.disk_usage", lambda _: usage._replace(free=1000))
+    ready = served[1].get("/readyz")
+    assert (ready.status_code, "No space left" in ready.json()["detail"]) == (503, True)
+
+
+@pytest.mark.parametrize(
+    ("losses", "status"),
+    [
+        ([WorkerLostError("killed")], 201),
+        ([WorkerLostError("killed")] * 2, 503),
+        ([WorkerLostError("crashed", crashed=True)], 201),
+        ([WorkerLostError("crashed", crashed=True)] * 2, 422),
+        ([WorkerLostError("too long", timed_out=True)], 422),
+    ],
+)
+def test_a_lost_worker_is_the_parts_fault_only_where_it_crashes_again_or_takes_too_long(
+    served: tuple[Service, TestClient], plate: bytes, losses: list[WorkerLostError], status: int
+) -> None:
+    service, client = served
+    left = list(losses)
+
+    def work(function: Any, *arguments: Any) -> Any:
+        if left:
+            raise left.pop()
+        return function(*arguments)
+
+    pool: Any = service.pool
+    submit = pool.submit
+    pool.submit = lambda function, *arguments: submit(work, function, *arguments)
+    answer = sent(client, plate)
+    assert (answer.status_code, left) == (status, [])
+    if status == 503:
+        assert is_server_fault(answer)
+    assert client.get("/metrics").text.count(f"tactile_marks_workers_lost_total {len(losses)}.0") == 1
+
+
+def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(
+    tmp_path: Path, plate: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    back = threading.Event()
+
+    class Hanging:
+        def take(self, name: str) -> Path:
+            back.wait()
+            raise AssertionError("nobody waits any more")
+
+    monkeypatch.setattr("pipeline.files.synth.hanging", Hanging, raising=False)
+    camera = {"camera_driver": "pipeline.files.synth:hanging", "camera_timeout_s": 0.1}
+    try:
+        with inline_service(tmp_path, **camera) as (service, client):
+            for _ in range(3):
+                with pytest.raises(Problem, match="the camera has not answered") as caught:
+                    asyncio.run(service.parts.trigger("part"))
+                assert (caught.value.status, caught.value.headers["Retry-After"]) == (503, "30")
+            ready = client.get("/readyz")
+            assert (ready.status_code, "the camera has not answered" in ready.json()["detail"]) == (503, True)
+            assert client.get("/healthz").status_code == 200
+            assert sent(client, plate).status_code == 201
+    finally:
+        back.set()
+
+
+@pytest.mark.parametrize(("jams", "status"), [("open", 503), ("feel", 503), ("close", 422)])
+def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
+    tmp_path: Path, plate_file: Path, monkeypatch: pytest.MonkeyPatch, jams: str, status: int
+) -> None:
+    back = threading.Event()
+
+    class Hanging:
+        def open(self, order: ScanOrder) -> Hanging:
+            if jams == "open":
+                back.wait()
+            self.fitting = SimulatedStage(plate_file.parent).open(order).fitting
+            return self
+
+        def feel(self, order: object) -> None:
+            if jams == "feel":
+                back.wait()
+            raise StageError("the array has jammed")
+
+        def close(self) -> None:
+            if jams == "close":
+                back.wait()
+
+    monkeypatch.setattr("pipeline.files.synth.hanging", Hanging, raising=False)
+    stage = {"stage_driver": "pipeline.files.synth:hanging", "stage_timeout_s": 0.1}
+    try:
+        with inline_service(tmp_path, **stage) as (service, client):
+            part_id = new_part_id()
+            service.store.add_part(
+                part_id=part_id,
+                name="part",
+                state=PartState.TOUCH_NEEDED,
+                plan=replace(PLAN, region_mm=(1.0, 1.0, 30.0, 12.0)),
+            )
+            answer = client.post(f"/v1/parts/{part_id}/touch")
+            assert answer.status_code == status, answer.text
+            assert is_server_fault(answer) == (status == 503)
+            assert client.get(f"/v1/parts/{part_id}").json()["state"] == "touch_needed"
+            assert client.get("/readyz").status_code == 503
+    finally:
+        back.set()
+
+
+def test_a_replay_that_fails_leaves_nobody_waiting(served: tuple[Service, TestClient]) -> None:
+    store = served[0].store
+    requests = IdempotentRequests(store)
+
+    async def taken() -> Any:
+        raise AlreadyDoneError(part_id=new_part_id(), fingerprint="of another request")
+
+    async def several() -> list[Any]:
+        tries = [requests.carry_out(IdempotencyKey("key", "mine"), taken) for _ in range(3)]
+        return await asyncio.wait_for(asyncio.gather(*tries, return_exceptions=True), 20.0)
+
+    made = asyncio.run(several())
+    assert [type(error) for error in made] == [Problem] * 3
+    assert {error.status for error in made} == {422}
+
+
+def test_while_it_drains_it_is_not_ready_and_takes_no_part(
+    served: tuple[Service, TestClient], plate: bytes
+) -> None:
+    service, client = served
+    kept = sent(client, plate).json()
+    service.drain()
+    assert is_server_fault(sent(client, plate))
+    ready = client.get("/readyz")
+    assert (ready.status_code, "stopping" in ready.json()["detail"]) == (503, True)
+    assert client.get("/healthz").status_code == 200
+    assert client.get(f"/v1/parts/{kept['id']}").json() == kept
+
+
+def test_a_request_cut_short_by_the_end_is_told_to_come_again(
+    served: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service, client = served
+
+    async def cancelled(*_: object, **__: object) -> None:
+        raise asyncio.CancelledError
+
+    monkeypatch.setattr(service.parts, "touch", cancelled)
+    assert is_server_fault(client.post(f"/v1/parts/{new_part_id()}/touch"))
+
+
+def test_the_first_signal_drains_and_the_second_stops() -> None:
+    import uvicorn
+
+    said: list[str] = []
+    server = DrainingServer(
+        uvicorn.Config(lambda *_: None), drain=lambda: said.append("drains"), drain_s=3600.0
+    )
+    server.started = True
+    server.handle_exit(signal.SIGTERM, None)
+    assert (said, asyncio.run(server.on_tick(1))) == (["drains"], False)
+    server.handle_exit(signal.SIGTERM, None)
+    assert asyncio.run(server.on_tick(2)) is True
+    at_once = DrainingServer(uvicorn.Config(lambda *_: None), drain=lambda: None, drain_s=0.0)
+    at_once.started = True
+    at_once.handle_exit(signal.SIGTERM, None)
+    assert asyncio.run(at_once.on_tick(1)) is True

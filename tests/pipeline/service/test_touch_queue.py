@@ -1,0 +1,149 @@
+"""Parts that wait for touch: felt, tried again, found after a kill, given up; none waits for ever."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from pipeline.common.records import PartRecord, PartState, TouchWait
+from pipeline.service.problem import Problem
+from pipeline.service.touch_queue import NOBODY, TouchQueue
+from pipeline.store.store import Store
+from tests.support.store_samples import PLAN, reading, received
+
+LONG_S = 600.0
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store.open(f"sqlite:///{tmp_path}/store.db")
+
+
+def waiting(store: Store, *, by_stage: bool = True, wait_s: float = LONG_S, line: str = "") -> PartRecord:
+    """A part that waits for touch."""
+    touch = TouchWait(by_stage, datetime.now(UTC) + timedelta(seconds=wait_s))
+    unsure = (reading("KX4O", "vision", "review"),)
+    return received(store, PartState.TOUCH_NEEDED, readings=unsure, plan=PLAN, touch=touch, line=line)
+
+
+class Bench:
+    """A queue whose stage does as it is told."""
+
+    def __init__(self, store: Store, **settings: float) -> None:
+        self.store = store
+        self.asked: list[str] = []
+        self.fails: Callable[[], Exception | None] = lambda: None
+        self.queue = TouchQueue(store, self.feel, give_up=self.give_up, look_s=0.01, **settings)  # type: ignore[arg-type]
+
+    async def feel(self, part: PartRecord) -> PartRecord:
+        self.asked.append(part.id)
+        await asyncio.sleep(0.01)
+        error = self.fails()
+        if error is not None:
+            raise error
+        felt = (reading("KX4", "fused"),)
+        return await asyncio.to_thread(
+            self.store.add_readings, part.id, readings=felt, state=PartState.ACCEPTED
+        )
+
+    async def give_up(self, part: PartRecord, why: str) -> None:
+        await asyncio.to_thread(self.store.give_up_touch, part.id, why=why, targets=("mqtt",))
+
+    async def until(self, done: Callable[[], bool], patience_s: float = 20.0) -> None:
+        """Let the queue run until something is so."""
+        running = asyncio.create_task(self.queue.run())
+        until = time.monotonic() + patience_s
+        while not await asyncio.to_thread(done) and time.monotonic() < until:
+            await asyncio.sleep(0.01)
+        running.cancel()
+        await self.queue.stop()
+        assert done()
+
+
+def test_what_a_kill_has_left_waiting_is_felt_after_the_next_start(store: Store) -> None:
+    part, others = waiting(store), waiting(store, by_stage=False)
+    bench = Bench(store)
+    asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))
+    assert bench.asked == [part.id]
+    assert store.part(part.id).text == "KX4"
+    # who waits for a scan of the sender's is not felt by the stage
+    assert store.part(others.id).state is PartState.TOUCH_NEEDED
+
+
+def test_a_busy_queue_or_a_stage_that_fails_is_tried_again(store: Store) -> None:
+    part, bench = waiting(store), Bench(store, retry_s=0.02)
+    bench.fails = lambda: Problem(503, "busy") if len(bench.asked) < 3 else None
+    asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))
+    assert bench.asked == [part.id] * 3
+
+
+def test_who_asks_while_the_stage_is_at_the_part_gets_what_comes_of_it(store: Store) -> None:
+    part, bench = waiting(store), Bench(store)
+
+    async def both() -> list[PartRecord]:
+        first = asyncio.create_task(bench.queue.felt(part))
+        second = asyncio.create_task(bench.queue.felt(part))
+        third = asyncio.create_task(bench.queue.felt(part))
+        await asyncio.sleep(0)
+        third.cancel()  # a caller who goes away takes nothing with him
+        return list(await asyncio.gather(first, second))
+
+    felt = asyncio.run(both())
+    assert felt[0] == felt[1] == store.part(part.id)
+    assert bench.asked == [part.id]
+
+
+@pytest.mark.parametrize("by_stage", [True, False])
+def test_a_part_that_nobody_feels_goes_to_a_person_with_its_plan(store: Store, by_stage: bool) -> None:
+    part = waiting(store, by_stage=by_stage, wait_s=0.0)
+    bench = Bench(store, retry_s=0.01)
+    bench.fails = lambda: Problem(503, "down")
+    asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.REVIEW))
+    given_up = store.part(part.id)
+    assert (given_up.text, given_up.plan, given_up.touch) == ("KX4O", PLAN, None)
+    last = store.history(part.id)[-1]
+    assert (last.kind, last.data) == ("not_felt", {"why": NOBODY})
+    assert [d.payload["state"] for d in store.due()] == ["review"]
+    assert [p.id for p in store.queue()] == [part.id]
+    # a scan that comes after all is read, and counts as felt
+    store.add_readings(part.id, readings=(reading("KX4", "fused"),), state=PartState.ACCEPTED)
+    assert store.part(part.id).plan is None
+    assert store.statistics(datetime.now(UTC) - timedelta(hours=1)).fell_back == 1
+
+
+def test_parts_from_before_there_was_a_time_are_given_up_by_their_age(store: Store) -> None:
+    old = received(store, PartState.TOUCH_NEEDED, plan=PLAN)
+    asyncio.run(Bench(store).queue.look())
+    assert store.part(old.id).state is PartState.TOUCH_NEEDED
+    time.sleep(0.02)
+    asyncio.run(Bench(store, wait_s=0.01).queue.look())
+    assert store.part(old.id).state is PartState.REVIEW
+
+
+def test_a_stage_feels_the_parts_of_its_own_line(store: Store) -> None:
+    here, there = waiting(store, line="press"), waiting(store, line="paint")
+    bench = Bench(store, line="press")  # type: ignore[arg-type]
+    asyncio.run(bench.until(lambda: store.part(here.id).state is PartState.ACCEPTED))
+    assert bench.asked == [here.id]
+    assert (store.part(there.id).line, store.part(there.id).state) == ("paint", PartState.TOUCH_NEEDED)
+
+
+def test_a_store_that_is_away_for_a_while_ends_nothing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pipeline.store.errors import StoreError
+
+    part, bench, looked = waiting(store), Bench(store), []
+    found = store.touch_overdue
+
+    def away(**options: datetime) -> tuple[PartRecord, ...]:
+        looked.append(1)
+        if len(looked) < 3:
+            raise StoreError("away")
+        return found(**options)
+
+    monkeypatch.setattr(store, "touch_overdue", away)
+    asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))
