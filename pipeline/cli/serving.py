@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import socket
-import time
 from collections.abc import Callable
-from types import FrameType
 from typing import TYPE_CHECKING
 
 import uvicorn
@@ -13,14 +11,12 @@ import uvicorn
 from pipeline.cli.exit_status import USAGE, CommandError
 from pipeline.service.app import Service, check_folder, create_app
 from pipeline.service.logs import set_up_logs
+from pipeline.service.web_server import KEEP_ALIVE_S, MOST_CONNECTIONS, DrainingServer, patient_protocol
 from pipeline.store.store import StoreError
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
     from pipeline.service.settings import ServiceSettings
-
-MOST_CONNECTIONS = 1000
-KEEP_ALIVE_S = 30
 
 
 def run(
@@ -39,11 +35,11 @@ def run(
         FileError: a folder that cannot be made.
     """
     check_folder(settings)
-    bound = _listening(settings.host, settings.port, option="--port")
+    bound = listening(settings.host, settings.port, option="--port")
     for port, option in ((settings.tcp_port, "--tcp-port"), (settings.opcua_port, "--opcua-port")):
         if port:
-            _listening(
-                settings.host, port, option=option
+            listening(
+                settings.line_host, port, option=option
             ).close()  # told here in a line, not out of a running server
     try:
         service = Service(settings, reading, started_s=started_s)
@@ -67,6 +63,7 @@ def run(
         uvicorn.Config(
             create_app(service),
             log_config=None,
+            http=patient_protocol(an_address=settings.connections, proxies=settings.trusted_proxies),
             access_log=False,
             server_header=False,
             limit_concurrency=MOST_CONNECTIONS,
@@ -88,33 +85,11 @@ def run(
     return 0 if server.started else 1
 
 
-class DrainingServer(uvicorn.Server):
-    """A web server that says for a while that it is stopping before it stops; a second signal stops it at once."""
-
-    def __init__(self, config: uvicorn.Config, *, drain: Callable[[], None], drain_s: float) -> None:
-        super().__init__(config)
-        self._drain, self._drain_s = drain, drain_s
-        self._stop_at_s: float | None = None
-
-    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Begin to drain."""
-        super().handle_exit(sig, frame)
-        if self._stop_at_s is None and self.started and not self.force_exit:
-            self._stop_at_s = time.monotonic() + self._drain_s
-            self.should_exit = False  # `on_tick` says when
-        self._drain()
-
-    async def on_tick(self, counter: int) -> bool:
-        """Whether to stop."""
-        if self._stop_at_s is not None and time.monotonic() >= self._stop_at_s:
-            self.should_exit = True
-        return await super().on_tick(counter)
-
-
-def _listening(host: str, port: int, *, option: str) -> socket.socket:
+def listening(host: str, port: int, *, option: str) -> socket.socket:
     """The socket, bound before anything else is begun, so that an address in use is told at once."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    bound = socket.socket(family, socket.SOCK_STREAM)
+    # by its protocol asyncio knows that small answers are not to wait for the last one's acknowledgement
+    bound = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         bound.bind((host, port))

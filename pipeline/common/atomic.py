@@ -12,8 +12,12 @@ from glyphs.errors import FileError
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
     """A temporary path beside `path`, with its suffix; on leaving without an exception it becomes `path`.
+
+    Args:
+        path: to be written.
+        private: for its owner alone; else for whom the folder is for.
 
     Raises:
         FileError: the folder is missing or not writable, or the disk is full.
@@ -26,8 +30,8 @@ def replacing(path: Path) -> Iterator[Path]:
                 yield temporary
             with temporary.open("rb+") as stream:
                 os.fsync(stream.fileno())
-            # mkstemp gives its files to their owner alone; a result is for whom the folder is for
-            temporary.chmod(0o666 & ~_umask())
+            if not private:  # as mkstemp has made it
+                temporary.chmod(0o666 & ~_umask())
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)

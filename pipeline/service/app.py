@@ -15,20 +15,22 @@ import structlog
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from starlette.middleware.trustedhost import TrustedHostMiddleware
+from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from glyphs.errors import FileError
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.access import Access
+from pipeline.service.access import Access, session_key
 from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
+from pipeline.service.door import DoorLayer
 from pipeline.service.glyph_databases import GlyphDatabases
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
-from pipeline.service.middleware import DoorLayer, RequestLayer
+from pipeline.service.middleware import RequestLayer
 from pipeline.service.openapi import described
 from pipeline.service.pages.routes import pages_router
 from pipeline.service.part_service import PartService
@@ -39,6 +41,7 @@ from pipeline.service.reading_orders import ReadingOrders
 from pipeline.service.stage import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
 from pipeline.service.stage_driver import load_driver
 from pipeline.service.stage_work import CameraWork, StageWork
+from pipeline.service.uploads import SMALL_BODY
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store, StoreError
 from pipeline.workers.pool import WorkPool
@@ -82,7 +85,9 @@ class Service:
         self.evidence = EvidenceFolder(settings.evidence_folder)
         self.store = Store.open(settings.store_url)
         self.metrics = Metrics()
-        self.access = Access(self.store, required=settings.tokens_asked)
+        self.access = Access(
+            self.store, required=settings.tokens_asked, key=session_key(settings.session_key)
+        )
         self.databases = GlyphDatabases(settings.databases_folder, default=reading.database)
         self.jobs = JobFolder(settings.job_files, own=reading, databases=self.databases)
         if settings.watch_job:
@@ -215,8 +220,8 @@ def create_app(service: Service) -> FastAPI:
         redirect_slashes=False,
     )
     app.include_router(parts_router(service.parts, service.access))
-    app.include_router(lookup_router(service.parts, service.access))
-    app.include_router(jobs_router(service.jobs, service.access))
+    app.include_router(lookup_router(service.parts, service.access), max_body_size=SMALL_BODY)
+    app.include_router(jobs_router(service.jobs, service.access), max_body_size=SMALL_BODY)
     app.include_router(
         pages_router(
             service.store,
@@ -226,13 +231,20 @@ def create_app(service: Service) -> FastAPI:
             drift=lambda: service.jobs.drift,
             jobs=service.jobs,
             shadow=settings.shadow,
-        )
+        ),
+        max_body_size=SMALL_BODY,
     )
     _add_service_routes(app, service)
     add_problem_handlers(app)
     app.openapi = lambda: described(app, asked=service.access.required)  # type: ignore[method-assign]
+    # the last one lies outermost
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
+    if settings.trusted_proxies:
+        app.add_middleware(ProxyHeadersMiddleware, trusted_hosts=list(settings.trusted_proxies))
     app.add_middleware(
         DoorLayer,
+        access=service.access,
+        proxies=settings.trusted_proxies,
         busy=lambda: service.parts.orders.busy,
         refused=service.metrics.refused.inc,
         uploads=lambda path: (
@@ -240,7 +252,6 @@ def create_app(service: Service) -> FastAPI:
         ),
         most_bytes=settings.max_upload_mb * 1_000_000,
     )
-    app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     app.add_middleware(RequestLayer, metrics=service.metrics)
     return app
 

@@ -82,8 +82,8 @@ class Client:
             expected: text that it should read.
             database: glyph database to read with.
             job: that says how to read, database and all.
-            touch: where the camera is unsure: "stage" has the service's stage feel it at once, "asked" by `touch`; without
-                a stage a person gets it. "plan": this program will send a scan, by the plan of the answer.
+            touch: where the camera is unsure: "stage" has the service's stage feel it at once, "asked" by `touch`;
+                without a stage a person gets it. "plan": this program will send a scan, by the answer's plan.
             idempotency_key: of this part; made unless given. Give one that is kept with the part, and the part can be
                 sent again even after this program was started anew.
 

@@ -1,4 +1,4 @@
-"""What lies around every request: its id, its log line, its count, its time, and who may send one at all."""
+"""What lies around every request: its id, its log line, its count, and its time."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import asyncio
 import re
 import secrets
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
+from typing import TYPE_CHECKING
 
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
@@ -24,8 +22,10 @@ if TYPE_CHECKING:
 REQUEST_ID = "x-request-id"
 BODY_PATIENCE_S = 30.0
 """The longest silence in the middle of an upload."""
+BODY_MOST_S = 600.0
+"""The longest that an upload may take, however little at a time it sends."""
 _SANE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
-_SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 _QUIET_ROUTES = ("/healthz", "/readyz", "/metrics", "/static")
 log = structlog.get_logger("tactile-marks")
 
@@ -85,12 +85,14 @@ class RequestLayer:
 
     def _record(self, scope: Scope, status: int, seconds: float) -> None:
         route = _route(scope)
-        self._metrics.requests.labels(scope["method"][:10], route, str(status)).inc()
+        # a caller may make methods up, and each would be counted for ever
+        method = scope["method"] if scope["method"] in _METHODS else "other"
+        self._metrics.requests.labels(method, route, str(status)).inc()
         self._metrics.request_seconds.labels(route).observe(seconds)
         if not route.startswith(_QUIET_ROUTES):
             log.info(
                 "request",
-                method=scope["method"],
+                method=method,
                 path=scope["path"][:200],
                 status=status,
                 seconds=round(seconds, 4),
@@ -106,84 +108,23 @@ def _route(scope: Scope) -> str:
 
 def _patient(receive: Receive) -> Receive:
     """Wait for the next stretch of a body so long and no longer; a body that is whole waits for nothing."""
-    whole = False
+    whole, until_s = False, time.monotonic() + BODY_MOST_S
 
     async def next_message() -> Message:
         nonlocal whole
         if whole:
             return await receive()  # the end of the connection, which may take its time
+        patience_s = min(BODY_PATIENCE_S, until_s - time.monotonic())
         try:
-            message = await asyncio.wait_for(receive(), BODY_PATIENCE_S)
+            message = await asyncio.wait_for(receive(), max(0.0, patience_s))
         except TimeoutError:
-            raise Problem(
-                408,
-                f"nothing came for {BODY_PATIENCE_S:.0f} s; send it again",
-                headers={"Connection": "close"},
-            ) from None
+            detail = (
+                f"nothing came for {BODY_PATIENCE_S:.0f} s; send it again"
+                if patience_s == BODY_PATIENCE_S
+                else f"it took longer than {BODY_MOST_S:.0f} s; send it again over a quicker connection"
+            )
+            raise Problem(408, detail, headers={"Connection": "close"}) from None
         whole = message["type"] != "http.request" or not message.get("more_body", False)
         return message
 
     return next_message
-
-
-class DoorLayer:
-    """Turns away what needs no look: calls out of pages of other sites, and uploads that have no room.
-
-    Where no token is asked for, a page of another site that the operator has open must not reach the service through
-    the operator's browser: not by a form, which is caught here, nor by a name of its own that it lets point here, which
-    Starlette's TrustedHostMiddleware catches.
-    """
-
-    def __init__(
-        self,
-        app: ASGIApp,
-        *,
-        busy: Callable[[], float | None],
-        refused: Callable[[], Any],
-        uploads: Callable[[str], bool],
-        most_bytes: int,
-    ) -> None:
-        """Take the rules.
-
-        Args:
-            app: what lies within.
-            busy: seconds after which to ask again, None while there is room.
-            refused: called with every upload turned away.
-            uploads: whether a path takes uploads.
-            most_bytes: of one request.
-        """
-        self._app, self._busy, self._refused = app, busy, refused
-        self._uploads, self._most_bytes = uploads, most_bytes
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Turn a request away, or let it in."""
-        if scope["type"] == "http":
-            headers = Headers(scope=scope)
-            problem = self._problem(scope, headers)
-            if problem is not None:
-                request_id = scope.get("state", {}).get("request_id", "")
-                return await problem_answer(problem, request_id)(scope, receive, send)
-        return await self._app(scope, receive, send)
-
-    def _problem(self, scope: Scope, headers: Headers) -> Problem | None:
-        origin = headers.get("origin")
-        if origin is not None and scope["method"] not in _SAFE_METHODS:
-            called_by = urlsplit(origin).netloc.lower()
-            if called_by != headers.get("host", "").lower():
-                return Problem(403, "the request comes out of a page of another site")
-        if scope["method"] == "POST" and self._uploads(scope["path"]):
-            length = headers.get("content-length", "0")
-            close = {"Connection": "close"}
-            if length.isdigit() and int(length) > self._most_bytes:
-                most = f"{self._most_bytes / 1e6:.0f} MB"
-                return Problem(413, f"the upload is over the limit of {most}; crop it", headers=close)
-            wait_s = self._busy()
-            if wait_s is not None:
-                self._refused()
-                seconds = str(max(1, round(wait_s)))
-                return Problem(
-                    503,
-                    f"as many parts wait as may; ask again in {seconds} s",
-                    headers={"Retry-After": seconds, **close},
-                )
-        return None

@@ -9,7 +9,7 @@ from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from glyphs.errors import FileError
-from pipeline.service.access import DeniedError
+from pipeline.service.access import DeniedError, denied_problem
 from pipeline.service.middleware import problem_answer
 from pipeline.service.problem import Problem, no_room
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
@@ -29,8 +29,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(DeniedError)
     async def _denied(request: Request, error: DeniedError) -> Response:
-        headers = {"WWW-Authenticate": "Bearer"} if error.status == 401 else {}
-        return answer(request, Problem(error.status, str(error), headers=headers))
+        return answer(request, denied_problem(error))
 
     @app.exception_handler(NotFoundError)
     async def _not_found(request: Request, error: NotFoundError) -> Response:
@@ -64,6 +63,8 @@ def add_problem_handlers(app: FastAPI) -> None:
     @app.exception_handler(HTTPException)
     async def _http(request: Request, error: HTTPException) -> Response:
         detail = str(error.detail)
+        if isinstance(error.__cause__, Problem):  # an upload that has stalled, say
+            return answer(request, error.__cause__)
         if isinstance(error.__cause__, OSError):  # the upload could not be put down while it came
             return answer(request, no_room(error.__cause__))
         if error.status_code == 404:

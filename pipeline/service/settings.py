@@ -65,6 +65,11 @@ class ServiceSettings(Settings):
     hosts: Names = ()
     """Name that the service is called by, beside its address; may be repeated. Without tokens, requests for other
     names are refused."""
+    trusted_proxies: Annotated[Names, AfterValidator(_networks)] = ()
+    """Address or network of a proxy that may pass requests on, such as 127.0.0.1; may be repeated. Where its callers
+    come from, and whether by TLS, is then taken from what it says (X-Forwarded-For, X-Forwarded-Proto)."""
+    connections: int = Field(default=200, ge=1, le=1000)
+    """Connections that one address may have at a time; a trusted proxy any number."""
     jobs: int = Field(default_factory=cores, ge=1, le=256)
     """Processes that read; one for each core unless given."""
     queue: int = Field(default=64, ge=0, le=100_000)
@@ -180,6 +185,11 @@ class ServiceSettings(Settings):
     def tokens_asked(self) -> bool:
         """Whether requests need a token."""
         return self.tokens == "on" or (self.tokens == "auto" and not self.on_loopback)
+
+    @property
+    def session_key(self) -> Path:
+        """File of the key that the pages' cookies are signed with."""
+        return self.folder / "session.key"
 
     @property
     def store_url(self) -> str:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 MOST_NAME = 200
 MOST_PHOTOS = 12
 """Of one part."""
+SMALL_BODY = 64_000
+"""Most bytes of a request that brings no files."""
 _CHUNK = 1 << 20
 HEAD_BYTES = 16
 """By which a picture is known."""

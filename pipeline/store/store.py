@@ -138,5 +138,6 @@ class Store:
     # tokens
     add_token = _writes(_tokens.add_token)
     token = _reads(_tokens.token)
+    token_named = _reads(_tokens.token_named)
     tokens = _reads(_tokens.all_tokens)
     revoke = _writes(_tokens.revoke)

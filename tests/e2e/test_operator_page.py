@@ -132,7 +132,9 @@ def service(tmp_path: Path) -> Iterator[Service]:
     evidence = EvidenceFolder(tmp_path / "evidence")
     app = FastAPI()
     jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
-    app.include_router(pages_router(store, evidence, Access(store, required=False), jobs=jobs))
+    app.include_router(
+        pages_router(store, evidence, Access(store, required=False, key=b"of these tests"), jobs=jobs)
+    )
 
     @app.get("/v1/parts/{part_id}/pictures/{which}", response_class=FileResponse)
     def picture(part_id: str, which: str) -> FileResponse:

@@ -30,7 +30,7 @@ from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE
 from pipeline.service.idempotency import Received
 from pipeline.service.part_service import NewPart, PartService, Touch
 from pipeline.service.problem import Problem
-from pipeline.service.uploads import Upload, check_count, receive
+from pipeline.service.uploads import SMALL_BODY, Upload, check_count, receive
 from pipeline.store.store import IdempotencyKey
 
 
@@ -141,6 +141,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         "/parts/{part_id}/touch",
         response_model=PartAnswer,
         summary="Have the service's own stage scan a part that waits for touch",
+        max_body_size=SMALL_BODY,
         responses={
             200: {"content": {"application/json": {"example": PART_EXAMPLE}}},
             **problems(401, 403, 404, 409, 422, 503),
@@ -153,6 +154,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         "/parts/{part_id}/review",
         response_model=PartAnswer,
         summary="Confirm or correct what was read",
+        max_body_size=SMALL_BODY,
         responses=problems(400, 401, 403, 404, 409, 422),
     )
     def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> Any:

@@ -4,6 +4,7 @@ TRIGGER P17<CR><LF>                -->  P17;ACCEPT;KX407251;0.998;fused;01JD...<
 TRIGGER:housing-left P17<CR><LF>   -->  the same, read by the job housing-left
 PING<CR><LF>                       -->  PONG<CR><LF>
 anything else                      -->  ERROR;what is wrong<CR><LF>
+an HTTP request, or TLS            -->  closed
 
 The answer is made by `pipeline.service.line.result_string`.
 
@@ -20,6 +21,7 @@ import ipaddress
 import logging
 import re
 import socket
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -51,6 +53,10 @@ class TcpLimits:
     line_s: float = 10.0
     answer_s: float = 120.0
     write_s: float = 10.0
+
+
+_WEB = re.compile(rb"[A-Z]+ \S+ HTTP/\d|\x16\x03")
+"""The first line of an HTTP request, or the first bytes of TLS."""
 
 
 class _LineError(Exception):
@@ -96,6 +102,7 @@ class TcpPort:
         self._server: asyncio.Server | None = None
         self._callers: dict[asyncio.Task[None], asyncio.StreamWriter] = {}
         self._idle: set[asyncio.Task[None]] = set()
+        self._spoken: set[asyncio.Task[None]] = set()  # callers who have said a line
         self._reading: set[asyncio.Task[bytes]] = set()
         self._stopping = False
 
@@ -135,7 +142,7 @@ class TcpPort:
         try:
             if not self._welcome(writer):
                 return
-            if self._stopping or len(self._callers) >= self._limits.connections:
+            if self._stopping or not self._has_room():
                 await self._write(writer, _error("too many connections"))
                 return
             self._callers[task] = writer
@@ -152,7 +159,21 @@ class TcpPort:
         finally:
             self._callers.pop(task, None)
             self._idle.discard(task)
+            self._spoken.discard(task)
             await _close(writer)
+
+    def _has_room(self) -> bool:
+        """Whether one more may call; who has not said a line yet gives way, of the busiest address first."""
+        if len(self._callers) < self._limits.connections:
+            return True
+        silent = [task for task in self._callers if task not in self._spoken]
+        if not silent:
+            return False
+        by_address = Counter(_address(writer) for writer in self._callers.values())
+        let_go = max(silent, key=lambda task: by_address[_address(self._callers[task])])
+        del self._callers[let_go]
+        let_go.cancel()
+        return True
 
     async def _converse(self, task: asyncio.Task[None], lines: _Lines, writer: asyncio.StreamWriter) -> None:
         while not self._stopping:
@@ -161,6 +182,11 @@ class TcpPort:
             self._idle.discard(task)
             if line is None:
                 return
+            if task not in self._spoken and _WEB.match(line):
+                # a page in somebody's browser can have that send here, and the lines after it might be a trigger
+                _log.warning("a web browser or the like has called the TCP port; it was let go")
+                return
+            self._spoken.add(task)
             await self._write(writer, await self._answer(line))
 
     async def _answer(self, line: bytes) -> bytes:
@@ -253,6 +279,10 @@ class _Lines:
             self._after_return = end.group() == b"\r" and not self._held
             if line.strip():
                 return line
+
+
+def _address(writer: asyncio.StreamWriter) -> str:
+    return str((writer.get_extra_info("peername") or ("",))[0])
 
 
 def _error(message: str) -> bytes:

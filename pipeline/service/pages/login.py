@@ -8,9 +8,8 @@ from fastapi import APIRouter, Form
 from starlette.requests import Request
 from starlette.responses import Response
 
+from pipeline.service.access import SIGNED_IN_S
 from pipeline.service.pages.frame import Frame, see
-
-_HOURS_SIGNED_IN = 12  # a shift
 
 
 def add_login(router: APIRouter, frame: Frame) -> None:
@@ -35,7 +34,7 @@ def add_login(router: APIRouter, frame: Frame) -> None:
             fault = "This token is not known, has expired or was revoked. Type it again or ask for another."
             return frame.page(request, "login.html.j2", status=403, to=own_address(to), fault=fault)
         answer = see(own_address(to))
-        frame.set_cookie(request, answer, frame.access.COOKIE, value, max_age_s=_HOURS_SIGNED_IN * 3600)
+        frame.set_cookie(request, answer, frame.access.COOKIE, value, max_age_s=SIGNED_IN_S)
         return answer
 
     @router.post("/logout")

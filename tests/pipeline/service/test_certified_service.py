@@ -32,7 +32,7 @@ def test_what_the_certificate_says_nothing_of_goes_on_to_touch(
 ) -> None:
     write_part(SynthSpec(format=FORMAT, seed=21), tmp_path / "clean", 0, photos=True)
     picture = ("clean.png", (tmp_path / "clean.png").read_bytes())
-    part = served[1].post("/v1/parts", files={"photo": picture}).json()
+    part = served[1].post("/v1/parts", files={"photo": picture}, data={"touch": "plan"}).json()
     assert part["state"] == "touch_needed"  # the certificate is of touch alone
     assert "the certificate says nothing of what is read so (vision)" in part["reading"]["messages"]
 

@@ -16,7 +16,6 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from pipeline.cli.serving import DrainingServer
 from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
 from pipeline.files.synth import SynthSpec, write_part
@@ -24,6 +23,7 @@ from pipeline.service.app import Service
 from pipeline.service.idempotency import IdempotentRequests
 from pipeline.service.problem import Problem
 from pipeline.service.stage import ScanOrder, SimulatedStage
+from pipeline.service.web_server import DrainingServer
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey
 from pipeline.workers.slot import WorkerLostError
 from tests.support.service_fixtures import FORMAT, inline_service

@@ -110,7 +110,7 @@ def test_what_is_not_understood_is_told() -> None:
     assert answer_to(b"TRIGGER \xff\r\n") == b"ERROR;the line is not UTF-8\r\n"
     assert answer_to(b"TRIGGER a\x07b\r\n") == b"ERROR;the line holds control characters\r\n"
     assert answer_to(b"TRIGGER\r\n").startswith(b";ACCEPT;KX407251;")  # a part without a name
-    assert answer_to(b"GET / HTTP/1.1\r\n").startswith(b"ERROR;unknown command")
+    assert answer_to(b"GET P17\r\n").startswith(b"ERROR;unknown command")
 
 
 def test_a_failure_is_told_in_one_line_or_only_that_there_was_one() -> None:
@@ -168,6 +168,39 @@ async def test_more_connections_than_may_be_are_told_so() -> None:
             await asyncio.sleep(0.01)
         else:
             raise AssertionError("the place of a caller who has gone is not given away")
+
+
+async def test_callers_who_say_nothing_keep_nobody_out() -> None:
+    async with listening(limits=TcpLimits(connections=2)) as port:
+        speaks, writer = await asyncio.open_connection(port.host, port.port)
+        writer.write(b"PING\r\n")
+        assert await asyncio.wait_for(speaks.readline(), LONG_S) == b"PONG\r\n"
+        for _ in range(5):
+            silent, _ = await asyncio.open_connection(port.host, port.port)
+        assert await said(port, b"PING\r\n") == b"PONG\r\n"
+        assert await asyncio.wait_for(silent.read(), LONG_S) == b""
+        writer.write(b"PING\r\n")
+        assert await asyncio.wait_for(speaks.readline(), LONG_S) == b"PONG\r\n"
+        writer.close()
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"POST / HTTP/1.1\r\nHost: 127.0.0.1:9\r\nContent-Type: text/plain\r\n\r\nTRIGGER P17\r\n",
+        b"GET /TRIGGER%20P17 HTTP/1.0\nTRIGGER P17\n",
+        b"PRI * HTTP/2.0\r\n\r\nTRIGGER P17\r\n",
+        b"\x16\x03\x01\x00\x05\nTRIGGER P17\n",
+    ],
+)
+def test_a_web_page_cannot_trigger(sent: bytes) -> None:
+    triggered: list[str] = []
+
+    async def trigger(name: str, job: str = "") -> PartRecord:
+        triggered.append(name)
+        return part(name)
+
+    assert (answer_to(sent, trigger), triggered) == (b"", [])
 
 
 def test_only_the_clients_named_may_call() -> None:

@@ -79,7 +79,7 @@ class Shop:
         router = pages_router(
             self.store,
             self.evidence,
-            Access(self.store, required=required),
+            Access(self.store, required=required, key=b"of these tests"),
             review=partial(self.store.review, targets=("webhook",)),
         )
         app.include_router(router)

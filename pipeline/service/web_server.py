@@ -1,0 +1,122 @@
+"""The web server around the application: how it stops, and what it bears of connections that say nothing.
+
+* Asked to stop, it says so for a while before it does; asked again, it stops at once.
+* A connection has HEAD_S for the head of each request, however slowly it sends; then it is closed.
+* One address has so many connections, and more are closed as they come; a trusted proxy, who calls for many, any
+  number.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Any
+
+import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+MOST_CONNECTIONS = 1000
+KEEP_ALIVE_S = 30
+HEAD_S = 15.0
+
+
+class DrainingServer(uvicorn.Server):
+    """A web server that says for a while that it is stopping before it stops; a second signal stops it at once."""
+
+    def __init__(self, config: uvicorn.Config, *, drain: Callable[[], None], drain_s: float) -> None:
+        """Take what it says.
+
+        Args:
+            config: of the server.
+            drain: called when it is asked to stop.
+            drain_s: for which it still answers.
+        """
+        super().__init__(config)
+        self._drain, self._drain_s = drain, drain_s
+        self._stop_at_s: float | None = None
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Begin to drain."""
+        super().handle_exit(sig, frame)
+        if self._stop_at_s is None and self.started and not self.force_exit:
+            self._stop_at_s = time.monotonic() + self._drain_s
+            self.should_exit = False  # `on_tick` says when
+        self._drain()
+
+    async def on_tick(self, counter: int) -> bool:
+        """Whether to stop."""
+        if self._stop_at_s is not None and time.monotonic() >= self._stop_at_s:
+            self.should_exit = True
+        return await super().on_tick(counter)
+
+
+def patient_protocol(
+    *, an_address: int, proxies: Sequence[str] = (), head_s: float = HEAD_S
+) -> type[H11Protocol]:
+    """The protocol of connections that may not say nothing for ever, nor be too many.
+
+    Args:
+        an_address: connections that one address may have.
+        proxies: addresses and networks that may have any number.
+        head_s: seconds for the head of a request.
+    """
+    trusted = tuple(ipaddress.ip_network(proxy) for proxy in proxies)
+    open_now: Counter[str] = Counter()
+
+    class PatientProtocol(H11Protocol):
+        """One connection."""
+
+        _head_timer: asyncio.TimerHandle | None = None
+        _counted = ""
+
+        def connection_made(self, transport: Any) -> None:
+            """Count it; one too many is closed."""
+            super().connection_made(transport)
+            address = self.client[0] if self.client else ""
+            if not _is_in(address, trusted):
+                self._counted = address
+                open_now[address] += 1
+                if open_now[address] > an_address:
+                    transport.abort()
+                    return
+            self._wait_for_head()
+
+        def data_received(self, data: bytes) -> None:
+            """Wait no longer once the head is whole."""
+            if self._head_timer is None and (self.cycle is None or self.cycle.response_complete):
+                self._wait_for_head()
+            before = self.cycle
+            super().data_received(data)
+            if self.cycle is not before:
+                self._head_is_whole()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            """Count it no longer."""
+            self._head_is_whole()
+            if self._counted:
+                open_now[self._counted] -= 1
+                if not open_now[self._counted]:
+                    del open_now[self._counted]
+                self._counted = ""
+            super().connection_lost(exc)
+
+        def _wait_for_head(self) -> None:
+            self._head_timer = self.loop.call_later(head_s, self.transport.abort)
+
+        def _head_is_whole(self) -> None:
+            if self._head_timer is not None:
+                self._head_timer.cancel()
+                self._head_timer = None
+
+    return PatientProtocol
+
+
+def _is_in(address: str, networks: Sequence[ipaddress.IPv4Network | ipaddress.IPv6Network]) -> bool:
+    try:
+        return any(ipaddress.ip_address(address) in network for network in networks)
+    except ValueError:
+        return False

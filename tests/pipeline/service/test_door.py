@@ -1,0 +1,330 @@
+"""Who is let in, and how little a request may cost that is not."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import uvicorn
+from starlette.testclient import TestClient
+
+from pipeline.cli.serving import listening
+from pipeline.common.records import Scope
+from pipeline.service import middleware
+from pipeline.service.access import SIGNED_IN_S, Access, session_key
+from pipeline.service.app import Service
+from pipeline.service.uploads import SMALL_BODY
+from pipeline.service.web_server import patient_protocol
+from pipeline.store.store import Store
+from tests.support.service_fixtures import inline_service
+
+FORWARDED = {
+    "X-Forwarded-For": "203.0.113.9",
+    "X-Forwarded-Proto": "https",
+    "X-Forwarded-Host": "marks.example",
+    "X-Real-IP": "203.0.113.9",
+    "Forwarded": "for=203.0.113.9",
+    "Via": "1.1 proxy",
+}
+
+
+class Body:
+    """A body that tells whether anybody has read it."""
+
+    def __init__(self, n: int) -> None:
+        self.n, self.read = n, 0
+
+    def __iter__(self) -> Iterator[bytes]:
+        for _ in range(self.n):
+            self.read += 1
+            yield b"x" * 1000
+
+
+async def asked(app: Any, method: str, path: str, body: Body, **headers: str) -> tuple[int, bytes]:
+    """Status and body of the answer of an ASGI application; the request's body comes piece by piece."""
+    pieces, sent = iter(body), []
+
+    async def receive() -> dict[str, Any]:
+        piece = next(pieces, None)
+        return {"type": "http.request", "body": piece or b"", "more_body": piece is not None}
+
+    async def send(message: dict[str, Any]) -> None:
+        sent.append(message)
+
+    named = {"host": "127.0.0.1:8417", **{key.replace("_", "-"): value for key, value in headers.items()}}
+    scope = {
+        "type": "http", "method": method, "path": path, "raw_path": path.encode(), "query_string": b"",
+        "headers": [(key.encode(), value.encode()) for key, value in named.items()],
+        "client": ("127.0.0.1", 50000), "server": ("127.0.0.1", 8417), "scheme": "http", "http_version": "1.1",
+        "root_path": "", "asgi": {"version": "3.0"},
+    }  # fmt: skip
+    await app(scope, receive, send)
+    return sent[0]["status"], b"".join(message.get("body", b"") for message in sent[1:])
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
+    """A service that asks for tokens."""
+    with inline_service(tmp_path_factory.mktemp("guarded"), tokens="on") as both:
+        yield both
+
+
+@pytest.fixture(scope="module")
+def open_one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Service, TestClient]]:
+    """A service that asks for none."""
+    with inline_service(tmp_path_factory.mktemp("open")) as both:
+        yield both
+
+
+@pytest.mark.parametrize("kind", ["application/json", "multipart/form-data; boundary=x", "text/plain"])
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [
+        ("/v1/parts", 401),
+        ("/v1/parts/X/review", 401),
+        ("/v1/jobs/X", 401),
+        ("/jobs/new", 303),
+        ("/review/X", 303),
+    ],
+)
+def test_no_byte_of_a_body_is_read_without_a_token(
+    guarded: tuple[Service, TestClient], path: str, status: int, kind: str
+) -> None:
+    body = Body(10)
+    made = asyncio.run(
+        asked(guarded[1].app, "POST", path, body, content_type=kind, authorization="Bearer tm_no")
+    )
+    assert (made[0], body.read) == (status, 0)
+
+
+@pytest.mark.parametrize(
+    "path", ["/v1/parts/X/review", "/v1/parts/X/touch", "/jobs/new", "/review/X", "/login"]
+)
+@pytest.mark.parametrize("length", ["", "10000000"])
+def test_what_brings_no_files_may_bring_little(
+    open_one: tuple[Service, TestClient], path: str, length: str
+) -> None:
+    body = Body(10_000)
+    said = {"content_length": length} if length else {}
+    kind = "application/json" if path.startswith("/v1") else "application/x-www-form-urlencoded"
+    status, _ = asyncio.run(asked(open_one[1].app, "POST", path, body, content_type=kind, **said))
+    assert status in (404, 413) if path.endswith("touch") else status == 413
+    assert body.read <= SMALL_BODY // 1000 + 2
+
+
+@pytest.mark.parametrize("name", FORWARDED)
+def test_a_proxy_nobody_has_named_does_not_let_the_world_in(
+    open_one: tuple[Service, TestClient], guarded: tuple[Service, TestClient], name: str
+) -> None:
+    through = {name: FORWARDED[name]}
+    refused = open_one[1].get("/v1/parts", headers=through)
+    assert refused.status_code == 403
+    assert "trusted_proxies" in refused.json()["detail"]
+    assert open_one[1].get("/review", headers=through).status_code == 403
+    # where tokens are asked for, the token decides
+    assert guarded[1].get("/v1/parts", headers=through).status_code == 401
+
+
+def test_a_trusted_proxy_says_where_its_callers_come_from_and_how(tmp_path: Path) -> None:
+    with inline_service(tmp_path, tokens="on", trusted_proxies=("127.0.0.0/8",)) as (service, client):
+        secret = service.store.add_token("anna", [Scope.READ])
+        client = TestClient(client.app, base_url="http://127.0.0.1:8417", client=("127.0.0.9", 1))
+        for scheme, secure in (("https", True), ("http", False)):
+            headers = {"X-Forwarded-For": "203.0.113.9", "X-Forwarded-Proto": scheme}
+            form = client.get("/login", headers=headers)
+            value = form.text.split('name="form_value" value="')[1].split('"')[0]
+            client.cookies.set("tactile_marks_form", value)
+            signed = client.post(
+                "/login",
+                data={"secret": secret, "form_value": value},
+                headers=headers,
+                follow_redirects=False,
+            )
+            (cookie,) = (c for c in signed.headers.get_list("set-cookie") if "token" in c.split("=")[0])
+            assert ("Secure" in cookie) == secure
+            assert "HttpOnly" in cookie
+            assert secret not in cookie
+    with inline_service(tmp_path / "open", trusted_proxies=("127.0.0.1",)) as (_, client):
+        trusted = TestClient(client.app, base_url="http://127.0.0.1:8417", client=("127.0.0.1", 1))
+        assert trusted.get("/v1/parts", headers=FORWARDED).status_code == 200
+        other = TestClient(client.app, base_url="http://127.0.0.1:8417", client=("127.0.0.2", 1))
+        assert other.get("/v1/parts", headers=FORWARDED).status_code == 403
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://[", "null", "http://evil.example", "http://127.0.0.1:8417.evil.example", ""]
+)
+def test_pages_of_other_sites_are_refused_whatever_they_call_themselves(
+    open_one: tuple[Service, TestClient], origin: str
+) -> None:
+    assert open_one[1].post("/v1/parts", headers={"Origin": origin}).status_code == 403
+
+
+def test_made_up_methods_are_counted_as_one(open_one: tuple[Service, TestClient]) -> None:
+    for k in range(20):
+        open_one[1].request(f"MADEUP{k}", "/healthz")
+    page = open_one[1].get("/metrics").text
+    assert "MADEUP" not in page
+    assert 'method="other"' in page
+
+
+def test_a_cookie_ends_with_its_token_and_is_signed(tmp_path: Path) -> None:
+    store = Store.open(f"sqlite:///{tmp_path}/store.db")
+    secret = store.add_token("anna", [Scope.READ])
+    key = session_key(tmp_path / "session.key")
+    assert session_key(tmp_path / "session.key") == key
+    assert (tmp_path / "session.key").stat().st_mode & 0o777 == 0o600
+    access = Access(store, required=True, key=key)
+    cookie = access.log_in(secret)
+    assert cookie is not None
+    assert access.log_in("tm_wrong") is None
+
+    def caller(value: str, by: Access = access) -> str:
+        from starlette.requests import HTTPConnection
+
+        raw = f"{Access.COOKIE}={value}".encode()
+        return by.caller(HTTPConnection({"type": "http", "headers": [(b"cookie", raw)]}), Scope.READ).name
+
+    assert caller(cookie) == "anna"
+    for wrong in (cookie[:-2] + "zz", "anna", secret, "x" * 100_000):
+        with pytest.raises(Exception, match=r"a token is needed|is not known"):
+            caller(wrong)
+    with pytest.raises(Exception, match="is not known"):
+        caller(cookie, Access(store, required=True, key=b"another"))
+    store.revoke("anna")
+    with pytest.raises(Exception, match="was revoked"):
+        caller(cookie)
+    assert SIGNED_IN_S == 12 * 3600
+
+
+async def test_app(scope: Any, receive: Any, send: Any) -> None:
+    """Answers everything, after it has read it."""
+    if scope["type"] == "lifespan":
+        return
+    while (await receive()).get("more_body"):
+        pass
+    await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"2")]})
+    await send({"type": "http.response.body", "body": b"ok"})
+
+
+test_app.__test__ = False  # type: ignore[attr-defined]
+
+
+@contextlib.asynccontextmanager
+async def web_server(**limits: Any) -> Any:
+    """Port of a web server of `test_app`."""
+    bound = listening("127.0.0.1", 0, option="--port")
+    server = uvicorn.Server(
+        uvicorn.Config(test_app, http=patient_protocol(**limits), lifespan="off", log_config=None)
+    )
+    server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign,assignment]
+    running = asyncio.create_task(server.serve(sockets=[bound]))
+    while not server.started:
+        await asyncio.sleep(0.01)
+    try:
+        yield bound.getsockname()[1]
+    finally:
+        server.should_exit = True
+        await running
+
+
+async def _closed(reader: asyncio.StreamReader) -> bool:
+    with contextlib.suppress(OSError):
+        return await asyncio.wait_for(reader.read(), 20.0) == b""
+    return True
+
+
+def test_who_says_nothing_or_too_little_is_let_go() -> None:
+    async def scene() -> None:
+        async with web_server(an_address=100, head_s=0.2) as port:
+            silent, _w1 = await asyncio.open_connection("127.0.0.1", port)
+            slow, slow_writer = await asyncio.open_connection("127.0.0.1", port)
+            good, good_writer = await asyncio.open_connection("127.0.0.1", port)
+
+            async def drip() -> None:
+                with contextlib.suppress(OSError):
+                    slow_writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n")
+                    while True:
+                        await asyncio.sleep(0.02)
+                        slow_writer.write(b"a: b\r\n")
+
+            dripping = asyncio.create_task(drip())
+            good_writer.write(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 1\r\n\r\n")
+            assert await _closed(silent)
+            assert await _closed(slow)
+            dripping.cancel()
+            # the head was whole: its body may take longer, and the next request's head has its own time
+            for _ in range(2):
+                good_writer.write(b"x")
+                assert (await good.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+                await asyncio.sleep(0.3)
+                good_writer.write(b"POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 1\r\n\r\n")
+            good_writer.close()
+
+    asyncio.run(scene())
+
+
+def test_one_address_has_so_many_connections_and_gets_them_back() -> None:
+    async def scene() -> None:
+        async with web_server(an_address=3, head_s=30.0) as port:
+            held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3)]
+            one_too_many, _ = await asyncio.open_connection("127.0.0.1", port)
+            assert await _closed(one_too_many)
+            held[0][1].close()
+            await held[0][1].wait_closed()
+            await asyncio.sleep(0.1)
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+            assert (await reader.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+        async with web_server(an_address=3, proxies=("127.0.0.1",)) as port:
+            many = [await asyncio.open_connection("127.0.0.1", port) for _ in range(10)]
+            many[-1][1].write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+            assert (await many[-1][0].readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+            for _, writer in many:
+                writer.close()
+
+    asyncio.run(scene())
+
+
+def test_small_answers_do_not_wait_for_acknowledgements() -> None:
+    delays: list[int] = []
+
+    class Looks(asyncio.Protocol):
+        def connection_made(self, transport: Any) -> None:
+            raw = transport.get_extra_info("socket")
+            delays.append(raw.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+            transport.close()
+
+    async def scene() -> None:
+        bound = listening("127.0.0.1", 0, option="--port")
+        server = await asyncio.get_running_loop().create_server(Looks, sock=bound)
+        reader, _ = await asyncio.open_connection("127.0.0.1", bound.getsockname()[1])
+        await reader.read()
+        server.close()
+
+    asyncio.run(scene())
+    assert delays == [1]
+
+
+def test_an_upload_that_drips_has_an_end(
+    open_one: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(middleware, "BODY_MOST_S", 0.05)
+    head = b'--b\r\nContent-Disposition: form-data; name="photo"; filename="a.png"\r\n\r\n'
+
+    class Dripping(Body):
+        def __iter__(self) -> Iterator[bytes]:
+            yield head
+            while True:
+                time.sleep(0.02)
+                yield b"x"
+
+    kind = "multipart/form-data; boundary=b"
+    status, said = asyncio.run(asked(open_one[1].app, "POST", "/v1/parts", Dripping(0), content_type=kind))
+    assert (status, b"took longer than" in said) == (408, True)
