@@ -51,7 +51,7 @@ def run(
         bound.close()
         where = "" if settings.store else f" --store {settings.store_url}"
         raise CommandError(
-            f"serve: {settings.host} can be reached from other machines and there is no token yet",
+            "serve: callers need a token, and there is none yet",
             hint=(
                 "make one with: tactile-marks tokens add NAME --scope read --scope write --scope "
                 f"review{where}"
