@@ -62,6 +62,7 @@ def enroll(
     with failures_reported(), ExitStack() as stack:
         from pipeline.common.atomic import check_writable
         from pipeline.reading.enrolment import enrol
+        from pipeline.workers.options import in_a_worker
 
         left_out = 0
         if from_store:
@@ -75,7 +76,7 @@ def enroll(
         if not parts:
             raise CommandError("enroll: no reviewed part with a scan or a height map was found")
         check_writable(database)
-        report = enrol(parts, database, font=font, settings=reading)
+        report = in_a_worker(enrol, parts, database, font=font, settings=reading)
         if opened is not None:
             for part_id, characters in report.enrolled:
                 opened.note_event(part_id, "enrolled", {"font": font, "characters": characters})

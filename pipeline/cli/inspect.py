@@ -9,6 +9,7 @@ from pipeline.cli.exit_status import FAILED, CommandError, failures_reported
 from pipeline.cli.settings import READING, Config, Reading
 
 if TYPE_CHECKING:
+    from pipeline.common.settings import ReadSettings
     from pipeline.files.parts import Part
     from recognition.decision import reading as readings
 
@@ -32,45 +33,57 @@ def inspect(
         Picture to write, .png, .svg or .pdf; FILE-inspect.png in the working folder unless given.
     """
     with failures_reported():
-        from pipeline.files.parts import discover
-        from pipeline.files.units import Unit
-        from pipeline.plots.pictures import check_picture, save_figure
-        from pipeline.reading.part_reader import Mode, PartReader
-        from pipeline.reading.readers import open_reader
-        from recognition.decision.picture import reading_figure
+        from pipeline.plots.pictures import check_picture
+        from pipeline.workers.options import in_a_worker
 
         picture = out if out is not None else Path(f"{file.stem}-inspect.png")
         check_picture(picture)
-        parts = discover([file], beside=True)
-        if len(parts) > 1:
-            raise CommandError(
-                f"{file}: holds {len(parts)} parts", hint="inspect draws one, name its file", status=FAILED
-            )
-        (part,) = parts
-        mode = Mode(reading.mode) if reading.mode else None
-        found = PartReader(
-            open_reader(reading), mode=mode, unit=Unit(reading.unit), budget_s=reading.touch_budget_s
-        ).read(part)
-        save_figure(reading_figure(_with_photo(found, part), title=part.name), picture)
-    print(f"{part.name}: {found}")
-    for message in found.messages():
-        print(f"  {message}")
+        for line in in_a_worker(drawn, file, reading, picture):
+            print(line)
     print(f"wrote {picture}")
     return 0
 
 
-def _with_photo(reading: readings.Reading, part: Part) -> readings.Reading:
-    """The part with its photograph to be shown; without one that cannot be used, which nobody asked for."""
+def drawn(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
+    """Read a file and draw what was read; lines that say what that is.
+
+    Raises:
+        FileError: a file that cannot be used.
+        CommandError: it holds several parts.
+    """
+    from pipeline.files.parts import discover
+    from pipeline.files.units import Unit
+    from pipeline.plots.pictures import save_figure
+    from pipeline.reading.part_reader import Mode, PartReader
+    from pipeline.reading.readers import open_reader
+    from recognition.decision.picture import reading_figure
+
+    parts = discover([file], beside=True)
+    if len(parts) > 1:
+        raise CommandError(
+            f"{file}: holds {len(parts)} parts", hint="inspect draws one, name its file", status=FAILED
+        )
+    (part,) = parts
+    mode = Mode(settings.mode) if settings.mode else None
+    found = PartReader(
+        open_reader(settings), mode=mode, unit=Unit(settings.unit), budget_s=settings.touch_budget_s
+    ).read(part)
+    shown, problem = _with_photo(found, part)
+    save_figure(reading_figure(shown, title=part.name), picture)
+    return [*problem, f"{part.name}: {found}", *(f"  {message}" for message in found.messages())]
+
+
+def _with_photo(reading: readings.Reading, part: Part) -> tuple[readings.Reading, list[str]]:
+    """The part with its photograph to be shown; without one that cannot be used, which nobody asked for, and why."""
     from glyphs.errors import FileError
     from pipeline.reading.part_reader import load_photo
     from recognition.reader import centred
 
     if reading.trace.photo is not None or part.photo is None:
-        return reading
+        return reading, []
     try:
         photo = load_photo(part)
     except FileError as problem:
-        print(f"  not shown: {problem}")
-        return reading
+        return reading, [f"  not shown: {problem}"]
     surface = None if reading.touch is None else reading.touch.trace.height_map
-    return reading.traced(photo=photo if surface is None else centred(photo, surface))
+    return reading.traced(photo=photo if surface is None else centred(photo, surface)), []

@@ -15,6 +15,7 @@ from cyclopts.argument import ArgumentCollection
 from glyphs.compiling import compiling_shown
 from glyphs.errors import fault_of
 from pipeline.cli.exit_status import BROKEN_PIPE, FAULT, INTERRUPTED, USAGE, CommandError, failures_reported
+from pipeline.workers.interrupts import interrupts_noted
 
 PROGRAM = "tactile-marks"
 
@@ -151,7 +152,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if not {"--help", "-h"}.isdisjoint(given):
             whole_help(*given)
-        with compiling_shown(lambda line: print(line, file=sys.stderr, flush=True)):
+        with (
+            interrupts_noted(),
+            compiling_shown(lambda line: print(line, file=sys.stderr, flush=True)),
+        ):
             status = app(
                 given,
                 exit_on_error=False,

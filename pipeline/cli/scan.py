@@ -202,11 +202,12 @@ def calibrate(recording: Path, *, out: Path | None = None, in_place: bool = Fals
     with failures_reported():
         from glyphs.errors import FileError
         from pipeline.files.lead_in import calibrate_scan
+        from pipeline.workers.options import in_a_worker
         from whisker_array.scan.recording import load_scan, save_calibration
         from whisker_array.scan.sensor import SensorError
 
         try:
-            lead_in = calibrate_scan(load_scan(recording, raw=True))
+            lead_in = calibrate_scan(in_a_worker(load_scan, recording, raw=True))
             unit = save_calibration(recording, lead_in.calibration, out=out)
         except SensorError as error:
             raise FileError(recording, f"cannot be calibrated: {error.what}", error.hint) from error

@@ -19,6 +19,7 @@ from typing import Any
 
 from glyphs.errors import MarksError
 from pipeline.workers.executors import O, Outcome, R, T
+from pipeline.workers.interrupts import raise_interrupt
 
 _CONNECT_S = 10.0
 _LOOK_S = 2.0
@@ -131,6 +132,7 @@ class ClusterExecutor:
                 future = done.get(timeout=_LOOK_S)
             except queue.Empty:
                 future = None
+            raise_interrupt()
             now = time.monotonic()
             if future is None or now - looked > _LOOK_S:
                 looked = now

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from pipeline.common.allocator import kept_memory
 from pipeline.common.settings import SettingsError
+from pipeline.workers.interrupts import raise_interrupt
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -72,6 +73,7 @@ class InlineExecutor:
                 outcome = Outcome(task, function(order, task))
             except Exception as error:
                 outcome = Outcome(task, error=error)
+            raise_interrupt()
             yield outcome
 
 
@@ -134,6 +136,7 @@ class PoolExecutor:
             hand_over(task, 0)
         while held:
             future = done.get()
+            raise_interrupt()
             task, tries = held.pop(future)
             error = future.exception()
             if isinstance(error, WorkerLostError) and not error.timed_out and tries < _AGAIN:

@@ -111,7 +111,7 @@ def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
         raise KeyboardInterrupt
 
     save_map(Path("a.npz"), np.zeros((9, 9)))
-    monkeypatch.setattr("pipeline.batch.run.read_listed", interrupted)
+    monkeypatch.setattr("pipeline.batch.run.Run.work", interrupted)
     assert main(["read", "a.npz"]) == 130
     assert capsys.readouterr().err == "tactile-marks: interrupted\n"
 

@@ -137,6 +137,15 @@ def empty_stores(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, pyt
     return new_store
 
 
+@pytest.fixture
+def inline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have commands that are called in this process read here too, where a test can put something in their way."""
+    from pipeline.workers.executors import InlineExecutor
+    from pipeline.workers.options import ExecutorOptions
+
+    monkeypatch.setattr(ExecutorOptions, "opened", lambda *_: contextlib.nullcontext(InlineExecutor()))
+
+
 @pytest.fixture(params=["sqlite", "postgresql"])
 def store_url(
     request: pytest.FixtureRequest, empty_stores: Callable[[str, pytest.FixtureRequest], str]

@@ -43,6 +43,13 @@ def dies_once(folder: str, task: int) -> int:
     return task
 
 
+def crash_at(number: int, task: int) -> int:
+    """Crash as a library does that is written in C."""
+    if task == number:
+        os.abort()
+    return task
+
+
 def slow_seven(_: str, task: int) -> int:
     if task == 7:
         time.sleep(60.0)

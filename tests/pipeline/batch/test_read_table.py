@@ -34,6 +34,8 @@ DOUBT = Row(
     action="clean 2",
 )
 
+pytestmark = pytest.mark.usefixtures("inline")
+
 
 LONG = Row("line-3/2026-11-22/" + "a" * 60, "KX407251", "accept", 0.998, "tactile", 12.0, depth_min_mm=0.2)
 BROKEN = Row("c", error="parts/c.npz: is not there; check the name")

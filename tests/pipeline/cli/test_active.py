@@ -13,6 +13,8 @@ from pipeline.files.npz import write_npz
 from whisker_array.scan.recording import load_scan
 from whisker_array.whisker.array import LINES_PER_HEIGHT
 
+pytestmark = pytest.mark.usefixtures("inline")
+
 
 @pytest.fixture(scope="module")
 def part(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -13,6 +13,8 @@ from pipeline.cli.exit_status import USAGE
 from pipeline.cli.main import main
 from pipeline.files.npz import write_npz
 
+pytestmark = pytest.mark.usefixtures("inline")
+
 
 @pytest.fixture(scope="module")
 def part(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -10,6 +10,8 @@ import pytest
 from pipeline.cli.main import main
 from tests.pipeline.benchmark.report.test_report import Page
 
+pytestmark = pytest.mark.usefixtures("inline")
+
 
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -11,7 +11,15 @@ import pytest
 from pipeline.common.settings import SettingsError
 from pipeline.workers.executors import Executor, InlineExecutor, PoolExecutor, ordered_map
 from pipeline.workers.options import ExecutorOptions
-from tests.support.executor_calls import dies_of_seven, dies_once, doubled, late_first, odd_fails, slow_seven
+from tests.support.executor_calls import (
+    crash_at,
+    dies_of_seven,
+    dies_once,
+    doubled,
+    late_first,
+    odd_fails,
+    slow_seven,
+)
 
 COUNT = 20
 
@@ -97,12 +105,20 @@ def test_executors_that_cannot_be(jobs: int, timeout_s: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("jobs", "parts", "workers"), [(None, 3, 1), (1, 500, 1), (2, 500, 2), (4, 2, 2), (1, 0, 1)]
+    ("jobs", "parts", "workers"), [(None, 1, 1), (1, 500, 1), (2, 500, 2), (4, 2, 2), (1, 0, 1)]
 )
 def test_who_reads(jobs: int | None, parts: int, workers: int) -> None:
     with ExecutorOptions(jobs).opened(parts) as executor:
         assert executor.workers == workers
-        assert isinstance(executor, InlineExecutor) == (workers == 1)
+        assert isinstance(executor, InlineExecutor) == (parts == 0)
+
+
+def test_one_part_that_crashes_its_worker_is_one_outcome() -> None:
+    with ExecutorOptions().opened(1) as executor:
+        (outcome,) = executor.calls(crash_at, 7, [7])
+        assert "has ended (exit code -6)" in str(outcome.error)
+        (sound,) = executor.calls(crash_at, 7, [8])
+        assert sound.result == 8
 
 
 def test_no_jobs_are_refused() -> None:

@@ -1,0 +1,46 @@
+"""An interrupt that is not lost.
+
+Python raises KeyboardInterrupt wherever the main thread happens to be. Where that is a destructor, or a callback of the
+garbage collector, it is printed and forgotten, and the run goes on to its end. So it is noted, too, and raised again at
+the next outcome of a task.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+_SEEN = threading.Event()
+
+
+@contextmanager
+def interrupts_noted() -> Iterator[None]:
+    """Note interrupts within the block; in another thread than the main one there is nothing to note."""
+    _SEEN.clear()
+    ours = threading.current_thread() is threading.main_thread()
+    ours = ours and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if ours:
+        signal.signal(signal.SIGINT, _note)
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def raise_interrupt() -> None:
+    """Go no further after an interrupt.
+
+    Raises:
+        KeyboardInterrupt: there was one.
+    """
+    if _SEEN.is_set():
+        raise KeyboardInterrupt
+
+
+def _note(number: int, frame: FrameType | None) -> None:
+    _SEEN.set()
+    signal.default_int_handler(number, frame)
