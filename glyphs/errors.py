@@ -6,6 +6,8 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from glyphs.plain_text import visible
+
 
 class MarksError(Exception):
     """An expected failure, in words for the person who can put it right.
@@ -26,7 +28,7 @@ class MarksError(Exception):
     def __str__(self) -> str:
         place = f"{self.where}: " if self.where else ""
         todo = f"; {self.hint}" if self.hint else ""
-        return " ".join(f"{place}{self.what}{todo}".split())
+        return visible(" ".join(f"{place}{self.what}{todo}".split()))
 
 
 class FileError(MarksError):

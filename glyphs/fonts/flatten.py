@@ -11,9 +11,29 @@ from glyphs.fonts.glyph import FontError, Points
 
 _Outline = tuple[tuple[Points, ...], float]
 _MAX_STEPS = 64
+MOST_COMPONENTS = 256
+"""Glyphs that one glyph may be made of, at all levels."""
 
 
-class _PolygonPen(BasePen):  # type: ignore[misc,unused-ignore]
+class _FewComponents(BasePen):  # type: ignore[misc,unused-ignore]
+    """Draws a glyph that is made of others, if not too many: thirty levels of two each are a thousand million."""
+
+    _components = 0
+
+    def addComponent(self, *args: Any, **options: Any) -> None:
+        """Draw another glyph, which may be made of others.
+
+        Raises:
+            FontError: there are too many.
+        """
+        self._components += 1
+        if self._components > MOST_COMPONENTS:
+            what = f"a glyph is made of more than {MOST_COMPONENTS} others"
+            raise FontError(what, hint="the font is damaged or made to harm, use another")
+        super().addComponent(*args, **options)
+
+
+class _PolygonPen(_FewComponents):
     """Collects closed polygons; quadratic curves and components arrive through the base class as cubics."""
 
     def __init__(self, glyph_set: Any, tolerance: float) -> None:
@@ -83,8 +103,11 @@ def _cap_height(file: Any, cmap: dict[int, str], glyph_set: Any) -> float:
     """Height of H over the baseline in font units; else what the font declares."""
     from fontTools.pens.boundsPen import BoundsPen
 
+    class _BoundsPen(_FewComponents, BoundsPen):  # type: ignore[misc,unused-ignore]
+        """The bounds of a glyph."""
+
     if ord("H") in cmap:
-        pen = BoundsPen(glyph_set)
+        pen = _BoundsPen(glyph_set)
         glyph_set[cmap[ord("H")]].draw(pen)
         if pen.bounds is not None and pen.bounds[3] > 0:
             return float(pen.bounds[3])

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO
 
 from glyphs.errors import FileError
+from pipeline.common.spreadsheet import harmless, original
 from pipeline.files.listed import ListedPart, absolute
 from pipeline.files.manifest import COLUMNS, FILES
 
@@ -73,7 +74,7 @@ class Quarantine:
                 if self._stream.tell() == 0:
                     self._stream.write(_HEAD)
             row = [name, *(_one_line(cell) for cell in (*files.values(), *about))]
-            csv.writer(self._stream, lineterminator="\n").writerow(row)
+            csv.writer(self._stream, lineterminator="\n").writerow(map(harmless, row))
             self._stream.flush()
         self._names.add(name)
 
@@ -108,7 +109,7 @@ class Quarantine:
         os.truncate(self.path, whole)
         try:
             with self.path.open(encoding="utf-8", newline="") as text:
-                return {row["part"] for row in csv.DictReader(text, strict=True)}
+                return {original(row["part"]) for row in csv.DictReader(text, strict=True)}
         except (UnicodeDecodeError, csv.Error) as error:
             raise FileError(
                 self.path, f"is damaged ({error})", "remove it and start the same command again"

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from rich.cells import cell_len
 
+from glyphs.plain_text import visible
 from pipeline.common.row import Row
 
 _RIGHT = ("confidence", "depth mm", "seconds")
@@ -25,7 +26,6 @@ _COLOUR = {
 _GAP = "  "
 _LEAST_WIDTH = 20
 _SHORT_NAME = 8
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 _STATES = (
     (re.compile(r"(\d+):confused (.)/(.)"), r"place \1: \2 or \3?"),
     (re.compile(r"(\d+):mismatch (.)/(.)"), r"place \1: \2 where \3 is expected"),
@@ -71,7 +71,7 @@ def table_lines(rows: Sequence[Row], *, width: int | None) -> list[str]:
             lines.append(cell["part"])
             cell["part"] = ""
         lines.append(_line(cell, shown, widths))
-        if remarks := _CONTROL.sub(" ", row.error or notes(row)):
+        if remarks := visible(" ".join((row.error or notes(row)).split())):
             lines += (
                 [f"{_GAP}{remarks}"]
                 if width is None
@@ -113,9 +113,9 @@ def _line(cells: Mapping[str, str], headings: Sequence[str], widths: Mapping[str
 def _cells(row: Row) -> dict[str, str]:
     """The cells of a row, by heading."""
     return {
-        "part": _CONTROL.sub("?", row.part),
-        "text": row.text,
-        "lines": _CONTROL.sub("?", row.lines),
+        "part": visible(row.part),
+        "text": visible(row.text),
+        "lines": visible(row.lines),
         "decision": row.decision or "error",
         "confidence": "" if row.error else f"{row.confidence:.3f}",
         "verdict": row.verdict,

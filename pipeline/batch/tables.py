@@ -9,7 +9,8 @@ the other fields of `pipeline.common.records.CharacterRecord`.
 
 What is not known is an empty field or null. A character that is none of UTF-8, as names of files may have one, and
 NUL, at which many programs stop, are written as the words \\udcff and \\u0000; a backslash that would begin such a
-word is written \\u005c. So any text comes back as it was, and any program can open the table.
+word is written \\u005c. In CSV what a spreadsheet would take for a formula has an apostrophe in front. So any text
+comes back as it was, and any program can open the table.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from glyphs.errors import FileError, damage_reported
 from pipeline.common.atomic import check_writable, replacing
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.row import Row
+from pipeline.common.spreadsheet import harmless, original
 
 CSV_COLUMNS = tuple(f.name for f in fields(Row))
 _FIRST = ("part", "text", "decision", "confidence", "source", "seconds", "error")
@@ -196,7 +198,8 @@ class _Echo:
 
 
 def _csv_line(values: Iterable[Any]) -> bytes:
-    line: Any = csv.writer(_Echo()).writerow(values)  # gives what `write` gives
+    cells = [harmless(value) if isinstance(value, str) else value for value in values]
+    line: Any = csv.writer(_Echo()).writerow(cells)  # gives what `write` gives
     return str(line).encode()
 
 
@@ -207,7 +210,7 @@ def _row_of_csv(data: bytes) -> Row:
         raise ValueError(str(error)) from error
     if len(values) != len(CSV_COLUMNS):
         raise ValueError(f"{len(values)} fields, not {len(CSV_COLUMNS)}")
-    row: Row = _made(Row, dict(zip(CSV_COLUMNS, values, strict=True)))
+    row: Row = _made(Row, dict(zip(CSV_COLUMNS, map(original, values), strict=True)))
     return row
 
 

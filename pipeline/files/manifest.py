@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from glyphs.errors import FileError, require_file
+from pipeline.common.spreadsheet import original
 from pipeline.files.listed import ListedPart, beside, is_url, local_name, problem_of, split_name
 from pipeline.files.parts import named_apart
 from pipeline.files.remote import copied
@@ -175,7 +176,7 @@ def _csv_records(source: str, path: Path) -> Iterator[tuple[str, dict[str, str]]
                     )
                 yield (
                     f"line {number}",
-                    {name: _cell(row[at]) for name, at in columns.items() if at < len(row)},
+                    {name: original(_cell(row[at])) for name, at in columns.items() if at < len(row)},
                 )
     except UnicodeDecodeError as error:
         raise problem_of(source, "is not UTF-8 text", "save it as CSV (UTF-8)") from error

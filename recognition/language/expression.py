@@ -23,6 +23,8 @@ MOST_PLACES = 64
 """Longest serial that is thought of."""
 MOST_NODES, MOST_STATES = 20_000, 4_000
 """Of an expression's parts written out, and of the machine made of it."""
+MOST_STEPS = 2_000_000
+"""On the way to that machine: two seconds' work at most. `(A|B|C{2,9}){1,12}D` takes 180,000."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,35 +81,33 @@ def expression_machine(pattern: str, chars: tuple[str, ...]) -> ExpressionMachin
     net = _Net(pattern)
     end = net.node()
     begin = net.choices(expression_tree(pattern), end)
-    which = {
-        kind: tuple(k for k, c in enumerate(chars) if kind.has(c))
-        for kind in {kind for kind, _ in net.eats.values()}
-    }
+    # characters that no part tells apart go the same ways
+    kinds = list(dict.fromkeys(kind for kind, _ in net.eats.values()))
+    alike: dict[tuple[bool, ...], list[int]] = {}
+    for k, char in enumerate(chars):
+        alike.setdefault(tuple(kind.has(char) for kind in kinds), []).append(k)
+    ways = {kind: [of for of in alike if of[i]] for i, kind in enumerate(kinds)}
     first = net.reached({begin})
     numbers = {first: 0}
     rows: list[NDArray[np.int64]] = []
     waiting = deque([first])
     while waiting:
         here = waiting.popleft()
-        targets: dict[int, set[int]] = {}
+        targets: dict[tuple[bool, ...], set[int]] = {}
         for node in here:
             if node in net.eats:
                 kind, after = net.eats[node]
-                for k in which[kind]:
-                    targets.setdefault(k, set()).add(after)
+                for of in ways[kind]:
+                    targets.setdefault(of, set()).add(after)
         row = np.full(len(chars), -1, dtype=np.int64)
-        reached: dict[frozenset[int], frozenset[int]] = {}
-        for k, after_all in targets.items():
-            key = frozenset(after_all)
-            if key not in reached:
-                reached[key] = net.reached(key)
-            state = reached[key]
+        for of, after_all in targets.items():
+            state = net.reached(frozenset(after_all))
             if state not in numbers:
                 if len(numbers) >= MOST_STATES:
                     raise FormatError(f"{pattern!r} is too involved", hint="give mask: or sets: instead")
                 numbers[state] = len(numbers)
                 waiting.append(state)
-            row[k] = numbers[state]
+            row[alike[of]] = numbers[state]
         rows.append(row)
     return ExpressionMachine(np.stack(rows), np.array([end in state for state in numbers]))
 
@@ -117,6 +117,7 @@ class _Net:
 
     def __init__(self, pattern: str) -> None:
         self.text = pattern
+        self.steps = 0
         self.free: list[list[int]] = []
         self.eats: dict[int, tuple[Kind, int]] = {}
 
@@ -160,7 +161,11 @@ class _Net:
         """The nodes and all that they go on to freely."""
         seen, waiting = set(nodes), list(nodes)
         while waiting:
-            for node in self.free[waiting.pop()]:
+            on = self.free[waiting.pop()]
+            self.steps += 1 + len(on)
+            if self.steps > MOST_STEPS:
+                raise FormatError(f"{self.text!r} is too involved", hint="give mask: or sets: instead")
+            for node in on:
                 if node not in seen:
                     seen.add(node)
                     waiting.append(node)

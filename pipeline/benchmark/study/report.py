@@ -24,6 +24,7 @@ from pipeline.benchmark.study.agreement import Agreement
 from pipeline.benchmark.study.gauge import GaugeRR
 from pipeline.benchmark.study.study import Study
 from pipeline.common.atomic import replacing
+from pipeline.common.spreadsheet import harmless
 
 PAGE, READINGS, AGREEMENT, DEPTH = "study.html", "readings.csv", "agreement.csv", "depth.csv"
 _TEMPLATE = "study.html.j2"
@@ -65,7 +66,7 @@ def write_study(study: Study, folder: Path, *, notes: Sequence[str] = (), comman
             replacing(folder / name) as temporary,
             temporary.open("w", encoding="utf-8", newline="") as stream,
         ):
-            csv.writer(stream).writerows(rows)
+            csv.writer(stream).writerows([harmless(str(cell)) for cell in row] for row in rows)
     differ = disagreed(study)
     page = rendered(
         _TEMPLATE,

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from fastapi import Depends, Form, Header, Path, Request
 from pydantic import BaseModel, ConfigDict, Field
 
+from glyphs.plain_text import HIDDEN
 from pipeline.common.part_id import is_part_id
 from pipeline.common.records import EvidenceKind, PartRecord, ReviewAction, Scope
 from pipeline.service.access import Access, Caller
@@ -29,6 +30,9 @@ PICTURES = {
     "photo": EvidenceKind.PHOTO_PICTURE,
     "edges": EvidenceKind.EDGES_PICTURE,
 }
+_HIDDEN = HIDDEN.replace(r"\ud800-\udfff", "")  # half surrogates never come out of UTF-8
+TEXT = f"^[^{_HIDDEN}]*$"
+NOTE = f"^(?:[\\t\\n\\r]|[^{_HIDDEN}])*$"
 PictureName = Literal["photo", "edges", "boxes"]
 
 
@@ -57,11 +61,11 @@ class ReviewBody(BaseModel):
     text: str = Field(
         default="",
         max_length=200,
-        pattern=r"^[^\x00-\x1f\x7f]*$",
+        pattern=TEXT,
         description="the serial as it is; empty for unreadable",
     )
-    who: str = Field(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")
-    note: str = Field(default="", max_length=2000, pattern=r"^[^\x00]*$")
+    who: str = Field(min_length=1, max_length=100, pattern=TEXT)
+    note: str = Field(default="", max_length=2000, pattern=NOTE)
     before: str | None = Field(
         default=None,
         max_length=200,
@@ -78,7 +82,6 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 _PROBLEM_SCHEMA = {"$ref": f"#/components/schemas/{ProblemBody.__name__}"}
-TEXT = r"^[^\x00-\x1f\x7f]*$"
 Name = Annotated[
     str,
     Form(

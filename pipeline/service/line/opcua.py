@@ -27,6 +27,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
 from pipeline.common.settings import SettingsError
 from pipeline.service.line.opcua_device import Users, bad, build_device, settings_fit
@@ -39,7 +40,7 @@ from pipeline.service.line.opcua_result import (
     ocr_scan_result,
     status_of,
 )
-from pipeline.service.line.trigger import EXPECTED, LineDecision, Trigger, decision_of, in_words, is_hidden
+from pipeline.service.line.trigger import EXPECTED, LineDecision, Trigger, decision_of, in_words
 
 __all__ = ["OpcUaPort", "require_asyncua"]
 

@@ -13,9 +13,10 @@ import re
 from string import Formatter
 
 from glyphs.errors import MarksError
+from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord
 from pipeline.common.row import codes_text, fields_text, lines_text
-from pipeline.service.line.trigger import decision_of, is_hidden
+from pipeline.service.line.trigger import decision_of
 
 DEFAULT_FORMAT = "{name};{decision};{text};{confidence:.3f};{source};{id}"
 TEXT_FIELDS = (

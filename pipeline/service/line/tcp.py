@@ -25,8 +25,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from glyphs.plain_text import is_hidden
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString
-from pipeline.service.line.trigger import EXPECTED, Trigger, in_words, is_hidden
+from pipeline.service.line.trigger import EXPECTED, Trigger, in_words
 
 LINE_END = b"\r\n"
 _LET_GO_S = 0.5

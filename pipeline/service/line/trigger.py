@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import unicodedata
 from enum import StrEnum
 from typing import Protocol
 
 from glyphs.errors import MarksError
+from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.problem import Problem
 
@@ -14,7 +14,6 @@ EXPECTED = (Problem, MarksError)
 """Failures whose words are for the caller; any other one is a fault of the program, for the log."""
 
 _MOST_WORDS = 200
-_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
 
 
 class Trigger(Protocol):
@@ -51,11 +50,6 @@ def decision_of(part: PartRecord) -> LineDecision:
         return LineDecision.ACCEPT if part.text else LineDecision.REJECT
     rejected = part.reading is None or part.reading.decision == "reject" or not part.reading.text
     return LineDecision.REJECT if rejected else LineDecision.REVIEW
-
-
-def is_hidden(char: str) -> bool:
-    """Whether a character has no place in a line of text: control, format, surrogate or line separator."""
-    return unicodedata.category(char) in _HIDDEN
 
 
 def in_words(error: BaseException) -> str:

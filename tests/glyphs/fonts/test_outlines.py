@@ -250,7 +250,21 @@ def test_missing_damaged_and_letterless_files(tmp_path):
         load_font(_font_with_only_an_exclamation_mark(tmp_path / "bare.ttf"))
 
 
+@pytest.mark.parametrize("of", ["H", "A"])
+def test_a_glyph_made_of_glyphs_made_of_glyphs_has_an_end(tmp_path, of):
+    # 13 levels of two each are 8,192 triangles; fontTools writes no more, but a file may say what it likes
+    levels = {f"level{k}": 2 * [f"level{k + 1}" if k < 12 else "exclam"] for k in range(13)}
+    path = _font_of(tmp_path / "deep.ttf", {of: "level0"}, levels)
+    with pytest.raises(FontError, match="made of more than 256 others"):
+        load_font(path)
+
+
 def _font_with_only_an_exclamation_mark(path):
+    return _font_of(path, {"!": "exclam"}, {})
+
+
+def _font_of(path, characters, composites):
+    """A font of triangles, and of glyphs that are made of others by name."""
     from fontTools.fontBuilder import FontBuilder
     from fontTools.pens.ttGlyphPen import TTGlyphPen
 
@@ -259,11 +273,18 @@ def _font_with_only_an_exclamation_mark(path):
     pen.lineTo((100, 700))
     pen.lineTo((200, 0))
     pen.closePath()
+    glyphs = {".notdef": TTGlyphPen(None).glyph(), "exclam": pen.glyph()}
+    for name, parts in composites.items():
+        made = TTGlyphPen(None, handleOverflowingTransforms=False)
+        made.glyphSet = dict.fromkeys([*composites, "exclam"])
+        for part in parts:
+            made.addComponent(part, (1, 0, 0, 1, 0, 0))
+        glyphs[name] = made.glyph()
     builder = FontBuilder(1000, isTTF=True)
-    builder.setupGlyphOrder([".notdef", "exclam"])
-    builder.setupCharacterMap({ord("!"): "exclam"})
-    builder.setupGlyf({".notdef": TTGlyphPen(None).glyph(), "exclam": pen.glyph()})
-    builder.setupHorizontalMetrics({".notdef": (500, 0), "exclam": (300, 0)})
+    builder.setupGlyphOrder(list(glyphs))
+    builder.setupCharacterMap({ord(char): name for char, name in characters.items()})
+    builder.setupGlyf(glyphs, calcGlyphBounds=False)
+    builder.setupHorizontalMetrics(dict.fromkeys(glyphs, (300, 0)))
     builder.setupHorizontalHeader(ascent=800, descent=-200)
     builder.setupNameTable({"familyName": "Bare", "styleName": "Regular"})
     builder.setupOS2(sCapHeight=700)

@@ -95,6 +95,7 @@ def test_anchors_at_the_ends_change_nothing() -> None:
         ("", "1 to 500"),
         (".*A.{14}", "too involved"),
         ("((A{60}){60}){60}", "repeats too much"),
+        ("((.?){64}){64}", "too involved"),
     ],
 )
 def test_what_cannot_be_used_is_said(pattern: str, said: str) -> None:

@@ -15,11 +15,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from glyphs.plain_text import is_hidden
 from pipeline.common.reading_records import CodeRecord, LineRecord, ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString, ResultStringError
 from pipeline.service.line.tcp import TcpLimits, TcpPort
-from pipeline.service.line.trigger import LineDecision, decision_of, in_words, is_hidden
+from pipeline.service.line.trigger import LineDecision, decision_of, in_words
 from pipeline.service.problem import Problem
 from tests.support.line_fakes import LONG_S, part, reading, until
 

@@ -1,0 +1,29 @@
+"""Text that can be seen: no control characters, no terminal escapes, no marks that turn the order of what follows."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+HIDDEN = (
+    r"\x00-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ue000-\uf8ff\ufeff"
+    r"\ufff9-\ufffb"
+)
+"""Of a class of a regular expression: the hidden characters of the Basic Multilingual Plane that are worth a word."""
+_HIDDEN_KINDS = frozenset({"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"})
+_PERHAPS = re.compile(r"[^\x20-\x7e]")
+
+
+def is_hidden(char: str) -> bool:
+    """Whether a character has no place in a line of text: control, format, surrogate, unassigned, line separator."""
+    return unicodedata.category(char) in _HIDDEN_KINDS
+
+
+def visible(text: str) -> str:
+    """The text with its hidden characters written as words: \\x1b, \\u202e."""
+
+    def word(match: re.Match[str]) -> str:
+        char = match[0]
+        return char.encode("unicode_escape").decode() if is_hidden(char) else char
+
+    return _PERHAPS.sub(word, text)
