@@ -307,6 +307,32 @@ def test_places_are_chosen_and_candidates_taken_by_key(
     assert service.store.reviews(part_id) == ()
 
 
+def test_what_is_pasted_is_the_whole_serial(
+    service: Service, sit_down: Callable[..., OperatorAtPage]
+) -> None:
+    part_id = service.add("KX407251")
+    operator = sit_down()
+    page = operator.page
+    page.goto(f"{service.url}/review/{part_id}")
+    operator.settled()
+    paste = """(text) => {const data = new DataTransfer(); data.setData('text', text);
+        const event = new ClipboardEvent('paste', {clipboardData: data, bubbles: true, cancelable: true});
+        const input = document.getElementById('text');
+        if (input.dispatchEvent(event)) document.execCommand('insertText', false, text)}"""
+    page.evaluate(paste, " kx407299\n")
+    assert operator.shown() == "KX407299"
+    page.keyboard.press("Home")
+    page.evaluate(paste, "AB12")  # shorter, and at another place: still the whole
+    assert operator.shown() == "AB12"
+    page.keyboard.press("Shift+Home")
+    page.evaluate(paste, "CD1234")
+    assert operator.shown() == "CD1234"
+    page.keyboard.press("Insert")
+    page.keyboard.press("End")
+    page.evaluate(paste, "56")  # inserting was asked for
+    assert operator.shown() == "CD123456"
+
+
 def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
@@ -453,7 +479,11 @@ def test_the_dashboard_tells_what_reviews_have_said(
     operator.picture("dashboard")
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 900), (800, 1100)])
+_SHIFTED = """(t) => [...t.tBodies[0].rows].filter((r) => !r.matches(".more")).flatMap((r) =>
+    [...r.cells].map((c, k) => Math.round(c.getBoundingClientRect().x - t.tHead.rows[0].cells[k].getBoundingClientRect().x)))"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (800, 1100), (390, 844)])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_fit_their_window(
     service: Service, sit_down: Callable[..., OperatorAtPage], width: int, height: int, scheme: str
@@ -473,7 +503,12 @@ def test_pages_fit_their_window(
         page.wait_for_load_state("load")
         operator.picture(f"{name}-{width}-{scheme}")
         assert page.evaluate("document.documentElement.scrollWidth") <= width, name
-        if name == "part":  # all that is needed to decide is in sight
+        for button in page.locator(".button:visible").all():
+            box = button.bounding_box()
+            assert 0 <= box["x"] and box["x"] + box["width"] <= width, (name, button.inner_text())
+        for table in page.locator("table:visible").all():  # every row has its cells under their headings
+            assert set(table.evaluate(_SHIFTED)) <= {0}, name
+        if name == "part" and width > 500:  # all that is needed to decide is in sight
             for what in ("#text", ".button.main", "[data-which=photo] svg", "[data-which=edges] svg"):
                 box = page.locator(what).bounding_box()
                 assert box["y"] + box["height"] <= height, what

@@ -140,6 +140,17 @@
     choose(caret);
   });
 
+  // what is pasted is the whole serial: the one character selected is the page's choice, not the person's
+  input.addEventListener("paste", (event) => {
+    const given = (event.clipboardData?.getData("text") || "").replace(/\s+/g, " ").trim();
+    const stretch = input.selectionEnd - input.selectionStart > 1;
+    if (stretch || !overtype || [...given].length < 2) return; // into a stretch, between characters, one for one
+    event.preventDefault();
+    const now = upper ? given.toUpperCase() : given;
+    take((now.length === given.length ? now : given).slice(0, input.maxLength));
+    choose(text.length);
+  });
+
   input.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing) return;
     if (event.shiftKey && event.key.startsWith("Arrow")) return; // a stretch of text, as anywhere

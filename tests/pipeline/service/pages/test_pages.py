@@ -192,17 +192,33 @@ def pair(shop: Shop, *readings: ReadingRecord, evidence: tuple[EvidenceRecord, .
 def test_boxes_lie_where_the_frame_of_the_picture_puts_them(shop: Shop) -> None:
     photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
     edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
-    seen, felt = reading("KX4", source="vision"), reading("KX407")
+    seen, felt = reading("KX401", source="vision"), reading("KX407")
     first, second = pair(shop, seen, felt, evidence=(photo, edges))
     assert (first.source, second.source) == ("vision", "fused")
     box = second.boxes[1]
     # x: (7 mm - 1 mm) / 0.05 mm from the middle of pixel 0, whose middle is 0.5 from the rim
     assert (box.x, box.y, box.width, box.height) == pytest.approx((120.5, 40.5, 60.0, 100.0))
-    assert [b.place for b in first.boxes] == [0, 1, 2]
+    assert [b.place for b in first.boxes] == [0, 1, 2, 3, 4]
     x, y, width, height = second.line
     assert all(x <= b.x and b.x + b.width <= x + width for b in second.boxes)
     assert (y, height) == (0.0, HEIGHT)  # cut at the picture's rims
     assert first.href.startswith("/v1/parts/")
+
+
+@pytest.mark.parametrize("seen", ["7100", "ZZ1Z2"])
+def test_where_touch_knows_better_the_photograph_is_whole_and_without_the_cameras_boxes(
+    shop: Shop, seen: str
+) -> None:
+    photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
+    edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
+    by_camera = reading(seen, source="vision")
+    first, second = pair(shop, by_camera, reading("KX407"), evidence=(photo, edges))
+    assert (first.boxes, first.source) == ((), "")
+    assert not first.cut
+    assert "read something else" in first.note
+    assert len(second.boxes) == 5
+    alone, _ = pair(shop, by_camera, evidence=(photo, edges))  # before touch it is all that is known
+    assert len(alone.boxes) == len(seen)
 
 
 @pytest.mark.parametrize(("rotation_deg", "turns"), [(10.0, 0), (92.0, 1), (-178.0, 2), (-90.0, 3)])
