@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
+from random import SystemRandom
 from typing import TYPE_CHECKING, Any
 
 import structlog
@@ -126,6 +127,9 @@ class Service:
             targets=tuple(self.ports.senders),
             watch=self.jobs.watch,
             shadow=settings.shadow,
+            # nobody who knows the parts can tell which are drawn
+            audit=partial(_drawn, SystemRandom(), settings.audit_per_thousand / 1000.0),
+            readers=2 if settings.second_reader else 1,
         )
         self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
         self.metrics.gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
@@ -231,6 +235,7 @@ def create_app(service: Service) -> FastAPI:
             drift=lambda: service.jobs.drift,
             jobs=service.jobs,
             shadow=settings.shadow,
+            second_reader=settings.second_reader,
         ),
         max_body_size=SMALL_BODY,
     )
@@ -310,6 +315,10 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
 
         service.access.caller(request, Scope.READ)
         return service.databases.listed()
+
+
+def _drawn(source: SystemRandom, share: float) -> bool:
+    return source.random() < share
 
 
 def _stage(settings: ServiceSettings) -> Stage:

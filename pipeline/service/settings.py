@@ -90,6 +90,11 @@ class ServiceSettings(Settings):
     """Folder of job files (NAME.toml) that requests and triggers name; jobs in the folder unless given."""
     retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
     """Days for which photographs, scans and pictures are kept; 0: for ever."""
+    second_reader: bool = False
+    """A part is reviewed when two people have said the same of it; the second does not see what was read."""
+    audit_per_thousand: float = Field(default=0.0, ge=0.0, le=1000.0)
+    """Of a thousand accepted parts so many, drawn at random, are read by a person as well, who does not see what was
+    accepted; the dashboard tells how many parts are accepted wrong."""
     stage: Path | None = None
     """Folder of height maps for the simulated whisker stage: NAME.npz is the part called NAME. Without it there is
     no stage."""

@@ -8,7 +8,9 @@ from typing import Any
 import sqlalchemy as sa
 
 from pipeline.common.part_id import is_part_id
+from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, PartState
+from pipeline.store.claims import held_by_another
 from pipeline.store.database import Transaction
 from pipeline.store.errors import UnfitError, fit, fit_limit
 from pipeline.store.rows import part_of, select_parts
@@ -56,10 +58,27 @@ def queue(tx: Transaction, *, limit: int = 50) -> tuple[PartRecord, ...]:
     return listed(tx, _awaiting().limit(fit_limit(limit)))
 
 
-def next_in_queue(tx: Transaction, after: str | None = None) -> PartRecord | None:
-    """The oldest part to look at after that one, else the oldest, else None."""
-    found = () if after is None else listed(tx, _awaiting().where(parts.c.id > page_end(after)).limit(1))
-    return next(iter(found or queue(tx, limit=1)), None)
+def next_in_queue(
+    tx: Transaction, after: str | None = None, *, person: Person | None = None
+) -> PartRecord | None:
+    """The oldest part to look at after that one, else the oldest, else None.
+
+    Args:
+        tx: the transaction.
+        after: id of the part before.
+        person: who wants it: no part that another is at, nor one that waits for another's reading.
+    """
+    free = _awaiting().limit(1)
+    if person is not None:
+        mine = reviews.c.token == person.token
+        if not person.token:
+            mine &= reviews.c.who == person.name
+        said = sa.exists().where(
+            reviews.c.part_id == parts.c.id, reviews.c.id > sa.func.coalesce(parts.c.review_id, 0), mine
+        )
+        free = free.where(~held_by_another(tx, parts.c.id, person), ~said.correlate(parts))
+    later = () if after is None else listed(tx, free.where(parts.c.id > page_end(after)))
+    return next(iter(later or listed(tx, free)), None)
 
 
 def reviewed(

@@ -60,7 +60,12 @@ class ReviewBody(BaseModel):
         pattern=r"^[^\x00-\x1f\x7f]*$",
         description="the serial as it is; empty for unreadable",
     )
-    who: str = Field(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")
+    who: str = Field(
+        default="",
+        max_length=100,
+        pattern=r"^[^\x00-\x1f\x7f]*$",
+        description="the person; with a token the review is signed with the token's name instead",
+    )
     note: str = Field(default="", max_length=2000, pattern=r"^[^\x00]*$")
     before: str | None = Field(
         default=None,

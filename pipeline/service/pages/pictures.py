@@ -123,7 +123,9 @@ def picture_pair(
         low_margin=low_margin,
     )  # fmt: skip
     if believed is not by_camera and photo.boxes == () and photo.frame is not None:
-        photo = replace(photo, note="The camera read something else here than touch, so its boxes are not drawn.")
+        photo = replace(
+            photo, note="The camera read something else here than touch, so its boxes are not drawn."
+        )
     by_touch = _last(readings, _TOUCH)
     edges = _record(evidence, EvidenceKind.EDGES_PICTURE)
     missing = (

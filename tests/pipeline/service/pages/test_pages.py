@@ -35,9 +35,10 @@ from pipeline.common.records import (
     ReviewAction,
     Scope,
     ShadowRecord,
+    TrendStep,
 )
 from pipeline.service.access import Access
-from pipeline.service.pages.dashboard import chart_of
+from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.login import own_address
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import aligned, cells_of, expected_cells, places_of
@@ -542,8 +543,16 @@ def test_the_dashboard_counts_what_was_read_and_said(shop: Shop) -> None:
 @given(st.lists(st.integers(0, 5000), min_size=2, max_size=170))
 def test_bars_stand_on_the_ground_and_within_the_chart(counts: list[int]) -> None:
     start = datetime(2026, 1, 1, tzinfo=UTC)
-    chart = chart_of([(start + timedelta(hours=k), n) for k, n in enumerate(counts)])
-    assert chart is not None
+    trend = [
+        TrendStep(start + timedelta(hours=k), n, n // 2, n - n // 2, n // 7) for k, n in enumerate(counts)
+    ]
+    chart, accepted, trouble = charts_of(trend, each="hour")
+    for lines in (accepted, trouble):
+        assert lines.ticks[-1][1] == 0.0
+        for line in lines.lines:
+            drawn = [float(y) for y in re.findall(r"[ML][\d.]+ ([\d.]+)", line.path)]
+            assert len(drawn) == sum(n > 0 for n in counts)
+            assert all(0.0 <= y <= lines.height for y in drawn)
     for bar in chart.bars:
         assert 0.0 <= bar.y <= chart.height
         assert bar.y + bar.height == pytest.approx(chart.height, abs=0.02)  # rounded to hundredths
