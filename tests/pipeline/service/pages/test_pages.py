@@ -7,18 +7,14 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from functools import partial
 from pathlib import Path
 
 import pytest
-from fastapi import FastAPI
-from fastapi.testclient import TestClient
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import (
-    CandidateRecord,
     CharacterRecord,
     CodeRecord,
     LineRecord,
@@ -37,90 +33,12 @@ from pipeline.common.records import (
     ShadowRecord,
     TrendStep,
 )
-from pipeline.service.access import Access
 from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.login import own_address
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import aligned, cells_of, expected_cells, places_of
-from pipeline.service.pages.routes import pages_router
 from pipeline.store.errors import StoreError
-from pipeline.store.evidence_folder import EvidenceFolder
-from pipeline.store.store import Store
-
-SURE = (CandidateRecord("K", 0.99, 0.9), CandidateRecord("X", 0.01, 0.4))
-MM, WIDTH, HEIGHT = 0.05, 800.0, 200.0
-META = {"x0_mm": 1.0, "y0_mm": 2.0, "mm_per_pixel": MM, "width": WIDTH, "height": HEIGHT}
-FORM = re.compile(r'name="form_value" value="([^"]+)"')
-BEFORE = re.compile(r'name="before" value="([^"]*)"')
-
-
-def character(
-    char: str, place: int = 0, *, state: str = "read", probability: float = 0.99
-) -> CharacterRecord:
-    x_mm = 3.0 + 4.0 * place
-    rival = CandidateRecord("B" if char != "B" else "8", 1.0 - probability, 0.5)
-    return CharacterRecord(
-        (CandidateRecord(char, probability, 0.9), rival), (x_mm, 4.0, x_mm + 3.0, 9.0), state
-    )
-
-
-def reading(text: str, *, source: str = "fused", decision: str = "review", **more: object) -> ReadingRecord:
-    places = tuple(character(c, k) for k, c in enumerate(text.replace(" ", "")))
-    made = ReadingRecord(source, text, decision, 0.8, places, ("low confidence",))
-    return replace(made, **more)  # type: ignore[arg-type]
-
-
-class Shop:
-    """A service with the pages alone, and a person at it."""
-
-    def __init__(self, folder: Path, *, required: bool = False) -> None:
-        self.store = Store.open(f"sqlite:///{folder / 'store.db'}")
-        self.evidence = EvidenceFolder(folder / "evidence")
-        app = FastAPI()
-        router = pages_router(
-            self.store,
-            self.evidence,
-            Access(self.store, required=required, key=b"of these tests"),
-            review=partial(self.store.review, targets=("webhook",)),
-        )
-        app.include_router(router)
-        self.client = TestClient(app, follow_redirects=False)
-
-    def add(
-        self,
-        text: str = "KX407251",
-        *,
-        name: str = "P-1",
-        state: PartState = PartState.REVIEW,
-        readings: tuple[ReadingRecord, ...] | None = None,
-        evidence: tuple[EvidenceRecord, ...] = (),
-        expected: str = "",
-    ) -> str:
-        part_id = new_part_id()
-        given = (reading(text),) if readings is None else readings
-        self.store.add_part(
-            part_id=part_id, name=name, state=state, readings=given, evidence=evidence, expected=expected
-        )
-        return part_id
-
-    def keep(self, kind: EvidenceKind, content: bytes) -> EvidenceRecord:
-        path = self.evidence.incoming / "made.png"
-        path.write_bytes(content)
-        sha256, n_bytes = self.evidence.keep(path)
-        return EvidenceRecord(kind, sha256, n_bytes, "made.png", "image/png", META)
-
-    def say(
-        self, part_id: str, text: str, *, before: str | None = None, who: str = "Ada", **more: str
-    ) -> int:
-        page = self.client.get(f"/review/{part_id}").text
-        shown = BEFORE.search(page)
-        form = FORM.search(page)
-        assert shown is not None
-        assert form is not None
-        data = {"text": text, "who": who, "form_value": form[1], "action": "save", **more}
-        data["before"] = shown[1] if before is None else before
-        self.answer = self.client.post(f"/review/{part_id}", data=data)
-        return self.answer.status_code
+from tests.support.page_shop import FORM, HEIGHT, WIDTH, Shop, character, reading
 
 
 @pytest.fixture
