@@ -24,6 +24,7 @@ from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.access import Access, session_key
+from pipeline.service.api.export import export_router
 from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
@@ -224,6 +225,7 @@ def create_app(service: Service) -> FastAPI:
         redirect_slashes=False,
     )
     app.include_router(parts_router(service.parts, service.access))
+    app.include_router(export_router(service.parts, service.access), max_body_size=SMALL_BODY)
     app.include_router(lookup_router(service.parts, service.access), max_body_size=SMALL_BODY)
     app.include_router(jobs_router(service.jobs, service.access), max_body_size=SMALL_BODY)
     app.include_router(

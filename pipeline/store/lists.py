@@ -23,6 +23,10 @@ def find_parts(
     state: PartState | None = None,
     text: str = "",
     name: str = "",
+    job: str = "",
+    line: str = "",
+    since: datetime | None = None,
+    until: datetime | None = None,
     before: str | None = None,
     limit: int = 50,
 ) -> tuple[PartRecord, ...]:
@@ -33,12 +37,23 @@ def find_parts(
         state: they are in.
         text: that theirs holds, in upper or lower case.
         name: that theirs holds, likewise.
+        job: that they were read by.
+        line: that they come from.
+        since: earliest time at which they were received.
+        until: from when on they are not wanted.
         before: id of the last part of the page before.
         limit: most of them.
     """
     query = select_parts()
     if state is not None:
         query = query.where(parts.c.state == state)
+    for column, wanted in ((parts.c.job, job), (parts.c.line, line)):
+        if wanted:
+            query = query.where(column == fit(wanted, "what is sought"))
+    if since is not None:
+        query = query.where(parts.c.created_at >= since)
+    if until is not None:
+        query = query.where(parts.c.created_at < until)
     if before is not None:
         query = query.where(parts.c.id < page_end(before))
     for column, wanted in ((parts.c.text_folded, text), (parts.c.name_folded, name)):
