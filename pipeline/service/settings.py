@@ -152,6 +152,12 @@ class ServiceSettings(Settings):
     """First level of the topics."""
     webhook: Annotated[str, AfterValidator(_web_address)] = ""
     """Web address to post results to; signed where webhook_secret is set."""
+    alert_reject_rate: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """Share of rejects among the latest parts above which an alert is sent (webhook, MQTT) and shown; 0: none."""
+    alert_review_rate: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """The same of parts that a person must look at."""
+    alert_window: int = Field(default=200, ge=10, le=10_000)
+    """Latest parts that those shares are of."""
     webhook_secret: str = Field(default="", repr=False)
     """Key of the signature; better in the file or the environment than in a flag."""
     drain_s: float = Field(default=1.0, ge=0.0, le=600.0)

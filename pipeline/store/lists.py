@@ -50,10 +50,12 @@ def find_parts(
     for column, wanted in ((parts.c.job, job), (parts.c.line, line)):
         if wanted:
             query = query.where(column == fit(wanted, "what is sought"))
+    # not by the index of times, which would sort all of them for every page: through the ids, once for all pages
+    received = sa.func.coalesce(parts.c.created_at, parts.c.changed_at)
     if since is not None:
-        query = query.where(parts.c.created_at >= since)
+        query = query.where(received >= since)
     if until is not None:
-        query = query.where(parts.c.created_at < until)
+        query = query.where(received < until)
     if before is not None:
         query = query.where(parts.c.id < page_end(before))
     for column, wanted in ((parts.c.text_folded, text), (parts.c.name_folded, name)):

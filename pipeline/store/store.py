@@ -14,6 +14,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 import sqlalchemy as sa
 
+from pipeline.store import alerts as _alerts
 from pipeline.store import audits as _audits
 from pipeline.store import claims as _claims
 from pipeline.store import evidence_index, idempotency, lists, outbox, rows
@@ -141,6 +142,10 @@ class Store:
     next_audit = _reads(_audits.next_audit)
     add_audit = _writes(_audits.add_audit)
     audit_figures = _reads(_audits.audit_figures)
+
+    # alerts
+    alerts = _reads(_alerts.raised_alerts)
+    look_for_alerts = _writes(_alerts.look_for_alerts)
 
     # requests that are sent again
     remembered = _reads(idempotency.remembered)

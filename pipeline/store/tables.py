@@ -233,7 +233,7 @@ audits = sa.Table(
 alerts = sa.Table(
     "alerts",
     METADATA,
-    sa.Column("name", sa.String(64), primary_key=True),
+    sa.Column("name", sa.Text, primary_key=True),
     sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), nullable=False),
     sa.Column("at", UtcTime, nullable=False),
     sa.Column("message", sa.Text, nullable=False),

@@ -14,18 +14,17 @@ from fastapi.responses import StreamingResponse
 from pipeline.common.records import PartRecord, Scope
 from pipeline.service.access import Access, Caller
 from pipeline.service.api.answers import PartFilter, Sought, may, problems
-from pipeline.service.part_service import PartService
 from pipeline.store.store import Store
 
 COLUMNS = (
-    "id", "name", "received", "state", "serial", "read_by", "decision", "confidence", "expected", "verdict", "line", "job",
-    "database", "reviewed_by", "review", "reviewed", "note",
+    "id", "name", "received", "state", "serial", "read_by", "decision", "confidence", "expected", "verdict", "line",
+    "job", "database", "reviewed_by", "review", "reviewed", "note",
 )  # fmt: skip
 _AT_ONCE = 500
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
-def export_router(service: PartService, access: Access) -> APIRouter:
+def export_router(store: Store, access: Access) -> APIRouter:
     """The route of the table."""
     router = APIRouter(prefix="/v1", tags=["parts"])
     Reads = may(access, Scope.READ)
@@ -38,9 +37,9 @@ def export_router(service: PartService, access: Access) -> APIRouter:
     )
     def table(sought: PartFilter, caller: Caller = Reads) -> Any:
         # the first page is read before anything is answered, so that what cannot be sought is a problem, not a table
-        first = service.store.parts(**sought.values(), limit=_AT_ONCE)
+        first = store.parts(**sought.values(), limit=_AT_ONCE)
         return StreamingResponse(
-            _lines(service.store, sought, first),
+            _lines(store, sought, first),
             media_type="text/csv; charset=utf-8",
             headers={
                 "Content-Disposition": f'attachment; filename="parts-{datetime.now(UTC):%Y-%m-%d}.csv"',

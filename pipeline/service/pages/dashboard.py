@@ -13,6 +13,7 @@ from pipeline.common.records import PartState, Statistics
 from pipeline.common.shares import share
 from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.frame import Frame, PageError
+from pipeline.store.alerts import DRIFT
 from pipeline.store.statistics import DAY, HOUR
 
 SPANS = {
@@ -48,6 +49,7 @@ def add_dashboard(router: APIRouter, frame: Frame, drift: Callable[[], str]) -> 
             caller=caller,
             span=span,
             drift=drift(),
+            alerts=[one for one in frame.store.alerts() if not one.name.startswith(DRIFT)],
             spans=tuple(SPANS),
             numbers=numbers,
             camera=share(min(numbers.by_camera, numbers.parts), numbers.parts),

@@ -50,7 +50,7 @@ def upgrade() -> None:
     op.create_index("ix_audits_at", "audits", ["at"])
     op.create_table(
         "alerts",
-        sa.Column("name", sa.String(64), nullable=False),
+        sa.Column("name", sa.Text(), nullable=False),
         sa.Column("part_id", PART_ID, sa.ForeignKey("parts.id", name="fk_alerts_part_id"), nullable=False),
         sa.Column("at", TIME, nullable=False),
         sa.Column("message", sa.Text(), nullable=False),
