@@ -18,6 +18,7 @@ from pipeline.common.records import TrendStep
 WIDTH, HEIGHT = 1000.0, 150.0
 _MOST_LABELS = 8
 _MOST_TICKS = 4
+_MOST_HOURS = 48
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,8 @@ def _bars(trend: Sequence[TrendStep]) -> tuple[tuple[Bar, ...], tuple[tuple[int,
     top, ticks = _scale(max(step.parts for step in trend))
     pitch = WIDTH / len(trend)
     every = -(-len(trend) // _MOST_LABELS)
+    if len(trend) > _MOST_HOURS:  # labelled by their dates, each once
+        every = 24 * math.ceil(every / 24)
     bars = []
     for k, step in enumerate(trend):
         height = HEIGHT * step.parts / top
