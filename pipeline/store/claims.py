@@ -77,7 +77,8 @@ def end_claim(tx: Transaction, part_id: str, person: Person) -> None:
     Raises:
         ClaimedError: another person is at it.
     """
-    held = claimed(tx).get(part_id)
+    asked = sa.select(claims).where(claims.c.part_id == part_id, claims.c.until > tx.now)
+    held = tx.execute(asked).one_or_none()
     if held is not None and person.holder and held.holder != person.holder:
         raise ClaimedError(
             f"{held.who or 'somebody else'} is at part {part_id} until {held.until:%H:%M:%S} UTC",

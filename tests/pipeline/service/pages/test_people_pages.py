@@ -127,7 +127,7 @@ def test_an_audit_shows_nothing_of_what_was_accepted_and_says_what_came_of_it(sh
         shop.add(name=f"P-{k}", state=PartState.ACCEPTED, readings=(accepted,), audit=True) for k in range(3)
     ]
     shop.client.get("/review")
-    assert "3 accepted parts wait for an audit" in shop.client.get("/review").text
+    assert "<b>3</b> accepted parts wait for an audit" in shop.client.get("/review").text
     assert shop.client.get("/audit").headers["location"] == f"/audit/{ids[0]}"
     shown_to_nobody_else(shop.client.get(f"/audit/{ids[0]}").text)
     assert shop.say(ids[0], SERIAL, at="/audit") == 303
