@@ -262,6 +262,25 @@ class History:
 
 
 @dataclass(frozen=True)
+class TrendStep:
+    """Parts of one hour or day.
+
+    Attributes:
+        at: its start, by UTC.
+        parts: received in it.
+        accepted: of them, accepted and not questioned since.
+        review: of them, those that a person looks at or has looked at.
+        rejects: of them, those whose last reading was a reject.
+    """
+
+    at: datetime
+    parts: int = 0
+    accepted: int = 0
+    review: int = 0
+    rejects: int = 0
+
+
+@dataclass(frozen=True)
 class Statistics:
     """The dashboard's numbers of a stretch of time.
 
@@ -276,7 +295,7 @@ class Statistics:
         right_before_review: of them, those whose reading was confirmed as it was.
         characters_reviewed, characters_right: of the reviewed parts' texts.
         seconds: (p50, p99) of reading by source; sources without any are left out.
-        per_hour: (start of the hour, parts) in order, hours without any included.
+        trend: the hours, or days, in order, those without any part included.
         awaiting: parts in the review queue now, whatever their time.
     """
 
@@ -291,5 +310,5 @@ class Statistics:
     characters_reviewed: int
     characters_right: int
     seconds: Mapping[str, tuple[float, float]]
-    per_hour: tuple[tuple[datetime, int], ...]
+    trend: tuple[TrendStep, ...]
     awaiting: int

@@ -46,10 +46,12 @@ class Caller:
     Attributes:
         name: of the token; "local" where none is asked for.
         scopes: what it allows.
+        token: name of the token; empty without one.
     """
 
     name: str
     scopes: frozenset[Scope]
+    token: str = ""
 
 
 class Tokens(Protocol):
@@ -99,7 +101,7 @@ class Access:
         if scope not in record.scopes:
             held = ", ".join(sorted(record.scopes)) or "nothing"
             raise DeniedError(403, f"the token {record.name!r} allows {held}, and this needs {scope.value}")
-        return Caller(record.name, record.scopes)
+        return Caller(record.name, record.scopes, record.name)
 
     def token_of(self, request: HTTPConnection) -> TokenRecord:
         """The token of a request.

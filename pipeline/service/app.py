@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
+from random import SystemRandom
 from typing import TYPE_CHECKING, Any
 
 import structlog
@@ -23,6 +24,8 @@ from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.access import Access, session_key
+from pipeline.service.alerts import AlertWatch
+from pipeline.service.api.export import export_router
 from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
@@ -126,6 +129,9 @@ class Service:
             targets=tuple(self.ports.senders),
             watch=self.jobs.watch,
             shadow=settings.shadow,
+            # nobody who knows the parts can tell which are drawn
+            audit=partial(_drawn, SystemRandom(), settings.audit_per_thousand / 1000.0),
+            readers=2 if settings.second_reader else 1,
         )
         self.metrics.gauge("jobs_waiting", "Parts that wait for a worker.", lambda: self.pool.waiting)
         self.metrics.gauge("jobs_running", "Parts that workers are at.", lambda: self.pool.running)
@@ -134,6 +140,14 @@ class Service:
             self.metrics.gauge(
                 "drift", "1 while parts are unlike the certified ones.", lambda: float(bool(self.jobs.drift))
             )
+        self.alerts = AlertWatch(
+            self.store,
+            settings,
+            drifts=self.jobs.drifts,
+            targets=tuple(self.ports.senders),
+            sent=lambda: self.parts.on_result(),
+        )
+        self.metrics.gauge("alerts", "Alerts that are raised.", lambda: float(len(self.store.alerts())))
         self.metrics.gauge("outbox", "Results not yet published.", self.store.undelivered)
 
     def _check_job(self, name: str) -> None:
@@ -172,7 +186,9 @@ class Service:
     @contextlib.asynccontextmanager
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
         """Everything that runs beside the requests."""
-        works = (self._sweep_for_ever(), self._say_ready(), self.parts.touching.run())
+        works = [self._sweep_for_ever(), self._say_ready(), self.parts.touching.run()]
+        if not self.settings.shadow:  # nothing is decided, so no rate of it says anything
+            works.append(self.alerts.run())
         beside = [asyncio.create_task(work) for work in works]
         try:
             async with self.ports.opened(self.parts):
@@ -220,6 +236,7 @@ def create_app(service: Service) -> FastAPI:
         redirect_slashes=False,
     )
     app.include_router(parts_router(service.parts, service.access))
+    app.include_router(export_router(service.store, service.access), max_body_size=SMALL_BODY)
     app.include_router(lookup_router(service.parts, service.access), max_body_size=SMALL_BODY)
     app.include_router(jobs_router(service.jobs, service.access), max_body_size=SMALL_BODY)
     app.include_router(
@@ -231,6 +248,7 @@ def create_app(service: Service) -> FastAPI:
             drift=lambda: service.jobs.drift,
             jobs=service.jobs,
             shadow=settings.shadow,
+            second_reader=settings.second_reader,
         ),
         max_body_size=SMALL_BODY,
     )
@@ -310,6 +328,10 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
 
         service.access.caller(request, Scope.READ)
         return service.databases.listed()
+
+
+def _drawn(source: SystemRandom, share: float) -> bool:
+    return source.random() < share
 
 
 def _stage(settings: ServiceSettings) -> Stage:

@@ -24,7 +24,7 @@ from pipeline.common.atomic import replacing
 from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_of, job_text, read_job_file
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.certificate import certificate_of
-from pipeline.reading.drift import DriftWatch
+from pipeline.reading.drift import EVERY, DriftWatch
 from pipeline.service.glyph_databases import GlyphDatabases
 from pipeline.service.problem import Problem
 
@@ -109,6 +109,17 @@ class JobFolder:
         """Whether anything is certified."""
         with self.lock:
             return self._own_watch is not None or any(known.watch for known in self._known.values())
+
+    def drifts(self) -> dict[str, str | None]:
+        """How each job's parts differ from the certified ones; None where too few were read to tell."""
+        watches = {"": self._own_watch}
+        with self.lock:
+            watches |= {name: known.watch for name, known in self._known.items()}
+        return {
+            name: watch.message() if watch.parts >= EVERY else None
+            for name, watch in watches.items()
+            if watch is not None
+        }
 
     @property
     def drift(self) -> str:

@@ -100,6 +100,8 @@ class PartService:
         targets: Sequence[str] = (),
         watch: Callable[[str], DriftWatch | None] = lambda _: None,
         shadow: bool = False,
+        audit: Callable[[], bool] = lambda: False,
+        readers: int = 1,
     ) -> None:
         """Take what it works with.
 
@@ -116,7 +118,10 @@ class PartService:
                 `on_part` with every part that was read.
             watch: what compares parts with the certified ones, by the name of their job.
             shadow: read and compare with the line's own reader; decide and publish nothing.
+            audit: draws whether a part is read by a person as well, if it is accepted.
+            readers: people who must agree before a part is reviewed, 1 or 2.
         """
+        self._audit, self._readers = audit, readers
         self.store, self.evidence, self.orders, self.metrics = store, evidence, orders, metrics
         self.stage, self.camera, self.line = stage, camera, line
         self._targets, self._watch, self._shadow = () if shadow else tuple(targets), watch, shadow
@@ -186,6 +191,7 @@ class PartService:
                 targets=self._targets,
                 idempotency=idempotency,
                 shadow=shadow,
+                audit=self._audit(),
             )
             self._count(part, done)
             return part
@@ -257,9 +263,9 @@ class PartService:
             StoreError: as `Store.review`.
         """
         targets = () if self._in_shadow(self.store.part(part_id)) else self._targets
-        part = self.store.review(part_id, targets=targets, **said)
+        part = self.store.review(part_id, targets=targets, readers=self._readers, **said)
         self.on_result()
-        if part.review is not None:
+        if part.state is PartState.REVIEWED and part.review is not None:
             self.metrics.reviews.labels(part.review.action.value).inc()
         return part
 
@@ -324,6 +330,7 @@ class PartService:
             targets=() if hidden else self._targets,
             idempotency=idempotency,
             shadow=shadow,
+            audit=self._audit(),
         )
         self._count(read, done)
         return read

@@ -90,6 +90,11 @@ class ServiceSettings(Settings):
     """Folder of job files (NAME.toml) that requests and triggers name; jobs in the folder unless given."""
     retention_days: float = Field(default=90.0, ge=0.0, le=36_500.0)
     """Days for which photographs, scans and pictures are kept; 0: for ever."""
+    second_reader: bool = False
+    """A part is reviewed when two people have said the same of it; the second does not see what was read."""
+    audit_per_thousand: float = Field(default=0.0, ge=0.0, le=1000.0)
+    """Of a thousand accepted parts so many, drawn at random, are read by a person as well, who does not see what was
+    accepted; the dashboard tells how many parts are accepted wrong."""
     stage: Path | None = None
     """Folder of height maps for the simulated whisker stage: NAME.npz is the part called NAME. Without it there is
     no stage."""
@@ -147,6 +152,12 @@ class ServiceSettings(Settings):
     """First level of the topics."""
     webhook: Annotated[str, AfterValidator(_web_address)] = ""
     """Web address to post results to; signed where webhook_secret is set."""
+    alert_reject_rate: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """Share of rejects among the latest parts above which an alert is sent (webhook, MQTT) and shown; 0: none."""
+    alert_review_rate: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """The same of parts that a person must look at."""
+    alert_window: int = Field(default=200, ge=10, le=10_000)
+    """Latest parts that those shares are of."""
     webhook_secret: str = Field(default="", repr=False)
     """Key of the signature; better in the file or the environment than in a flag."""
     drain_s: float = Field(default=1.0, ge=0.0, le=600.0)

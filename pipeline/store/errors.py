@@ -30,6 +30,10 @@ class ConflictError(StoreError):
     """The store has moved on since the caller last looked."""
 
 
+class ClaimedError(ConflictError):
+    """Another person is at the part."""
+
+
 class AlreadyDoneError(ConflictError):
     """The request with this idempotency key was carried out before, or meanwhile by another.
 

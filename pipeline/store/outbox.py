@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -16,15 +17,17 @@ from pipeline.store.tables import outbox
 _MAX_ERROR = 500
 
 
-def put_in_outbox(tx: Transaction, part: PartRecord, targets: Sequence[str]) -> None:
-    """Ask for the part, as it stands, to be sent to every target."""
-    payload = to_json(part) if targets else {}
+def put_in_outbox(
+    tx: Transaction, part: PartRecord, targets: Sequence[str], *, payload: Mapping[str, Any] | None = None
+) -> None:
+    """Ask for the part, as it stands, or for something else about it to be sent to every target."""
+    content = dict(payload) if payload is not None else to_json(part) if targets else {}
     for target in targets:
         tx.execute(
             sa.insert(outbox).values(
                 part_id=part.id,
                 target=fit(target, "the target", limit=32),
-                payload=payload,
+                payload=content,
                 attempts=0,
                 error="",
                 created_at=tx.now,

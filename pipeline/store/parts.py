@@ -43,6 +43,7 @@ def add_part(
     targets: Sequence[str] = (),
     idempotency: IdempotencyKey | None = None,
     shadow: ShadowRecord | None = None,
+    audit: bool = False,
 ) -> PartRecord:
     """Receive a part with what was read of it.
 
@@ -63,6 +64,7 @@ def add_part(
         targets: where the result is published, also that touch is needed.
         idempotency: of the request.
         shadow: what came of it in shadow mode.
+        audit: have a person read it as well, if it is accepted.
 
     Raises:
         AlreadyDoneError: the key is taken.
@@ -98,7 +100,19 @@ def add_part(
         tx.execute(sa.update(parts).where(parts.c.id == part_id).values(**waits))
     after = (("not_felt", {"why": not_felt}),) if not_felt else ()
     asked = plan is not None
-    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow, asked=asked, after=after)
+    return _add(
+        tx,
+        part_id,
+        state,
+        readings,
+        evidence,
+        plan,
+        targets,
+        shadow,
+        asked=asked,
+        after=after,
+        audit=audit,
+    )
 
 
 def add_readings(
@@ -112,6 +126,7 @@ def add_readings(
     targets: Sequence[str] = (),
     idempotency: IdempotencyKey | None = None,
     shadow: ShadowRecord | None = None,
+    audit: bool = False,
 ) -> PartRecord:
     """Add what was read of a part later; arguments as `add_part`.
 
@@ -129,7 +144,7 @@ def add_readings(
         )
     claim(tx, idempotency, part_id)
     asked = plan is not None or part.plan is not None
-    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow, asked=asked)
+    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow, asked=asked, audit=audit)
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
@@ -171,6 +186,7 @@ def _add(
     shadow: ShadowRecord | None,
     *,
     asked: bool,
+    audit: bool,
     after: Sequence[Event] = (),
 ) -> PartRecord:
     touch_needed = state is PartState.TOUCH_NEEDED
@@ -193,6 +209,9 @@ def _add(
     for file in evidence:
         tx.execute(sa.insert(tables.evidence).values(part_id=part_id, at=tx.now, **_evidence_row(file)))
     add_events(tx, part_id, [*_events(state, readings, plan, shadow), *after])
+    if audit and state is PartState.ACCEPTED:
+        # nothing is said of it in the history, which whoever audits it may look at
+        tx.insert_if_new(tables.audits, {"part_id": part_id, "at": tx.now})
     part = part_by_id(tx, part_id)
     put_in_outbox(tx, part, targets)
     return part

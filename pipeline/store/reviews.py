@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
 
-from pipeline.common.records import PartRecord, PartState, ReviewAction
+from pipeline.common.people_records import Person
+from pipeline.common.records import PartRecord, PartState, ReviewAction, ReviewRecord
+from pipeline.store.claims import end_claim
 from pipeline.store.database import Transaction
 from pipeline.store.errors import MAX_NOTE, MAX_TEXT, ConflictError, UnfitError, fit
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.parts import add_events, lock_part
-from pipeline.store.rows import part_by_id
+from pipeline.store.rows import part_by_id, review_of
 from pipeline.store.tables import parts, reviews
 
 
@@ -24,11 +26,16 @@ def add_review(
     text: str,
     who: str,
     token: str = "",
+    seat: str = "",
     note: str = "",
     before: str | None = None,
     targets: Sequence[str] = (),
+    readers: int = 1,
 ) -> PartRecord:
     """Write down what a person says of a part; it may be said anew, and what was said before stays.
+
+    With two readers a part is reviewed when two people have said the same of it; until then it waits for review, its
+    text as it was read.
 
     Args:
         tx: the transaction.
@@ -37,14 +44,19 @@ def add_review(
         text: right one; to confirm, the text as it stands or none.
         who: the person.
         token: name of the token used.
+        seat: where the person sits, as `Person.seat`.
         note: anything.
         before: the text that the person looked at.
-        targets: where the part is published.
+        targets: where the part is published, once it is reviewed.
+        readers: people who must agree, 1 or 2.
 
     Raises:
         ConflictError: the text is no longer what the person looked at.
+        ClaimedError: another person is at the part.
     """
+    person = Person(who, token, seat)
     lock_part(tx, part_id)
+    end_claim(tx, part_id, person)
     part = part_by_id(tx, part_id)
     if before is not None and before != part.text:
         quicker = part.review.who if part.review is not None else "a reader"
@@ -65,8 +77,17 @@ def add_review(
     }
     if not who.strip():
         raise UnfitError("no name is given", hint="say who reviews the part")
+    others = [said for said in opinions(tx, part_id) if not person.said(said)]
     key = tx.execute(sa.insert(reviews).values(**row)).inserted_primary_key
     assert key is not None
+    stood = part.state is PartState.REVIEWED and after == part.text
+    if readers > 1 and not stood and not any(other.after == after for other in others):
+        tx.execute(
+            sa.update(parts).where(parts.c.id == part_id).values(state=PartState.REVIEW, changed_at=tx.now)
+        )
+        # not what was said: the next person is not to know
+        add_events(tx, part_id, [("read_by_person", {"who": who})])
+        return part_by_id(tx, part_id)
     tx.execute(
         sa.update(parts)
         .where(parts.c.id == part_id)
@@ -85,6 +106,36 @@ def add_review(
     made = part_by_id(tx, part_id)
     put_in_outbox(tx, made, targets)
     return made
+
+
+def opinions(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
+    """What people have said of a part since it was last reviewed, each person's last word, the first one first."""
+    last: dict[tuple[str, str], ReviewRecord] = {}
+    for row in tx.execute(_open_reviews().where(reviews.c.part_id == part_id).order_by(reviews.c.id)):
+        said = review_of(row)
+        key = (said.token, "" if said.token else said.who)
+        last.pop(key, None)
+        last[key] = said
+    return tuple(last.values())
+
+
+def half_reviewed(tx: Transaction) -> Mapping[str, int]:
+    """Parts that wait for another person's reading, and how many people have read them."""
+    people = sa.func.count(
+        sa.distinct(reviews.c.token + "/" + sa.case((reviews.c.token == "", reviews.c.who), else_=""))
+    )
+    asked = (
+        sa.select(parts.c.id, people.label("n"))
+        .select_from(reviews.join(parts, reviews.c.part_id == parts.c.id))
+        .where(parts.c.state == PartState.REVIEW, reviews.c.id > sa.func.coalesce(parts.c.review_id, 0))
+        .group_by(parts.c.id)
+    )
+    return {row.id: row.n for row in tx.execute(asked)}
+
+
+def _open_reviews() -> sa.Select[Any]:
+    table = reviews.join(parts, reviews.c.part_id == parts.c.id)
+    return sa.select(reviews).select_from(table).where(reviews.c.id > sa.func.coalesce(parts.c.review_id, 0))
 
 
 def _text_after(part: PartRecord, action: ReviewAction, text: str) -> str:

@@ -60,7 +60,7 @@ def part_of(row: Row[Any]) -> PartRecord:
         touch=TouchWait(bool(row.touch_by_stage), row.touch_until)
         if row.state == PartState.TOUCH_NEEDED
         else None,
-        review=None if row.review_id is None else _review(row, "review_"),
+        review=None if row.review_id is None else review_of(row, "review_"),
         shadow=None
         if row.agreement is None
         else ShadowRecord(Agreement(row.agreement), PartState(row.would_be)),
@@ -107,7 +107,7 @@ def evidence_of(tx: Transaction, part_id: str) -> tuple[EvidenceRecord, ...]:
 
 def reviews_of(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
     """What people said of a part, the first one first."""
-    return tuple(_review(row) for row in _rows_of(tx, part_id, reviews))
+    return tuple(review_of(row) for row in _rows_of(tx, part_id, reviews))
 
 
 def events_of(tx: Transaction, part_id: str) -> tuple[EventRecord, ...]:
@@ -131,7 +131,7 @@ def _reading(record: Any, at: Any) -> ReadingRecord:
     return replace(from_json(ReadingRecord, record), at=at)
 
 
-def _review(row: Row[Any], prefix: str = "") -> ReviewRecord:
+def review_of(row: Row[Any], prefix: str = "") -> ReviewRecord:
     """The review of a row whose columns bear that prefix."""
     values = {name: getattr(row, prefix + name) for name in _REVIEW}
     return ReviewRecord(**{**values, "action": ReviewAction(values["action"])})

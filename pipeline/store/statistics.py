@@ -8,17 +8,17 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from pipeline.common.records import PartState, Statistics
+from pipeline.common.records import PartState, Statistics, TrendStep
 from pipeline.store.database import Transaction
 from pipeline.store.errors import UnfitError
 from pipeline.store.tables import parts, readings
 
-_HOUR = timedelta(hours=1)
+HOUR, DAY = timedelta(hours=1), timedelta(days=1)
 _LONGEST = timedelta(days=3660)
 
 
-def statistics(tx: Transaction, since: datetime) -> Statistics:
-    """Of the parts received, and the readings made, since a time.
+def statistics(tx: Transaction, since: datetime, *, step: timedelta = HOUR) -> Statistics:
+    """Of the parts received, and the readings made, since a time; `step` of the trend is HOUR or DAY.
 
     Raises:
         UnfitError: the time has no zone, or is more than ten years ago.
@@ -43,7 +43,7 @@ def statistics(tx: Transaction, since: datetime) -> Statistics:
         characters_reviewed=total["characters"],
         characters_right=total["characters_right"],
         seconds=_seconds(tx, since),
-        per_hour=_per_hour(tx, since),
+        trend=_trend(tx, since, step),
         awaiting=tx.execute(awaiting).scalar_one(),
     )
 
@@ -94,21 +94,38 @@ def _nearest_rank(counts: Mapping[float, int], percent: int) -> float:
     raise AssertionError("no values")
 
 
-def _per_hour(tx: Transaction, since: datetime) -> tuple[tuple[datetime, int], ...]:
-    hour: sa.ColumnElement[str]
+def _trend(tx: Transaction, since: datetime, step: timedelta) -> tuple[TrendStep, ...]:
+    begin: sa.ColumnElement[str]
+    written = "%Y-%m-%d %H" if step == HOUR else "%Y-%m-%d"
     if tx.postgresql:
         utc = sa.func.timezone("UTC", parts.c.created_at)
-        hour = sa.func.to_char(sa.func.date_trunc("hour", utc), "YYYY-MM-DD HH24")
+        begin = sa.func.to_char(utc, "YYYY-MM-DD HH24" if step == HOUR else "YYYY-MM-DD")
     else:
-        hour = sa.func.substr(sa.type_coerce(parts.c.created_at, sa.String), 1, len("2026-11-21 18"))
+        length = len("2026-11-21 18" if step == HOUR else "2026-11-21")
+        begin = sa.func.substr(sa.type_coerce(parts.c.created_at, sa.String), 1, length)
     named = (
-        sa.select(hour.label("hour")).where(parts.c.created_at >= since).subquery()
+        sa.select(begin.label("begin"), parts.c.state, parts.c.rejected)
+        .where(parts.c.created_at >= since)
+        .subquery()
     )  # once, for PostgreSQL takes the same function with other parameters for another one
+    state = named.c.state
+    counts = {
+        "parts": sa.func.count(),
+        "accepted": _sum(state == PartState.ACCEPTED),
+        "review": _sum(state.in_((PartState.REVIEW, PartState.REVIEWED))),
+        "rejects": _sum(named.c.rejected),
+    }
+    asked = sa.select(named.c.begin, *(n.label(name) for name, n in counts.items()))
     counted = {
-        row.hour: row.n
-        for row in tx.execute(sa.select(named.c.hour, sa.func.count().label("n")).group_by(named.c.hour))
+        row.begin: {name: int(getattr(row, name)) for name in counts}
+        for row in tx.execute(asked.group_by(named.c.begin))
     }
     first = since.replace(minute=0, second=0, microsecond=0)
-    n_hours = max(0, int((tx.now - first) / _HOUR) + 1)
-    hours = (first + k * _HOUR for k in range(n_hours))
-    return tuple((h, counted.get(h.strftime("%Y-%m-%d %H"), 0)) for h in hours)
+    first = first if step == HOUR else first.replace(hour=0)
+    n_steps = max(0, int((tx.now - first) / step) + 1)
+    steps = (first + k * step for k in range(n_steps))
+    return tuple(TrendStep(at, **counted.get(at.strftime(written), {})) for at in steps)
+
+
+def _sum(flag: sa.ColumnElement[bool]) -> sa.ColumnElement[int]:
+    return sa.func.sum(sa.case((flag, 1), else_=0))

@@ -14,6 +14,9 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 import sqlalchemy as sa
 
+from pipeline.store import alerts as _alerts
+from pipeline.store import audits as _audits
+from pipeline.store import claims as _claims
 from pipeline.store import evidence_index, idempotency, lists, outbox, rows
 from pipeline.store import parts as _parts
 from pipeline.store import reviews as _reviews
@@ -22,11 +25,19 @@ from pipeline.store import statistics as _statistics
 from pipeline.store import tokens as _tokens
 from pipeline.store import touch as _touch
 from pipeline.store.database import Database, Transaction, open_database, utc_now
-from pipeline.store.errors import AlreadyDoneError, ConflictError, NotFoundError, StoreError, UnfitError
+from pipeline.store.errors import (
+    AlreadyDoneError,
+    ClaimedError,
+    ConflictError,
+    NotFoundError,
+    StoreError,
+    UnfitError,
+)
 from pipeline.store.idempotency import IdempotencyKey
 
 __all__ = [
     "AlreadyDoneError",
+    "ClaimedError",
     "ConflictError",
     "IdempotencyKey",
     "NotFoundError",
@@ -119,6 +130,22 @@ class Store:
     statistics = _reads(_statistics.statistics)
     agreement_by_day = _reads(_shadow.agreement_by_day)
     compared_parts = _reads(_shadow.compared_parts)
+
+    # people: what they are at, second readings, audits of accepted parts
+    claim_part = _writes(_claims.claim_part)
+    release_part = _writes(_claims.release_part)
+    claimed = _reads(_claims.claimed)
+    opinions = _reads(_reviews.opinions)
+    half_reviewed = _reads(_reviews.half_reviewed)
+    audit = _reads(_audits.audit_of)
+    audit_queue = _reads(_audits.audit_queue)
+    next_audit = _reads(_audits.next_audit)
+    add_audit = _writes(_audits.add_audit)
+    audit_figures = _reads(_audits.audit_figures)
+
+    # alerts
+    alerts = _reads(_alerts.raised_alerts)
+    look_for_alerts = _writes(_alerts.look_for_alerts)
 
     # requests that are sent again
     remembered = _reads(idempotency.remembered)

@@ -2,8 +2,9 @@
 
     idempotency >--- parts ---< readings   (*)
         outbox >-----/  | \\---< reviews    (*)     tokens stand alone
-                        |  \\--< events     (*)
-                         \\---< evidence           (*) triggers refuse every change and removal
+        claims >-----/  |  \\--< events     (*)
+        audits >-----/   \\---< evidence           (*) triggers refuse every change and removal
+        alerts >-----/
 
 What a part's row holds beside its own (its last reading and review, the columns of the statistics) all follows from the
 rows that never change; it stands there so that lists and figures need no more than an index.
@@ -203,6 +204,39 @@ outbox = sa.Table(
     sa.Index(None, "part_id", "target", "id"),
     # a number is never given twice, for by it receivers know what they have had
     sqlite_autoincrement=True,
+)
+
+claims = sa.Table(
+    "claims",
+    METADATA,
+    sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), primary_key=True),
+    sa.Column("holder", sa.Text, nullable=False),
+    sa.Column("who", sa.Text, nullable=False),
+    sa.Column("until", UtcTime, nullable=False),
+)
+
+audits = sa.Table(
+    "audits",
+    METADATA,
+    sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), primary_key=True),
+    sa.Column("at", UtcTime, nullable=False),
+    sa.Column("done_at", UtcTime),
+    sa.Column("who", sa.Text),
+    sa.Column("token", sa.Text),
+    sa.Column("action", sa.String(16)),
+    sa.Column("text", sa.Text),
+    sa.Column("same", sa.Boolean),
+    sa.Index(None, "at"),
+)
+
+# those that are raised now
+alerts = sa.Table(
+    "alerts",
+    METADATA,
+    sa.Column("name", sa.Text, primary_key=True),
+    sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), nullable=False),
+    sa.Column("at", UtcTime, nullable=False),
+    sa.Column("message", sa.Text, nullable=False),
 )
 
 tokens = sa.Table(

@@ -102,14 +102,16 @@ class Service:
         unsure: dict[int, str] | None = None,
         pictures: bool = True,
         around: int = 0,
+        state: PartState = PartState.REVIEW,
+        audit: bool = False,
     ) -> str:
-        """A part to be reviewed."""
+        """A part to be reviewed, or audited."""
         unsure = {5: "B38E"} if unsure is None else unsure
         readings = [reading(text, source=source, unsure=unsure) for source in ("vision", "fused")]
         evidence = [self.draw(text, kind, around=around) for kind in PICTURES.values()] if pictures else []
         part_id = new_part_id()
         self.store.add_part(
-            part_id=part_id, name=name, state=PartState.REVIEW, readings=readings, evidence=evidence
+            part_id=part_id, name=name, state=state, readings=readings, evidence=evidence, audit=audit
         )
         return part_id
 
@@ -307,6 +309,32 @@ def test_places_are_chosen_and_candidates_taken_by_key(
     assert service.store.reviews(part_id) == ()
 
 
+def test_what_is_pasted_is_the_whole_serial(
+    service: Service, sit_down: Callable[..., OperatorAtPage]
+) -> None:
+    part_id = service.add("KX407251")
+    operator = sit_down()
+    page = operator.page
+    page.goto(f"{service.url}/review/{part_id}")
+    operator.settled()
+    paste = """(text) => {const data = new DataTransfer(); data.setData('text', text);
+        const event = new ClipboardEvent('paste', {clipboardData: data, bubbles: true, cancelable: true});
+        const input = document.getElementById('text');
+        if (input.dispatchEvent(event)) document.execCommand('insertText', false, text)}"""
+    page.evaluate(paste, " kx407299\n")
+    assert operator.shown() == "KX407299"
+    page.keyboard.press("Home")
+    page.evaluate(paste, "AB12")  # shorter, and at another place: still the whole
+    assert operator.shown() == "AB12"
+    page.keyboard.press("Shift+Home")
+    page.evaluate(paste, "CD1234")
+    assert operator.shown() == "CD1234"
+    page.keyboard.press("Insert")
+    page.keyboard.press("End")
+    page.evaluate(paste, "56")  # inserting was asked for
+    assert operator.shown() == "CD123456"
+
+
 def test_a_place_is_lit_on_both_pictures_and_chosen_by_pointing(
     service: Service, sit_down: Callable[..., OperatorAtPage]
 ) -> None:
@@ -410,6 +438,73 @@ def test_a_name_is_asked_for_once_and_skipped_parts_stay(
     assert service.store.part(ids[1]).state is PartState.REVIEW
 
 
+def test_an_open_part_is_its_readers_until_the_page_is_left(
+    service: Service, sit_down: Callable[..., OperatorAtPage]
+) -> None:
+    first, second = service.add("KX407251", name="P-1"), service.add("KX407252", name="P-2")
+    ada, grace = sit_down(who="Ada"), sit_down(who="Grace")
+    for operator in (ada, grace):
+        operator.page.goto(f"{service.url}/review")
+        operator.settled()
+    ada.page.keyboard.press("Enter")
+    ada.page.wait_for_url(f"**/review/{first}")
+    ada.settled()
+    grace.page.reload()
+    assert "Ada is at it" in grace.page.inner_text("main")
+    grace.picture("claimed")
+    grace.settled()
+    grace.page.keyboard.press("Enter")  # the oldest that is free
+    grace.page.wait_for_url(f"**/review/{second}")
+    grace.page.goto(f"{service.url}/review/{first}")
+    assert "Ada is at this part now" in grace.page.inner_text("#taken")
+    ada.page.goto(f"{service.url}/dashboard")
+    wait_until(lambda: first not in service.store.claimed())
+    grace.page.reload()
+    grace.settled()
+    assert not grace.page.is_visible("#taken")
+    assert service.store.claimed()[first].who == "Grace"
+
+
+def test_an_audit_is_read_from_the_pictures_alone(
+    service: Service, sit_down: Callable[..., OperatorAtPage]
+) -> None:
+    ids = [
+        service.add("KX407251", name=f"P-{k}", state=PartState.ACCEPTED, audit=True, around=120)
+        for k in range(2)
+    ]
+    operator = sit_down()
+    page = operator.page
+    page.goto(f"{service.url}/review")
+    operator.picture("audits waiting")
+    page.click("text=Audit the oldest")
+    page.wait_for_url(f"**/audit/{ids[0]}")
+    operator.settled()
+    assert operator.shown() == ""
+    assert "KX407251" not in page.content()
+    assert page.locator(".box").count() == 0
+    operator.picture("audit")
+    page.keyboard.type("kx407251")
+    assert page.inner_text("#verb") == "Save"
+    page.keyboard.press("Enter")
+    page.wait_for_url(f"**/audit/{ids[1]}?done={ids[0]}")
+    assert "is what was accepted" in page.inner_text(".flash.good")
+    operator.settled()
+    page.keyboard.press("Alt+u")
+    page.wait_for_url("**/review?audited=*")
+    found = service.store.audit(ids[0])
+    assert (found.text, found.same, found.who) == ("KX407251", True, "Ada")
+
+
+def wait_until(holds: Callable[[], bool], *, seconds: float = 10.0) -> None:
+    """Wait for what another thread is to do."""
+    waited = threading.Event()
+    for _ in range(int(seconds / 0.02)):
+        if holds():
+            return
+        waited.wait(0.02)
+    raise AssertionError("it has not come about")
+
+
 def test_it_works_without_script(service: Service, sit_down: Callable[..., OperatorAtPage]) -> None:
     ids = [service.add("KX407251"), service.add("KX407252")]
     operator = sit_down(who="", java_script_enabled=False)
@@ -453,7 +548,14 @@ def test_the_dashboard_tells_what_reviews_have_said(
     operator.picture("dashboard")
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 900), (800, 1100)])
+_SHIFTED = """(table) => {
+    const x = (cell) => cell.getBoundingClientRect().x, heads = [...table.tHead.rows[0].cells];
+    const rows = [...table.tBodies[0].rows].filter((row) => !row.matches('.more'));
+    return rows.flatMap((row) => [...row.cells].map((cell, k) => Math.round(x(cell) - x(heads[k]))));
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (800, 1100), (390, 844)])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_fit_their_window(
     service: Service, sit_down: Callable[..., OperatorAtPage], width: int, height: int, scheme: str
@@ -473,7 +575,12 @@ def test_pages_fit_their_window(
         page.wait_for_load_state("load")
         operator.picture(f"{name}-{width}-{scheme}")
         assert page.evaluate("document.documentElement.scrollWidth") <= width, name
-        if name == "part":  # all that is needed to decide is in sight
+        for button in page.locator(".button:visible").all():
+            box = button.bounding_box()
+            assert 0 <= box["x"] <= width - box["width"], (name, button.inner_text())
+        for table in page.locator("table:visible").all():  # every row has its cells under their headings
+            assert set(table.evaluate(_SHIFTED)) <= {0}, name
+        if name == "part" and width > 500:  # all that is needed to decide is in sight
             for what in ("#text", ".button.main", "[data-which=photo] svg", "[data-which=edges] svg"):
                 box = page.locator(what).bounding_box()
                 assert box["y"] + box["height"] <= height, what

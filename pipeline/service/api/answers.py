@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
-from fastapi import Depends, Form, Header, Path, Request
+from fastapi import Depends, Form, Header, Path, Query, Request
 from pydantic import BaseModel, ConfigDict, Field
 
 from glyphs.plain_text import HIDDEN
 from pipeline.common.part_id import is_part_id
-from pipeline.common.records import EvidenceKind, PartRecord, ReviewAction, Scope
+from pipeline.common.records import EvidenceKind, PartRecord, PartState, ReviewAction, Scope
 from pipeline.service.access import Access, Caller
 from pipeline.service.problem import MEDIA_TYPE, Problem, ProblemBody
 
@@ -64,7 +65,12 @@ class ReviewBody(BaseModel):
         pattern=TEXT,
         description="the serial as it is; empty for unreadable",
     )
-    who: str = Field(min_length=1, max_length=100, pattern=TEXT)
+    who: str = Field(
+        default="",
+        max_length=100,
+        pattern=TEXT,
+        description="the person; with a token the review is signed with the token's name instead",
+    )
     note: str = Field(default="", max_length=2000, pattern=NOTE)
     before: str | None = Field(
         default=None,
@@ -119,6 +125,58 @@ Key = Annotated[
         description="made by the sender for each part; a request that is sent again with it makes no second part",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class Sought:
+    """What parts of a list have in common.
+
+    Attributes:
+        state: they are in.
+        text: that their serials hold.
+        name: that their names hold.
+        job: that they were read by.
+        line: that they come from.
+        since, until: between which they were received; without a zone by UTC.
+    """
+
+    state: PartState | None = None
+    text: str = ""
+    name: str = ""
+    job: str = ""
+    line: str = ""
+    since: datetime | None = None
+    until: datetime | None = None
+
+    def values(self) -> dict[str, Any]:
+        """As `Store.parts` takes it."""
+        zoned = {
+            name: at if at is None or at.tzinfo is not None else at.replace(tzinfo=UTC)
+            for name, at in (("since", self.since), ("until", self.until))
+        }
+        return {**self.__dict__, **zoned}
+
+
+def _sought(
+    state: PartState | None = None,
+    text: Annotated[str, Query(max_length=200, pattern=TEXT, description="that its serial holds")] = "",
+    name: Annotated[str, Query(max_length=200, pattern=TEXT, description="that its name holds")] = "",
+    job: Annotated[str, Query(max_length=200, pattern=TEXT, description="that it was read by")] = "",
+    line: Annotated[str, Query(max_length=200, pattern=TEXT, description="that it comes from")] = "",
+    since: Annotated[
+        datetime | None,
+        Query(
+            description="received then or later: 2026-11-21, 2026-11-21T06:00:00Z", examples=["2026-11-21"]
+        ),
+    ] = None,
+    until: Annotated[
+        datetime | None, Query(description="received before then", examples=["2026-11-22"])
+    ] = None,
+) -> Sought:
+    return Sought(state, text, name, job, line, since, until)
+
+
+PartFilter = Annotated[Sought, Depends(_sought)]
 
 
 def may(access: Access, scope: Scope) -> Any:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import FileResponse, Response
 
+from pipeline.common.people_records import AuditFigures
 from pipeline.common.records import (
     EvidenceKind,
     EvidenceRecord,
     History,
     PartRecord,
-    PartState,
     Scope,
     Statistics,
 )
@@ -23,6 +24,7 @@ from pipeline.service.api.answers import (
     PICTURES,
     TEXT,
     PartAnswer,
+    PartFilter,
     PartId,
     PictureName,
     answer,
@@ -33,6 +35,17 @@ from pipeline.service.api.answers import (
 from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE
 from pipeline.service.part_service import PartService
 from pipeline.service.problem import Problem
+
+
+@dataclass(frozen=True)
+class FiguresAnswer(Statistics):
+    """The dashboard's numbers.
+
+    Attributes:
+        audits: how many of the accepted parts were accepted wrong, by those that people have audited.
+    """
+
+    audits: AuditFigures
 
 
 def lookup_router(service: PartService, access: Access) -> APIRouter:
@@ -47,16 +60,14 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
         responses=problems(401, 403, 422),
     )
     def list_parts(
-        state: PartState | None = None,
-        text: Annotated[str, Query(max_length=200, pattern=TEXT, description="that its serial holds")] = "",
-        name: Annotated[str, Query(max_length=200, pattern=TEXT, description="that its name holds")] = "",
+        sought: PartFilter,
         before: Annotated[
             str | None, Query(max_length=64, pattern=TEXT, description="id after which to go on")
         ] = None,
         limit: Annotated[int, Query(ge=1, le=500)] = 50,
         caller: Caller = Reads,
     ) -> Any:
-        parts = service.store.parts(state=state, text=text, name=name, before=before, limit=limit)
+        parts = service.store.parts(**sought.values(), before=before, limit=limit)
         return [answer(part) for part in parts]
 
     @router.get(
@@ -119,7 +130,7 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
 
     @router.get(
         "/figures",
-        response_model=Statistics,
+        response_model=FiguresAnswer,
         summary="Reads, fallbacks, rejects, accuracy and times of the last hours",
         responses=problems(401, 403, 422),
         tags=["service"],
@@ -128,7 +139,9 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
         hours: Annotated[float, Query(gt=0.0, le=24.0 * 366, allow_inf_nan=False)] = 24.0,
         caller: Caller = Reads,
     ) -> Any:
-        return service.store.statistics(datetime.now(UTC) - timedelta(hours=hours))
+        since = datetime.now(UTC) - timedelta(hours=hours)
+        numbers = service.store.statistics(since)
+        return FiguresAnswer(**numbers.__dict__, audits=service.store.audit_figures(since))
 
     return router
 

@@ -160,12 +160,14 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
     def review_part(part_id: PartId, body: ReviewBody, caller: Caller = Reviews) -> Any:
         if body.action is not ReviewAction.UNREADABLE and not body.text.strip():
             raise Problem(422, "the text is empty; give the serial, or the action unreadable")
+        if not (caller.token or body.who.strip()):
+            raise Problem(422, "who says it? give your name as who")
         part = service.review(
             checked_id(part_id),
             action=body.action,
             text=body.text.strip(),
-            who=body.who,
-            token=caller.name,
+            who=caller.token or body.who,
+            token=caller.token,
             note=body.note,
             before=body.before,
         )

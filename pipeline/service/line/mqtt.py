@@ -1,6 +1,7 @@
 """Results published over MQTT 3.1.1, and taken for delivered once the broker has acknowledged them (QoS 1).
 
 {prefix}/parts/{part id}/result     the part as JSON, with the delivery's number; not retained
+{prefix}/alerts/{name}              an alert as JSON, raised or cleared; retained
 {prefix}/status                     online or offline; retained, and the last will of the connection
 
 * A delivery has arrived when the broker has acknowledged it; one that it has not is for the outbox to send again.
@@ -34,6 +35,11 @@ _LOOK_S, _LEAVE_S = 2.0, 2.0
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
 _NO_TOPIC = frozenset("+#\0")
 _log = logging.getLogger(__name__)
+
+
+def topic_level(name: str) -> str:
+    """A name as one level of a topic."""
+    return "".join("_" if c in _NO_TOPIC or c == "/" else c for c in name)
 
 
 class MqttSender:
@@ -112,7 +118,9 @@ class MqttSender:
             raise DeliveryError(f"the part {delivery.part_id!r} makes no topic", lasting=True)
         connection = await self._connected()
         try:
-            await connection.publish(f"{self._prefix}/parts/{delivery.part_id}/result", body_of(delivery))
+            alert = delivery.payload.get("alert")
+            about = f"parts/{delivery.part_id}/result" if alert is None else f"alerts/{topic_level(alert)}"
+            await connection.publish(f"{self._prefix}/{about}", body_of(delivery), retain=alert is not None)
         except DeliveryError:
             async with self._connecting:
                 if self._connection is connection:

@@ -77,6 +77,7 @@ class Frame:
         environment: templates.
         low_margin: lead of the first over the second candidate below which a place is unsure.
         review: keeps what a person says; arguments as `Store.review`.
+        second_reader: whether two people must say the same of a part, the second without seeing what was read.
     """
 
     store: Store
@@ -86,6 +87,7 @@ class Frame:
     environment: jinja2.Environment
     low_margin: float
     review: Callable[..., PartRecord]
+    second_reader: bool = False
 
     @classmethod
     def make(
@@ -97,6 +99,7 @@ class Frame:
         low_margin: float = LOW_MARGIN,
         review: Callable[..., PartRecord] | None = None,
         shadow: bool = False,
+        second_reader: bool = False,
     ) -> Frame:
         """With the templates and files of the package."""
         assets = Assets()
@@ -112,7 +115,9 @@ class Frame:
         environment.globals["shadow"] = shadow
         environment.globals["part_cells"] = lambda part: part_cells(part, low_margin=low_margin)
         environment.filters.update(iso=_iso, utc=_utc, view=_view)
-        return cls(store, evidence, access, assets, environment, low_margin, review or store.review)
+        return cls(
+            store, evidence, access, assets, environment, low_margin, review or store.review, second_reader
+        )
 
     def page(
         self,

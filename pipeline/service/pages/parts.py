@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, date, datetime, timedelta
 from urllib.parse import urlencode
 
 from fastapi import APIRouter
@@ -32,22 +33,38 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/parts")
     def parts(
-        request: Request, text: str = "", name: str = "", state: str = "", before: str = ""
+        request: Request,
+        text: str = "",
+        name: str = "",
+        state: str = "",
+        job: str = "",
+        line: str = "",
+        first: str = "",
+        last: str = "",
+        before: str = "",
     ) -> Response:
         caller = frame.reader(request)
         if state and state not in set(PartState):
             raise PageError(422, f"There is no state {state!r}; choose one of the list.")
-        if max(len(text), len(name)) > _MOST_SEARCHED:
+        since, until = _day(first), _day(last, after=1)
+        if max(len(text), len(name), len(job), len(line)) > _MOST_SEARCHED:
             raise PageError(422, f"Search for at most {_MOST_SEARCHED} characters.")
         found = frame.store.parts(
             state=PartState(state) if state else None,
             text=text.strip(),
             name=name.strip(),
+            job=job.strip(),
+            line=line.strip(),
+            since=since,
+            until=until,
             before=before or None,
             limit=PARTS_SHOWN + 1,
         )
         shown = found[:PARTS_SHOWN]
-        asked = {"text": text, "name": name, "state": state}
+        sought = {"text": text, "name": name, "state": state, "job": job, "line": line}
+        asked = {**sought, "first": first, "last": last}
+        days = {"since": since and f"{since:%Y-%m-%d}", "until": until and f"{until:%Y-%m-%d}"}
+        table = {name: value.strip() for name, value in sought.items()} | days
         older = {**asked, "before": shown[-1].id} if len(found) > PARTS_SHOWN else {}
         return frame.page(
             request,
@@ -58,6 +75,7 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
             searched=any(asked.values()),
             older=_query(older),
             newest=_query(asked) if before else "",
+            table="/v1/parts.csv?" + urlencode({name: value for name, value in table.items() if value}),
             states=tuple(PartState),
         )
 
@@ -83,6 +101,21 @@ def add_part_pages(router: APIRouter, frame: Frame) -> None:
             kind_names=KIND_NAMES,
             may_review=Scope.REVIEW in caller.scopes,
         )
+
+
+def _day(written: str, *, after: int = 0) -> datetime | None:
+    """The beginning of a day by UTC, or of one after it; None where none is given.
+
+    Raises:
+        PageError: no day.
+    """
+    if not written:
+        return None
+    try:
+        day = date.fromisoformat(written) + timedelta(days=after)
+    except (ValueError, OverflowError) as error:
+        raise PageError(422, f"{written[:40]!r} is no day; write 2026-11-21.") from error
+    return datetime(day.year, day.month, day.day, tzinfo=UTC)
 
 
 def _query(values: dict[str, str]) -> str:

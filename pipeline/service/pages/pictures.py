@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING
 
@@ -34,6 +34,8 @@ _BELIEVED_FROM = 0.5
 WIDE_ASPECT = 5.0
 """Views wider than so many heights stand below each other, not side by side."""
 _NEARLY_ALL = 0.85
+_MOST_ALIKE = 0.5
+"""Of the places of two readings of the same line; readings of different places agree by chance in few."""
 _TOUCH = ("tactile", "fused")
 Rectangle = tuple[float, float, float, float]
 
@@ -107,13 +109,23 @@ def picture_pair(
     *,
     low_margin: float = LOW_MARGIN,
 ) -> tuple[PictureView, PictureView]:
-    """The photograph and the tactile edge map."""
+    """The photograph and the tactile edge map.
+
+    The camera's boxes are shown, and the photograph is cut to them, where the camera's reading is the one that counts
+    or has found the same line; else the photograph is shown whole: touch knows better where the line is, and what it
+    was felt in need not be the photograph's frame.
+    """
     by_camera = _last(readings, ("vision",))
+    believed = by_camera if by_camera is None or _same_line(by_camera, part.reading) else None
     photo = _view(
-        part, by_camera, _record(evidence, EvidenceKind.PHOTO_PICTURE), folder,
+        part, believed, _record(evidence, EvidenceKind.PHOTO_PICTURE), folder,
         which="photo", title="Photograph", missing="No photograph was sent with this part.",
         low_margin=low_margin,
     )  # fmt: skip
+    if believed is not by_camera and photo.boxes == () and photo.frame is not None:
+        photo = replace(
+            photo, note="The camera read something else here than touch, so its boxes are not drawn."
+        )
     by_touch = _last(readings, _TOUCH)
     edges = _record(evidence, EvidenceKind.EDGES_PICTURE)
     missing = (
@@ -123,6 +135,15 @@ def picture_pair(
         part, by_touch, edges, folder,
         which="edges", title="Tactile edge map", missing=missing, low_margin=low_margin,
     )  # fmt: skip
+
+
+def _same_line(by_camera: ReadingRecord, counts: ReadingRecord | None) -> bool:
+    """Whether the camera has found the line that counts: as many places, and most of them alike."""
+    if counts is None or counts.source == by_camera.source:
+        return True
+    here, there = ([c.char for c in r.characters] for r in (by_camera, counts))
+    alike = sum(a == b for a, b in zip(here, there, strict=False))
+    return len(here) == len(there) and alike >= _MOST_ALIKE * len(there)
 
 
 def _last(readings: Sequence[ReadingRecord], sources: tuple[str, ...]) -> ReadingRecord | None:

@@ -5,56 +5,30 @@ queue -> part --Enter--> part --Enter--> part ... -> queue, empty
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
-from urllib.parse import quote, unquote
+from urllib.parse import quote
 
 from fastapi import APIRouter, Form
 from starlette.requests import Request
 from starlette.responses import Response
 
-from pipeline.common.records import PartRecord, ReviewAction, Scope
+from pipeline.common.people_records import Person
+from pipeline.common.records import PartRecord, PartState, ReviewAction, Scope
+from pipeline.service.pages.audit import audited_words
+from pipeline.service.pages.blind import blind_page
 from pipeline.service.pages.felt import felt_view
-from pipeline.service.pages.frame import A_YEAR_S, WHO_COOKIE, Frame, see
+from pipeline.service.pages.frame import A_YEAR_S, MOST_COUNTED, WHO_COOKIE, Frame, see
+from pipeline.service.pages.people import person_at, taken_by_another
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
-from pipeline.store.errors import ConflictError, StoreError
+from pipeline.service.pages.said import MOST, Said
+from pipeline.store.errors import ClaimedError, ConflictError, StoreError
 
 QUEUE_SHOWN = 50
-MOST_TEXT, MOST_WHO, MOST_NOTE = 200, 80, 1000
+_WHY_BLIND = (
+    "Somebody has read this part. Say what you read; it is reviewed when two people have read the same."
+)
 _SIZES = (12, 20, 30, 40)
-
-
-@dataclass(frozen=True)
-class Said:
-    """What a person has typed.
-
-    Attributes:
-        text: serial.
-        who: name.
-        note: anything else.
-    """
-
-    text: str
-    who: str
-    note: str
-
-    def fault(self, action: str) -> str:
-        """Why it cannot be taken, in words; empty if it can."""
-        if action not in ("save", "unreadable"):
-            return "Say what is to be done: confirm, or unreadable."
-        if not self.who:
-            return "Type your name first: it is kept with every review."
-        if action == "save" and not self.text:
-            return "Type the serial, or say that it cannot be read (Alt+U)."
-        for name, value, most in (
-            ("serial", self.text, MOST_TEXT), ("name", self.who, MOST_WHO), ("note", self.note, MOST_NOTE),
-        ):  # fmt: skip
-            if len(value) > most:
-                return f"The {name} has {len(value)} characters; at most {most} are kept. Shorten it."
-            if not value.isprintable():
-                return f"The {name} holds characters that cannot be printed. Type it again."
-        return ""
 
 
 def add_review_pages(router: APIRouter, frame: Frame) -> None:
@@ -65,15 +39,29 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         return see("/review")
 
     @router.get("/review")
-    def queue(request: Request, done: str = "") -> Response:
+    def queue(request: Request, done: str = "", audited: str = "") -> Response:
         caller = frame.reader(request)
-        parts = frame.store.queue(limit=QUEUE_SHOWN)
-        return frame.page(request, "queue.html.j2", caller=caller, parts=parts, done=_done(frame, done))
+        person = person_at(request, caller)
+        parts, held = frame.store.queue(limit=QUEUE_SHOWN), frame.store.claimed()
+        audits = len(frame.store.audit_queue(limit=MOST_COUNTED + 1))
+        return frame.page(
+            request,
+            "queue.html.j2",
+            caller=caller,
+            parts=parts,
+            others={part: claim.who for part, claim in held.items() if claim.holder != person.holder},
+            halves=frame.store.half_reviewed() if frame.second_reader else {},
+            free=frame.store.next_in_queue(person=person) is not None,
+            audits=f"{MOST_COUNTED}+" if audits > MOST_COUNTED else str(audits) if audits else "",
+            may_review=Scope.REVIEW in caller.scopes,
+            done=_done(frame, done),
+            remark=audited_words(frame, audited),
+        )
 
     @router.get("/review/next")
     def next_part(request: Request, after: str = "") -> Response:
-        frame.reader(request)
-        found = frame.store.next_in_queue(after or None)
+        person = person_at(request, frame.reader(request))
+        found = frame.store.next_in_queue(after or None, person=person)
         if found is None:
             return see("/review")
         return see(f"/review/{found.id}" + ("?alone=1" if found.id == after else ""))
@@ -81,7 +69,8 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
     @router.get("/review/{part_id}")
     def review(request: Request, part_id: str, done: str = "", alone: str = "") -> Response:
         remark = "No other part is waiting." if alone else ""
-        return _review_page(frame, request, frame.store.part(part_id), done=_done(frame, done), remark=remark)
+        part, person = frame.store.part(part_id), person_at(request, frame.reader(request))
+        return _review_page(frame, request, part, person, done=_done(frame, done), remark=remark)
 
     @router.post("/review/{part_id}")
     def say(
@@ -92,29 +81,36 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         before: Annotated[str, Form()] = "",
         who: Annotated[str, Form()] = "",
         note: Annotated[str, Form()] = "",
+        blind: Annotated[str, Form()] = "",
         form_value: Annotated[str, Form()] = "",
     ) -> Response:
         caller = frame.access.caller(request, Scope.REVIEW)
         frame.check_form(request, form_value)
         part = frame.store.part(part_id)
-        said = Said(text.strip(), " ".join(who.split()), " ".join(note.split()))
+        said = Said.of(text, caller.token or who, note)
+        person = person_at(request, caller, said.who)
         if fault := said.fault(action):
-            return _review_page(frame, request, part, said=said, fault=fault, status=422)
-        asked = _action(action, said.text, before)
+            return _review_page(frame, request, part, person, said=said, fault=fault, status=422)
+        stood = part.text if blind else before
+        asked = _action(action, said.text, stood)
         try:
             frame.review(
                 part_id,
                 action=asked,
                 text=said.text if asked is ReviewAction.CORRECT else "",
-                who=said.who,
-                token=caller.name if frame.access.required else "",
+                who=person.name,
+                token=person.token,
+                seat=person.seat,
                 note=said.note,
-                before=before,
+                before=stood,
             )
+        except ClaimedError as error:
+            fault = f"{error.what}. Nothing of yours was saved; take the next one, or wait."
+            return _review_page(frame, request, part, person, said=said, fault=fault, status=409)
         except ConflictError:
             now = frame.store.part(part_id)
-            return _review_page(frame, request, now, said=said, fault=_quicker(now), status=409)
-        found = frame.store.next_in_queue(part_id)
+            return _review_page(frame, request, now, person, said=said, fault=_quicker(now), status=409)
+        found = frame.store.next_in_queue(part_id, person=person)
         answer = see(f"/review/{found.id}?done={part_id}" if found else f"/review?done={part_id}")
         frame.set_cookie(request, answer, WHO_COOKIE, quote(said.who), max_age_s=A_YEAR_S)
         return answer
@@ -140,15 +136,24 @@ def _done(frame: Frame, part_id: str) -> PartRecord | None:
         return None
     try:
         part = frame.store.part(part_id)
+        return part if part.review is not None or frame.store.opinions(part_id) else None
     except StoreError:
         return None
-    return part if part.review is not None else None
+
+
+def _reads_blind(frame: Frame, part: PartRecord, person: Person) -> bool:
+    """Whether others have read the part, and this person is to say what stands there without seeing it."""
+    if not frame.second_reader or part.state is not PartState.REVIEW:
+        return False
+    said = frame.store.opinions(part.id)
+    return bool(said) and not any(person.said(one) for one in said)
 
 
 def _review_page(
     frame: Frame,
     request: Request,
     part: PartRecord,
+    person: Person,
     *,
     said: Said | None = None,
     done: PartRecord | None = None,
@@ -157,12 +162,19 @@ def _review_page(
     status: int = 200,
 ) -> Response:
     caller = frame.reader(request)
+    may_review = Scope.REVIEW in caller.scopes
+    waits = may_review and part.state is PartState.REVIEW
+    taken = taken_by_another(frame, part.id, person) if waits and said is None else ""
+    if _reads_blind(frame, part, person):
+        return blind_page(
+            frame, request, part, caller=caller, person=person, address=f"/review/{part.id}", why=_WHY_BLIND,
+            most=MOST, typed="" if said is None else said.text, note="" if said is None else said.note,
+            fault=fault or taken, remark=remark, status=status,
+        )  # fmt: skip
     places = places_of(part.reading, low_margin=frame.low_margin)
     readings, evidence = frame.store.readings(part.id), frame.store.evidence(part.id)
     pictures = picture_pair(part, readings, evidence, frame.evidence, low_margin=frame.low_margin)
     text = part.text if said is None else said.text
-    kept = unquote(request.cookies.get(WHO_COOKIE, ""))[:MOST_WHO]
-    who = kept or (caller.name if frame.access.required else "")
     return frame.page(
         request,
         "review.html.j2",
@@ -177,11 +189,21 @@ def _review_page(
         felt=felt_view(readings, pictures[::-1]),
         expected=expected_cells(part),
         upper=not any(c.char.islower() for p in places for c in p.candidates),
-        who=who if said is None else said.who,
+        who=person.name if said is None else said.who,
+        signed=bool(person.token),
         note="" if said is None else said.note,
-        may_review=Scope.REVIEW in caller.scopes,
-        most=(MOST_TEXT, MOST_WHO, MOST_NOTE),
+        may_review=may_review,
+        most=MOST,
         done=done,
-        remark=remark,
+        remark=remark or _why_again(frame, part),
+        taken=taken,
         fault=fault,
     )
+
+
+def _why_again(frame: Frame, part: PartRecord) -> str:
+    """Why a part that was accepted waits for review."""
+    audit = frame.store.audit(part.id) if part.state is PartState.REVIEW else None
+    if audit is None or audit.same is not False:
+        return ""
+    return f"This part was accepted; {audit.who} read {audit.text} in an audit. Say which is right."

@@ -1,6 +1,6 @@
 """The operator's page: queue, review, parts and dashboard, made on the server; works without script and internet.
 
-/review  /review/{id}  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /login  /static/{name}
+/review  /review/{id}  /audit  /audit/{id}  /parts  /parts/{id}  /dashboard  /shadow  /jobs  /login  /static/{name}
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
+from pipeline.service.pages.audit import add_audit_pages
 from pipeline.service.pages.dashboard import add_dashboard
 from pipeline.service.pages.frame import Frame, page_route
 from pipeline.service.pages.jobs import add_job_pages
 from pipeline.service.pages.login import add_login
 from pipeline.service.pages.parts import add_part_pages
+from pipeline.service.pages.people import add_claims
 from pipeline.service.pages.places import LOW_MARGIN
 from pipeline.service.pages.review import add_review_pages
 from pipeline.service.pages.shadow import add_shadow_page
@@ -39,6 +41,7 @@ def pages_router(
     drift: Callable[[], str] = str,
     jobs: JobFolder | None = None,
     shadow: bool = False,
+    second_reader: bool = False,
 ) -> APIRouter:
     """The routes of all pages.
 
@@ -51,11 +54,22 @@ def pages_router(
         drift: says how the latest parts differ from the certified ones; empty where they do not.
         jobs: that parts may be read by; without it there are no pages of them.
         shadow: whether the service decides nothing.
+        second_reader: whether two people must say the same of a part, the second without seeing what was read.
     """
-    frame = Frame.make(store, evidence, access, low_margin=low_margin, review=review, shadow=shadow)
+    frame = Frame.make(
+        store,
+        evidence,
+        access,
+        low_margin=low_margin,
+        review=review,
+        shadow=shadow,
+        second_reader=second_reader,
+    )
     frame.environment.globals["teaches"] = jobs is not None
     router = APIRouter(route_class=page_route(frame), include_in_schema=False)
     add_review_pages(router, frame)
+    add_audit_pages(router, frame)
+    add_claims(router, frame)
     add_part_pages(router, frame)
     add_dashboard(router, frame, drift)
     add_shadow_page(router, frame)

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy.engine import Engine
 
 from pipeline.common.part_id import new_part_id
+from pipeline.common.people_records import Person
 from pipeline.common.records import Agreement, PartState, ReviewAction
 from pipeline.store.database import _ADVISORY_LOCK, MIGRATIONS, VERSION_TABLE, _checked
 from pipeline.store.store import Store, StoreError
@@ -169,8 +171,17 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     store.statistics(START)
     store.agreement_by_day(START)
     store.compared_parts(Agreement.OTHER, before=new_part_id())
+    store.statistics(START, step=timedelta(days=1))
     store.queue()
     store.next_in_queue(new_part_id())
+    store.next_in_queue(new_part_id(), person=Person("Ada", seat="here"))
+    store.claimed()
+    store.half_reviewed()
+    store.opinions(new_part_id())
+    store.audit_queue()
+    store.next_audit(Person("Ada", token="Ada"), new_part_id())
+    store.audit_figures(START)
+    store.parts(since=START, until=START, job="left", before=new_part_id())
     store.parts(state=PartState.REVIEW, before=new_part_id())
     store.parts()
     store.reviewed()
@@ -179,7 +190,7 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     store.token("x")
     store.remembered("x")
     store.due()
-    assert len(asked) >= 13
+    assert len(asked) >= 22
     with engine.connect() as connection:
         for statement, parameters in asked:
             plan = [

@@ -18,8 +18,8 @@ def test_nothing_yet(store: Store) -> None:
     figures = store.statistics(START - timedelta(hours=1))
     assert (figures.parts, figures.reviewed, figures.awaiting, figures.rejects) == (0, 0, 0, 0)
     assert (figures.by_state, figures.seconds) == ({}, {})
-    assert [n for _, n in figures.per_hour] == [0, 0]
-    assert figures.per_hour[0][0] == START.replace(minute=0) - timedelta(hours=1)
+    assert [s.parts for s in figures.trend] == [0, 0]
+    assert figures.trend[0].at == START.replace(minute=0) - timedelta(hours=1)
 
 
 def test_a_line_of_parts(store: Store, clock: Clock) -> None:
@@ -84,9 +84,9 @@ def test_a_line_of_parts(store: Store, clock: Clock) -> None:
     for state in PartState:
         assert figures.by_state.get(state, 0) == sum(p.state is state for p in listed)
     assert figures.awaiting == len(store.queue(limit=1000))
-    assert {h.strftime("%d %H"): n for h, n in figures.per_hour if n} == hours
-    assert sum(n for _, n in figures.per_hour) == figures.parts
-    starts = [h for h, _ in figures.per_hour]
+    assert {s.at.strftime("%d %H"): s.parts for s in figures.trend if s.parts} == hours
+    assert sum(s.parts for s in figures.trend) == figures.parts
+    starts = [s.at for s in figures.trend]
     assert starts == [starts[0] + timedelta(hours=k) for k in range(len(starts))]
     assert starts[0] <= since < starts[0] + timedelta(hours=1)
     assert starts[-1] <= clock.at < starts[-1] + timedelta(hours=1)
@@ -124,4 +124,4 @@ def test_times_that_cannot_be(store: Store) -> None:
         with pytest.raises(UnfitError, match="give a time"):
             store.statistics(wrong)
     # nothing has happened in time to come
-    assert store.statistics(START + timedelta(days=1)).per_hour == ()
+    assert store.statistics(START + timedelta(days=1)).trend == ()

@@ -4,7 +4,7 @@
   const pad = (n) => String(n).padStart(2, "0");
   const styles = {
     full: (d) => `${d.getFullYear()}-${pad(d.getMonth() + 1)}-${pad(d.getDate())} ${pad(d.getHours())}:${pad(d.getMinutes())}:${pad(d.getSeconds())}`,
-    day: (d) => `${pad(d.getMonth() + 1)}-${pad(d.getDate())} ${pad(d.getHours())}:${pad(d.getMinutes())}`,
+    date: (d) => `${pad(d.getMonth() + 1)}-${pad(d.getDate())}`,
     hour: (d) => `${pad(d.getHours())}:${pad(d.getMinutes())}`,
   };
 

@@ -17,6 +17,7 @@
   const places = new Map();
   const opened = performance.now();
   const SETTLE_MS = 300; // an Enter meant for the part before must not fall on this one
+  const HOLD_MS = 60000; // well within the time that a claim lasts
   const SIZES = [12, 20, 30, 40];
   let overtype = true;
   let at = 0;
@@ -47,8 +48,8 @@
     const size = SIZES.find((s) => text.length <= s) || 0;
     cells.parentElement.className = `field size-${size}`;
     cells.scrollLeft = input.scrollLeft;
-    verb.textContent = text.trim() === before ? (before ? "Confirm" : "Save") : "Save correction";
-    main.classList.toggle("correct", text.trim() !== before);
+    verb.textContent = !before ? "Save" : text.trim() === before ? "Confirm" : "Save correction";
+    main.classList.toggle("correct", Boolean(before) && text.trim() !== before);
     for (const button of form.querySelectorAll(".candidate.taken")) button.classList.remove("taken");
     owners.forEach((own, k) => {
       if (own === null) return;
@@ -140,6 +141,17 @@
     choose(caret);
   });
 
+  // what is pasted is the whole serial: the one character selected is the page's choice, not the person's
+  input.addEventListener("paste", (event) => {
+    const given = (event.clipboardData?.getData("text") || "").replace(/\s+/g, " ").trim();
+    const stretch = input.selectionEnd - input.selectionStart > 1;
+    if (stretch || !overtype || [...given].length < 2) return; // into a stretch, between characters, one for one
+    event.preventDefault();
+    const now = upper ? given.toUpperCase() : given;
+    take((now.length === given.length ? now : given).slice(0, input.maxLength));
+    choose(text.length);
+  });
+
   input.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing) return;
     if (event.shiftKey && event.key.startsWith("Arrow")) return; // a stretch of text, as anywhere
@@ -198,6 +210,27 @@
     for (const button of form.querySelectorAll(".buttons .button")) button.classList.add("sent");
   });
   window.addEventListener("pageshow", () => { sent = false; });
+
+  // ---- the part is this person's while the page is open and in sight
+  const taken = document.getElementById("taken");
+  const value = form.elements.form_value.value;
+  const tell = (more) => new URLSearchParams({ form_value: value, who: who.value, ...more });
+  async function hold() {
+    if (!form.dataset.claim || document.hidden) return;
+    try {
+      const answer = await fetch(form.dataset.claim, { method: "POST", body: tell({}) });
+      if (answer.ok && !answer.redirected) taken.textContent = await answer.text();
+    } catch {
+      return; // the service is away for a moment
+    }
+    taken.hidden = !taken.textContent;
+  }
+  window.addEventListener("pageshow", hold);
+  document.addEventListener("visibilitychange", hold);
+  setInterval(hold, HOLD_MS);
+  window.addEventListener("pagehide", () => {
+    if (form.dataset.claim && !sent) navigator.sendBeacon(form.dataset.claim, tell({ release: "1" }));
+  });
 
   // ---- pointer
   input.addEventListener("pointerup", () => {

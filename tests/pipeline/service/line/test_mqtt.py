@@ -107,6 +107,18 @@ async def test_a_result_is_published_and_the_status_follows(
     assert late.messages == [("plant/line-4/status", b"offline", True)]
 
 
+async def test_an_alert_has_a_topic_of_its_own_where_who_comes_later_finds_it(
+    make_broker: Callable[..., Broker], listen: Callable[..., Listener]
+) -> None:
+    broker = make_broker()
+    sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}", prefix="plant")
+    await sender.send(Delivery(1, "mqtt", "PART1", {"alert": "drift:left/+#", "state": "raised"}))
+    await sender.close()
+    late = listen(broker.port)
+    until_now(lambda: len(late.messages) == 2)
+    assert ("plant/alerts/drift:left___", True) in {(topic, retained) for topic, _, retained in late.messages}
+
+
 async def test_results_are_published_with_qos_1(make_broker: Callable[..., Broker]) -> None:
     broker = make_broker()
     sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")

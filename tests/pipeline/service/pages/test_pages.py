@@ -7,18 +7,14 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from functools import partial
 from pathlib import Path
 
 import pytest
-from fastapi import FastAPI
-from fastapi.testclient import TestClient
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import (
-    CandidateRecord,
     CharacterRecord,
     CodeRecord,
     LineRecord,
@@ -35,91 +31,14 @@ from pipeline.common.records import (
     ReviewAction,
     Scope,
     ShadowRecord,
+    TrendStep,
 )
-from pipeline.service.access import Access
-from pipeline.service.pages.dashboard import chart_of
+from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.login import own_address
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import aligned, cells_of, expected_cells, places_of
-from pipeline.service.pages.routes import pages_router
 from pipeline.store.errors import StoreError
-from pipeline.store.evidence_folder import EvidenceFolder
-from pipeline.store.store import Store
-
-SURE = (CandidateRecord("K", 0.99, 0.9), CandidateRecord("X", 0.01, 0.4))
-MM, WIDTH, HEIGHT = 0.05, 800.0, 200.0
-META = {"x0_mm": 1.0, "y0_mm": 2.0, "mm_per_pixel": MM, "width": WIDTH, "height": HEIGHT}
-FORM = re.compile(r'name="form_value" value="([^"]+)"')
-BEFORE = re.compile(r'name="before" value="([^"]*)"')
-
-
-def character(
-    char: str, place: int = 0, *, state: str = "read", probability: float = 0.99
-) -> CharacterRecord:
-    x_mm = 3.0 + 4.0 * place
-    rival = CandidateRecord("B" if char != "B" else "8", 1.0 - probability, 0.5)
-    return CharacterRecord(
-        (CandidateRecord(char, probability, 0.9), rival), (x_mm, 4.0, x_mm + 3.0, 9.0), state
-    )
-
-
-def reading(text: str, *, source: str = "fused", decision: str = "review", **more: object) -> ReadingRecord:
-    places = tuple(character(c, k) for k, c in enumerate(text.replace(" ", "")))
-    made = ReadingRecord(source, text, decision, 0.8, places, ("low confidence",))
-    return replace(made, **more)  # type: ignore[arg-type]
-
-
-class Shop:
-    """A service with the pages alone, and a person at it."""
-
-    def __init__(self, folder: Path, *, required: bool = False) -> None:
-        self.store = Store.open(f"sqlite:///{folder / 'store.db'}")
-        self.evidence = EvidenceFolder(folder / "evidence")
-        app = FastAPI()
-        router = pages_router(
-            self.store,
-            self.evidence,
-            Access(self.store, required=required, key=b"of these tests"),
-            review=partial(self.store.review, targets=("webhook",)),
-        )
-        app.include_router(router)
-        self.client = TestClient(app, follow_redirects=False)
-
-    def add(
-        self,
-        text: str = "KX407251",
-        *,
-        name: str = "P-1",
-        state: PartState = PartState.REVIEW,
-        readings: tuple[ReadingRecord, ...] | None = None,
-        evidence: tuple[EvidenceRecord, ...] = (),
-        expected: str = "",
-    ) -> str:
-        part_id = new_part_id()
-        given = (reading(text),) if readings is None else readings
-        self.store.add_part(
-            part_id=part_id, name=name, state=state, readings=given, evidence=evidence, expected=expected
-        )
-        return part_id
-
-    def keep(self, kind: EvidenceKind, content: bytes) -> EvidenceRecord:
-        path = self.evidence.incoming / "made.png"
-        path.write_bytes(content)
-        sha256, n_bytes = self.evidence.keep(path)
-        return EvidenceRecord(kind, sha256, n_bytes, "made.png", "image/png", META)
-
-    def say(
-        self, part_id: str, text: str, *, before: str | None = None, who: str = "Ada", **more: str
-    ) -> int:
-        page = self.client.get(f"/review/{part_id}").text
-        shown = BEFORE.search(page)
-        form = FORM.search(page)
-        assert shown is not None
-        assert form is not None
-        data = {"text": text, "who": who, "form_value": form[1], "action": "save", **more}
-        data["before"] = shown[1] if before is None else before
-        self.answer = self.client.post(f"/review/{part_id}", data=data)
-        return self.answer.status_code
+from tests.support.page_shop import FORM, HEIGHT, WIDTH, Shop, character, reading
 
 
 @pytest.fixture
@@ -192,17 +111,33 @@ def pair(shop: Shop, *readings: ReadingRecord, evidence: tuple[EvidenceRecord, .
 def test_boxes_lie_where_the_frame_of_the_picture_puts_them(shop: Shop) -> None:
     photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
     edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
-    seen, felt = reading("KX4", source="vision"), reading("KX407")
+    seen, felt = reading("KX401", source="vision"), reading("KX407")
     first, second = pair(shop, seen, felt, evidence=(photo, edges))
     assert (first.source, second.source) == ("vision", "fused")
     box = second.boxes[1]
     # x: (7 mm - 1 mm) / 0.05 mm from the middle of pixel 0, whose middle is 0.5 from the rim
     assert (box.x, box.y, box.width, box.height) == pytest.approx((120.5, 40.5, 60.0, 100.0))
-    assert [b.place for b in first.boxes] == [0, 1, 2]
+    assert [b.place for b in first.boxes] == [0, 1, 2, 3, 4]
     x, y, width, height = second.line
     assert all(x <= b.x and b.x + b.width <= x + width for b in second.boxes)
     assert (y, height) == (0.0, HEIGHT)  # cut at the picture's rims
     assert first.href.startswith("/v1/parts/")
+
+
+@pytest.mark.parametrize("seen", ["7100", "ZZ1Z2"])
+def test_where_touch_knows_better_the_photograph_is_whole_and_without_the_cameras_boxes(
+    shop: Shop, seen: str
+) -> None:
+    photo = shop.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
+    edges = shop.keep(EvidenceKind.EDGES_PICTURE, b"edges")
+    by_camera = reading(seen, source="vision")
+    first, second = pair(shop, by_camera, reading("KX407"), evidence=(photo, edges))
+    assert (first.boxes, first.source) == ((), "")
+    assert not first.cut
+    assert "read something else" in first.note
+    assert len(second.boxes) == 5
+    alone, _ = pair(shop, by_camera, evidence=(photo, edges))  # before touch it is all that is known
+    assert len(alone.boxes) == len(seen)
 
 
 @pytest.mark.parametrize(("rotation_deg", "turns"), [(10.0, 0), (92.0, 1), (-178.0, 2), (-90.0, 3)])
@@ -526,8 +461,16 @@ def test_the_dashboard_counts_what_was_read_and_said(shop: Shop) -> None:
 @given(st.lists(st.integers(0, 5000), min_size=2, max_size=170))
 def test_bars_stand_on_the_ground_and_within_the_chart(counts: list[int]) -> None:
     start = datetime(2026, 1, 1, tzinfo=UTC)
-    chart = chart_of([(start + timedelta(hours=k), n) for k, n in enumerate(counts)])
-    assert chart is not None
+    trend = [
+        TrendStep(start + timedelta(hours=k), n, n // 2, n - n // 2, n // 7) for k, n in enumerate(counts)
+    ]
+    chart, accepted, trouble = charts_of(trend, each="hour")
+    for lines in (accepted, trouble):
+        assert lines.ticks[-1][1] == 0.0
+        for line in lines.lines:
+            drawn = [float(y) for y in re.findall(r"[ML][\d.]+ ([\d.]+)", line.path)]
+            assert len(drawn) == sum(n > 0 for n in counts)
+            assert all(0.0 <= y <= lines.height for y in drawn)
     for bar in chart.bars:
         assert 0.0 <= bar.y <= chart.height
         assert bar.y + bar.height == pytest.approx(chart.height, abs=0.02)  # rounded to hundredths

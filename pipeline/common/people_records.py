@@ -1,0 +1,92 @@
+"""What the service remembers of the people at it: who they are, what they look at, what their audits found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from pipeline.common.records import ReviewAction, ReviewRecord
+from pipeline.common.shares import Share
+
+
+@dataclass(frozen=True)
+class Person:
+    """Somebody who looks at parts.
+
+    Attributes:
+        name: what a review is signed with: the token's name, or as typed where no token is asked for.
+        token: name of the token; empty without one.
+        seat: where the person sits, a secret of the browser's; it tells those without tokens apart.
+    """
+
+    name: str
+    token: str = ""
+    seat: str = ""
+
+    @property
+    def holder(self) -> str:
+        """By what a claim of this person is known; empty where nobody can tell."""
+        return f"token:{self.token}" if self.token else f"seat:{self.seat}" if self.seat else ""
+
+    def said(self, review: ReviewRecord) -> bool:
+        """Whether a review is this person's."""
+        return self.token == review.token and bool(self.token or self.name == review.who)
+
+
+@dataclass(frozen=True)
+class ClaimRecord:
+    """A part that a person is at.
+
+    Attributes:
+        part_id: which.
+        holder: as `Person.holder`.
+        who: the person's name; empty where it is not known yet.
+        until: when it is free again by itself.
+    """
+
+    part_id: str
+    holder: str
+    who: str
+    until: datetime
+
+
+@dataclass(frozen=True)
+class AuditRecord:
+    """An accepted part that was drawn to be read by a person as well.
+
+    Attributes:
+        at: when it was drawn.
+        done_at: when a person has read it; None before.
+        who: the person.
+        token: name of the token used.
+        action: correct, with a text, or unreadable; None before.
+        text: what the person read, without seeing what was accepted.
+        same: whether that is the text accepted; None before.
+    """
+
+    at: datetime
+    done_at: datetime | None = None
+    who: str = ""
+    token: str = ""
+    action: ReviewAction | None = None
+    text: str = ""
+    same: bool | None = None
+
+
+@dataclass(frozen=True)
+class AuditFigures:
+    """What audits say of the accepted parts that were drawn since a time.
+
+    Attributes:
+        drawn: all of them.
+        waiting: that nobody has read yet.
+        disputed: read otherwise, and waiting for a review that says who is right.
+        not_judged: that people could not read.
+        accepted_wrong: of those judged, with the interval of Clopper and Pearson.
+    """
+
+    drawn: int
+    waiting: int
+    disputed: int
+    not_judged: int
+    accepted_wrong: Share

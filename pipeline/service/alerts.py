@@ -1,0 +1,74 @@
+"""Looks every few seconds whether an alert is to be raised or cleared.
+
+latest parts, drift --store--> alerts --outbox--> webhook, MQTT
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import structlog
+
+from pipeline.store.alerts import REJECT_RATE, REVIEW_RATE
+from pipeline.store.store import Store, StoreError
+
+if TYPE_CHECKING:
+    from pipeline.service.settings import ServiceSettings
+
+LOOK_S = 5.0
+"""Between looks: a window of parts takes longer."""
+log = structlog.get_logger("tactile-marks")
+
+
+class AlertWatch:
+    """Raises alerts, and clears them."""
+
+    def __init__(
+        self,
+        store: Store,
+        settings: ServiceSettings,
+        *,
+        drifts: Callable[[], Mapping[str, str | None]],
+        targets: Sequence[str],
+        sent: Callable[[], object],
+    ) -> None:
+        """Take what it works with.
+
+        Args:
+            store: of parts and alerts.
+            settings: limits and window.
+            drifts: how the parts differ from the certified ones, by job, as `look_for_alerts` has it.
+            targets: where alerts are sent.
+            sent: called when there is something to be sent.
+        """
+        self._store, self._drifts, self._targets, self._sent = store, drifts, tuple(targets), sent
+        self._limits = {REJECT_RATE: settings.alert_reject_rate, REVIEW_RATE: settings.alert_review_rate}
+        self._window = settings.alert_window
+
+    def look(self) -> None:
+        """Look once.
+
+        Raises:
+            StoreError: the store cannot be used.
+        """
+        raised = self._store.look_for_alerts(
+            limits=self._limits, window=self._window, drifts=self._drifts(), targets=self._targets
+        )
+        for alert in raised:
+            log.warning("alert", alert=alert.name, why=alert.message)
+        self._sent()
+
+    async def run(self) -> None:
+        """Look for ever."""
+        away = False
+        while True:
+            await asyncio.sleep(LOOK_S)
+            try:
+                await asyncio.to_thread(self.look)
+                away = False
+            except StoreError:
+                if not away:
+                    log.exception("alerts cannot be looked for; trying again")
+                away = True

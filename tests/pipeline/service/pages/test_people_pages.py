@@ -1,0 +1,156 @@
+"""People at the pages: whose name a review bears, who is at which part, reading without seeing what was read."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from pipeline.common.people_records import Person
+from pipeline.common.records import EvidenceKind, PartState, Scope
+from tests.support.page_shop import FORM, Shop, reading
+
+SERIAL = "KX407251"
+
+
+@pytest.fixture
+def shop(tmp_path: Path) -> Iterator[Shop]:
+    made = Shop(tmp_path)
+    with contextlib.closing(made.store):
+        yield made
+
+
+@pytest.fixture
+def strict(tmp_path: Path) -> Iterator[Shop]:
+    """Where two people must agree."""
+    made = Shop(tmp_path, second_reader=True)
+    with contextlib.closing(made.store):
+        yield made
+
+
+def hold(client: TestClient, part_id: str, page: str, **more: str) -> str:
+    """What an open page's script asks, and the answer."""
+    form = FORM.search(page)
+    assert form is not None
+    answer = client.post(f"/review/{part_id}/claim", data={"form_value": form[1], **more})
+    assert answer.status_code == 200
+    return answer.text
+
+
+def test_a_review_bears_the_tokens_name_where_tokens_are_asked_for(tmp_path: Path) -> None:
+    shop = Shop(tmp_path, required=True)
+    secret = shop.store.add_token("Grace", {Scope.READ, Scope.REVIEW})
+    shop.client.headers["Authorization"] = f"Bearer {secret}"
+    part_id = shop.add()
+    page = shop.client.get(f"/review/{part_id}").text
+    assert "Signed as <b>Grace</b>" in page
+    assert "Your name" not in page
+    assert shop.say(part_id, "KX407257", who="Somebody else") == 303
+    said = shop.store.reviews(part_id)[-1]
+    assert (said.who, said.token) == ("Grace", "Grace")
+    shop.store.close()
+
+
+def test_a_part_that_is_open_elsewhere_is_told_and_the_next_one_given(shop: Shop) -> None:
+    first, second = shop.add(name="P-1"), shop.add(name="P-2")
+    other = shop.another()
+    other.get("/review")  # gives the browser its cookie
+    shop.client.get("/review")
+    page = shop.client.get(f"/review/{first}").text
+    assert hold(shop.client, first, page, who="Ada") == ""
+    assert "is at this part" not in page
+    assert "Ada is at it" in other.get("/review").text
+    assert "Ada is at this part now" in other.get(f"/review/{first}").text
+    assert other.get("/review/next").headers["location"] == f"/review/{second}"
+    assert shop.client.get("/review/next").headers["location"] == f"/review/{first}"
+    assert shop.say(first, "KX407257", who="Eve", client=other) == 409
+    assert "Nothing of yours was saved" in shop.answer.text
+    assert 'value="KX407257"' in shop.answer.text  # what was typed
+    other.get(f"/review/{second}")
+    assert shop.say(first, SERIAL) == 303
+    assert shop.answer.headers["location"] == f"/review?done={first}"  # the other one is Eve's
+    hold(other, second, other.get(f"/review/{second}").text, release="1")
+    assert shop.client.get("/review/next").headers["location"] == f"/review/{second}"
+
+
+def test_a_claim_asks_for_the_form_and_for_the_right_to_review(shop: Shop) -> None:
+    part_id = shop.add()
+    assert shop.client.post(f"/review/{part_id}/claim", data={}).status_code == 403
+    assert shop.store.claimed() == {}
+
+
+def shown_to_nobody_else(page: str) -> None:
+    """Nothing of what was read stands in the page."""
+    for told in (SERIAL, "KX407257", "confused", "low confidence", "0.99", "data-place", 'class="box'):
+        assert told not in page, told
+
+
+def test_the_second_reader_sees_nothing_of_what_was_read(strict: Shop) -> None:
+    photo = strict.keep(EvidenceKind.PHOTO_PICTURE, b"photo")
+    part_id = strict.add(
+        expected=SERIAL, evidence=(photo,), readings=(reading(SERIAL, source="vision"), reading(SERIAL))
+    )
+    second, third = strict.another(), strict.another()
+    assert SERIAL in strict.client.get(f"/review/{part_id}").text
+    assert strict.say(part_id, "KX407257") == 303
+    assert (
+        "is reviewed when another person has read the same"
+        in strict.client.get(strict.answer.headers["location"]).text
+    )
+    assert strict.store.part(part_id).state is PartState.REVIEW
+    assert strict.client.get("/review/next").headers["location"] == "/review"  # Ada has read it
+    for client in (second, third):
+        client.get("/review")
+    queue = second.get("/review").text
+    assert SERIAL not in queue
+    assert "read by 1 person" in queue
+    page = second.get(f"/review/{part_id}").text
+    shown_to_nobody_else(page)
+    assert "/pictures/photo" in page
+    assert strict.say(part_id, SERIAL, who="Grace", client=second) == 303
+    assert strict.store.part(part_id).state is PartState.REVIEW
+    shown_to_nobody_else(third.get(f"/review/{part_id}").text)
+    assert strict.say(part_id, "", who="Mary", client=third) == 422
+    shown_to_nobody_else(strict.answer.text)
+    assert strict.say(part_id, "KX407257", who="Mary", client=third) == 303
+    part = strict.store.part(part_id)
+    assert (part.state, part.text) == (PartState.REVIEWED, "KX407257")
+    assert [r.who for r in strict.store.reviews(part_id)] == ["Ada", "Grace", "Mary"]
+
+
+def test_an_audit_shows_nothing_of_what_was_accepted_and_says_what_came_of_it(shop: Shop) -> None:
+    accepted = reading(SERIAL, decision="accept")
+    ids = [
+        shop.add(name=f"P-{k}", state=PartState.ACCEPTED, readings=(accepted,), audit=True) for k in range(3)
+    ]
+    shop.client.get("/review")
+    assert "<b>3</b> accepted parts wait for an audit" in shop.client.get("/review").text
+    assert shop.client.get("/audit").headers["location"] == f"/audit/{ids[0]}"
+    shown_to_nobody_else(shop.client.get(f"/audit/{ids[0]}").text)
+    assert shop.say(ids[0], SERIAL, at="/audit") == 303
+    assert shop.answer.headers["location"] == f"/audit/{ids[1]}?done={ids[0]}"
+    assert f"{SERIAL} is what was accepted" in shop.client.get(shop.answer.headers["location"]).text
+    assert shop.say(ids[1], "KX407257", at="/audit") == 303
+    assert shop.say(ids[2], "", at="/audit", action="unreadable") == 303
+    assert "not counted" in shop.client.get(shop.answer.headers["location"]).text
+    assert [shop.store.part(i).state for i in ids] == [
+        PartState.ACCEPTED, PartState.REVIEW, PartState.ACCEPTED,
+    ]  # fmt: skip
+    assert "Ada read KX407257 in an audit" in shop.client.get(f"/review/{ids[1]}").text
+    assert shop.say(ids[1], SERIAL) == 303
+    tile = " ".join(shop.client.get("/dashboard").text.split())
+    assert "0 of 2 audited; 95 % interval 0.0 – 84.2 %" in tile  # 1 - 0.025 ** (1 / 2)
+    assert shop.client.get(f"/audit/{ids[0]}").status_code == 409
+
+
+def test_somebody_at_an_audit_is_left_alone(shop: Shop) -> None:
+    part_id = shop.add(state=PartState.ACCEPTED, audit=True)
+    shop.store.claim_part(part_id, Person("Eve", seat="elsewhere"))
+    shop.client.get("/review")
+    assert shop.client.get("/audit/next").headers["location"] == "/review"
+    assert "Eve is at this part" in shop.client.get(f"/audit/{part_id}").text
+    assert shop.say(part_id, SERIAL, at="/audit") == 409
+    assert shop.store.audit_queue() != ()

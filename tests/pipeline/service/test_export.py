@@ -1,0 +1,89 @@
+"""Parts as CSV, over HTTP."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+
+from pipeline.common.records import PartState, ReviewAction
+from pipeline.service.access import Access
+from pipeline.service.api import export
+from pipeline.service.api.export import COLUMNS, export_router
+from pipeline.service.problem_responses import add_problem_handlers
+from pipeline.store.store import Store
+from tests.support.store_samples import START, Clock, received
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    made = Store.open(f"sqlite:///{tmp_path}/store.db", now=Clock())
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def client(store: Store) -> TestClient:
+    app = FastAPI()
+    app.include_router(export_router(store, Access(store, required=False, key=b"of these tests")))
+    add_problem_handlers(app)
+    return TestClient(app)
+
+
+def rows(client: TestClient, **sought: str) -> list[dict[str, str]]:
+    answer = client.get("/v1/parts.csv", params=sought)
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["content-type"] == "text/csv; charset=utf-8"
+    return list(csv.DictReader(io.StringIO(answer.text, newline="")))
+
+
+def test_every_part_is_a_row_however_many_there_are(
+    store: Store, client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(export, "_AT_ONCE", 3)
+    assert rows(client) == []
+    ids = [received(store, name=f'Größe {k}, "left"').id for k in range(8)]
+    found = rows(client)
+    assert tuple(found[0]) == COLUMNS
+    assert [row["id"] for row in found] == ids[::-1]
+    assert found[0]["name"] == 'Größe 7, "left"'
+    assert (found[0]["serial"], found[0]["state"], found[0]["received"]) == (
+        "KX407251", "accepted", "2026-11-21T09:30:00Z",
+    )  # fmt: skip
+
+
+def test_filters(tmp_path: Path) -> None:
+    clock = Clock()
+    store = Store.open(f"sqlite:///{tmp_path}/store.db", now=clock)
+    app = FastAPI()
+    app.include_router(export_router(store, Access(store, required=False, key=b"of these tests")))
+    add_problem_handlers(app)
+    client = TestClient(app)
+    first = received(store, job="left", line="north").id
+    clock.go_on(days=1)
+    second = received(store, PartState.REVIEW, job="right").id
+    store.review(second, action=ReviewAction.CORRECT, text="KX407257", who="Ada", note="worn")
+    day = f"{START + timedelta(days=1):%Y-%m-%d}"
+    assert [r["id"] for r in rows(client, since=day)] == [second]
+    assert [r["id"] for r in rows(client, until=day)] == [first]
+    assert [r["id"] for r in rows(client, since="2026-11-22T09:30:01+01:00")] == [second]
+    assert [r["id"] for r in rows(client, state="accepted")] == [first]
+    assert [r["id"] for r in rows(client, job="right")] == [second]
+    assert [r["id"] for r in rows(client, line="north")] == [first]
+    row = rows(client, text="57")[0]
+    assert (row["reviewed_by"], row["review"], row["note"]) == ("Ada", "correct", "worn")
+    assert client.get("/v1/parts.csv", params={"since": "yesterday"}).status_code == 422
+    store.close()
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", '=HYPERLINK("http://x","y")'])
+def test_no_cell_is_a_formula(store: Store, client: TestClient, name: str) -> None:
+    received(store, name=name)
+    cell = rows(client)[0]["name"]
+    assert cell == f"'{name}"

@@ -1,0 +1,88 @@
+"""The whole service with people at it: whose name a review bears, parts drawn for audits, alerts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.common.records import PartState, Scope
+from pipeline.files.synth import SynthSpec, write_part
+from tests.support.page_shop import FORM
+from tests.support.service_fixtures import FORMAT, inline_service
+from tests.support.store_samples import reading, received
+
+
+def test_a_review_over_http_bears_the_tokens_name_and_claims_hold_there_too(tmp_path: Path) -> None:
+    with inline_service(tmp_path, host="0.0.0.0") as (service, client):
+        told = {
+            name: {"Authorization": f"Bearer {service.store.add_token(name, [Scope.READ, Scope.REVIEW])}"}
+            for name in ("Ada", "Grace")
+        }
+        part = received(service.store, PartState.REVIEW)
+        client.get(f"/review/{part.id}", headers=told["Grace"])
+        said = {"action": "correct", "text": "ZZ000000", "who": "Somebody else"}
+        address = f"/v1/parts/{part.id}/review"
+        refused = client.post(address, json=said, headers=told["Ada"])
+        assert refused.status_code == 409
+        assert "Grace is at part" in refused.json()["detail"]
+        assert client.post(address, json=said, headers=told["Grace"]).status_code == 200
+        kept = service.store.reviews(part.id)[-1]
+        assert (kept.who, kept.token) == ("Grace", "Grace")
+
+
+def test_the_table_and_an_open_pages_claim_pass_the_door(tmp_path: Path) -> None:
+    with inline_service(tmp_path) as (service, client):
+        part = received(service.store, PartState.REVIEW)
+        page = client.get(f"/review/{part.id}").text
+        form = FORM.search(page)
+        assert form is not None
+        given = {"form_value": form[1], "who": "Ada"}
+        assert client.post(f"/review/{part.id}/claim", data=given).text == ""
+        assert service.store.claimed()[part.id].who == "Ada"
+        table = client.get("/v1/parts.csv")
+        assert table.text.count("\r\n") == 2
+        assert table.headers["content-disposition"].startswith("attachment; filename=")
+        assert client.get("/v1/parts.csv?state=burnt").status_code == 422
+
+
+def test_without_tokens_a_review_asks_for_a_name(tmp_path: Path) -> None:
+    with inline_service(tmp_path) as (service, client):
+        address = f"/v1/parts/{received(service.store, PartState.REVIEW).id}/review"
+        assert client.post(address, json={"action": "unreadable"}).status_code == 422
+        assert client.post(address, json={"action": "unreadable", "who": "Anna"}).status_code == 200
+
+
+def test_two_must_agree_over_http_too(tmp_path: Path) -> None:
+    with inline_service(tmp_path, second_reader=True) as (service, client):
+        address = f"/v1/parts/{received(service.store, PartState.REVIEW).id}/review"
+        states = [
+            client.post(address, json={"action": "correct", "text": text, "who": who}).json()["state"]
+            for who, text in (("Anna", "ZZ1"), ("Ben", "ZZ2"), ("Cleo", "ZZ1"))
+        ]
+        assert states == ["review", "review", "reviewed"]
+
+
+def test_accepted_parts_are_drawn_and_their_audits_are_among_the_figures(tmp_path: Path) -> None:
+    write_part(SynthSpec(format=FORMAT, seed=21), tmp_path / "clean", 0, photos=True)
+    photo = {"photo": ("clean.png", (tmp_path / "clean.png").read_bytes())}
+    with inline_service(tmp_path / "service", audit_per_thousand=1000.0) as (service, client):
+        part = client.post("/v1/parts", files=photo).json()
+        assert part["state"] == "accepted"
+        assert [p.id for p in service.store.audit_queue()] == [part["id"]]
+        told = client.get(f"{part['links']['history']}").text
+        assert "audit" not in told  # who audits it may look there
+        assert client.get("/v1/figures").json()["audits"] == {
+            "drawn": 1, "waiting": 1, "disputed": 0, "not_judged": 0,
+            "accepted_wrong": {"count": 0, "total": 0, "low": 0.0, "high": 1.0},
+        }  # fmt: skip
+
+
+def test_an_alert_is_shown_counted_and_put_into_the_outbox(tmp_path: Path) -> None:
+    options = {"alert_reject_rate": 0.3, "alert_window": 10, "mqtt": "mqtt://127.0.0.1:9"}
+    with inline_service(tmp_path, **options) as (service, client):
+        for _ in range(10):
+            received(service.store, PartState.REVIEW, readings=(reading("KX4", "fused", "reject"),))
+        service.alerts.look()
+        service.alerts.look()
+        assert "10 of the last 10 parts were rejected; the limit is 30 %." in client.get("/dashboard").text
+        assert "tactile_marks_alerts 1.0" in client.get("/metrics").text
+        assert service.store.undelivered() == 1

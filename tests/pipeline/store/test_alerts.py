@@ -1,0 +1,115 @@
+"""Alerts are raised once and cleared once, also across restarts and with two services on one store."""
+
+from __future__ import annotations
+
+import contextlib
+from concurrent.futures import ThreadPoolExecutor
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.common.records import PartState, ReviewAction
+from pipeline.store.alerts import DRIFT, REJECT_RATE, REVIEW_RATE, clear_at
+from pipeline.store.store import Store
+from tests.support.store_samples import reading, received
+
+WINDOW = 10
+LIMITS = {REJECT_RATE: 0.35, REVIEW_RATE: 0.0}
+
+
+def parts(store: Store, *, good: int = 0, rejected: int = 0) -> None:
+    for _ in range(good):
+        received(store)
+    for _ in range(rejected):
+        received(store, PartState.REVIEW, readings=(reading("KX4", "fused", "reject"),))
+
+
+def look(
+    store: Store, limits: dict[str, float] | None = None, drifts: dict[str, str | None] | None = None
+) -> list[str]:
+    """Look for alerts, and say which are raised after that."""
+    store.look_for_alerts(limits=limits or LIMITS, window=WINDOW, drifts=drifts or {}, targets=("webhook",))
+    return [alert.name for alert in store.alerts()]
+
+
+def sent(store: Store) -> list[tuple[str, str]]:
+    """What waits to be sent, in the order it arrives."""
+    found = []
+    while due := store.due():
+        found += [(d.payload["alert"], d.payload["state"]) for d in due]
+        for delivery in due:
+            store.delivered(delivery.id)
+    return found
+
+
+def test_a_rate_is_told_once_and_cleared_once(store: Store) -> None:
+    parts(store, rejected=WINDOW - 1)
+    assert look(store) == []  # too few to tell
+    parts(store, rejected=1)
+    assert look(store) == look(store) == [REJECT_RATE]
+    assert store.alerts()[0].message == "10 of the last 10 parts were rejected; the limit is 35 %"
+    assert sent(store) == [(REJECT_RATE, "raised")]
+    parts(store, good=7)
+    assert look(store) == [REJECT_RATE]  # 3 of 10 is below the limit, and may be chance
+    parts(store, good=3)
+    assert look(store) == look(store) == []
+    assert sent(store) == [(REJECT_RATE, "cleared")]
+
+
+def test_it_is_raised_and_cleared_in_order_however_long_the_target_is_away(store: Store) -> None:
+    parts(store, rejected=WINDOW)
+    look(store)
+    parts(store, good=WINDOW)
+    look(store)
+    assert sent(store) == [(REJECT_RATE, "raised"), (REJECT_RATE, "cleared")]
+
+
+def test_a_restart_repeats_nothing(blank_url: str) -> None:
+    with contextlib.closing(Store.open(blank_url)) as store:
+        parts(store, rejected=WINDOW)
+        look(store)
+    with contextlib.closing(Store.open(blank_url)) as store:
+        assert look(store) == [REJECT_RATE]
+        assert sent(store) == [(REJECT_RATE, "raised")]
+
+
+def test_many_who_look_at_once_raise_it_once(store: Store) -> None:
+    parts(store, rejected=WINDOW)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: look(store), range(8)))
+    assert sent(store) == [(REJECT_RATE, "raised")]
+
+
+def test_the_review_rate_counts_parts_that_a_person_has_dealt_with(store: Store) -> None:
+    limits = {REVIEW_RATE: 0.4, REJECT_RATE: 0.0}
+    parts(store, good=5)
+    for _ in range(5):
+        part = received(store, PartState.REVIEW)
+        store.review(part.id, action=ReviewAction.CONFIRM, text="", who="Ada")
+    received(store, PartState.TOUCH_NEEDED)  # not decided yet
+    assert look(store, limits) == [REVIEW_RATE]
+    assert look(store, {REVIEW_RATE: 0.0}) == []  # nobody asks any more
+
+
+def test_drift_is_not_cleared_by_a_start_that_has_read_too_few_parts_to_tell(store: Store) -> None:
+    parts(store, good=1)
+    assert look(store, drifts={"": "the parts are duller", "housing": None}) == [DRIFT]
+    assert look(store, drifts={"": None}) == [DRIFT]
+    assert look(store, drifts={"": "", "housing": "unlike"}) == [f"{DRIFT}:housing"]
+    assert set(sent(store)) == {(DRIFT, "raised"), (f"{DRIFT}:housing", "raised"), (DRIFT, "cleared")}
+
+
+@given(st.floats(0.01, 0.9), st.integers(10, 2000))
+def test_an_alert_is_cleared_below_where_it_is_raised(limit: float, window: int) -> None:
+    assert 0.0 <= clear_at(limit, window) < limit
+    assert clear_at(limit, 4 * window) >= clear_at(limit, window)  # more parts, less chance
+
+
+def test_a_rate_about_its_limit_does_not_chatter(store: Store) -> None:
+    for bad in (1, 0, 1, 0, 1, 0, 1, 0, 0, 0):
+        parts(store, good=1 - bad, rejected=bad)
+    assert look(store) == [REJECT_RATE]  # 4 of 10
+    for bad in (0, 1, 0, 1, 0, 1, 0, 1):  # 3, 4, 3, 4 ... of 10
+        parts(store, good=1 - bad, rejected=bad)
+        assert look(store) == [REJECT_RATE]
+    assert sent(store) == [(REJECT_RATE, "raised")]

@@ -1,0 +1,118 @@
+"""A service with the pages alone, people at it, and records to show there."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+
+from pipeline.common.part_id import new_part_id
+from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState
+from pipeline.service.access import Access
+from pipeline.service.pages.routes import pages_router
+from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.store import Store
+
+MM, WIDTH, HEIGHT = 0.05, 800.0, 200.0
+META = {"x0_mm": 1.0, "y0_mm": 2.0, "mm_per_pixel": MM, "width": WIDTH, "height": HEIGHT}
+FORM = re.compile(r'name="form_value" value="([^"]+)"')
+BEFORE = re.compile(r'name="before" value="([^"]*)"')
+
+
+def character(
+    char: str, place: int = 0, *, state: str = "read", probability: float = 0.99
+) -> CharacterRecord:
+    x_mm = 3.0 + 4.0 * place
+    rival = CandidateRecord("B" if char != "B" else "8", 1.0 - probability, 0.5)
+    return CharacterRecord(
+        (CandidateRecord(char, probability, 0.9), rival), (x_mm, 4.0, x_mm + 3.0, 9.0), state
+    )
+
+
+def reading(text: str, *, source: str = "fused", decision: str = "review", **more: object) -> ReadingRecord:
+    places = tuple(character(c, k) for k, c in enumerate(text.replace(" ", "")))
+    made = ReadingRecord(source, text, decision, 0.8, places, ("low confidence",))
+    return replace(made, **more)  # type: ignore[arg-type]
+
+
+class Shop:
+    """A service with the pages alone, and a person at it."""
+
+    def __init__(self, folder: Path, *, required: bool = False, second_reader: bool = False) -> None:
+        self.store = Store.open(f"sqlite:///{folder / 'store.db'}")
+        self.evidence = EvidenceFolder(folder / "evidence")
+        app = FastAPI()
+        router = pages_router(
+            self.store,
+            self.evidence,
+            Access(self.store, required=required, key=b"of these tests"),
+            review=partial(self.store.review, targets=("webhook",), readers=2 if second_reader else 1),
+            second_reader=second_reader,
+        )
+        app.include_router(router)
+        self.app = app
+        self.client = TestClient(app, follow_redirects=False)
+
+    def another(self) -> TestClient:
+        """Another person's browser."""
+        return TestClient(self.app, follow_redirects=False)
+
+    def add(
+        self,
+        text: str = "KX407251",
+        *,
+        name: str = "P-1",
+        state: PartState = PartState.REVIEW,
+        readings: tuple[ReadingRecord, ...] | None = None,
+        evidence: tuple[EvidenceRecord, ...] = (),
+        expected: str = "",
+        audit: bool = False,
+    ) -> str:
+        part_id = new_part_id()
+        given = (reading(text),) if readings is None else readings
+        self.store.add_part(
+            part_id=part_id,
+            name=name,
+            state=state,
+            readings=given,
+            evidence=evidence,
+            expected=expected,
+            audit=audit,
+        )
+        return part_id
+
+    def keep(self, kind: EvidenceKind, content: bytes) -> EvidenceRecord:
+        path = self.evidence.incoming / "made.png"
+        path.write_bytes(content)
+        sha256, n_bytes = self.evidence.keep(path)
+        return EvidenceRecord(kind, sha256, n_bytes, "made.png", "image/png", META)
+
+    def say(
+        self,
+        part_id: str,
+        text: str,
+        *,
+        before: str | None = None,
+        who: str = "Ada",
+        at: str = "/review",
+        client: TestClient | None = None,
+        **more: str,
+    ) -> int:
+        """Open a part's page and send its form, as a browser would."""
+        client = client or self.client
+        page = client.get(f"{at}/{part_id}").text
+        shown = BEFORE.search(page)
+        form = FORM.search(page)
+        assert shown is not None
+        assert form is not None
+        data = {"text": text, "who": who, "form_value": form[1], "action": "save", **more}
+        data["before"] = shown[1] if before is None else before
+        if 'name="blind" value="1"' in page:
+            data["blind"] = "1"
+        self.answer = client.post(f"{at}/{part_id}", data=data)
+        return self.answer.status_code
