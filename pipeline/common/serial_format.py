@@ -35,6 +35,18 @@ def serial_format(settings: ReadSettings) -> Grammar | None:
         raise SettingsError(f"{' and '.join(given)} cannot be met: {error.what}", hint=error.hint) from error
 
 
+def outside_format(text: str, settings: ReadSettings) -> str:
+    """What speaks against a text, in words; empty where it is a serial of the settings' format, or there is none.
+
+    Raises:
+        FileError: as `serial_format`.
+        SettingsError: likewise.
+    """
+    grammar = serial_format(settings)
+    objections = () if grammar is None or not text else grammar.objections(text)
+    return "; ".join(objections).replace("mask:", "")
+
+
 def read_lexicon(path: Path) -> frozenset[str]:
     """The serials in a text file, one a line; what follows a # at the start or after a blank is a comment.
 

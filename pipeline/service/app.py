@@ -249,6 +249,7 @@ def create_app(service: Service) -> FastAPI:
             jobs=service.jobs,
             shadow=settings.shadow,
             second_reader=settings.second_reader,
+            outside_format=service.parts.orders.outside_format,
         ),
         max_body_size=SMALL_BODY,
     )

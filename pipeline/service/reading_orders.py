@@ -18,6 +18,7 @@ import structlog
 
 from glyphs.errors import FaultError, FileError
 from pipeline.common.records import EvidenceKind, EvidenceRecord
+from pipeline.common.serial_format import outside_format
 from pipeline.reading.part_orders import Done, PartOrder, read_on_stage, read_order
 from pipeline.service.problem import Problem, no_room
 from pipeline.service.uploads import Upload
@@ -65,6 +66,13 @@ class ReadingOrders:
         """
         self._evidence, self._pool, self._databases = evidence, pool, databases
         self._settings, self._limits, self._metrics = settings, limits, metrics
+
+    def outside_format(self, text: str, job_name: str) -> str:
+        """What speaks against a text as a serial of a job's format; empty where nothing does, or the job is gone."""
+        try:
+            return outside_format(text, self._settings(job_name))
+        except (Problem, FileError):
+            return ""
 
     @property
     def busy(self) -> float | None:

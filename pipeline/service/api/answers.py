@@ -72,6 +72,9 @@ class ReviewBody(BaseModel):
         description="the person; with a token the review is signed with the token's name instead",
     )
     note: str = Field(default="", max_length=2000, pattern=NOTE)
+    outside_format: bool = Field(
+        default=False, description="save a serial that is none of the format; else that is answered 422"
+    )
     before: str | None = Field(
         default=None,
         max_length=200,

@@ -162,8 +162,17 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
             raise Problem(422, "the text is empty; give the serial, or the action unreadable")
         if not (caller.token or body.who.strip()):
             raise Problem(422, "who says it? give your name as who")
+        standing = service.store.part(checked_id(part_id))
+        against = (
+            "" if body.outside_format else service.orders.outside_format(body.text.strip(), standing.job)
+        )
+        if against and body.action is not ReviewAction.UNREADABLE:
+            raise Problem(
+                422,
+                f"{body.text.strip()!r}: {against}; if the part bears it, send it with outside_format: true",
+            )
         part = service.review(
-            checked_id(part_id),
+            standing.id,
             action=body.action,
             text=body.text.strip(),
             who=caller.token or body.who,

@@ -30,6 +30,7 @@ def blind_page(
     typed: str = "",
     note: str = "",
     fault: str = "",
+    outside: str = "",
     remark: str = "",
     status: int = 200,
 ) -> Response:
@@ -47,6 +48,7 @@ def blind_page(
         typed: text typed before.
         note: typed before.
         fault: why what was typed could not be taken.
+        outside: a text outside the format that is saved if it comes again.
         remark: anything else to say.
         status: of the answer.
     """
@@ -73,6 +75,7 @@ def blind_page(
         note=note,
         most=most,
         fault=fault,
+        outside=outside,
         remark=remark,
     )
 

@@ -78,6 +78,7 @@ class Frame:
         low_margin: lead of the first over the second candidate below which a place is unsure.
         review: keeps what a person says; arguments as `Store.review`.
         second_reader: whether two people must say the same of a part, the second without seeing what was read.
+        outside_format: what speaks against a text as a serial of a job's format; empty where nothing does.
     """
 
     store: Store
@@ -88,6 +89,7 @@ class Frame:
     low_margin: float
     review: Callable[..., PartRecord]
     second_reader: bool = False
+    outside_format: Callable[[str, str], str] = lambda text, job: ""
 
     @classmethod
     def make(
@@ -100,6 +102,7 @@ class Frame:
         review: Callable[..., PartRecord] | None = None,
         shadow: bool = False,
         second_reader: bool = False,
+        outside_format: Callable[[str, str], str] = lambda text, job: "",
     ) -> Frame:
         """With the templates and files of the package."""
         assets = Assets()
@@ -116,7 +119,15 @@ class Frame:
         environment.globals["part_cells"] = lambda part: part_cells(part, low_margin=low_margin)
         environment.filters.update(iso=_iso, utc=_utc, view=_view)
         return cls(
-            store, evidence, access, assets, environment, low_margin, review or store.review, second_reader
+            store,
+            evidence,
+            access,
+            assets,
+            environment,
+            low_margin,
+            review or store.review,
+            second_reader,
+            outside_format,
         )
 
     def page(

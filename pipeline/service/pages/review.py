@@ -82,6 +82,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         who: Annotated[str, Form()] = "",
         note: Annotated[str, Form()] = "",
         blind: Annotated[str, Form()] = "",
+        outside: Annotated[str, Form()] = "",
         form_value: Annotated[str, Form()] = "",
     ) -> Response:
         caller = frame.access.caller(request, Scope.REVIEW)
@@ -91,6 +92,12 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         person = person_at(request, caller, said.who)
         if fault := said.fault(action):
             return _review_page(frame, request, part, person, said=said, fault=fault, status=422)
+        against = frame.outside_format(said.text, part.job) if action == "save" else ""
+        if against and said.text != outside:
+            fault = f"{said.text}: {against}. Nothing was saved yet: correct it, or save it again if the part bears it."
+            return _review_page(
+                frame, request, part, person, said=said, fault=fault, outside=said.text, status=422
+            )
         stood = part.text if blind else before
         asked = _action(action, said.text, stood)
         try:
@@ -159,6 +166,7 @@ def _review_page(
     done: PartRecord | None = None,
     remark: str = "",
     fault: str = "",
+    outside: str = "",
     status: int = 200,
 ) -> Response:
     caller = frame.reader(request)
@@ -169,7 +177,7 @@ def _review_page(
         return blind_page(
             frame, request, part, caller=caller, person=person, address=f"/review/{part.id}", why=_WHY_BLIND,
             most=MOST, typed="" if said is None else said.text, note="" if said is None else said.note,
-            fault=fault or taken, remark=remark, status=status,
+            fault=fault or taken, outside=outside, remark=remark, status=status,
         )  # fmt: skip
     places = places_of(part.reading, low_margin=frame.low_margin)
     readings, evidence = frame.store.readings(part.id), frame.store.evidence(part.id)
@@ -198,6 +206,7 @@ def _review_page(
         remark=remark or _why_again(frame, part),
         taken=taken,
         fault=fault,
+        outside=outside,
     )
 
 

@@ -42,6 +42,7 @@ def pages_router(
     jobs: JobFolder | None = None,
     shadow: bool = False,
     second_reader: bool = False,
+    outside_format: Callable[[str, str], str] = lambda text, job: "",
 ) -> APIRouter:
     """The routes of all pages.
 
@@ -55,6 +56,7 @@ def pages_router(
         jobs: that parts may be read by; without it there are no pages of them.
         shadow: whether the service decides nothing.
         second_reader: whether two people must say the same of a part, the second without seeing what was read.
+        outside_format: what speaks against a text as a serial of a job's format; empty where nothing does.
     """
     frame = Frame.make(
         store,
@@ -64,6 +66,7 @@ def pages_router(
         review=review,
         shadow=shadow,
         second_reader=second_reader,
+        outside_format=outside_format,
     )
     frame.environment.globals["teaches"] = jobs is not None
     router = APIRouter(route_class=page_route(frame), include_in_schema=False)

@@ -202,6 +202,49 @@ def test_a_review_is_kept_with_what_stood_before_and_never_overwritten(
     assert client.post(f"/v1/parts/{part['id']}/scan", files=height_map(parts, CLEAN)).status_code == 409
 
 
+def test_a_serial_outside_the_format_is_saved_only_when_it_is_meant(
+    served: tuple[Service, TestClient],
+) -> None:
+    service, client = served
+    part_id = new_part_id()
+    service.store.add_part(part_id=part_id, name="odd", state=PartState.REVIEW)
+    said = {"action": "correct", "text": "KX4O7251", "who": "Anna"}
+    asked = client.post(f"/v1/parts/{part_id}/review", json=said)
+    assert asked.status_code == 422
+    assert f"it does not fit {FORMAT}" in asked.json()["detail"]
+    assert service.store.reviews(part_id) == ()
+    meant = client.post(f"/v1/parts/{part_id}/review", json={**said, "outside_format": True})
+    assert (meant.status_code, meant.json()["text"]) == (200, "KX4O7251")
+    # on the page: asked once, and saved when it is sent again
+    service.store.add_part(part_id=(again := new_part_id()), name="odd", state=PartState.REVIEW)
+    page = client.get(f"/review/{again}").text
+    form = {
+        "form_value": page.split('name="form_value" value="')[1].split('"')[0],
+        "text": "AB1",
+        "who": "Anna",
+    }
+    asked = client.post(f"/review/{again}", data=form)
+    assert asked.status_code == 422
+    assert f"AB1: it does not fit {FORMAT}" in asked.text
+    assert 'name="outside" value="AB1"' in asked.text
+    changed = client.post(f"/review/{again}", data={**form, "text": "AB2", "outside": "AB1"})
+    assert changed.status_code == 422
+    saved = client.post(f"/review/{again}", data={**form, "outside": "AB1"}, follow_redirects=False)
+    assert (saved.status_code, service.store.part(again).text) == (303, "AB1")
+
+
+@pytest.mark.parametrize("name", ["KX4\u202e15", "a\x1b[31m", "zero\u200bwidth"])
+def test_names_and_reviews_hold_nothing_hidden(client: TestClient, parts: Path, name: str) -> None:
+    refused = client.post("/v1/parts", files=photo(parts, CLEAN), data={"name": name})
+    assert (refused.status_code, "name" in refused.json()["detail"]) == (422, True)
+    part = client.post("/v1/parts", files=photo(parts, CLEAN)).json()
+    for field in ("text", "who", "note"):
+        said = {"action": "correct", "text": "KX407251", "who": "Anna", "note": "two\nlines", field: name}
+        assert client.post(f"/v1/parts/{part['id']}/review", json=said).status_code == 422
+    said = {"action": "correct", "text": "KX407251", "who": "Anna", "note": "two\nlines"}
+    assert client.post(f"/v1/parts/{part['id']}/review", json=said).status_code == 200
+
+
 def test_a_full_queue_refuses_at_once(served: tuple[Service, TestClient], parts: Path) -> None:
     service, client = served
     service.pool.full = True  # type: ignore[attr-defined]

@@ -167,11 +167,17 @@ def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
 ) -> None:
     back = threading.Event()
 
+    plan = replace(PLAN, region_mm=(1.0, 1.0, 30.0, 12.0))
+    # made before the time of a call counts
+    fitting = SimulatedStage(plate_file.parent).open(ScanOrder("part", plan)).fitting
+
     class Hanging:
+        def __init__(self) -> None:
+            self.fitting = fitting
+
         def open(self, order: ScanOrder) -> Hanging:
             if jams == "open":
                 back.wait()
-            self.fitting = SimulatedStage(plate_file.parent).open(order).fitting
             return self
 
         def feel(self, order: object) -> None:
@@ -184,7 +190,7 @@ def test_a_stage_that_hangs_is_told_and_its_part_still_waits(
                 back.wait()
 
     monkeypatch.setattr("pipeline.files.synth.hanging", Hanging, raising=False)
-    stage = {"stage_driver": "pipeline.files.synth:hanging", "stage_timeout_s": 0.1}
+    stage = {"stage_driver": "pipeline.files.synth:hanging", "stage_timeout_s": 0.5}
     try:
         with inline_service(tmp_path, **stage) as (service, client):
             part_id = new_part_id()

@@ -100,7 +100,9 @@ def test_a_scan_and_a_person_race(store_url: str) -> None:
             now = store.part(part.id)
             assert (now.state, now.text) == (PartState.REVIEWED, "KX5")
             assert now.reading == store.readings(part.id)[-1]
-            assert store.reviews(part.id)[0].before == store.readings(part.id)[-1].text
+            # while touch is needed the part has no text
+            before = store.readings(part.id)[-1].text if n_felt else ""
+            assert store.reviews(part.id)[0].before == before
 
 
 def test_many_write_and_look_at_once(store_url: str) -> None:
