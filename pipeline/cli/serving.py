@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import ssl
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,7 @@ def run(
         FileError: a folder that cannot be made.
     """
     check_folder(settings)
+    check_tls(settings)
     bound = listening(settings.host, settings.port, option="--port")
     for port, option in ((settings.tcp_port, "--tcp-port"), (settings.opcua_port, "--opcua-port")):
         if port:
@@ -63,6 +65,8 @@ def run(
         uvicorn.Config(
             create_app(service),
             log_config=None,
+            ssl_certfile=settings.tls_cert,
+            ssl_keyfile=settings.tls_key,
             http=patient_protocol(an_address=settings.connections, proxies=settings.trusted_proxies),
             access_log=False,
             server_header=False,
@@ -75,14 +79,47 @@ def run(
         drain_s=settings.drain_s,
     )
     host, port = bound.getsockname()[:2]
+    scheme = "http" if settings.tls_cert is None else "https"
     shown = f"[{host}]" if ":" in host else host
-    say(f"tactile-marks serves at http://{shown}:{port} (page: /, interface: /openapi.json); Ctrl-C ends it")
+    say(
+        f"tactile-marks serves at {scheme}://{shown}:{port} (page: /, interface: /openapi.json); Ctrl-C ends it"
+    )
     if settings.shadow:
         say(
             "shadow mode: parts are read and compared with the line's own reader; nothing is decided or published"
         )
     server.run(sockets=[bound])
     return 0 if server.started else 1
+
+
+def check_tls(settings: ServiceSettings) -> None:
+    """Load the certificate and its key before anything is begun.
+
+    Raises:
+        CommandError: they cannot be used.
+    """
+    if settings.tls_cert is None:
+        if settings.tls_key is not None:
+            raise CommandError("serve: tls_key without tls_cert", hint="give both", status=USAGE)
+        return
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(
+            settings.tls_cert, settings.tls_key, password=_no_password
+        )
+    except (OSError, ValueError) as error:  # an SSLError is an OSError
+        named = (
+            settings.tls_cert if settings.tls_key is None else f"{settings.tls_cert} with {settings.tls_key}"
+        )
+        reason = getattr(error, "reason", None) or getattr(error, "strerror", None) or error
+        raise CommandError(
+            f"serve: the certificate {named} cannot be used ({reason})",
+            hint="give a certificate and its own key, both PEM, the key without a password",
+            status=USAGE,
+        ) from error
+
+
+def _no_password() -> str:
+    raise ValueError("the key asks for a password")
 
 
 def listening(host: str, port: int, *, option: str) -> socket.socket:

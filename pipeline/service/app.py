@@ -35,6 +35,7 @@ from pipeline.service.job_folder import JobFolder
 from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
 from pipeline.service.middleware import RequestLayer
 from pipeline.service.openapi import described
+from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
 from pipeline.service.part_service import PartService
 from pipeline.service.ports import Ports
@@ -227,7 +228,7 @@ def create_app(service: Service) -> FastAPI:
         summary="Reads die-stamped serials: by camera first, by touch when the camera is unsure.",
         version=program_version(),
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
-        docs_url=None,  # its pages would load scripts from the internet
+        docs_url=None,  # its pages would load scripts from the internet; ours is pages.interface
         redoc_url=None,
         openapi_url="/openapi.json",
         lifespan=service.running,
@@ -239,20 +240,20 @@ def create_app(service: Service) -> FastAPI:
     app.include_router(export_router(service.store, service.access), max_body_size=SMALL_BODY)
     app.include_router(lookup_router(service.parts, service.access), max_body_size=SMALL_BODY)
     app.include_router(jobs_router(service.jobs, service.access), max_body_size=SMALL_BODY)
-    app.include_router(
-        pages_router(
-            service.store,
-            service.evidence,
-            service.access,
-            review=service.parts.review,
-            drift=lambda: service.jobs.drift,
-            jobs=service.jobs,
-            shadow=settings.shadow,
-            second_reader=settings.second_reader,
-            outside_format=service.parts.orders.outside_format,
-        ),
-        max_body_size=SMALL_BODY,
+    frame = Frame.make(
+        service.store,
+        service.evidence,
+        service.access,
+        review=service.parts.review,
+        shadow=settings.shadow,
+        second_reader=settings.second_reader,
+        outside_format=service.parts.orders.outside_format,
     )
+    app.state.problem_page = frame.refusal
+    pages = pages_router(
+        frame, drift=lambda: service.jobs.drift, jobs=service.jobs, interface=lambda: app.openapi()
+    )
+    app.include_router(pages, max_body_size=SMALL_BODY)
     _add_service_routes(app, service)
     add_problem_handlers(app)
     app.openapi = lambda: described(app, asked=service.access.required)  # type: ignore[method-assign]

@@ -96,7 +96,7 @@ class DoorLayer:
             problem = refused
         else:
             return None
-        return problem_answer(problem, state.get("request_id", ""))
+        return problem_answer(problem, scope)
 
     def _check_origin(self, scope: Scope, headers: Headers) -> None:
         origin = headers.get("origin")

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import JSONResponse
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
 
 from pipeline.service.problem import MEDIA_TYPE, Problem, stopping
 
@@ -30,8 +31,15 @@ _QUIET_ROUTES = ("/healthz", "/readyz", "/metrics", "/static")
 log = structlog.get_logger("tactile-marks")
 
 
-def problem_answer(problem: Problem, request_id: str) -> JSONResponse:
-    """The answer to a request that goes wrong."""
+def problem_answer(problem: Problem, scope: Scope) -> Response:
+    """The answer to a request that goes wrong: a problem, or to a browser a page that says so."""
+    accepted = Headers(scope=scope).get("accept", "")
+    page = getattr(scope["app"].state, "problem_page", None) if "app" in scope else None
+    if page is not None and "text/html" in accepted and "json" not in accepted:
+        made: Response = page(Request(scope), problem.status, problem.detail)
+        made.headers.update(problem.headers)
+        return made
+    request_id = scope.get("state", {}).get("request_id", "")
     return JSONResponse(
         problem.body(request_id), status_code=problem.status, headers=problem.headers, media_type=MEDIA_TYPE
     )
@@ -68,17 +76,17 @@ class RequestLayer:
             except Problem as problem:
                 if begun:
                     raise
-                await problem_answer(problem, request_id)(scope, receive, sent)
+                await problem_answer(problem, scope)(scope, receive, sent)
             except asyncio.CancelledError:  # the time that requests have when the service stops is up
                 if begun:
                     raise
-                await problem_answer(stopping(), request_id)(scope, receive, sent)
+                await problem_answer(stopping(), scope)(scope, receive, sent)
             except Exception:
                 log.exception("request failed", path=scope["path"])
                 if begun:
                     raise
                 fault = Problem(500, f"the service failed; its log says why under {request_id}")
-                await problem_answer(fault, request_id)(scope, receive, sent)
+                await problem_answer(fault, scope)(scope, receive, sent)
             finally:
                 self._record(scope, status, time.perf_counter() - start)
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import structlog
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse, Response
+from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
 from glyphs.errors import FileError
@@ -20,8 +20,8 @@ log = structlog.get_logger("tactile-marks")
 def add_problem_handlers(app: FastAPI) -> None:
     """Have the application answer what it and the store raise."""
 
-    def answer(request: Request, problem: Problem) -> JSONResponse:
-        return problem_answer(problem, getattr(request.state, "request_id", ""))
+    def answer(request: Request, problem: Problem) -> Response:
+        return problem_answer(problem, request.scope)
 
     @app.exception_handler(Problem)
     async def _problem(request: Request, error: Problem) -> Response:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from glyphs.errors import MarksError
 
-_SERVES = re.compile(r"serves at (http://\S+)")
+_SERVES = re.compile(r"serves at (https?://\S+)")
 START_PATIENCE_S = 120.0
 """The first start on a machine compiles the kernels."""
 
@@ -97,7 +97,7 @@ def _wait_until_ready(process: subprocess.Popen[bytes], url: str, log: Path) -> 
     until = time.monotonic() + START_PATIENCE_S
     while time.monotonic() < until and process.poll() is None:
         with contextlib.suppress(httpx.TransportError):
-            if httpx.get(f"{url}/readyz", timeout=5.0).status_code == 200:
+            if httpx.get(f"{url}/readyz", timeout=5.0, verify=False).status_code == 200:
                 return
         time.sleep(0.1)
     raise NotServingError(f"the service is not ready: {_last_lines(log)}")

@@ -65,6 +65,10 @@ class ServiceSettings(Settings):
     hosts: Names = ()
     """Name that the service is called by, beside its address; may be repeated. Without tokens, requests for other
     names are refused."""
+    tls_cert: Path | None = None
+    """Certificate of the web interface, with those that vouch for it (PEM); with it the service speaks HTTPS."""
+    tls_key: Path | None = None
+    """Private key of that certificate (PEM), without a password; in the certificate's file unless given."""
     trusted_proxies: Annotated[Names, AfterValidator(_networks)] = ()
     """Address or network of a proxy that may pass requests on, such as 127.0.0.1; may be repeated. Where its callers
     come from, and whether by TLS, is then taken from what it says (X-Forwarded-For, X-Forwarded-Proto)."""

@@ -126,6 +126,7 @@ def service(tmp_path: Path) -> Iterator[Service]:
     from pipeline.common.settings import ReadSettings
     from pipeline.service.access import Access
     from pipeline.service.job_folder import JobFolder
+    from pipeline.service.pages.frame import Frame
     from pipeline.service.pages.routes import pages_router
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store
@@ -134,9 +135,8 @@ def service(tmp_path: Path) -> Iterator[Service]:
     evidence = EvidenceFolder(tmp_path / "evidence")
     app = FastAPI()
     jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
-    app.include_router(
-        pages_router(store, evidence, Access(store, required=False, key=b"of these tests"), jobs=jobs)
-    )
+    frame = Frame.make(store, evidence, Access(store, required=False, key=b"of these tests"))
+    app.include_router(pages_router(frame, jobs=jobs))
 
     @app.get("/v1/parts/{part_id}/pictures/{which}", response_class=FileResponse)
     def picture(part_id: str, which: str) -> FileResponse:

@@ -14,6 +14,7 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState
 from pipeline.service.access import Access
+from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
@@ -47,14 +48,14 @@ class Shop:
         self.store = Store.open(f"sqlite:///{folder / 'store.db'}")
         self.evidence = EvidenceFolder(folder / "evidence")
         app = FastAPI()
-        router = pages_router(
+        frame = Frame.make(
             self.store,
             self.evidence,
             Access(self.store, required=required, key=b"of these tests"),
             review=partial(self.store.review, targets=("webhook",), readers=2 if second_reader else 1),
             second_reader=second_reader,
         )
-        app.include_router(router)
+        app.include_router(pages_router(frame))
         self.app = app
         self.client = TestClient(app, follow_redirects=False)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import socket
+import ssl
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,14 +16,17 @@ import pytest
 import uvicorn
 from starlette.testclient import TestClient
 
-from pipeline.cli.serving import listening
+from pipeline.cli.exit_status import CommandError
+from pipeline.cli.serving import check_tls, listening
 from pipeline.common.records import Scope
 from pipeline.service import middleware
 from pipeline.service.access import SIGNED_IN_S, Access, session_key
 from pipeline.service.app import Service
+from pipeline.service.settings import ServiceSettings
 from pipeline.service.uploads import SMALL_BODY
 from pipeline.service.web_server import patient_protocol
 from pipeline.store.store import Store
+from tests.support.self_signed import certificates
 from tests.support.service_fixtures import inline_service
 
 FORWARDED = {
@@ -217,11 +222,19 @@ test_app.__test__ = False  # type: ignore[attr-defined]
 
 
 @contextlib.asynccontextmanager
-async def web_server(**limits: Any) -> Any:
+async def web_server(tls: tuple[Path, Path] | None = None, **limits: Any) -> Any:
     """Port of a web server of `test_app`."""
+    certificate, key = tls or (None, None)
     bound = listening("127.0.0.1", 0, option="--port")
     server = uvicorn.Server(
-        uvicorn.Config(test_app, http=patient_protocol(**limits), lifespan="off", log_config=None)
+        uvicorn.Config(
+            test_app,
+            http=patient_protocol(**limits),
+            lifespan="off",
+            log_config=None,
+            ssl_certfile=certificate,
+            ssl_keyfile=key,
+        )  # fmt: skip
     )
     server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign,assignment]
     running = asyncio.create_task(server.serve(sockets=[bound]))
@@ -290,6 +303,92 @@ def test_one_address_has_so_many_connections_and_gets_them_back() -> None:
                 writer.close()
 
     asyncio.run(scene())
+
+
+def test_over_tls_it_answers_and_has_the_same_patience(tmp_path: Path) -> None:
+    certificate, key = certificates(tmp_path, "service")
+
+    async def scene() -> None:
+        async with web_server((certificate, key), an_address=10, head_s=0.5) as port:
+            trusted = ssl.create_default_context(cafile=str(certificate))
+            reader, writer = await asyncio.open_connection("127.0.0.1", port, ssl=trusted)
+            writer.write(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+            assert (await reader.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+            silent, _ = await asyncio.open_connection("127.0.0.1", port, ssl=trusted)
+            assert await _closed(silent)
+            with pytest.raises(ssl.SSLCertVerificationError):
+                await asyncio.open_connection("127.0.0.1", port, ssl=ssl.create_default_context())
+
+    asyncio.run(scene())
+
+
+def test_a_certificate_that_cannot_be_used_is_told_before_anything_begins(tmp_path: Path) -> None:
+    from cryptography.hazmat.primitives import serialization
+
+    certificate, key = certificates(tmp_path, "service")
+    _, other = certificates(tmp_path, "other")
+    locked = tmp_path / "locked.key"
+    loaded = serialization.load_pem_private_key(key.read_bytes(), None)
+    locked.write_bytes(
+        loaded.private_bytes(
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.PKCS8,
+            serialization.BestAvailableEncryption(b"secret"),
+        )
+    )
+    (tmp_path / "rubbish.crt").write_text("no certificate")
+    for cert, private, says in (
+        (certificate, other, "cannot be used"),
+        (certificate, locked, "password"),
+        (certificate, None, "cannot be used"),
+        (tmp_path / "rubbish.crt", key, "cannot be used"),
+        (tmp_path / "none.crt", key, "No such file"),
+        (None, key, "without tls_cert"),
+    ):
+        settings = ServiceSettings(folder=tmp_path / "s", tls_cert=cert, tls_key=private)
+        with pytest.raises(CommandError, match=says):
+            check_tls(settings)
+    check_tls(ServiceSettings(tls_cert=certificate, tls_key=key))
+    check_tls(ServiceSettings())
+
+
+BROWSER = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "says"),
+    [
+        ("/nowhere", 404, "there is nothing at /nowhere"),
+        ("/v1/parts/X", 404, "there is no part"),
+        ("/v1/parts?limit=0", 422, "limit"),
+    ],
+)
+def test_a_browser_is_told_in_a_page_and_a_program_in_a_problem(
+    open_one: tuple[Service, TestClient], path: str, status: int, says: str
+) -> None:
+    page = open_one[1].get(path, headers=BROWSER)
+    assert (page.status_code, page.headers["content-type"]) == (status, "text/html; charset=utf-8")
+    assert says in page.text
+    assert "To the queue" in page.text
+    for accept in ("*/*", "application/json", "application/json, text/html"):
+        problem = open_one[1].get(path, headers={"Accept": accept})
+        assert (problem.status_code, problem.headers["content-type"]) == (status, "application/problem+json")
+        assert says in problem.json()["detail"]
+    through = {**BROWSER, "Via": "1.1 proxy"}
+    assert "comes through a proxy" in open_one[1].get(path, headers=through).text
+
+
+def test_the_interface_has_a_page_that_loads_nothing_from_elsewhere(
+    open_one: tuple[Service, TestClient], guarded: tuple[Service, TestClient]
+) -> None:
+    page = open_one[1].get("/docs")
+    assert page.status_code == 200
+    assert "default-src 'self'" in page.headers["content-security-policy"]
+    for address in open_one[1].get("/openapi.json").json()["paths"]:
+        assert f"<code>{address}</code>" in page.text
+    assert not re.search(r'(?:src|href)="(?:https?:)?//', page.text)
+    assert "<script>" not in page.text
+    assert "Every request needs a token" in guarded[1].get("/docs").text
 
 
 def test_small_answers_do_not_wait_for_acknowledgements() -> None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import datetime as dt
 import errno
-import ipaddress
 import logging
 import signal
 import subprocess
@@ -23,6 +21,7 @@ from pipeline.service.line.dispatch import DeliveryError, Dispatcher, Pace
 from pipeline.service.line.mqtt import MqttSender
 from tests.support.line_broker import Broker, Listener
 from tests.support.line_fakes import LONG_S, MemoryOutbox, free_port, part, until, until_now
+from tests.support.self_signed import certificates
 
 pytestmark = pytest.mark.anyio
 
@@ -292,41 +291,6 @@ def test_user_and_password_are_checked_and_never_told(
     with caplog.at_level(logging.DEBUG):
         asyncio.run(run())
     assert "s3cr" not in caplog.text
-
-
-def certificates(folder: Path, name: str) -> tuple[Path, Path]:
-    """A certificate of its own authority for 127.0.0.1, and its key."""
-    from cryptography import x509
-    from cryptography.hazmat.primitives import hashes, serialization
-    from cryptography.hazmat.primitives.asymmetric import ec
-
-    key = ec.generate_private_key(ec.SECP256R1())
-    who = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
-    now = dt.datetime.now(dt.UTC)
-    made = (
-        x509.CertificateBuilder()
-        .subject_name(who)
-        .issuer_name(who)
-        .public_key(key.public_key())
-        .serial_number(x509.random_serial_number())
-        .not_valid_before(now - dt.timedelta(days=1))
-        .not_valid_after(now + dt.timedelta(days=1))
-        .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
-        .add_extension(
-            x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]), critical=False
-        )
-        .sign(key, hashes.SHA256())
-    )
-    certificate, private = folder / f"{name}.crt", folder / f"{name}.key"
-    certificate.write_bytes(made.public_bytes(serialization.Encoding.PEM))
-    private.write_bytes(
-        key.private_bytes(
-            serialization.Encoding.PEM,
-            serialization.PrivateFormat.PKCS8,
-            serialization.NoEncryption(),
-        )
-    )
-    return certificate, private
 
 
 async def test_over_tls_the_brokers_certificate_is_checked(
