@@ -68,5 +68,5 @@ def add_problem_handlers(app: FastAPI) -> None:
         if isinstance(error.__cause__, OSError):  # the upload could not be put down while it came
             return answer(request, no_room(error.__cause__))
         if error.status_code == 404:
-            detail = f"there is nothing at {request.url.path[:200]}; see /openapi.json for the addresses"
+            detail = f"there is nothing at {request.url.path[:200]}; see /docs for the addresses"
         return answer(request, Problem(error.status_code, detail, headers=dict(error.headers or {})))

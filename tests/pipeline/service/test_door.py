@@ -234,7 +234,7 @@ async def web_server(tls: tuple[Path, Path] | None = None, **limits: Any) -> Any
             log_config=None,
             ssl_certfile=certificate,
             ssl_keyfile=key,
-        )  # fmt: skip
+        )
     )
     server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign,assignment]
     running = asyncio.create_task(server.serve(sockets=[bound]))
