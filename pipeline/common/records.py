@@ -124,7 +124,8 @@ class EventRecord:
 
     Attributes:
         at: when.
-        kind: received, read, touch_needed, touch_failed, not_felt, compared, reviewed, enrolled, evidence_expired.
+        kind: received, read, touch_needed, touch_failed, not_felt, compared, reviewed, enrolled,
+            serial_alarm, serial_again, evidence_expired.
         data: more, by kind.
     """
 

@@ -19,6 +19,7 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from glyphs.errors import FileError
+from pipeline.common.serial_rules import SerialRules, read_order
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
@@ -131,6 +132,11 @@ class Service:
             watch=self.jobs.watch,
             shadow=settings.shadow,
             # nobody who knows the parts can tell which are drawn
+            rules=SerialRules(
+                settings.duplicates,
+                settings.sequence_jump,
+                None if settings.order is None else read_order(settings.order),
+            ),
             audit=partial(_drawn, SystemRandom(), settings.audit_per_thousand / 1000.0),
             readers=2 if settings.second_reader else 1,
         )

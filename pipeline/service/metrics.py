@@ -51,6 +51,9 @@ class Metrics:
         )
         self.reviews = Counter("tactile_marks_reviews", "Reviews by people.", ("action",), registry=registry)
         self.refused = Counter("tactile_marks_refused", "Parts refused at a full queue.", registry=registry)
+        self.serial_alarms = Counter(
+            "tactile_marks_serial_alarms", "Serials read surely that others speak against.", registry=registry
+        )
         self.lost_workers = Counter(
             "tactile_marks_workers_lost", "Workers that died or took too long over a part.", registry=registry
         )

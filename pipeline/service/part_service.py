@@ -32,6 +32,7 @@ from pipeline.common.records import (
     ShadowRecord,
     TouchWait,
 )
+from pipeline.common.serial_rules import SerialRules
 from pipeline.reading.part_orders import Done
 from pipeline.reading.triage import compared, state_after
 from pipeline.service.driver_thread import StageDownError
@@ -41,6 +42,7 @@ from pipeline.service.reading_orders import ReadingOrders
 from pipeline.service.stage_work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.uploads import Upload
+from pipeline.store.parts import ANY_SERIAL
 from pipeline.store.store import IdempotencyKey, Store
 from whisker_array.scan.stage_error import StageError
 
@@ -101,6 +103,7 @@ class PartService:
         watch: Callable[[str], DriftWatch | None] = lambda _: None,
         shadow: bool = False,
         audit: Callable[[], bool] = lambda: False,
+        rules: SerialRules = ANY_SERIAL,
         readers: int = 1,
     ) -> None:
         """Take what it works with.
@@ -119,9 +122,10 @@ class PartService:
             watch: what compares parts with the certified ones, by the name of their job.
             shadow: read and compare with the line's own reader; decide and publish nothing.
             audit: draws whether a part is read by a person as well, if it is accepted.
+            rules: what is asked of serials among serials.
             readers: people who must agree before a part is reviewed, 1 or 2.
         """
-        self._audit, self._readers = audit, readers
+        self._audit, self._readers, self._rules = audit, readers, rules
         self.store, self.evidence, self.orders, self.metrics = store, evidence, orders, metrics
         self.stage, self.camera, self.line = stage, camera, line
         self._targets, self._watch, self._shadow = () if shadow else tuple(targets), watch, shadow
@@ -192,6 +196,7 @@ class PartService:
                 idempotency=idempotency,
                 shadow=shadow,
                 audit=self._audit(),
+                rules=self._rules,
             )
             self._count(part, done)
             return part
@@ -331,6 +336,7 @@ class PartService:
             idempotency=idempotency,
             shadow=shadow,
             audit=self._audit(),
+            rules=self._rules,
         )
         self._count(read, done)
         return read
@@ -354,6 +360,10 @@ class PartService:
     def _count(self, part: PartRecord, done: Done) -> None:
         self._announce(part)
         last = done.readings[-1]
+        # messages that the reading had not are what speaks against its serial
+        for why in () if part.reading is None else part.reading.messages[len(last.messages) :]:
+            self.metrics.serial_alarms.inc()
+            log.warning("serial alarm", part=part.id, name=part.name, why=why)
         watch = self._watch(part.job)
         if watch is not None and watch.add(last.source, done.measures):
             log.warning("parts unlike the certified ones", job=part.job, why=watch.message())

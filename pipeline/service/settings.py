@@ -120,6 +120,12 @@ class ServiceSettings(Settings):
     shadow: bool = False
     """Shadow mode: parts are read and compared with what the line's own reader says (expected), and nothing is decided
     or published; the page /shadow shows how the two agree."""
+    duplicates: bool = False
+    """Send a part to a person whose serial another part bears."""
+    sequence_jump: int = Field(default=0, ge=0, le=1_000_000)
+    """Send a part to a person whose serial is further than this from its place in the row; 0: never."""
+    order: Path | None = None
+    """Production order, a file of serials or ranges (KX400000..KX409999): a part with another goes to a person."""
     watch: Path | None = None
     """Folder to watch: every photograph that is put into it is read as a part, once, named by its file's stem."""
     watch_job: str = ""

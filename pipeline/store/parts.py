@@ -13,16 +13,19 @@ from pipeline.common.part_id import is_part_id
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.record_json import to_json
 from pipeline.common.records import EvidenceRecord, PartRecord, PartState, ShadowRecord, TouchWait
+from pipeline.common.serial_rules import SerialRules
 from pipeline.store import tables
 from pipeline.store.database import Transaction
 from pipeline.store.errors import ConflictError, UnfitError, cleaned, fit
 from pipeline.store.idempotency import IdempotencyKey, claim, refuse_if_done
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.rows import check_id, no_part, part_by_id
+from pipeline.store.serials import objections, with_objections
 from pipeline.store.tables import events, parts
 
 _SHA256 = re.compile("[0-9a-f]{64}")
 Event = tuple[str, Mapping[str, Any]]
+ANY_SERIAL = SerialRules()
 
 
 def add_part(
@@ -44,6 +47,7 @@ def add_part(
     idempotency: IdempotencyKey | None = None,
     shadow: ShadowRecord | None = None,
     audit: bool = False,
+    rules: SerialRules = ANY_SERIAL,
 ) -> PartRecord:
     """Receive a part with what was read of it.
 
@@ -65,6 +69,7 @@ def add_part(
         idempotency: of the request.
         shadow: what came of it in shadow mode.
         audit: have a person read it as well, if it is accepted.
+        rules: what is asked of its serial, if it is accepted; where something speaks against that, a person gets it.
 
     Raises:
         AlreadyDoneError: the key is taken.
@@ -112,6 +117,7 @@ def add_part(
         asked=asked,
         after=after,
         audit=audit,
+        rules=rules,
     )
 
 
@@ -127,6 +133,7 @@ def add_readings(
     idempotency: IdempotencyKey | None = None,
     shadow: ShadowRecord | None = None,
     audit: bool = False,
+    rules: SerialRules = ANY_SERIAL,
 ) -> PartRecord:
     """Add what was read of a part later; arguments as `add_part`.
 
@@ -144,7 +151,9 @@ def add_readings(
         )
     claim(tx, idempotency, part_id)
     asked = plan is not None or part.plan is not None
-    return _add(tx, part_id, state, readings, evidence, plan, targets, shadow, asked=asked, audit=audit)
+    return _add(
+        tx, part_id, state, readings, evidence, plan, targets, shadow, asked=asked, audit=audit, rules=rules
+    )
 
 
 def note_event(tx: Transaction, part_id: str, kind: str, data: Mapping[str, Any]) -> None:
@@ -187,8 +196,12 @@ def _add(
     *,
     asked: bool,
     audit: bool,
+    rules: SerialRules,
     after: Sequence[Event] = (),
 ) -> PartRecord:
+    if state is PartState.ACCEPTED and readings and rules.any:
+        state, readings, alarms = _among_serials(tx, part_id, readings, rules)
+        after = (*after, *alarms)
     touch_needed = state is PartState.TOUCH_NEEDED
     felt = any(reading.source != "vision" for reading in readings)
     changes: dict[str, Any] = {"state": state, "changed_at": tx.now, "plan": None}
@@ -215,6 +228,22 @@ def _add(
     part = part_by_id(tx, part_id)
     put_in_outbox(tx, part, targets)
     return part
+
+
+def _among_serials(
+    tx: Transaction, part_id: str, readings: Sequence[ReadingRecord], rules: SerialRules
+) -> tuple[PartState, Sequence[ReadingRecord], list[Event]]:
+    """Where a part goes that is read surely, by its serial among the others; and what happened."""
+    *before, last = readings
+    part = part_by_id(tx, part_id)
+    against = objections(tx, rules, part_id, cleaned(last.text), name=part.name, line=part.line, job=part.job)
+    if not against:
+        return PartState.ACCEPTED, readings, []
+    for one in against:
+        if one.of:  # of two that bear one serial either may be the wrong one
+            add_events(tx, one.of, [("serial_again", {"part": part_id, "text": last.text})])
+    alarms: list[Event] = [("serial_alarm", {"alarm": one.alarm, "why": one.why}) for one in against]
+    return PartState.REVIEW, (*before, with_objections(last, against)), alarms
 
 
 def text_columns(text: str) -> dict[str, str]:

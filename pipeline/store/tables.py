@@ -103,6 +103,7 @@ parts = sa.Table(
     sa.Column("agreement", sa.String(16)),
     sa.Column("would_be", sa.String(16)),
     sa.Index(None, "state", "id"),
+    sa.Index(None, "text_folded"),
     sa.Index(None, "agreement", "id"),
     sa.Index(None, "agreement", "created_at", "would_be"),
     sa.Index(

@@ -1,0 +1,197 @@
+"""Serials among serials: what speaks against one that is read surely, by those before it and by the production order.
+
+    in the order?         KX407299 is not in lot-7.csv
+    read before?          KX407251 was read before, of part tray-7/part-3        (`pipeline.store.serials` asks)
+    in its place?         KX407299 is 48 ahead of the parts before it
+
+A misread serial must not condemn the next hundred, so a place is told by the middle of the last `WINDOW` parts that
+were read surely, and not by the last one; and only while most of them stand in a row. Their own serials count whether or
+not they were in their place: a lot that begins with another number is asked about `WINDOW // 2 + 1` times, then it is
+the row.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from statistics import median_low
+
+from glyphs.errors import FileError, require_file
+
+WINDOW = 9
+"""Parts by which a place is told."""
+_MOST = WINDOW // 2 + 1
+_MOST_BYTES = 50_000_000
+_DIGITS = re.compile(r"[0-9]+")
+_RANGE = re.compile(r"\s*(\S+?)\s*\.\.\s*(\S+)\s*")
+_HEADINGS = frozenset({"serial", "text", "serials"})
+
+
+class SerialAlarm(StrEnum):
+    """What speaks against a serial."""
+
+    NOT_IN_ORDER = "not in the order"
+    READ_BEFORE = "read before"
+    OUT_OF_SEQUENCE = "out of sequence"
+
+
+@dataclass(frozen=True)
+class Objection:
+    """Why a part that is read surely goes to a person all the same.
+
+    Attributes:
+        alarm: of which kind.
+        why: in words.
+        of: id of the part that bears the serial already; empty otherwise.
+    """
+
+    alarm: SerialAlarm
+    why: str
+    of: str = ""
+
+
+@dataclass(frozen=True)
+class ProductionOrder:
+    """The serials that are to come.
+
+    Attributes:
+        name: of its file.
+        serials: one by one, without blanks.
+        ranges: (head, first, last, digits, tail) of each.
+    """
+
+    name: str
+    serials: frozenset[str] = frozenset()
+    ranges: tuple[tuple[str, int, int, int, str], ...] = ()
+
+    def holds(self, text: str) -> bool:
+        """Whether a serial is in it, blanks or not."""
+        plain = "".join(text.split())
+        if plain in self.serials:
+            return True
+        place = counted(plain)
+        return place is not None and any(
+            (place.head, place.tail, place.digits) == (head, tail, digits) and first <= place.number <= last
+            for head, first, last, digits, tail in self.ranges
+        )
+
+
+@dataclass(frozen=True)
+class Counted:
+    """A serial with a number that counts: KX407251 is KX, 407251.
+
+    Attributes:
+        head, tail: what stands before and after it.
+        number: that counts, the last one in the serial.
+        digits: of it.
+    """
+
+    head: str
+    number: int
+    digits: int
+    tail: str
+
+
+@dataclass(frozen=True)
+class SerialRules:
+    """What is asked of serials.
+
+    Attributes:
+        duplicates: refuse a serial that another part bears.
+        jump: how far a serial may be from its place in the row; 0: anywhere.
+        order: the serials that are to come; None: any.
+    """
+
+    duplicates: bool = False
+    jump: int = 0
+    order: ProductionOrder | None = None
+
+    @property
+    def any(self) -> bool:
+        """Whether anything is asked."""
+        return self.duplicates or self.jump > 0 or self.order is not None
+
+    def by_order(self, text: str) -> Objection | None:
+        """What the order has against a serial."""
+        if self.order is None or self.order.holds(text):
+            return None
+        return Objection(SerialAlarm.NOT_IN_ORDER, f"{text} is not in {self.order.name}")
+
+    def by_place(self, text: str, before: Sequence[tuple[int, str]]) -> Objection | None:
+        """What the parts before it have against a serial.
+
+        Args:
+            text: of the part now.
+            before: (how many parts before it, serial) of those that were read surely, the latest first.
+        """
+        place = counted(text)
+        known = [(back, found) for back, one in before if (found := counted(one)) is not None][:WINDOW]
+        if not self.jump or len(known) < _MOST:
+            return None
+        ((head, tail), n_alike), *_ = Counter((one.head, one.tail) for _, one in known).most_common()
+        # where each of them says that the part now stands
+        said = [one.number + back for back, one in known if (one.head, one.tail) == (head, tail)]
+        middle = median_low(said)
+        if n_alike < _MOST or sum(abs(one - middle) <= self.jump for one in said) < _MOST:
+            return None  # they stand in no row
+        row = f"{head}...{tail}"
+        if place is None or (place.head, place.tail) != (head, tail):
+            return Objection(SerialAlarm.OUT_OF_SEQUENCE, f"{text} is none of the row {row} before it")
+        off = place.number - middle
+        if abs(off) <= self.jump:
+            return None
+        where = f"{off} ahead of" if off > 0 else f"{-off} behind"
+        return Objection(SerialAlarm.OUT_OF_SEQUENCE, f"{text} is {where} the parts before it")
+
+
+def counted(text: str) -> Counted | None:
+    """The parts of a serial with a number; None of one without."""
+    plain = "".join(text.split())
+    runs = list(_DIGITS.finditer(plain))
+    if not runs:
+        return None
+    last = runs[-1]
+    return Counted(plain[: last.start()], int(last[0]), len(last[0]), plain[last.end() :])
+
+
+def read_order(path: Path) -> ProductionOrder:
+    """The production order in a file: serials one a line, or in the column `serial` of a CSV, or ranges A001..A099.
+
+    Raises:
+        FileError: no such file, no text, no serial in it, or a range that is none.
+    """
+    require_file(path, most_bytes=_MOST_BYTES)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileError(
+            path, f"is no text of serials ({error})", "write one serial a line (UTF-8)"
+        ) from error
+    column = 0
+    if rows and (named := _HEADINGS & {cell.strip().lower() for cell in rows[0]}):
+        column = next(k for k, cell in enumerate(rows[0]) if cell.strip().lower() in named)
+        rows = rows[1:]
+    serials: set[str] = set()
+    ranges = []
+    for number, row in enumerate(rows, start=1):
+        cell = row[column].strip() if column < len(row) else ""
+        if not cell or cell.startswith("#"):
+            continue
+        match = _RANGE.fullmatch(cell)
+        if match is None:
+            serials.add("".join(cell.split()))
+            continue
+        ends = [one for end in match.groups() if (one := counted(end)) is not None]
+        if len(ends) < 2 or len({(one.head, one.digits, one.tail) for one in ends}) > 1:
+            raise FileError(path, f"entry {number}, {cell}, is no range", "write it as KX400000..KX409999")
+        first, last = ends
+        ranges.append((first.head, first.number, last.number, first.digits, first.tail))
+    if not serials and not ranges:
+        raise FileError(path, "holds no serial", "write one a line, or ranges such as KX400000..KX409999")
+    return ProductionOrder(path.name, frozenset(serials), tuple(ranges))

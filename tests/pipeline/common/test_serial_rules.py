@@ -1,0 +1,125 @@
+"""Serials among serials: what is flagged, and what one misread does to those after it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glyphs.errors import FileError
+from pipeline.common.serial_rules import (
+    WINDOW,
+    Counted,
+    ProductionOrder,
+    SerialAlarm,
+    SerialRules,
+    counted,
+    read_order,
+)
+
+
+def judged(rules: SerialRules, serials: list[str | None]) -> list[bool]:
+    """Which serials of a lot their places speak against; None: a part that was not read surely."""
+    flags = []
+    for now, text in enumerate(serials):
+        before = [(now - k, one) for k, one in reversed(list(enumerate(serials[:now]))) if one is not None]
+        flags.append(text is not None and rules.by_place(text, before[: 4 * WINDOW]) is not None)
+    return flags
+
+
+def row(n: int, start: int = 407_200) -> list[str | None]:
+    return [f"KX{start + k}" for k in range(n)]
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("KX407251", Counted("KX", 407251, 6, "")),
+        ("A1-0099B", Counted("A1-", 99, 4, "B")),
+        ("KX 407 251", Counted("KX", 407251, 6, "")),
+        ("KX", None),
+    ],
+)
+def test_the_last_run_of_digits_counts(text: str, place: Counted | None) -> None:
+    assert counted(text) == place
+
+
+def test_one_misread_is_flagged_alone() -> None:
+    lot = row(60)
+    lot[30] = "KX407930"  # a 2 read as a 9
+    assert [k for k, flag in enumerate(judged(SerialRules(jump=20), lot)) if flag] == [30]
+
+
+def test_a_new_row_is_asked_about_a_few_times_and_then_taken() -> None:
+    lot = row(30) + row(30, start=500_000)
+    flags = judged(SerialRules(jump=20), lot)
+    assert [k for k, flag in enumerate(flags) if flag] == list(range(30, 30 + WINDOW // 2 + 1))
+
+
+def test_another_series_is_asked_about() -> None:
+    rules = SerialRules(jump=20)
+    (found,) = [
+        one for one in [rules.by_place("AB407230", [(k, f"KX{407230 - k}") for k in range(1, 10)])] if one
+    ]
+    assert (found.alarm, found.why) == (
+        SerialAlarm.OUT_OF_SEQUENCE, "AB407230 is none of the row KX... before it"
+    )  # fmt: skip
+    ahead = rules.by_place("KX407299", [(k, f"KX{407230 - k}") for k in range(1, 10)])
+    assert ahead is not None
+    assert ahead.why == "KX407299 is 69 ahead of the parts before it"
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.2), st.floats(0.0, 0.5))
+def test_misreads_and_parts_left_out_condemn_no_right_part(seed: int, misread: float, unread: float) -> None:
+    """While a majority of every window is right, no right part is flagged."""
+    rng = np.random.default_rng(seed)
+    lot = row(120)
+    wrong = set()
+    for k in range(len(lot)):
+        drawn = rng.random()
+        # no more than every fourth, so that of nine in a row most are right
+        if drawn < misread and not wrong & {k - 1, k - 2, k - 3}:
+            lot[k], wrong = f"KX{int(rng.integers(0, 10**6)):06d}", wrong | {k}
+        elif drawn > 1.0 - unread:
+            lot[k] = None
+    flags = judged(SerialRules(jump=20), lot)
+    assert not [k for k, flag in enumerate(flags) if flag and k not in wrong]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_parts_in_no_row_are_never_asked_about(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    lot: list[str | None] = [f"KX{int(n):06d}" for n in rng.integers(0, 10**6, 80)]
+    # by chance a window may hold a majority within the jump, which is not to be expected here
+    assert sum(judged(SerialRules(jump=20), lot)) == 0
+
+
+def test_an_order_is_read_from_a_list_a_table_or_ranges(tmp_path: Path) -> None:
+    path = tmp_path / "lot-7.csv"
+    for text in (
+        "KX407251\nKX407252\n",
+        "# of today\nKX407250..KX407259\n",
+        "position,serial\n1,KX407251\n2,KX 407252\n",
+        "\ufeffSerial\r\nKX407251\r\nKX407252\r\n",
+    ):
+        path.write_text(text, encoding="utf-8")
+        order = read_order(path)
+        assert order.holds("KX407251")
+        assert order.holds("KX 407252")
+        assert not order.holds("KX407351")
+        assert not order.holds("KX0407251")
+    against = SerialRules(order=order).by_order("KX9")
+    assert against is not None
+    assert against.why == "KX9 is not in lot-7.csv"
+    for text, says in (("# none\n", "holds no serial"), ("KX1..AB9\n", "is no range"), ("A1..A99\n", "is no range")):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(FileError, match=says):
+            read_order(path)
+    with pytest.raises(FileError):
+        read_order(tmp_path / "none.csv")
+    assert not ProductionOrder("empty").holds("KX1")
