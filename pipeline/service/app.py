@@ -175,7 +175,7 @@ class Service:
 
     def sweep(self) -> None:
         """Throw away files that no record names, and those whose time is up."""
-        n = self.evidence.sweep(self.store.known_hashes(), older_than_s=ORPHAN_AGE_S)
+        n = self.evidence.sweep(self.store, older_than_s=ORPHAN_AGE_S)
         expired = 0
         if self.settings.retention_days:
             before = datetime.now(UTC) - timedelta(days=self.settings.retention_days)

@@ -10,7 +10,7 @@ import contextlib
 import json
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,10 +45,12 @@ class Transaction:
     Attributes:
         connection: to the database.
         now: time of all that the operation writes.
+        written: parts of which it has written what never changes.
     """
 
     connection: Connection
     now: datetime
+    written: set[str] = field(default_factory=set)
 
     def execute(
         self, statement: sa.Executable, rows: Sequence[Mapping[str, Any]] | None = None

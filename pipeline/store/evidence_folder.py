@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
+import math
 import os
 import re
 import shutil
@@ -119,25 +120,42 @@ class EvidenceFolder:
         with _trouble_told(self.incoming):
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 
-    def sweep(self, known: frozenset[str], *, older_than_s: float) -> int:
-        """Remove what a crash has left: files that nobody knows, and whatever is in `incoming`.
+    def sweep(self, store: Store, *, older_than_s: float) -> int:
+        """Remove what a crash has left: files that no part needs, and whatever is in `incoming`.
 
         Args:
-            known: hashes that the store needs.
+            store: that knows which files parts need; asked about some of them at a time.
             older_than_s: what is younger may be in the making, and stays.
 
         Returns:
             How many files were removed.
+
+        Raises:
+            StoreError: the store does not answer.
         """
         latest_s = time.time() - older_than_s
-        n_removed = 0
-        for path in self.incoming.iterdir():
-            n_removed += _remove_if_older(path, latest_s)
-        for path in self._files.glob("*/*"):
-            if path.name not in known:
-                with exclusively(self._lock):
-                    n_removed += _remove_if_older(path, latest_s)
+        n_removed = sum(_remove_if_older(path, latest_s) for path in self.incoming.iterdir())
+        for names in self.kept(before_s=latest_s):
+            needed = store.needed_hashes(names)
+            for name in names:
+                if name not in needed:
+                    with exclusively(self._lock):
+                        n_removed += _remove_if_older(self.path(name), latest_s)
         return n_removed
+
+    def kept(self, *, before_s: float = math.inf) -> Iterator[list[str]]:
+        """Hashes of the files kept before a time, some hundreds at once, however many there are."""
+        for folder in sorted(self._files.iterdir()):
+            names = []
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
+                for entry in entries:
+                    if _HASH.fullmatch(entry.name) and _kept_before(entry, before_s):
+                        names.append(entry.name)
+                    if len(names) == _BATCH:
+                        yield names
+                        names = []
+            if names:
+                yield names
 
     def expire(self, store: Store, *, before: datetime) -> int:
         """Remove evidence from before a time, of every part, whatever its state.
@@ -187,6 +205,13 @@ def _settle(path: Path) -> tuple[str, int]:
             n_bytes += len(chunk)
         os.fsync(handle)
     return digest.hexdigest(), n_bytes
+
+
+def _kept_before(entry: os.DirEntry[str], latest_s: float) -> bool:
+    try:
+        return entry.stat(follow_symlinks=False).st_mtime <= latest_s
+    except FileNotFoundError:
+        return False
 
 
 def _remove_if_older(path: Path, latest_s: float) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from datetime import datetime
 
 import sqlalchemy as sa
@@ -40,7 +41,9 @@ def evidence_gone(tx: Transaction, part_id: str, sha256: str) -> bool:
     return tx.execute(needed).one_or_none() is None
 
 
-def known_hashes(tx: Transaction) -> frozenset[str]:
-    """Hashes of every file that is still needed."""
-    rows = tx.execute(sa.select(evidence.c.sha256).where(evidence.c.gone.is_(False)).distinct())
-    return frozenset(rows.scalars())
+def needed_hashes(tx: Transaction, hashes: Collection[str]) -> frozenset[str]:
+    """Which of the files of these hashes are still needed."""
+    asked = sa.select(evidence.c.sha256).where(
+        evidence.c.sha256.in_(list(hashes)), evidence.c.gone.is_(False)
+    )
+    return frozenset(tx.execute(asked.distinct()).scalars())

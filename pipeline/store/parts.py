@@ -169,7 +169,8 @@ def lock_part(tx: Transaction, part_id: str) -> None:
 
 
 def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None:
-    """Write down what happened, in order."""
+    """Write down what happened, in order; with it, all that the transaction writes of the part is sealed."""
+    tx.written.add(part_id)
     rows = [{"part_id": part_id, "at": tx.now, "kind": kind, "data": dict(data)} for kind, data in happened]
     if rows:
         tx.execute(sa.insert(events), rows)
