@@ -19,6 +19,7 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from glyphs.errors import FileError
+from pipeline.common.private import private_folder
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
@@ -359,7 +360,7 @@ def check_folder(settings: ServiceSettings) -> Path:
         FileError: it cannot be made.
     """
     try:
-        settings.folder.mkdir(parents=True, exist_ok=True)
+        private_folder(settings.folder)
         if settings.databases is None:
             settings.databases_folder.mkdir(exist_ok=True)
         if settings.jobs_folder is None:

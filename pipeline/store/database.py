@@ -20,6 +20,7 @@ from sqlalchemy import exc
 from sqlalchemy.dialects import postgresql, sqlite
 
 from pipeline.common.file_lock import exclusively
+from pipeline.common.private import close_to_others, private_file
 from pipeline.store.errors import StoreError, UnfitError, cleaned
 
 if TYPE_CHECKING:
@@ -155,6 +156,9 @@ def open_database(url: str, *, now: Callable[[], datetime] = utc_now) -> Databas
                 file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
                 # also for the change to WAL, for which SQLite does not wait
                 held.enter_context(exclusively(file.with_name(file.name + ".lock")))
+                private_file(file)  # what SQLite makes beside it has its mode
+                for beside in ("-wal", "-shm"):
+                    close_to_others(file.with_name(file.name + beside))
                 engine = _sqlite(parsed)
             else:
                 engine = _postgresql(parsed)

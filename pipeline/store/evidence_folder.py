@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
+import logging
 import math
 import os
 import re
@@ -19,18 +20,21 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from pipeline.common.atomic import sync_folder
 from pipeline.common.file_lock import exclusively
+from pipeline.common.private import private_folder
 
 if TYPE_CHECKING:
     from pipeline.store.store import Store
 
+_log = logging.getLogger(__name__)
 _HASH = re.compile(r"[0-9a-f]{64}")
 _CHUNK = 1 << 20
 _BATCH = 200
@@ -39,6 +43,14 @@ LEAST_ROOM_BYTES = 64 << 20
 """Of the disk: a service with less is not ready, for the next upload may not fit."""
 _SETTLED_S = 3600.0
 """A file kept anew more recently may be about to be named by the store."""
+
+
+class FileState(StrEnum):
+    """What is found where a file should be kept."""
+
+    WHOLE = "whole"
+    MISSING = "missing"
+    DAMAGED = "damaged"
 
 
 class EvidenceFolder:
@@ -61,7 +73,7 @@ class EvidenceFolder:
         self._lock = root / ".lock"
         with _trouble_told(root):
             for folder in (root, self.incoming, self._files):
-                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+                private_folder(folder)
 
     def keep(self, path: Path) -> tuple[str, int]:
         """Move a file in; the same content twice is one file. When this returns it survives a power cut.
@@ -96,6 +108,25 @@ class EvidenceFolder:
         if _HASH.fullmatch(sha256) is None:
             raise ValueError(f"{sha256[:80]!r} is not an SHA-256; give 64 hexadecimal digits in lower case")
         return self._files / sha256[:2] / sha256
+
+    def state(self, sha256: str) -> FileState:
+        """Whether the file of that hash is kept, and holds what it was named after; all of it is read."""
+        try:
+            with self.path(sha256).open("rb") as stream:
+                found = hashlib.file_digest(stream, "sha256").hexdigest()
+        except FileNotFoundError:
+            return FileState.MISSING
+        except OSError as error:  # a bad sector, say
+            _log.error("the file %s kept as evidence cannot be read: %s", sha256, error)
+            return FileState.DAMAGED
+        if found != sha256:
+            _log.error("the file %s kept as evidence is damaged: it holds %s", sha256, found)
+            return FileState.DAMAGED
+        return FileState.WHOLE
+
+    def whole(self, hashes: Iterable[str]) -> tuple[Path, ...]:
+        """Where those of the files are that are kept and hold what they were named after."""
+        return tuple(self.path(name) for name in hashes if self.state(name) is FileState.WHOLE)
 
     def check_room(self) -> None:
         """Check that files can be kept: one is written, synced and removed, and the disk has some room beyond it.
@@ -198,11 +229,9 @@ def _settle(path: Path) -> tuple[str, int]:
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise FileError(path, "is not a file", "name a file")
-        digest = hashlib.sha256()
-        n_bytes = 0
-        while chunk := stream.read(_CHUNK):
-            digest.update(chunk)
-            n_bytes += len(chunk)
+        digest, n_bytes = hashlib.file_digest(stream, "sha256"), stream.tell()
+        if hasattr(os, "fchmod"):
+            os.fchmod(handle, 0o600)
         os.fsync(handle)
     return digest.hexdigest(), n_bytes
 
