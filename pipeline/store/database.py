@@ -100,6 +100,28 @@ class Database:
             yield Transaction(connection, self._now())
 
     @contextlib.contextmanager
+    def snapshot(self) -> Iterator[Transaction]:
+        """As `reading`, and all that it sees is of one moment, however many statements look.
+
+        Raises:
+            StoreError: the database cannot be reached.
+        """
+        with self._store_errors(), self._engine.connect() as connection:
+            if connection.dialect.name == "postgresql":  # SQLite's transactions see one moment anyway
+                connection = connection.execution_options(isolation_level="REPEATABLE READ")
+            yield Transaction(connection, self._now())
+
+    def copy_file(self, path: Path) -> None:
+        """Copy a store in SQLite, as it is at one moment, into a new file; others go on writing.
+
+        Raises:
+            StoreError: it cannot be copied.
+        """
+        with self._store_errors(), contextlib.closing(self._engine.raw_connection()) as connection:
+            cursor = connection.cursor()
+            cursor.execute("VACUUM INTO ?", (str(path),))
+
+    @contextlib.contextmanager
     def writing(self) -> Iterator[Transaction]:
         """A transaction: durable when the block has ended, undone where it raises.
 
@@ -137,15 +159,17 @@ def utc_now() -> datetime:
     return datetime.now(UTC)
 
 
-def open_database(url: str, *, now: Callable[[], datetime] = utc_now) -> Database:
+def open_database(url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Database:
     """Open a database and bring its tables up to date.
 
     Args:
         url: sqlite:///file.db or postgresql://user:password@host/name.
         now: the clock.
+        as_it_is: neither make it nor bring it up to date.
 
     Raises:
-        StoreError: it cannot be opened, or was made by a newer version.
+        StoreError: it cannot be opened, or was made by a newer version; with `as_it_is` also one that is not there, or
+            of an older version.
     """
     parsed = _checked(url)
     shown = parsed.render_as_string(hide_password=True)
@@ -153,6 +177,10 @@ def open_database(url: str, *, now: Callable[[], datetime] = utc_now) -> Databas
         with contextlib.ExitStack() as held:
             if parsed.get_backend_name() == "sqlite":
                 file = Path(str(parsed.database))
+                if as_it_is and not file.exists():
+                    raise StoreError(
+                        f"there is no store {shown}", hint="name the service's --folder or --store"
+                    )
                 file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
                 # also for the change to WAL, for which SQLite does not wait
                 held.enter_context(exclusively(file.with_name(file.name + ".lock")))
@@ -164,7 +192,7 @@ def open_database(url: str, *, now: Callable[[], datetime] = utc_now) -> Databas
                 engine = _postgresql(parsed)
             failed = held.enter_context(contextlib.ExitStack())
             failed.callback(engine.dispose)
-            _bring_up_to_date(engine, shown)
+            _bring_up_to_date(engine, shown, as_it_is=as_it_is)
             failed.pop_all()
     except OSError as error:
         raise StoreError(
@@ -263,7 +291,7 @@ def _postgresql(url: URL) -> Engine:
     return engine
 
 
-def _bring_up_to_date(engine: Engine, shown: str) -> None:
+def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
     from alembic.config import Config
     from alembic.runtime.migration import MigrationContext
     from alembic.script import ScriptDirectory
@@ -290,6 +318,12 @@ def _bring_up_to_date(engine: Engine, shown: str) -> None:
                 f"the store {shown} was made by a newer tactile-marks (its version is {found});"
                 " install that one, or name another store"
             ) from error
+        if as_it_is:
+            what = f"is of an older version ({found})" if found else "has no tables"
+            raise StoreError(
+                f"the store {shown} {what}",
+                hint="start the service of this version once, or use the tactile-marks that made it",
+            )
         from alembic import command
 
         config.attributes["connection"] = connection

@@ -20,7 +20,7 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
@@ -124,9 +124,51 @@ class EvidenceFolder:
             return FileState.DAMAGED
         return FileState.WHOLE
 
+    def presence(self, sha256: str) -> FileState:
+        """As `state`, without a look at what the file holds."""
+        return FileState.WHOLE if self.path(sha256).is_file() else FileState.MISSING
+
     def whole(self, hashes: Iterable[str]) -> tuple[Path, ...]:
         """Where those of the files are that are kept and hold what they were named after."""
         return tuple(self.path(name) for name in hashes if self.state(name) is FileState.WHOLE)
+
+    def take(self, sha256: str, others: Sequence[EvidenceFolder], *, link: bool = False) -> FileState:
+        """Have a file as well that another folder keeps; whoever takes files puts them on the disk (`os.sync`).
+
+        Args:
+            sha256: its hash.
+            others: tried in this order, until one has it whole.
+            link: to the file of another folder, where it is on the same disk; else it is copied.
+
+        Returns:
+            Of the file here; else what the last of the others has in its place.
+
+        Raises:
+            FileError: it cannot be written.
+        """
+        target, state = self.path(sha256), FileState.MISSING
+        if target.exists() and self.state(sha256) is FileState.WHOLE:
+            return FileState.WHOLE
+        with _trouble_told(target):
+            target.parent.mkdir(mode=0o700, exist_ok=True)
+            for other in others:
+                state = other.state(sha256)
+                if state is not FileState.WHOLE:
+                    continue
+                target.unlink(missing_ok=True)
+                if link:
+                    with contextlib.suppress(OSError):
+                        os.link(other.path(sha256), target)
+                        return state
+                part = self.incoming / sha256
+                shutil.copyfile(other.path(sha256), part)
+                part.chmod(0o600)
+                with part.open("rb") as copy:
+                    if hashlib.file_digest(copy, "sha256").hexdigest() != sha256:
+                        raise OSError(errno.EIO, "the copy is not what was copied")
+                os.replace(part, target)
+                return state
+        return state
 
     def check_room(self) -> None:
         """Check that files can be kept: one is written, synced and removed, and the disk has some room beyond it.

@@ -47,3 +47,14 @@ def needed_hashes(tx: Transaction, hashes: Collection[str]) -> frozenset[str]:
         evidence.c.sha256.in_(list(hashes)), evidence.c.gone.is_(False)
     )
     return frozenset(tx.execute(asked.distinct()).scalars())
+
+
+def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple[str, ...]:
+    """Hashes of files that are still needed, in order, from one on."""
+    asked = sa.select(evidence.c.sha256).where(evidence.c.sha256 > after, evidence.c.gone.is_(False))
+    return tuple(tx.execute(asked.distinct().order_by(evidence.c.sha256).limit(fit_limit(limit))).scalars())
+
+
+def forget_files(tx: Transaction, hashes: Collection[str]) -> None:
+    """In the copy of a store: note that files are gone whose time was up as they were to be copied."""
+    tx.execute(sa.update(evidence).where(evidence.c.sha256.in_(list(hashes))).values(gone=True))

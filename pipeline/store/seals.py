@@ -21,7 +21,7 @@ import sqlalchemy as sa
 from sqlalchemy.engine import Row
 
 from pipeline.store.database import Transaction
-from pipeline.store.tables import evidence, events, readings, reviews, seals
+from pipeline.store.tables import events, evidence, readings, reviews, seals
 
 SEALED = (readings, reviews, evidence, events)
 """Tables whose rows are sealed, in this order."""

@@ -57,7 +57,7 @@ def _reads(operation: Callable[Concatenate[Transaction, P], R]) -> Callable[Conc
 
 def _writes(operation: Callable[Concatenate[Transaction, P], R]) -> Callable[Concatenate[Store, P], R]:
     @functools.wraps(operation)
-    def sealed(tx: Transaction, *args: P.args, **options: P.kwargs) -> R:
+    def sealed(tx: Transaction, /, *args: P.args, **options: P.kwargs) -> R:
         done = operation(tx, *args, **options)
         seal_written(tx)
         return done
@@ -98,13 +98,13 @@ class Store:
         self.database = database
 
     @classmethod
-    def open(cls, url: str, *, now: Callable[[], datetime] = utc_now) -> Store:
+    def open(cls, url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Store:
         """Open a store, made or brought up to date first; arguments as `open_database`.
 
         Raises:
             StoreError: it cannot be opened, or was made by a newer version.
         """
-        return cls(open_database(url, now=now))
+        return cls(open_database(url, now=now, as_it_is=as_it_is))
 
     def close(self) -> None:
         """Let go of the database."""
@@ -170,6 +170,8 @@ class Store:
     evidence_before = _reads(evidence_index.evidence_before)
     evidence_gone = _writes(evidence_index.evidence_gone)
     needed_hashes = _reads(evidence_index.needed_hashes)
+    needed_after = _reads(evidence_index.needed_after)
+    forget_files = _writes(evidence_index.forget_files)
 
     # tokens
     add_token = _writes(_tokens.add_token)

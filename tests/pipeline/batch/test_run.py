@@ -200,15 +200,15 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
         if path.suffix == ".jsonl":
             raise KeyboardInterrupt
 
-    with (
-        pytest.raises(KeyboardInterrupt),
-        monkeypatch.context() as patch,
-        opened(options, described) as run,
-    ):
-        run.work(PARTS, ORDER, FakeExecutor())
-        if moment == "the workers end":
-            raise KeyboardInterrupt
-        patch.setattr(Path, "unlink", killed_after)
+    def killed() -> None:
+        with monkeypatch.context() as patch, opened(options, described) as run:
+            run.work(PARTS, ORDER, FakeExecutor())
+            if moment == "the workers end":
+                raise KeyboardInterrupt
+            patch.setattr(Path, "unlink", killed_after)
+
+    with pytest.raises(KeyboardInterrupt):
+        killed()
     with opened(options, described) as run:
         run.work(PARTS, ORDER, FakeExecutor())
     with sa.create_engine("sqlite:///parts.db").connect() as connection:

@@ -93,7 +93,7 @@ def _pages() -> Iterator[list[dict[str, Any]]]:
 
 def _lines(name: str, first: str, last: str) -> dict[str, tuple[int, list[str]]]:
     """The last row's id and every row's line, by part."""
-    columns = {"id": ROW, "part_id": PART_ID, **SEALED[name]}
+    columns: dict[str, sa.types.TypeEngine[Any]] = {"id": ROW, "part_id": PART_ID, **SEALED[name]}
     table = sa.table(name, *(sa.column(column, kind) for column, kind in columns.items()))
     asked = sa.select(table).where(table.c.part_id.between(first, last)).order_by(table.c.part_id, table.c.id)
     rows = op.get_bind().execute(asked).mappings()
