@@ -53,6 +53,8 @@ def upgrade() -> None:
     op.execute(
         sa.update(outbox).where(outbox.c.attempts == 0).values(due_at=datetime(1970, 1, 1, tzinfo=UTC))
     )
+    # versions of before left there what the camera was unsure of
+    op.execute("UPDATE parts SET text = '', text_folded = '' WHERE state = 'touch_needed'")
     seals = op.create_table(
         "seals",
         sa.Column("id", ROW, autoincrement=True, nullable=False),
