@@ -47,16 +47,20 @@ class Transaction:
         connection: to the database.
         now: time of all that the operation writes.
         written: parts of which it has written what never changes.
+        filled: names of the tables that it has put rows into.
     """
 
     connection: Connection
     now: datetime
     written: set[str] = field(default_factory=set)
+    filled: set[str] = field(default_factory=set)
 
     def execute(
         self, statement: sa.Executable, rows: Sequence[Mapping[str, Any]] | None = None
     ) -> sa.CursorResult[Any]:
         """Execute one statement."""
+        if isinstance(statement, sa.Insert):
+            self.filled.add(statement.table.name)
         return self.connection.execute(statement, rows)
 
     @property

@@ -116,21 +116,23 @@ class EvidenceFolder:
                 found = hashlib.file_digest(stream, "sha256").hexdigest()
         except FileNotFoundError:
             return FileState.MISSING
-        except OSError as error:  # a bad sector, say
-            _log.error("the file %s kept as evidence cannot be read: %s", sha256, error)
+        except OSError:  # a bad sector, say
             return FileState.DAMAGED
-        if found != sha256:
-            _log.error("the file %s kept as evidence is damaged: it holds %s", sha256, found)
-            return FileState.DAMAGED
-        return FileState.WHOLE
+        return FileState.WHOLE if found == sha256 else FileState.DAMAGED
 
     def presence(self, sha256: str) -> FileState:
         """As `state`, without a look at what the file holds."""
         return FileState.WHOLE if self.path(sha256).is_file() else FileState.MISSING
 
     def whole(self, hashes: Iterable[str]) -> tuple[Path, ...]:
-        """Where those of the files are that are kept and hold what they were named after."""
-        return tuple(self.path(name) for name in hashes if self.state(name) is FileState.WHOLE)
+        """Where those of the files are that are kept and hold what they were named after; the others are logged."""
+        found = []
+        for name in hashes:
+            if (state := self.state(name)) is FileState.WHOLE:
+                found.append(self.path(name))
+            else:
+                _log.error("the file %s kept as evidence is %s", name, state.value)
+        return tuple(found)
 
     def take(self, sha256: str, others: Sequence[EvidenceFolder], *, link: bool = False) -> FileState:
         """Have a file as well that another folder keeps; whoever takes files puts them on the disk (`os.sync`).

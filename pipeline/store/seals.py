@@ -34,7 +34,12 @@ def seal_written(tx: Transaction) -> None:
     for part_id in sorted(tx.written):
         mine = sa.select(seals).where(seals.c.part_id == part_id)
         before = tx.execute(mine.order_by(seals.c.number.desc()).limit(1)).one_or_none()
-        rows = {t.name: _rows_after(tx, t, part_id, getattr(before, f"last_{t.name}", 0)) for t in SEALED}
+        rows = {
+            t.name: _rows_after(tx, t, part_id, getattr(before, f"last_{t.name}", 0))
+            if t.name in tx.filled
+            else ()
+            for t in SEALED
+        }
         tx.execute(sa.insert(seals).values(**_next_seal(part_id, before, rows)))
 
 

@@ -184,9 +184,8 @@ def _whole(service: PartService, record: EvidenceRecord) -> FilePath:
     what = record.kind.value
     if record.gone:
         raise Problem(404, f"the {what} is no longer kept; its time was up")
-    state = service.evidence.state(record.sha256)
-    if state is FileState.MISSING:
+    for path in service.evidence.whole((record.sha256,)):
+        return path
+    if service.evidence.presence(record.sha256) is FileState.MISSING:
         raise Problem(404, f"the {what} is missing from the service's folder; restore it from a backup")
-    if state is FileState.DAMAGED:
-        raise Problem(500, f"the {what} is damaged on the service's disk; restore it from a backup")
-    return service.evidence.path(record.sha256)
+    raise Problem(500, f"the {what} is damaged on the service's disk; restore it from a backup")
