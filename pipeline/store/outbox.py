@@ -26,6 +26,7 @@ AT_ONCE = datetime(1970, 1, 1, tzinfo=UTC)
 """When that is due which was never tried."""
 LONGEST_WAIT_S = 300.0
 """Between two attempts."""
+LONGEST_LEASE_S = 300.0
 _MAX_ERROR = 500
 
 
@@ -60,17 +61,17 @@ def lease(
         tx: the transaction.
         owner: name of a dispatcher that no other has.
         targets: that it can send to.
-        lease_s: how long the others leave it alone.
+        lease_s: how long the others leave it alone, `LONGEST_LEASE_S` at most.
         limit: most of them for each target.
     """
     now = _lease_clock(tx)
-    until = now + timedelta(seconds=lease_s)
+    until = now + timedelta(seconds=min(lease_s, LONGEST_LEASE_S))
     free = sa.or_(
         outbox.c.owner.is_(None),
         outbox.c.owner == owner,
         outbox.c.leased_until <= now,
-        # by a clock that was set back since
-        outbox.c.leased_until > until,
+        # given by a clock that was set back since, and not just by a transaction that began a little later
+        outbox.c.leased_until > now + timedelta(seconds=2.0 * LONGEST_LEASE_S),
     )
     ids = [found for target in sorted(targets) for found in _eldest_due(tx, target, free, fit_limit(limit))]
     if not ids:

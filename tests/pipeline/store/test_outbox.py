@@ -96,6 +96,17 @@ def test_what_one_has_leased_the_others_leave_alone_until_the_lease_is_over(stor
     assert second.id > first.id
 
 
+def test_a_lease_given_before_the_clock_was_set_back_ends(store: Store, clock: Clock) -> None:
+    """By PostgreSQL the leases go by the server's clock, which no test sets."""
+    with store.database.reading() as tx:
+        if tx.postgresql:
+            return
+    received(store, targets=("mqtt",))
+    store.lease("dead", ("mqtt",), lease_s=60.0)
+    clock.go_on(days=-1)
+    assert len(store.lease("other", ("mqtt",), lease_s=60.0)) == 1
+
+
 def test_a_target_that_one_cannot_send_to_is_left_to_others(store: Store) -> None:
     received(store, targets=("mqtt",))
     assert store.lease("one", ("webhook",), lease_s=60.0) == ()
