@@ -190,13 +190,16 @@ def _not_derived(part: Row[Any], rows: Mapping[str, Sequence[Row[Any]]]) -> list
     given = events[0].data if events and events[0].kind == "received" else {}
     wanted: dict[str, Any] = {name: given[name] for name in ("name", "expected", "database") if name in given}
     wanted["reading_id"] = readings[-1].id if readings else None
-    wanted["review_id"] = reviews[-1].id if reviews else None
+    # the review that counts: where two people must agree, the one that the event tells
+    agreed = [event for event in events if event.kind == "reviewed"]
+    counts = [r for r in reviews if agreed and (r.after, r.at) == (agreed[-1].data["after"], agreed[-1].at)]
+    wanted["review_id"] = counts[-1].id if counts else None
     wanted["name_folded"], wanted["text_folded"] = part.name.casefold(), part.text.casefold()
     if part.state == PartState.TOUCH_NEEDED:
         wanted["text"] = ""
     elif part.state == PartState.REVIEWED:
-        wanted["text"] = reviews[-1].after if reviews else None
-    elif not reviews:
+        wanted["text"] = counts[-1].after if counts else None
+    elif not agreed:
         wanted["text"] = cleaned(readings[-1].text) if readings else ""
     return [name for name, value in wanted.items() if getattr(part, name) != value]
 

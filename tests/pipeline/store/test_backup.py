@@ -18,6 +18,7 @@ import sqlalchemy as sa
 from glyphs.errors import FileError
 from pipeline.cli.main import main
 from pipeline.common.records import EvidenceRecord, PartState, ReviewAction, Scope
+from pipeline.store import tables
 from pipeline.store.backup import SKIPPED_DELIVERIES, back_up, read_manifest, restore
 from pipeline.store.check import CheckReport, Fault, _not_derived, _page, check
 from pipeline.store.database import Transaction
@@ -58,6 +59,11 @@ def _filled(store: Store, folder: EvidenceFolder) -> None:
     store.add_readings(part.id, readings=(reading("KX9", "fused", "review"),), state=PartState.REVIEW)
     store.review(part.id, action=ReviewAction.CORRECT, text="KX8", who="Ada", targets=("webhook",))
     store.add_token("line-3", [Scope.WRITE])
+    about = {"part_id": part.id, "holder": "Ada", "who": "Ada", "name": "drift", "message": "drifts"}
+    with store.database.writing() as tx:
+        for table in (tables.claims, tables.audits, tables.alerts):
+            times = {name: tx.now for name in ("at", "until") if name in table.c}
+            tx.execute(sa.insert(table).values({c: v for c, v in about.items() if c in table.c} | times))
     sent = due(store)
     store.delivered(sent[-1].id)
 
@@ -302,6 +308,10 @@ def _found_after(store: Store, table: str, statement: str) -> tuple[list[str], l
 
 def test_a_store_that_is_well(store: Store, evidence: EvidenceFolder) -> None:
     _filled(store, evidence)
+    blind = store.parts(state=PartState.REVIEWED)[0].id
+    for who, text in (("Bea", "KX1"), ("Cy", "KX2"), ("Di", "KX2")):  # one has read it otherwise, two agree
+        store.review(blind, action=ReviewAction.CORRECT, text=text, who=who, readers=2)
+        assert check(store, evidence).findings == []
     report = check(store, evidence)
     assert (report.parts, report.files, report.findings, report.well) == (6, 5, [], True)
 
