@@ -7,6 +7,7 @@ rows.parquet.rows.jsonl    to Parquet nothing can be appended: its rows until `f
 rows.csv.second.jsonl      of parts that were read a second time, what came of it; until `finish`
 
      open --> add, add, add --> finish          kill, loss of power: the same `open` takes it up again
+                           \\--> forget          of a run whose rows are kept elsewhere: nothing stays
 """
 
 from __future__ import annotations
@@ -171,11 +172,40 @@ class RunJournal:
                     self._let_replace()
             _sync_names(self.path)
             self._second.remove()
-            if os.name == "nt":
-                self._marker.close()  # as in _let_replace
-            self._marker_path.unlink()  # last: broken off anywhere before, the run is taken up and ended again
+            self._end()
         self._finished = True
         self.close()
+
+    def keep_private(self) -> None:
+        """Let nobody but the owner read what is kept; for rows that are no table of the user's.
+
+        Raises:
+            FileError: the disk refuses.
+        """
+        with self._faults_told():
+            for path in (self._rows_path, self._marker_path):
+                path.chmod(0o600)
+
+    def forget(self) -> None:
+        """End the run and remove its rows, for they are kept elsewhere.
+
+        Broken off in here, the run is taken up under its own `run_id`, and whoever keeps the rows knows them by it.
+
+        Raises:
+            FileError: the disk refuses.
+        """
+        with self._faults_told():
+            self._let_replace()
+            self._rows_path.unlink(missing_ok=True)
+            self._second.remove()
+            self._end()
+        self.close()
+
+    def _end(self) -> None:
+        _sync_names(self.path)
+        if os.name == "nt":
+            self._marker.close()  # as in _let_replace
+        self._marker_path.unlink()  # last: broken off anywhere before, the run is taken up and ended again
 
     def _records(self, numbers: Iterable[int]) -> Iterator[bytes]:
         return self._second.records(self._rows.records(numbers), self._rows.form)

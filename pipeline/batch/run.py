@@ -72,6 +72,8 @@ class Run:
     def work(self, parts: Sequence[ListedPart], order: RunOrder, executor: Executor) -> None:
         """Read every part whose row the book does not hold, and put the table in the order of the parts.
 
+        Beside a store the book is no result: it stays, unfinished, until whoever opened the run is done with it.
+
         Raises:
             FileError: the table cannot be written.
             ClusterError: the cluster is lost.
@@ -85,7 +87,7 @@ class Run:
             self.second.work(self.book, parts, order, executor)
             for row in self.book.rows():
                 self._count(row)
-        if self.book is not None:
+        if self.book is not None and self.store is None:
             self.book.finish(part.name for part in parts)
         self.finished = True
 

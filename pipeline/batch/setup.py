@@ -57,6 +57,8 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
         table, bad = Path(f"tactile-marks-{key}.jsonl"), Path("parts.quarantine.csv")
     with ExitStack() as stack:
         book = stack.enter_context(RunJournal.open(table, description))
+        if options.store is not None:
+            book.keep_private()
         quarantine = Quarantine(bad, keep=book.resumed)
         stack.callback(quarantine.close)
         store = None
@@ -65,7 +67,7 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
         run = Run(book, quarantine, store, _second_pass(book, options) if learns else None)
         yield run
         if options.store is not None and run.finished:
-            table.unlink()
+            book.forget()  # only now, with the workers gone: killed before, the same command finds all done
 
 
 def _second_pass(book: RunJournal, options: RunOptions) -> SecondPass:

@@ -136,8 +136,9 @@ def _of_store(
                 continue
             files: dict[EvidenceKind, Path] = {}
             for record in opened.evidence(part.id):
-                path = folder.path(record.sha256)
-                if record.kind in (EvidenceKind.SCAN, EvidenceKind.HEIGHT_MAP) and path.is_file():
+                if record.kind not in (EvidenceKind.SCAN, EvidenceKind.HEIGHT_MAP):
+                    continue
+                for path in folder.whole((record.sha256,)):
                     link = links / (record.sha256 + Path(record.name).suffix)
                     if not link.exists():
                         link.symlink_to(path.absolute())

@@ -95,6 +95,13 @@ _TOKENS.command("pipeline.cli.tokens:add", name="add", help="Make a token.")
 _TOKENS.command("pipeline.cli.tokens:list_tokens", name="list", help="List the tokens.")
 _TOKENS.command("pipeline.cli.tokens:revoke", name="revoke", help="Revoke a token.")
 app.command(_TOKENS)
+_STORE = App(name="store", help="Back up, restore and check the service's store and files.")
+_STORE.command(
+    "pipeline.cli.store:backup", name="backup", help="Copy store and files while the service runs."
+)
+_STORE.command("pipeline.cli.store:restore", name="restore", help="Bring a backup back into an empty store.")
+_STORE.command("pipeline.cli.store:check", name="check", help="See whether store and files are as written.")
+app.command(_STORE)
 _LIBRARY.command("pipeline.cli.glyphs:list_fonts", name="list", help="List the fonts.")
 _LIBRARY.command("pipeline.cli.glyphs:show", name="show", help="Draw a sheet of fonts.")
 _LIBRARY.command("pipeline.cli.glyphs:build", name="build", help="Write a glyph database.")

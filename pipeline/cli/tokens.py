@@ -43,7 +43,7 @@ def add(
     """
     if days is not None and not 1 <= days <= _MAX_DAYS:
         raise CommandError(f"tokens add: {days} days cannot be", hint=f"give 1 to {_MAX_DAYS}", status=USAGE)
-    with _opened(store or service.store_url) as opened:
+    with opened_store(store or service.store_url, "tokens") as opened:
         from pipeline.common.records import Scope
 
         expires_at = None if days is None else datetime.now(UTC) + timedelta(days=days)
@@ -59,7 +59,7 @@ def list_tokens(
     *, store: StoreAddress = None, service: ServiceOfFile = SERVICE, config: Config = None
 ) -> int:
     """List the tokens, without their secrets."""
-    with _opened(store or service.store_url) as opened:
+    with opened_store(store or service.store_url, "tokens") as opened:
         found = opened.tokens()
     now = datetime.now(UTC)
     for token in found:
@@ -80,25 +80,35 @@ def revoke(
     name
         Name of the user or machine.
     """
-    with _opened(store or service.store_url) as opened:
+    with opened_store(store or service.store_url, "tokens") as opened:
         opened.revoke(name)
     print(f"token {name} is refused from now on")
     return 0
 
 
 @contextlib.contextmanager
-def _opened(url: str) -> Iterator[Store]:
+def opened_store(url: str, command: str, *, as_it_is: bool = False) -> Iterator[Store]:
+    """A store that a command works on, what may be wrong with it as one line and a status.
+
+    Args:
+        url: of the store.
+        command: that needs it.
+        as_it_is: see `pipeline.store.database.open_database`.
+
+    Raises:
+        CommandError: it cannot be opened or used.
+    """
     try:
         from pipeline.store.store import Store, StoreError, UnfitError
     except ImportError as error:
         raise CommandError(
-            f"tokens needs {error.name}",
+            f"{command} needs {error.name}",
             hint="install it with: pip install 'tactile-marks[service]'",
             status=USAGE,
         ) from error
     with failures_reported():
         try:
-            with contextlib.closing(Store.open(url)) as store:
+            with contextlib.closing(Store.open(url, as_it_is=as_it_is)) as store:
                 yield store
         except UnfitError:
             raise

@@ -19,6 +19,7 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from glyphs.errors import FileError
+from pipeline.common.private import private_folder
 from pipeline.common.serial_rules import SerialRules, read_order
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
@@ -181,7 +182,7 @@ class Service:
 
     def sweep(self) -> None:
         """Throw away files that no record names, and those whose time is up."""
-        n = self.evidence.sweep(self.store.known_hashes(), older_than_s=ORPHAN_AGE_S)
+        n = self.evidence.sweep(self.store, older_than_s=ORPHAN_AGE_S)
         expired = 0
         if self.settings.retention_days:
             before = datetime.now(UTC) - timedelta(days=self.settings.retention_days)
@@ -365,7 +366,7 @@ def check_folder(settings: ServiceSettings) -> Path:
         FileError: it cannot be made.
     """
     try:
-        settings.folder.mkdir(parents=True, exist_ok=True)
+        private_folder(settings.folder)
         if settings.databases is None:
             settings.databases_folder.mkdir(exist_ok=True)
         if settings.jobs_folder is None:

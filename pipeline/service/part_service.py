@@ -303,9 +303,8 @@ class PartService:
 
     async def _photos_of(self, part: PartRecord) -> tuple[Path, ...]:
         records = await self._stored(self.store.evidence, part.id)
-        return tuple(
-            self.evidence.path(e.sha256) for e in records if e.kind is EvidenceKind.PHOTO and not e.gone
-        )
+        photos = [e.sha256 for e in records if e.kind is EvidenceKind.PHOTO and not e.gone]
+        return await asyncio.to_thread(self.evidence.whole, photos)
 
     async def _read_scan(
         self, part: PartRecord, scan: Upload, idempotency: IdempotencyKey | None

@@ -10,7 +10,7 @@ import contextlib
 import json
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ from sqlalchemy import exc
 from sqlalchemy.dialects import postgresql, sqlite
 
 from pipeline.common.file_lock import exclusively
+from pipeline.common.private import close_to_others, private_file
 from pipeline.store.errors import StoreError, UnfitError, cleaned
 
 if TYPE_CHECKING:
@@ -45,15 +46,21 @@ class Transaction:
     Attributes:
         connection: to the database.
         now: time of all that the operation writes.
+        written: parts of which it has written what never changes.
+        filled: names of the tables that it has put rows into.
     """
 
     connection: Connection
     now: datetime
+    written: set[str] = field(default_factory=set)
+    filled: set[str] = field(default_factory=set)
 
     def execute(
         self, statement: sa.Executable, rows: Sequence[Mapping[str, Any]] | None = None
     ) -> sa.CursorResult[Any]:
         """Execute one statement."""
+        if isinstance(statement, sa.Insert):
+            self.filled.add(statement.table.name)
         return self.connection.execute(statement, rows)
 
     @property
@@ -97,6 +104,28 @@ class Database:
             yield Transaction(connection, self._now())
 
     @contextlib.contextmanager
+    def snapshot(self) -> Iterator[Transaction]:
+        """As `reading`, and all that it sees is of one moment, however many statements look.
+
+        Raises:
+            StoreError: the database cannot be reached.
+        """
+        with self._store_errors(), self._engine.connect() as connection:
+            if connection.dialect.name == "postgresql":  # SQLite's transactions see one moment anyway
+                connection = connection.execution_options(isolation_level="REPEATABLE READ")
+            yield Transaction(connection, self._now())
+
+    def copy_file(self, path: Path) -> None:
+        """Copy a store in SQLite, as it is at one moment, into a new file; others go on writing.
+
+        Raises:
+            StoreError: it cannot be copied.
+        """
+        with self._store_errors(), contextlib.closing(self._engine.raw_connection()) as connection:
+            cursor = connection.cursor()
+            cursor.execute("VACUUM INTO ?", (str(path),))
+
+    @contextlib.contextmanager
     def writing(self) -> Iterator[Transaction]:
         """A transaction: durable when the block has ended, undone where it raises.
 
@@ -134,15 +163,17 @@ def utc_now() -> datetime:
     return datetime.now(UTC)
 
 
-def open_database(url: str, *, now: Callable[[], datetime] = utc_now) -> Database:
+def open_database(url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Database:
     """Open a database and bring its tables up to date.
 
     Args:
         url: sqlite:///file.db or postgresql://user:password@host/name.
         now: the clock.
+        as_it_is: neither make it nor bring it up to date.
 
     Raises:
-        StoreError: it cannot be opened, or was made by a newer version.
+        StoreError: it cannot be opened, or was made by a newer version; with `as_it_is` also one that is not there, or
+            of an older version.
     """
     parsed = _checked(url)
     shown = parsed.render_as_string(hide_password=True)
@@ -150,15 +181,22 @@ def open_database(url: str, *, now: Callable[[], datetime] = utc_now) -> Databas
         with contextlib.ExitStack() as held:
             if parsed.get_backend_name() == "sqlite":
                 file = Path(str(parsed.database))
+                if as_it_is and not file.exists():
+                    raise StoreError(
+                        f"there is no store {shown}", hint="name the service's --folder or --store"
+                    )
                 file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
                 # also for the change to WAL, for which SQLite does not wait
                 held.enter_context(exclusively(file.with_name(file.name + ".lock")))
+                private_file(file)  # what SQLite makes beside it has its mode
+                for beside in ("-wal", "-shm"):
+                    close_to_others(file.with_name(file.name + beside))
                 engine = _sqlite(parsed)
             else:
                 engine = _postgresql(parsed)
             failed = held.enter_context(contextlib.ExitStack())
             failed.callback(engine.dispose)
-            _bring_up_to_date(engine, shown)
+            _bring_up_to_date(engine, shown, as_it_is=as_it_is)
             failed.pop_all()
     except OSError as error:
         raise StoreError(
@@ -257,7 +295,7 @@ def _postgresql(url: URL) -> Engine:
     return engine
 
 
-def _bring_up_to_date(engine: Engine, shown: str) -> None:
+def _bring_up_to_date(engine: Engine, shown: str, *, as_it_is: bool) -> None:
     from alembic.config import Config
     from alembic.runtime.migration import MigrationContext
     from alembic.script import ScriptDirectory
@@ -284,6 +322,12 @@ def _bring_up_to_date(engine: Engine, shown: str) -> None:
                 f"the store {shown} was made by a newer tactile-marks (its version is {found});"
                 " install that one, or name another store"
             ) from error
+        if as_it_is:
+            what = f"is of an older version ({found})" if found else "has no tables"
+            raise StoreError(
+                f"the store {shown} {what}",
+                hint="start the service of this version once, or use the tactile-marks that made it",
+            )
         from alembic import command
 
         config.attributes["connection"] = connection

@@ -12,24 +12,29 @@ from __future__ import annotations
 import contextlib
 import errno
 import hashlib
+import logging
+import math
 import os
 import re
 import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
 from pipeline.common.atomic import sync_folder
 from pipeline.common.file_lock import exclusively
+from pipeline.common.private import private_folder
 
 if TYPE_CHECKING:
     from pipeline.store.store import Store
 
+_log = logging.getLogger(__name__)
 _HASH = re.compile(r"[0-9a-f]{64}")
 _CHUNK = 1 << 20
 _BATCH = 200
@@ -38,6 +43,14 @@ LEAST_ROOM_BYTES = 64 << 20
 """Of the disk: a service with less is not ready, for the next upload may not fit."""
 _SETTLED_S = 3600.0
 """A file kept anew more recently may be about to be named by the store."""
+
+
+class FileState(StrEnum):
+    """What is found where a file should be kept."""
+
+    WHOLE = "whole"
+    MISSING = "missing"
+    DAMAGED = "damaged"
 
 
 class EvidenceFolder:
@@ -60,7 +73,7 @@ class EvidenceFolder:
         self._lock = root / ".lock"
         with _trouble_told(root):
             for folder in (root, self.incoming, self._files):
-                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+                private_folder(folder)
 
     def keep(self, path: Path) -> tuple[str, int]:
         """Move a file in; the same content twice is one file. When this returns it survives a power cut.
@@ -96,6 +109,69 @@ class EvidenceFolder:
             raise ValueError(f"{sha256[:80]!r} is not an SHA-256; give 64 hexadecimal digits in lower case")
         return self._files / sha256[:2] / sha256
 
+    def state(self, sha256: str) -> FileState:
+        """Whether the file of that hash is kept, and holds what it was named after; all of it is read."""
+        try:
+            with self.path(sha256).open("rb") as stream:
+                found = hashlib.file_digest(stream, "sha256").hexdigest()
+        except FileNotFoundError:
+            return FileState.MISSING
+        except OSError:  # a bad sector, say
+            return FileState.DAMAGED
+        return FileState.WHOLE if found == sha256 else FileState.DAMAGED
+
+    def presence(self, sha256: str) -> FileState:
+        """As `state`, without a look at what the file holds."""
+        return FileState.WHOLE if self.path(sha256).is_file() else FileState.MISSING
+
+    def whole(self, hashes: Iterable[str]) -> tuple[Path, ...]:
+        """Where those of the files are that are kept and hold what they were named after; the others are logged."""
+        found = []
+        for name in hashes:
+            if (state := self.state(name)) is FileState.WHOLE:
+                found.append(self.path(name))
+            else:
+                _log.error("the file %s kept as evidence is %s", name, state.value)
+        return tuple(found)
+
+    def take(self, sha256: str, others: Sequence[EvidenceFolder], *, link: bool = False) -> FileState:
+        """Have a file as well that another folder keeps; whoever takes files puts them on the disk (`os.sync`).
+
+        Args:
+            sha256: its hash.
+            others: tried in this order, until one has it whole.
+            link: to the file of another folder, where it is on the same disk; else it is copied.
+
+        Returns:
+            Of the file here; else what the last of the others has in its place.
+
+        Raises:
+            FileError: it cannot be written.
+        """
+        target, state = self.path(sha256), FileState.MISSING
+        if target.exists() and self.state(sha256) is FileState.WHOLE:
+            return FileState.WHOLE
+        with _trouble_told(target):
+            target.parent.mkdir(mode=0o700, exist_ok=True)
+            for other in others:
+                state = other.state(sha256)
+                if state is not FileState.WHOLE:
+                    continue
+                target.unlink(missing_ok=True)
+                if link:
+                    with contextlib.suppress(OSError):
+                        os.link(other.path(sha256), target)
+                        return state
+                part = self.incoming / sha256
+                shutil.copyfile(other.path(sha256), part)
+                part.chmod(0o600)
+                with part.open("rb") as copy:
+                    if hashlib.file_digest(copy, "sha256").hexdigest() != sha256:
+                        raise OSError(errno.EIO, "the copy is not what was copied")
+                os.replace(part, target)
+                return state
+        return state
+
     def check_room(self) -> None:
         """Check that files can be kept: one is written, synced and removed, and the disk has some room beyond it.
 
@@ -119,25 +195,42 @@ class EvidenceFolder:
         with _trouble_told(self.incoming):
             return Path(tempfile.mkdtemp(prefix="work-", dir=self.incoming))
 
-    def sweep(self, known: frozenset[str], *, older_than_s: float) -> int:
-        """Remove what a crash has left: files that nobody knows, and whatever is in `incoming`.
+    def sweep(self, store: Store, *, older_than_s: float) -> int:
+        """Remove what a crash has left: files that no part needs, and whatever is in `incoming`.
 
         Args:
-            known: hashes that the store needs.
+            store: that knows which files parts need; asked about some of them at a time.
             older_than_s: what is younger may be in the making, and stays.
 
         Returns:
             How many files were removed.
+
+        Raises:
+            StoreError: the store does not answer.
         """
         latest_s = time.time() - older_than_s
-        n_removed = 0
-        for path in self.incoming.iterdir():
-            n_removed += _remove_if_older(path, latest_s)
-        for path in self._files.glob("*/*"):
-            if path.name not in known:
-                with exclusively(self._lock):
-                    n_removed += _remove_if_older(path, latest_s)
+        n_removed = sum(_remove_if_older(path, latest_s) for path in self.incoming.iterdir())
+        for names in self.kept(before_s=latest_s):
+            needed = store.needed_hashes(names)
+            for name in names:
+                if name not in needed:
+                    with exclusively(self._lock):
+                        n_removed += _remove_if_older(self.path(name), latest_s)
         return n_removed
+
+    def kept(self, *, before_s: float = math.inf) -> Iterator[list[str]]:
+        """Hashes of the files kept before a time, some hundreds at once, however many there are."""
+        for folder in sorted(self._files.iterdir()):
+            names = []
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(folder) as entries:
+                for entry in entries:
+                    if _HASH.fullmatch(entry.name) and _kept_before(entry, before_s):
+                        names.append(entry.name)
+                    if len(names) == _BATCH:
+                        yield names
+                        names = []
+            if names:
+                yield names
 
     def expire(self, store: Store, *, before: datetime) -> int:
         """Remove evidence from before a time, of every part, whatever its state.
@@ -180,13 +273,18 @@ def _settle(path: Path) -> tuple[str, int]:
     with os.fdopen(handle, "rb") as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise FileError(path, "is not a file", "name a file")
-        digest = hashlib.sha256()
-        n_bytes = 0
-        while chunk := stream.read(_CHUNK):
-            digest.update(chunk)
-            n_bytes += len(chunk)
+        digest, n_bytes = hashlib.file_digest(stream, "sha256"), stream.tell()
+        if hasattr(os, "fchmod"):
+            os.fchmod(handle, 0o600)
         os.fsync(handle)
     return digest.hexdigest(), n_bytes
+
+
+def _kept_before(entry: os.DirEntry[str], latest_s: float) -> bool:
+    try:
+        return entry.stat(follow_symlinks=False).st_mtime <= latest_s
+    except FileNotFoundError:
+        return False
 
 
 def _remove_if_older(path: Path, latest_s: float) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from datetime import datetime
 
 import sqlalchemy as sa
@@ -40,7 +41,20 @@ def evidence_gone(tx: Transaction, part_id: str, sha256: str) -> bool:
     return tx.execute(needed).one_or_none() is None
 
 
-def known_hashes(tx: Transaction) -> frozenset[str]:
-    """Hashes of every file that is still needed."""
-    rows = tx.execute(sa.select(evidence.c.sha256).where(evidence.c.gone.is_(False)).distinct())
-    return frozenset(rows.scalars())
+def needed_hashes(tx: Transaction, hashes: Collection[str]) -> frozenset[str]:
+    """Which of the files of these hashes are still needed."""
+    asked = sa.select(evidence.c.sha256).where(
+        evidence.c.sha256.in_(list(hashes)), evidence.c.gone.is_(False)
+    )
+    return frozenset(tx.execute(asked.distinct()).scalars())
+
+
+def needed_after(tx: Transaction, after: str = "", *, limit: int = 500) -> tuple[str, ...]:
+    """Hashes of files that are still needed, in order, from one on."""
+    asked = sa.select(evidence.c.sha256).where(evidence.c.sha256 > after, evidence.c.gone.is_(False))
+    return tuple(tx.execute(asked.distinct().order_by(evidence.c.sha256).limit(fit_limit(limit))).scalars())
+
+
+def forget_files(tx: Transaction, hashes: Collection[str]) -> None:
+    """In the copy of a store: note that files are gone whose time was up as they were to be copied."""
+    tx.execute(sa.update(evidence).where(evidence.c.sha256.in_(list(hashes))).values(gone=True))

@@ -20,7 +20,7 @@ from pipeline.store.errors import ConflictError, UnfitError, cleaned, fit
 from pipeline.store.idempotency import IdempotencyKey, claim, refuse_if_done
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.rows import check_id, no_part, part_by_id
-from pipeline.store.serials import objections, with_objections
+from pipeline.store.serials import ask_alone, objections, with_objections
 from pipeline.store.tables import events, parts
 
 _SHA256 = re.compile("[0-9a-f]{64}")
@@ -77,6 +77,8 @@ def add_part(
     """
     if not is_part_id(part_id):
         raise UnfitError(f"{part_id[:40]!r} is not a part's id", hint="take one of new_part_id")
+    if rules.any:
+        ask_alone(tx)
     refuse_if_done(tx, idempotency)
     row = {
         "id": part_id,
@@ -141,6 +143,8 @@ def add_readings(
         AlreadyDoneError: the key is taken.
         ConflictError: the part was reviewed meanwhile.
     """
+    if rules.any:
+        ask_alone(tx)
     lock_part(tx, part_id)
     refuse_if_done(tx, idempotency)
     part = part_by_id(tx, part_id)
@@ -178,7 +182,8 @@ def lock_part(tx: Transaction, part_id: str) -> None:
 
 
 def add_events(tx: Transaction, part_id: str, happened: Sequence[Event]) -> None:
-    """Write down what happened, in order."""
+    """Write down what happened, in order; with it, all that the transaction writes of the part is sealed."""
+    tx.written.add(part_id)
     rows = [{"part_id": part_id, "at": tx.now, "kind": kind, "data": dict(data)} for kind, data in happened]
     if rows:
         tx.execute(sa.insert(events), rows)
@@ -241,6 +246,7 @@ def _among_serials(
         return PartState.ACCEPTED, readings, []
     for one in against:
         if one.of:  # of two that bear one serial either may be the wrong one
+            lock_part(tx, one.of)
             add_events(tx, one.of, [("serial_again", {"part": part_id, "text": last.text})])
     alarms: list[Event] = [("serial_alarm", {"alarm": one.alarm, "why": one.why}) for one in against]
     return PartState.REVIEW, (*before, with_objections(last, against)), alarms

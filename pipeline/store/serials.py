@@ -22,6 +22,13 @@ _LOOKED_BACK = 4 * WINDOW
 _BEARS = (PartState.ACCEPTED, PartState.REVIEWED)
 
 
+def ask_alone(tx: Transaction) -> None:
+    """Keep other askers out until the transaction ends; to be called before a part is locked, or two may wait for each
+    other."""
+    if tx.postgresql:
+        tx.execute(sa.select(sa.func.pg_advisory_xact_lock(_LOCK)))
+
+
 def objections(
     tx: Transaction, rules: SerialRules, part_id: str, text: str, *, name: str, line: str, job: str
 ) -> tuple[Objection, ...]:
@@ -36,8 +43,6 @@ def objections(
         line: that it comes from.
         job: that it was read by.
     """
-    if tx.postgresql:
-        tx.execute(sa.select(sa.func.pg_advisory_xact_lock(_LOCK)))
     found = [rules.by_order(text)]
     if rules.duplicates:
         found.append(_read_before(tx, part_id, text, name))

@@ -34,6 +34,7 @@ from pipeline.store.errors import (
     UnfitError,
 )
 from pipeline.store.idempotency import IdempotencyKey
+from pipeline.store.seals import seal_written
 
 __all__ = [
     "AlreadyDoneError",
@@ -55,7 +56,13 @@ def _reads(operation: Callable[Concatenate[Transaction, P], R]) -> Callable[Conc
 
 
 def _writes(operation: Callable[Concatenate[Transaction, P], R]) -> Callable[Concatenate[Store, P], R]:
-    return _method(operation, Database.writing)
+    @functools.wraps(operation)
+    def sealed(tx: Transaction, /, *args: P.args, **options: P.kwargs) -> R:
+        done = operation(tx, *args, **options)
+        seal_written(tx)
+        return done
+
+    return _method(sealed, Database.writing)
 
 
 def _method(
@@ -82,7 +89,7 @@ class Store:
 
     * Every method is one transaction. What a writing method returns is on the disk; where it raises, nothing has
       changed.
-    * Readings, reviews and events are only added, never changed.
+    * Readings, reviews and events are only added, never changed, and sealed in chains (`pipeline.store.seals`).
     * Every method raises StoreError where the database does not answer, UnfitError (a StoreError and a ValueError) for
       values that cannot be stored, and NotFoundError for parts and tokens that are not there.
     """
@@ -91,13 +98,13 @@ class Store:
         self.database = database
 
     @classmethod
-    def open(cls, url: str, *, now: Callable[[], datetime] = utc_now) -> Store:
+    def open(cls, url: str, *, now: Callable[[], datetime] = utc_now, as_it_is: bool = False) -> Store:
         """Open a store, made or brought up to date first; arguments as `open_database`.
 
         Raises:
             StoreError: it cannot be opened, or was made by a newer version.
         """
-        return cls(open_database(url, now=now))
+        return cls(open_database(url, now=now, as_it_is=as_it_is))
 
     def close(self) -> None:
         """Let go of the database."""
@@ -152,15 +159,19 @@ class Store:
     forget_keys = _writes(idempotency.forget_keys)
 
     # results to be published
-    due = _reads(outbox.due)
+    lease = _writes(outbox.lease)
+    release = _writes(outbox.release)
     delivered = _writes(outbox.delivered)
     postpone = _writes(outbox.postpone)
     undelivered = _reads(outbox.undelivered)
+    targets_waiting = _reads(outbox.targets_waiting)
 
     # files
     evidence_before = _reads(evidence_index.evidence_before)
     evidence_gone = _writes(evidence_index.evidence_gone)
-    known_hashes = _reads(evidence_index.known_hashes)
+    needed_hashes = _reads(evidence_index.needed_hashes)
+    needed_after = _reads(evidence_index.needed_after)
+    forget_files = _writes(evidence_index.forget_files)
 
     # tokens
     add_token = _writes(_tokens.add_token)

@@ -2,9 +2,9 @@
 
     idempotency >--- parts ---< readings   (*)
         outbox >-----/  | \\---< reviews    (*)     tokens stand alone
-        claims >-----/  |  \\--< events     (*)
-        audits >-----/   \\---< evidence           (*) triggers refuse every change and removal
-        alerts >-----/
+        claims >-----/  |  |--< events     (*)
+        audits >-----/  |  \\--< seals      (*)     (*) triggers refuse every change and removal
+        alerts >-----/   \\---< evidence
 
 What a part's row holds beside its own (its last reading and review, the columns of the statistics) all follows from the
 rows that never change; it stands there so that lists and figures need no more than an index.
@@ -29,7 +29,7 @@ METADATA = sa.MetaData(
     }
 )
 
-NEVER_CHANGED = ("readings", "reviews", "events")
+NEVER_CHANGED = ("readings", "reviews", "events", "seals")
 """Tables whose rows stay as they were written."""
 
 
@@ -179,6 +179,21 @@ events = sa.Table(
     sa.Index(None, "part_id"),
 )
 
+seals = sa.Table(
+    "seals",
+    METADATA,
+    _row_id(),
+    _of_part(),
+    sa.Column("number", sa.Integer, nullable=False),
+    # the last row that it covers, 0 where there is none
+    *(
+        sa.Column(f"last_{name}", _ROW, nullable=False)
+        for name in ("readings", "reviews", "evidence", "events")
+    ),
+    sa.Column("digest", sa.String(64), nullable=False),
+    sa.UniqueConstraint("part_id", "number"),
+)
+
 idempotency = sa.Table(
     "idempotency",
     METADATA,
@@ -201,7 +216,10 @@ outbox = sa.Table(
     sa.Column("error", sa.Text, nullable=False),
     sa.Column("created_at", UtcTime, nullable=False),
     sa.Column("due_at", UtcTime, nullable=False),
-    sa.Index(None, "due_at", "id"),
+    # the dispatcher that is at it, and until when the others leave it alone
+    sa.Column("owner", sa.String(32)),
+    sa.Column("leased_until", UtcTime),
+    sa.Index(None, "target", "due_at", "id"),
     sa.Index(None, "part_id", "target", "id"),
     # a number is never given twice, for by it receivers know what they have had
     sqlite_autoincrement=True,

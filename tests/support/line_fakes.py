@@ -7,8 +7,8 @@ import contextlib
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from datetime import UTC, datetime
+from collections.abc import Callable, Collection, Iterator, Sequence
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
@@ -55,7 +55,7 @@ def part(name: str = "P17", text: str = "KX407251", **changes: Any) -> PartRecor
 
 
 class MemoryOutbox:
-    """An outbox as the store's, in memory: of a part and a target only the eldest is due."""
+    """An outbox as the store's, in memory, for one dispatcher: of a part and a target only the eldest is due."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -70,7 +70,9 @@ class MemoryOutbox:
                 self._waiting[self._next] = (delivery, datetime.min.replace(tzinfo=UTC))
                 self._next += 1
 
-    def due(self, *, limit: int = 20) -> tuple[Delivery, ...]:
+    def lease(
+        self, owner: str, targets: Collection[str], *, lease_s: float, limit: int = 100
+    ) -> tuple[Delivery, ...]:
         now = datetime.now(UTC)
         with self._lock:
             fronts: dict[tuple[str, str], int] = {}
@@ -79,13 +81,22 @@ class MemoryOutbox:
                 fronts.setdefault((delivery.target, delivery.part_id), number)
             ready = [self._waiting[n] for n in fronts.values() if self._waiting[n][1] <= now]
         ready.sort(key=lambda item: (item[1], item[0].id))
-        return tuple(delivery for delivery, _ in ready[:limit])
+        of_targets = [[d for d, _ in ready if d.target == target][:limit] for target in targets]
+        return tuple(delivery for found in of_targets for delivery in found)
+
+    def release(self, owner: str, delivery_ids: Collection[int]) -> None:
+        """Of one dispatcher alone: it is given what it had."""
+
+    def targets_waiting(self) -> frozenset[str]:
+        with self._lock:
+            return frozenset(delivery.target for delivery, _ in self._waiting.values())
 
     def delivered(self, delivery_id: int) -> None:
         with self._lock:
             self._waiting.pop(delivery_id, None)
 
-    def postpone(self, delivery_id: int, *, error: str, until: datetime) -> None:
+    def postpone(self, delivery_id: int, owner: str, *, error: str, wait_s: float) -> None:
+        until = datetime.now(UTC) + timedelta(seconds=wait_s)
         with self._lock:
             delivery, _ = self._waiting[delivery_id]
             again = Delivery(

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, ScanPlanRecord
-from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState
+from pipeline.common.records import Delivery, EvidenceKind, EvidenceRecord, PartRecord, PartState
 from pipeline.store.store import Store
 
 START = datetime(2026, 11, 21, 9, 30, tzinfo=UTC)
@@ -72,6 +72,12 @@ def received(
     decision = "accept" if state is PartState.ACCEPTED else "review"
     given = {"readings": (reading(text, source, decision),), **more}
     return store.add_part(part_id=new_part_id(), name=name, state=state, **given)
+
+
+def due(store: Store, *, limit: int = 20) -> tuple[Delivery, ...]:
+    """What is to be sent now; asked again by the same owner, it is the same."""
+    found = store.lease("tests", ("mqtt", "webhook"), lease_s=60.0, limit=limit)
+    return tuple(sorted(found, key=lambda delivery: delivery.id))
 
 
 def at_any_time(record: ReadingRecord | None) -> ReadingRecord | None:

@@ -25,6 +25,7 @@ _PROBLEMS = {
     413: "over the limit of size",
     415: "files of this kind are not read",
     422: "a file or value that cannot be used; the detail says which and what to do",
+    500: "a file that was kept is damaged on the service's disk",
     503: "the queue is full; the header Retry-After tells when to ask again",
 }
 PICTURES = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
@@ -35,6 +36,7 @@ from pipeline.service.api.answers import (
 from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE
 from pipeline.service.part_service import PartService
 from pipeline.service.problem import Problem
+from pipeline.store.evidence_folder import FileState
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
         "/parts/{part_id}/pictures/{picture}",
         response_class=Response,
         summary="A picture of a part: as photographed, as scanned, or with the characters' boxes",
-        responses={200: {"content": {"image/*": {}}}, **problems(401, 403, 404, 422)},
+        responses={200: {"content": {"image/*": {}}}, **problems(401, 403, 404, 422, 500)},
     )
     def picture(part_id: PartId, picture: PictureName, caller: Caller = Reads) -> Any:
         store = service.store
@@ -118,7 +120,7 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
         "/parts/{part_id}/evidence/{sha256}",
         response_class=Response,
         summary="A file kept for a part",
-        responses={200: {"content": {"application/octet-stream": {}}}, **problems(401, 403, 404, 422)},
+        responses={200: {"content": {"application/octet-stream": {}}}, **problems(401, 403, 404, 422, 500)},
     )
     def evidence_file(
         part_id: PartId, sha256: Annotated[str, Path(pattern="^[0-9a-f]{64}$")], caller: Caller = Reads
@@ -151,9 +153,7 @@ def _last(evidence: tuple[EvidenceRecord, ...], kind: EvidenceKind) -> EvidenceR
 
 
 def _file(service: PartService, record: EvidenceRecord, *, download: bool = False) -> Response:
-    path = service.evidence.path(record.sha256)
-    if record.gone or not path.is_file():
-        raise Problem(404, f"the {record.kind.value} is no longer kept; its time was up")
+    path = _whole(service, record)
     headers = {"Cache-Control": "private, max-age=31536000, immutable", "ETag": f'"{record.sha256}"'}
     if download:
         return FileResponse(
@@ -174,7 +174,18 @@ def _boxes(service: PartService, part: PartRecord, evidence: tuple[EvidenceRecor
         else EvidenceKind.EDGES_PICTURE
     )
     record = _last(evidence, kind)
-    path = None if record is None or record.gone else service.evidence.path(record.sha256)
-    if record is None or reading is None or path is None or not path.is_file():
+    if record is None or reading is None:
         raise Problem(404, f"the part {part.id} has no picture to draw boxes in")
-    return Response(boxes_picture(path, record.meta, reading), media_type="image/png")
+    return Response(boxes_picture(_whole(service, record), record.meta, reading), media_type="image/png")
+
+
+def _whole(service: PartService, record: EvidenceRecord) -> FilePath:
+    """Where a file is that holds what was kept; never one that has changed since."""
+    what = record.kind.value
+    if record.gone:
+        raise Problem(404, f"the {what} is no longer kept; its time was up")
+    for path in service.evidence.whole((record.sha256,)):
+        return path
+    if service.evidence.presence(record.sha256) is FileState.MISSING:
+        raise Problem(404, f"the {what} is missing from the service's folder; restore it from a backup")
+    raise Problem(500, f"the {what} is damaged on the service's disk; restore it from a backup")

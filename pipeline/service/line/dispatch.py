@@ -1,12 +1,17 @@
 """What leaves the service by itself: deliveries of the store's outbox, sent until they have arrived.
 
-outbox --due--> sender (webhook, MQTT) --arrived--> delivered
-                                       \\-failed---> postponed: 1, 2, 4 ... 300 s, less a random share
+outbox --lease--> sender (webhook, MQTT) --arrived--> delivered
+                                         \\-failed---> postponed: 1, 2, 4 ... 300 s, less a random share
 
 A delivery is taken from the outbox only once the other side has said that it has it, so each arrives at least once;
 twice if the service dies between the two. The results of one part arrive in their order: the outbox gives only the
 eldest of each part and target, so later ones wait behind it. A target that is away is not tried with everything that
 is due: it rests, and is then tried with one.
+
+Services that share a store share its outbox: what one has leased the others leave alone, and nothing is begun to be
+sent that might not end within the lease. A service that dies loses nothing; another has it when the lease is over. One
+that stands still in the middle of a sending, for longer than its lease, may send late what another has sent since:
+receivers that mind drop what has a smaller delivery_id than they have had of that part.
 """
 
 from __future__ import annotations
@@ -15,10 +20,10 @@ import asyncio
 import contextlib
 import json
 import logging
+import secrets
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
 import numpy as np
@@ -71,14 +76,22 @@ class Sender(Protocol):
 class Outbox(Protocol):
     """Where deliveries wait: `pipeline.store.store.Store` is one. All of it may block."""
 
-    def due(self, *, limit: int = 20) -> tuple[Delivery, ...]:
-        """Deliveries whose time has come, longest due first; of a part and a target only the eldest."""
+    def lease(
+        self, owner: str, targets: Collection[str], *, lease_s: float, limit: int = 100
+    ) -> tuple[Delivery, ...]:
+        """Deliveries whose time has come, longest due first, for one owner until the lease ends."""
+
+    def release(self, owner: str, delivery_ids: Collection[int]) -> None:
+        """Leave deliveries to whoever comes first."""
 
     def delivered(self, delivery_id: int) -> None:
         """Forget a delivery."""
 
-    def postpone(self, delivery_id: int, *, error: str, until: datetime) -> None:
-        """Count an attempt in vain; the delivery is not due before `until`."""
+    def postpone(self, delivery_id: int, owner: str, *, error: str, wait_s: float) -> None:
+        """Count an attempt in vain; the delivery is not due before that wait is over."""
+
+    def targets_waiting(self) -> Collection[str]:
+        """Where deliveries wait to be sent to."""
 
 
 @dataclass(frozen=True)
@@ -86,13 +99,14 @@ class Pace:
     """How hard a dispatcher tries.
 
     Attributes:
-        batch: deliveries looked at together.
+        batch: deliveries to one target leased together.
         together: sent to one target at the same time, of different parts.
         look_s: between two looks at the outbox when nothing wakes the dispatcher.
         first_wait_s: before the second attempt; doubled with every further one.
         longest_wait_s: between two attempts.
         longest_rest_s: of a target that is away.
         send_s: for one attempt, whatever the sender's own limits.
+        lease_s: for which other services leave a delivery alone; longer than `send_s`.
     """
 
     batch: int = 100
@@ -102,6 +116,13 @@ class Pace:
     longest_wait_s: float = 300.0
     longest_rest_s: float = 30.0
     send_s: float = 60.0
+    lease_s: float = 120.0
+
+    def __post_init__(self) -> None:
+        if self.lease_s <= self.send_s:
+            raise ValueError(
+                f"a lease of {self.lease_s:g} s ends before an attempt of {self.send_s:g} s may; give more"
+            )
 
     def wait_s(self, attempts: int) -> float:
         """Before the next attempt, after `attempts` in vain."""
@@ -132,6 +153,8 @@ class Dispatcher:
         self._pace = pace or Pace()
         self._resting: dict[str, tuple[float, int]] = {}  # target: until (loop's time), failures in a row
         self._busy: dict[str, asyncio.Task[None]] = {}
+        self._owner = secrets.token_hex(8)  # not from the rng: services seeded alike are two all the same
+        self._leased: set[int] = set()
         self._woken = asyncio.Event()
         self._stopping = False
         self._task: asyncio.Task[None] | None = None
@@ -156,14 +179,19 @@ class Dispatcher:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        with contextlib.suppress(Exception):  # else they are the others' when the lease is over
+            await self._release(tuple(self._leased))
         await asyncio.gather(*(sender.close() for sender in self._senders.values()), return_exceptions=True)
 
     async def _run(self) -> None:
-        troubles = 0
+        troubles, said = 0, False
         while not self._stopping:
             self._woken.clear()
             pause_s = self._pace.look_s
             try:
+                if not said:
+                    await self._say_what_nobody_sends()
+                    said = True
                 await self._look()
                 troubles = 0
             except Exception:  # the store is away, say; a dispatcher that ends would be noticed by nobody
@@ -176,40 +204,46 @@ class Dispatcher:
                     await asyncio.wait_for(self._woken.wait(), pause_s)
 
     async def _look(self) -> None:
-        """Look at the outbox, and have every target served that has something due and is not being served."""
-        # one served while the outbox is read may have got what the answer still holds: it is looked at again
-        busy = set(self._busy)
-        due = await asyncio.to_thread(self._outbox.due, limit=self._pace.batch)
+        """Have every target served that has something due, does not rest and is not being served."""
+        free = [target for target in self._senders if target not in self._busy and not self._rests(target)]
+        if not free or self._stopping:
+            return
+        until_s = asyncio.get_running_loop().time() + self._pace.lease_s
+        leased = await asyncio.to_thread(
+            self._outbox.lease, self._owner, free, lease_s=self._pace.lease_s, limit=self._pace.batch
+        )
+        self._leased.update(delivery.id for delivery in leased)
         by_target: dict[str, list[Delivery]] = {}
-        for delivery in due:
+        for delivery in leased:
             by_target.setdefault(delivery.target, []).append(delivery)
         for target, deliveries in by_target.items():
-            if target not in self._senders:
-                await self._put_off(deliveries, f"no {target} is set up")
-            elif target not in busy and not self._rests(target) and not self._stopping:
-                self._busy[target] = asyncio.create_task(self._serve(target, deliveries))
-        if len(due) == self._pace.batch and not by_target.keys() & (busy | self._busy.keys()):
-            # all that was looked at waits for targets that rest, and others may stand behind it
-            await self._put_off(due, "waits for its target")
-            self._woken.set()
+            self._busy[target] = asyncio.create_task(self._serve(target, deliveries, until_s))
+
+    async def _say_what_nobody_sends(self) -> None:
+        for target in sorted(set(await asyncio.to_thread(self._outbox.targets_waiting)) - set(self._senders)):
+            _log.warning("results wait to be sent to %s, which is not set up here", target)
 
     def _rests(self, target: str) -> bool:
         until, _ = self._resting.get(target, (0.0, 0))
         return until > asyncio.get_running_loop().time()
 
-    async def _serve(self, target: str, deliveries: Sequence[Delivery]) -> None:
-        """Send what is due for a target."""
+    async def _serve(self, target: str, deliveries: Sequence[Delivery], until_s: float) -> None:
+        """Send what is leased for a target, while the lease lasts."""
         sender = self._senders[target]
         waiting = list(reversed(deliveries))
+        loop = asyncio.get_running_loop()
 
         async def work() -> None:
             while waiting and not self._stopping and not self._rests(target):
+                if loop.time() + self._pace.send_s > until_s:
+                    return
                 await self._send(sender, waiting.pop())
 
         try:
             if target in self._resting:  # its rest is over: try with one
                 await self._send(sender, waiting.pop())
             await asyncio.gather(*(work() for _ in range(self._pace.together)))
+            await self._release(tuple(delivery.id for delivery in waiting))
         except Exception:  # the store: what was sent is sent again
             _log.exception("the outbox cannot be used; %s rests", target)
             self._rest(target, DeliveryError("the outbox cannot be used"))
@@ -238,6 +272,7 @@ class Dispatcher:
         self._resting.pop(target, None)
         self.sent[target] += 1
         await asyncio.to_thread(self._outbox.delivered, delivery.id)
+        self._leased.discard(delivery.id)
 
     async def _failed(self, delivery: Delivery, error: DeliveryError) -> None:
         target, pace = delivery.target, self._pace
@@ -263,13 +298,14 @@ class Dispatcher:
         rest_s = min(max(self._jittered(rest_s), error.retry_after_s), longest_s)
         self._resting[target] = (asyncio.get_running_loop().time() + rest_s, failures + 1)
 
-    async def _put_off(self, deliveries: Sequence[Delivery], reason: str) -> None:
-        for delivery in deliveries:
-            await self._postpone(delivery, reason, self._jittered(self._pace.longest_wait_s))
-
     async def _postpone(self, delivery: Delivery, error: str, wait_s: float) -> None:
-        until = datetime.now(UTC) + timedelta(seconds=wait_s)
-        await asyncio.to_thread(self._outbox.postpone, delivery.id, error=error, until=until)
+        await asyncio.to_thread(self._outbox.postpone, delivery.id, self._owner, error=error, wait_s=wait_s)
+        self._leased.discard(delivery.id)
+
+    async def _release(self, delivery_ids: Collection[int]) -> None:
+        if delivery_ids:
+            await asyncio.to_thread(self._outbox.release, self._owner, delivery_ids)
+        self._leased.difference_update(delivery_ids)
 
     def _jittered(self, wait_s: float) -> float:
         return wait_s * float(self._rng.uniform(0.5, 1.0))

@@ -17,14 +17,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import TYPE_CHECKING
 
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord
 from pipeline.service.pages.places import LOW_MARGIN, aligned, places_of
-
-if TYPE_CHECKING:
-    from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.evidence_folder import EvidenceFolder, FileState
 
 MARGIN_HEIGHTS = (0.8, 1.3)
 """Beside, and above and below the boxes in the view of the line, in heights of a character."""
@@ -171,8 +168,11 @@ def _view(
         return PictureView(which, title, note=missing)
     if record.gone:
         return PictureView(which, title, note="This picture was kept for its time and is gone.")
-    if not folder.path(record.sha256).is_file():
+    state = folder.state(record.sha256)
+    if state is FileState.MISSING:
         return PictureView(which, title, note="This picture is missing from the service’s folder.")
+    if state is FileState.DAMAGED:
+        return PictureView(which, title, note="This picture is damaged on the service’s disk.")
     href = f"/v1/parts/{part.id}/pictures/{which}?v={record.sha256[:12]}"
     frame = _frame(record.meta)
     if frame is None:

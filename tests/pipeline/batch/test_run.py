@@ -187,6 +187,47 @@ def test_a_run_into_a_store_leaves_no_table(tmp_path: Path, monkeypatch: pytest.
     ]
 
 
+@pytest.mark.parametrize("moment", ["the workers end", "its rows are gone"])
+def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twice(
+    moment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("sqlalchemy")
+    monkeypatch.chdir(tmp_path)
+    unlink, options, described = Path.unlink, RunOptions(out="sqlite:///parts.db"), {"inputs": ["a"]}
+
+    def killed_after(path: Path, missing_ok: bool = False) -> None:
+        unlink(path, missing_ok=missing_ok)
+        if path.suffix == ".jsonl":
+            raise KeyboardInterrupt
+
+    def killed() -> None:
+        with monkeypatch.context() as patch, opened(options, described) as run:
+            run.work(PARTS, ORDER, FakeExecutor())
+            if moment == "the workers end":
+                raise KeyboardInterrupt
+            patch.setattr(Path, "unlink", killed_after)
+
+    with pytest.raises(KeyboardInterrupt):
+        killed()
+    with opened(options, described) as run:
+        run.work(PARTS, ORDER, FakeExecutor())
+    with sa.create_engine("sqlite:///parts.db").connect() as connection:
+        names = [row.name for row in connection.execute(sa.text("select name from parts order by name"))]
+    assert names == [part.name for part in PARTS]
+    assert not list(tmp_path.glob("tactile-marks-*"))
+
+
+def test_the_rows_of_a_run_into_a_store_are_its_owners_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("sqlalchemy")
+    monkeypatch.chdir(tmp_path)
+    with opened(RunOptions(out="sqlite:///parts.db"), {}):
+        kept = list(tmp_path.glob("tactile-marks-*"))
+        assert len(kept) == 2
+        assert {path.stat().st_mode & 0o777 for path in kept} == {0o600}
+
+
 def test_a_part_that_no_store_holds_is_an_error_and_no_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -116,7 +116,11 @@ def test_an_order_is_read_from_a_list_a_table_or_ranges(tmp_path: Path) -> None:
     against = SerialRules(order=order).by_order("KX9")
     assert against is not None
     assert against.why == "KX9 is not in lot-7.csv"
-    for text, says in (("# none\n", "holds no serial"), ("KX1..AB9\n", "is no range"), ("A1..A99\n", "is no range")):
+    for text, says in (
+        ("# none\n", "holds no serial"),
+        ("KX1..AB9\n", "is no range"),
+        ("A1..A99\n", "is no range"),
+    ):
         path.write_text(text, encoding="utf-8")
         with pytest.raises(FileError, match=says):
             read_order(path)

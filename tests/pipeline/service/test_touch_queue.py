@@ -14,7 +14,7 @@ from pipeline.common.records import PartRecord, PartState, TouchWait
 from pipeline.service.problem import Problem
 from pipeline.service.touch_queue import NOBODY, TouchQueue
 from pipeline.store.store import Store
-from tests.support.store_samples import PLAN, reading, received
+from tests.support.store_samples import PLAN, due, reading, received
 
 LONG_S = 600.0
 
@@ -108,7 +108,7 @@ def test_a_part_that_nobody_feels_goes_to_a_person_with_its_plan(store: Store, b
     assert (given_up.text, given_up.plan, given_up.touch) == ("KX4O", PLAN, None)
     last = store.history(part.id)[-1]
     assert (last.kind, last.data) == ("not_felt", {"why": NOBODY})
-    assert [d.payload["state"] for d in store.due()] == ["review"]
+    assert [d.payload["state"] for d in due(store)] == ["review"]
     assert [p.id for p in store.queue()] == [part.id]
     # a scan that comes after all is read, and counts as felt
     store.add_readings(part.id, readings=(reading("KX4", "fused"),), state=PartState.ACCEPTED)

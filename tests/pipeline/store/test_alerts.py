@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pipeline.common.records import PartState, ReviewAction
 from pipeline.store.alerts import DRIFT, REJECT_RATE, REVIEW_RATE, clear_at
 from pipeline.store.store import Store
-from tests.support.store_samples import reading, received
+from tests.support.store_samples import due, reading, received
 
 WINDOW = 10
 LIMITS = {REJECT_RATE: 0.35, REVIEW_RATE: 0.0}
@@ -35,9 +35,9 @@ def look(
 def sent(store: Store) -> list[tuple[str, str]]:
     """What waits to be sent, in the order it arrives."""
     found = []
-    while due := store.due():
-        found += [(d.payload["alert"], d.payload["state"]) for d in due]
-        for delivery in due:
+    while waiting := due(store):
+        found += [(d.payload["alert"], d.payload["state"]) for d in waiting]
+        for delivery in waiting:
             store.delivered(delivery.id)
     return found
 

@@ -158,39 +158,61 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
         EvidenceFolder(tmp_path / "file" / "evidence")
 
 
-def test_what_a_crash_has_left_is_swept(folder: EvidenceFolder) -> None:
+def test_what_a_crash_has_left_is_swept(folder: EvidenceFolder, store: Store) -> None:
     known, _ = folder.keep(_upload(folder, b"known"))
     orphan, _ = folder.keep(_upload(folder, b"orphan"))
     fresh, _ = folder.keep(_upload(folder, b"fresh orphan"))
     left, writing = _upload(folder, b"left over"), _upload(folder, b"being written")
     for path in (folder.path(known), folder.path(orphan), *folder.incoming.iterdir(), left):
         _age(path, _TWO_HOURS_S)
-    assert folder.sweep(frozenset({known}), older_than_s=3600) == 2
+    received(store, evidence=(replace(PHOTO, sha256=known),))
+    assert folder.sweep(store, older_than_s=3600) == 2
     assert folder.path(known).exists()
     assert not folder.path(orphan).exists()
     assert folder.path(fresh).exists()
     assert not left.parent.exists()
     assert writing.exists()
     assert list(folder.incoming.iterdir()) == [writing.parent]
-    assert folder.sweep(frozenset({known}), older_than_s=0) == 2
+    assert folder.sweep(store, older_than_s=0) == 2
     assert list(folder.incoming.iterdir()) == []
 
 
-def test_what_was_just_kept_is_young_however_old_the_upload(folder: EvidenceFolder) -> None:
+def test_the_sweep_asks_of_some_files_at_a_time(
+    folder: EvidenceFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However many files a store knows, the sweep holds some hundreds of their hashes in memory."""
+    asked: list[int] = []
+
+    class Remembers:
+        def needed_hashes(self, hashes: list[str]) -> frozenset[str]:
+            asked.append(len(hashes))
+            return frozenset(name for name in hashes if name.endswith("0"))
+
+    for prefix in ("00", "3f"):
+        names = [f"{prefix}{k:062x}" for k in range(250)]
+        folder.path(names[0]).parent.mkdir()
+        for name in names:
+            folder.path(name).touch()
+    assert folder.sweep(Remembers(), older_than_s=-60) == 500 - 2 * 16  # every 16th ends with 0
+    assert max(asked) <= 200
+    assert sum(asked) == 500
+
+
+def test_what_was_just_kept_is_young_however_old_the_upload(folder: EvidenceFolder, store: Store) -> None:
     path = _upload(folder, b"photo")
     _age(path, _TWO_HOURS_S)
     sha256, _ = folder.keep(path)
-    folder.sweep(frozenset(), older_than_s=3600)
+    folder.sweep(store, older_than_s=3600)
     assert folder.path(sha256).exists(), "the store may be about to name it"
 
 
-def test_sweeping_follows_no_link(folder: EvidenceFolder, tmp_path: Path) -> None:
+def test_sweeping_follows_no_link(folder: EvidenceFolder, store: Store, tmp_path: Path) -> None:
     precious = tmp_path / "precious"
     precious.mkdir()
     (precious / "file").write_bytes(b"")
     (folder.incoming / "link").symlink_to(precious)
     (folder.new_work_folder() / "link").symlink_to(precious)
-    folder.sweep(frozenset(), older_than_s=-60)
+    folder.sweep(store, older_than_s=-60)
     assert (precious / "file").exists()
     assert list(folder.incoming.iterdir()) == []
 
@@ -221,7 +243,7 @@ def test_old_evidence_goes_unless_a_younger_part_needs_it(
     assert all(e.gone for e in store.evidence(old.id))
     assert not any(e.gone for e in store.evidence(young.id))
     assert folder.expire(store, before=clock.at) == 0
-    assert store.known_hashes() == {photo}
+    assert store.needed_hashes((photo, scan, again)) == {photo}
 
 
 def test_expiring_goes_through_any_number(folder: EvidenceFolder, store: Store, clock: Clock) -> None:
@@ -229,4 +251,4 @@ def test_expiring_goes_through_any_number(folder: EvidenceFolder, store: Store, 
     received(store, evidence=files)
     clock.go_on(days=1)
     assert folder.expire(store, before=clock.at) == 0
-    assert store.known_hashes() == frozenset()
+    assert store.needed_hashes([file.sha256 for file in files]) == frozenset()

@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
 
 from pipeline.common.record_json import from_json
 from pipeline.common.records import PartRecord, PartState, ReviewAction
 from pipeline.store.store import Store
-from tests.support.store_samples import Clock, reading, received
+from tests.support.store_samples import Clock, due, reading, received
 
 
 def test_a_result_waits_until_it_has_arrived(store: Store, clock: Clock) -> None:
     part = received(store, targets=("mqtt",))
-    (sent,) = store.due()
+    (sent,) = due(store)
     assert (sent.target, sent.part_id, sent.attempts) == ("mqtt", part.id, 0)
     assert from_json(PartRecord, dict(sent.payload)) == part
     assert store.undelivered() == 1
-    until = clock.at + timedelta(seconds=10)
-    store.postpone(sent.id, error="no\x00 broker" * 200, until=until)
-    assert store.due() == ()
-    clock.at = until
-    (again,) = store.due()
+    store.postpone(sent.id, "tests", error="no\x00 broker" * 200, wait_s=10.0)
+    assert due(store) == ()
+    clock.go_on(seconds=10)
+    (again,) = due(store)
     assert (again.id, again.payload, again.attempts) == (sent.id, sent.payload, 1)
     store.delivered(again.id)
-    assert (store.due(), store.undelivered()) == ((), 0)
+    assert (due(store), store.undelivered()) == ((), 0)
     # a second dispatcher had it as well
     store.delivered(again.id)
-    store.postpone(again.id, error="", until=until)
+    store.postpone(again.id, "tests", error="", wait_s=10.0)
     assert store.undelivered() == 0
 
 
@@ -34,20 +36,20 @@ def test_what_happens_to_one_part_is_told_in_order(store: Store, clock: Clock) -
     part = received(store, PartState.REVIEW, "KX4", targets=("mqtt", "webhook"))
     store.review(part.id, action=ReviewAction.CORRECT, text="KX5", who="Ada", targets=("mqtt",))
     other = received(store, targets=("mqtt",))
-    first, to_webhook, of_other = store.due()
+    first, to_webhook, of_other = due(store)
     assert [(d.part_id, d.target) for d in (first, to_webhook, of_other)] == [
         (part.id, "mqtt"),
         (part.id, "webhook"),
         (other.id, "mqtt"),
     ]
     # the first is not taken in: the second of that part waits, other parts and receivers do not
-    store.postpone(first.id, error="away", until=clock.at + timedelta(minutes=1))
-    assert [d.id for d in store.due()] == [to_webhook.id, of_other.id]
+    store.postpone(first.id, "tests", error="away", wait_s=60.0)
+    assert [d.id for d in due(store)] == [to_webhook.id, of_other.id]
     clock.go_on(minutes=1)
-    assert [d.id for d in store.due()] == [to_webhook.id, of_other.id, first.id]
+    assert [d.id for d in due(store)] == [first.id, to_webhook.id, of_other.id]
     store.delivered(first.id)
-    second = store.due()[0] if store.due()[0].part_id == part.id else store.due()[-1]
-    assert {d.payload["state"] for d in store.due() if d.target == "mqtt" and d.part_id == part.id} == {
+    second = due(store)[-1]
+    assert {d.payload["state"] for d in due(store) if d.target == "mqtt" and d.part_id == part.id} == {
         "reviewed"
     }
     assert second.id > first.id
@@ -56,29 +58,94 @@ def test_what_happens_to_one_part_is_told_in_order(store: Store, clock: Clock) -
 def test_what_cannot_be_sent_does_not_hold_up_what_is_new(store: Store, clock: Clock) -> None:
     for _ in range(5):
         received(store, targets=("webhook",))
-    for stuck in store.due():
-        store.postpone(stuck.id, error="away", until=clock.at + timedelta(seconds=5))
-    new = received(store, targets=("mqtt",))
+    for stuck in due(store):
+        store.postpone(stuck.id, "tests", error="away", wait_s=5.0)
+    new = received(store, targets=("webhook",))
     clock.go_on(seconds=10)
-    assert store.due(limit=1)[0].part_id == new.id
+    assert [d.part_id for d in due(store, limit=1)] == [new.id]
+    assert len(due(store)) == 6
+
+
+@pytest.mark.parametrize("back_s", [1.0, 200.0, 3600.0, 86_400.0])
+def test_a_clock_that_is_set_back_holds_up_no_delivery(store: Store, clock: Clock, back_s: float) -> None:
+    tried = received(store, targets=("mqtt",))
+    store.postpone(due(store)[0].id, "tests", error="away", wait_s=1e9)
+    new = received(store, targets=("mqtt",))
+    clock.go_on(seconds=-back_s)
+    at_once = {d.part_id for d in due(store)}
+    assert new.id in at_once, "never tried: due whatever the time is"
+    clock.go_on(seconds=300.0)
+    # the longest wait by any clock: what is put off for longer is due at once
+    assert tried.id in at_once | {d.part_id for d in due(store)}
+
+
+def test_what_one_has_leased_the_others_leave_alone_until_the_lease_is_over(store: Store) -> None:
+    part = received(store, PartState.REVIEW, "KX4", targets=("mqtt",))
+    store.review(part.id, action=ReviewAction.CORRECT, text="KX5", who="Ada", targets=("mqtt",))
+    (first,) = store.lease("one", ("mqtt", "webhook"), lease_s=60.0)
+    assert store.lease("one", ("mqtt",), lease_s=60.0) == (first,), "what is its own it is given again"
+    assert store.lease("other", ("mqtt",), lease_s=60.0) == (), "nor is the second sent before the first"
+    store.release("other", (first.id,))
+    store.postpone(first.id, "other", error="not its to put off", wait_s=0.0)
+    assert store.lease("other", ("mqtt",), lease_s=60.0) == ()
+    store.release("one", (first.id,))
+    assert store.lease("other", ("mqtt",), lease_s=0.0) == (first,)
+    assert store.lease("third", ("mqtt",), lease_s=60.0) == (first,), "that lease was over as it was given"
+    store.delivered(first.id)
+    (second,) = store.lease("other", ("mqtt",), lease_s=60.0)
+    assert second.id > first.id
+
+
+def test_a_lease_given_before_the_clock_was_set_back_ends(store: Store, clock: Clock) -> None:
+    """By PostgreSQL the leases go by the server's clock, which no test sets."""
+    with store.database.reading() as tx:
+        if tx.postgresql:
+            return
+    received(store, targets=("mqtt",))
+    store.lease("dead", ("mqtt",), lease_s=60.0)
+    clock.go_on(days=-1)
+    assert len(store.lease("other", ("mqtt",), lease_s=60.0)) == 1
+
+
+def test_a_target_that_one_cannot_send_to_is_left_to_others(store: Store) -> None:
+    received(store, targets=("mqtt",))
+    assert store.lease("one", ("webhook",), lease_s=60.0) == ()
+    assert store.lease("one", (), lease_s=60.0) == ()
+    assert store.targets_waiting() == {"mqtt"}
+    assert len(store.lease("other", ("mqtt",), lease_s=60.0)) == 1
+
+
+def test_of_many_that_lease_at_once_each_has_its_own(store: Store) -> None:
+    for _ in range(20):
+        received(store, targets=("mqtt",))
+    line = threading.Barrier(6)
+
+    def lease(owner: str) -> list[int]:
+        line.wait(30)
+        return [d.id for d in store.lease(owner, ("mqtt",), lease_s=60.0, limit=3)]
+
+    with ThreadPoolExecutor(6) as pool:
+        leased = [number for found in pool.map(lease, "abcdef") for number in found]
+    assert len(leased) == len(set(leased))
+    assert len(leased) >= 3, "one at least has what it asked for"
 
 
 def test_numbers_are_not_given_twice(store: Store) -> None:
     received(store, targets=("mqtt",))
-    (first,) = store.due()
+    (first,) = due(store)
     store.delivered(first.id)
     received(store, targets=("mqtt",))
-    assert store.due()[0].id > first.id
+    assert due(store)[0].id > first.id
 
 
 def test_touch_needed_is_sent_without_a_text_and_so_is_what_came_of_it(store: Store) -> None:
     unsure = reading("KX4O", "vision")
     part = received(store, PartState.TOUCH_NEEDED, readings=(unsure,), targets=("mqtt",))
-    (needed,) = store.due()
+    (needed,) = due(store)
     assert (needed.payload["state"], needed.payload["text"]) == ("touch_needed", "")
     store.add_readings(
         part.id, readings=(reading("KX4", "fused"),), state=PartState.ACCEPTED, targets=("mqtt",)
     )
     store.delivered(needed.id)
-    (felt,) = store.due()
+    (felt,) = due(store)
     assert (felt.payload["state"], felt.payload["text"]) == ("accepted", "KX4")

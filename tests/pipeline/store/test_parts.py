@@ -21,7 +21,7 @@ from pipeline.store.store import (
     StoreError,
     UnfitError,
 )
-from tests.support.store_samples import PHOTO, PLAN, SCAN, START, Clock, at_any_time, reading, received
+from tests.support.store_samples import PHOTO, PLAN, SCAN, START, Clock, at_any_time, due, reading, received
 
 
 def _kinds(store: Store, part_id: str) -> list[str]:
@@ -50,7 +50,7 @@ def test_the_camera_is_sure(store: Store) -> None:
     assert store.evidence(part_id) == (replace(PHOTO, at=START),)
     assert store.reviews(part_id) == ()
     assert _kinds(store, part_id) == ["received", "read"]
-    sent = store.due()
+    sent = due(store)
     assert [d.target for d in sent] == ["mqtt", "webhook"]
     assert sent[0].payload["id"] == part_id
     assert sent[0].payload["reading"]["characters"][0]["candidates"][0]["char"] == "K"
@@ -68,7 +68,7 @@ def test_from_the_camera_to_touch_to_a_person(store: Store, clock: Clock) -> Non
         targets=("mqtt",),
     )
     assert (part.plan, part.state, part.text) == (PLAN, PartState.TOUCH_NEEDED, "")
-    assert [d.payload["state"] for d in store.due()] == ["touch_needed"]
+    assert [d.payload["state"] for d in due(store)] == ["touch_needed"]
 
     felt_at = clock.go_on(seconds=8)
     felt = reading("KX40725", "fused", "review")
@@ -298,7 +298,7 @@ def test_evidence_goes_when_nobody_needs_it(store: Store, clock: Clock) -> None:
     first = received(store, evidence=(PHOTO, SCAN))
     clock.go_on(days=1)
     second = received(store, evidence=(PHOTO,))
-    assert store.known_hashes() == {PHOTO.sha256, SCAN.sha256}
+    assert store.needed_hashes((PHOTO.sha256, SCAN.sha256)) == {PHOTO.sha256, SCAN.sha256}
     old = store.evidence_before(clock.at)
     assert old == ((first.id, replace(PHOTO, at=START)), (first.id, replace(SCAN, at=START)))
     assert store.evidence_before(clock.at, 1) == old[:1]
@@ -307,13 +307,13 @@ def test_evidence_goes_when_nobody_needs_it(store: Store, clock: Clock) -> None:
     assert store.evidence_before(clock.at) == ()
     assert [e.gone for e in store.evidence(first.id)] == [True, True]
     assert [e.gone for e in store.evidence(second.id)] == [False]
-    assert store.known_hashes() == {PHOTO.sha256}
+    assert store.needed_hashes((PHOTO.sha256, SCAN.sha256)) == {PHOTO.sha256}
     assert store.history(first.id)[-1].data == {"sha256": PHOTO.sha256, "kinds": ["photo"]}
     assert store.evidence_gone(second.id, PHOTO.sha256)
     n_events = len(store.history(second.id))
     assert store.evidence_gone(second.id, PHOTO.sha256), "asked again, it is still gone"
     assert len(store.history(second.id)) == n_events
-    assert store.known_hashes() == frozenset()
+    assert store.needed_hashes((PHOTO.sha256, SCAN.sha256)) == frozenset()
 
 
 def test_a_store_that_has_gone_away(store_url: str) -> None:

@@ -27,7 +27,7 @@ from pipeline.common.records import Agreement, PartState, ReviewAction
 from pipeline.store.database import _ADVISORY_LOCK, MIGRATIONS, VERSION_TABLE, _checked
 from pipeline.store.store import Store, StoreError
 from pipeline.store.tables import METADATA, NEVER_CHANGED
-from tests.support.store_samples import PHOTO, START, received
+from tests.support.store_samples import PHOTO, START, due, received
 
 
 def _engine(url: str) -> Engine:
@@ -129,7 +129,7 @@ def test_what_was_written_stays(store: Store, store_url: str, table: str) -> Non
     with engine.connect() as connection:
         row = connection.execute(sa.text(f"SELECT * FROM {table} LIMIT 1")).mappings().one()
     attempts = [
-        f"UPDATE {table} SET at = at",
+        f"UPDATE {table} SET part_id = part_id",
         f"DELETE FROM {table}",
         f"DELETE FROM {table} WHERE id = {row['id']}",
     ]
@@ -186,10 +186,10 @@ def test_lists_and_figures_read_no_more_than_they_need(tmp_path: Path) -> None:
     store.parts()
     store.reviewed()
     store.evidence_before(START)
-    store.known_hashes()
+    store.needed_hashes(("a" * 64,))
     store.token("x")
     store.remembered("x")
-    store.due()
+    due(store)
     assert len(asked) >= 22
     with engine.connect() as connection:
         for statement, parameters in asked:

@@ -1,0 +1,40 @@
+"""Files and folders for their owner alone: serials, photographs of parts and hashes of tokens are nobody else's."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+from pathlib import Path
+
+
+def private_folder(path: Path) -> None:
+    """Make the folder if it is missing, for its owner alone; one that is there is closed as `close_to_others` does.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    close_to_others(path)
+
+
+def private_file(path: Path) -> None:
+    """Make an empty file if it is missing, for its owner alone; one that is there is closed as `close_to_others` does.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o600))
+    close_to_others(path)
+
+
+def close_to_others(path: Path) -> None:
+    """Take from everybody but the owner what a umask has given; a group that may write was meant to, and keeps it.
+
+    A file that is not there, or another user's, stays as it is.
+    """
+    with contextlib.suppress(FileNotFoundError, PermissionError):
+        mode = stat.S_IMODE(path.stat().st_mode)
+        kept = mode & ~0o007 if mode & stat.S_IWGRP else mode & ~0o077
+        if kept != mode:
+            path.chmod(kept)

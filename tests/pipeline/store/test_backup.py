@@ -1,0 +1,445 @@
+"""Stores copied while they are written to, brought back elsewhere, and looked through."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+
+from glyphs.errors import FileError
+from pipeline.cli.main import main
+from pipeline.common.records import EvidenceRecord, PartState, ReviewAction, Scope
+from pipeline.store import tables
+from pipeline.store.backup import SKIPPED_DELIVERIES, back_up, read_manifest, restore
+from pipeline.store.check import CheckReport, Fault, _not_derived, _page, check
+from pipeline.store.database import Transaction
+from pipeline.store.errors import ConflictError
+from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.seals import broken_at
+from pipeline.store.store import IdempotencyKey, Store
+from pipeline.store.tables import METADATA
+from tests.support.store_samples import PHOTO, PLAN, Clock, due, reading, received
+
+Stores = Callable[[str, pytest.FixtureRequest], str]
+
+
+@pytest.fixture(autouse=True)
+def synced(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Of a backup, when the disk is made to write; it would write all that the other tests have left, too."""
+    done: list[str] = []
+    rename = os.rename
+    monkeypatch.setattr(os, "sync", lambda: done.append("sync"))
+    monkeypatch.setattr(os, "rename", lambda *names: (done.append("rename"), rename(*names)))
+    return done
+
+
+def _keep(folder: EvidenceFolder, content: bytes) -> EvidenceRecord:
+    path = folder.new_work_folder() / "photo"
+    path.write_bytes(content)
+    sha256, n_bytes = folder.keep(path)
+    return replace(PHOTO, sha256=sha256, n_bytes=n_bytes)
+
+
+def _filled(store: Store, folder: EvidenceFolder) -> None:
+    """A row in every table."""
+    for k in range(5):
+        received(store, text=f"KX{k}", evidence=(_keep(folder, b"photo %d" % k),), targets=("mqtt",))
+    part = received(
+        store, PartState.TOUCH_NEEDED, name="Größe", plan=PLAN, idempotency=IdempotencyKey("line:1", "f")
+    )
+    store.add_readings(part.id, readings=(reading("KX9", "fused", "review"),), state=PartState.REVIEW)
+    store.review(part.id, action=ReviewAction.CORRECT, text="KX8", who="Ada", targets=("webhook",))
+    store.add_token("line-3", [Scope.WRITE])
+    about = {"part_id": part.id, "holder": "Ada", "who": "Ada", "name": "drift", "message": "drifts"}
+    with store.database.writing() as tx:
+        for table in (tables.claims, tables.audits, tables.alerts):
+            times = {name: tx.now for name in ("at", "until") if name in table.c}
+            tx.execute(sa.insert(table).values({c: v for c, v in about.items() if c in table.c} | times))
+    sent = due(store)
+    store.delivered(sent[-1].id)
+
+
+def _all_rows(store: Store) -> dict[str, list[tuple[Any, ...]]]:
+    leases = {"owner", "leased_until"}  # end with the service that held them
+    with store.database.reading() as tx:
+        return {
+            table.name: [
+                tuple(row)
+                for row in tx.execute(
+                    sa.select(*(c for c in table.c if c.name not in leases)).order_by(*table.primary_key)
+                )
+            ]
+            for table in METADATA.sorted_tables
+        }
+
+
+def _files(folder: EvidenceFolder) -> dict[str, bytes]:
+    return {name: folder.path(name).read_bytes() for names in folder.kept() for name in names}
+
+
+@pytest.fixture
+def evidence(tmp_path: Path) -> EvidenceFolder:
+    return EvidenceFolder(tmp_path / "service" / "evidence")
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def other(request: pytest.FixtureRequest, empty_stores: Stores, clock: Clock) -> Iterator[Store]:
+    """A second, empty store, in one database after the other."""
+    with contextlib.closing(Store.open(empty_stores(request.param, request), now=clock)) as opened:
+        yield opened
+
+
+def test_what_is_brought_back_elsewhere_is_what_was_there(
+    store: Store, other: Store, evidence: EvidenceFolder, tmp_path: Path
+) -> None:
+    """From every database into every one; the files too."""
+    _filled(store, evidence)
+    made = back_up(store, evidence, tmp_path / "backup")
+    assert (made.rows["parts"], made.files, made.lost) == (6, 5, [])
+    assert sorted(p.name for p in (tmp_path / "backup").iterdir()) == [
+        "evidence",
+        "manifest.json",
+        "store.db",
+    ]
+    before = {p: p.read_bytes() for p in (tmp_path / "backup").rglob("*") if p.is_file()}
+    back = EvidenceFolder(tmp_path / "elsewhere" / "evidence")
+    assert restore(tmp_path / "backup", other, back).lost == []
+    assert all(_all_rows(store).values()), "every table has a row to be compared"
+    assert _all_rows(other) == _all_rows(store)
+    assert _files(back) == _files(evidence)
+    assert check(other, back, against=tmp_path / "backup").counts == {}
+    assert {p: p.read_bytes() for p in (tmp_path / "backup").rglob("*") if p.is_file()} == before
+    # it goes on: rows and numbers of deliveries
+    last = max(delivery.id for delivery in due(store))
+    part = received(other, targets=("mqtt",))
+    assert max(delivery.id for delivery in due(other)) > last + SKIPPED_DELIVERIES
+    assert other.part(part.id) == part
+    with pytest.raises(ConflictError, match="is not empty; restore into a new one"):
+        restore(tmp_path / "backup", other, back)
+    assert check(other, back).counts == {}
+
+
+def test_a_backup_taken_while_parts_come_in_is_of_one_moment(
+    store: Store, evidence: EvidenceFolder, clock: Clock, tmp_path: Path
+) -> None:
+    stop = threading.Event()
+    ids: list[str] = []
+
+    def work() -> None:
+        while not stop.is_set():
+            part = received(
+                store,
+                PartState.REVIEW,
+                "KX4",
+                evidence=(_keep(evidence, os.urandom(200)),),
+                targets=("mqtt",),
+            )
+            store.review(part.id, action=ReviewAction.CORRECT, text="KX5", who="Ada", targets=("mqtt",))
+            ids.append(part.id)
+
+    threads = [threading.Thread(target=work) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    try:
+        while len(ids) < 20:
+            time.sleep(0.005)
+        made = back_up(store, evidence, tmp_path / "backup")
+        known = len(ids)
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
+    assert made.lost == []
+    assert 20 <= made.rows["parts"] <= known + 2
+    target = Store.open(f"sqlite:///{tmp_path}/back.db", now=clock)
+    restore(tmp_path / "backup", target, EvidenceFolder(tmp_path / "back"))
+    report = check(target, EvidenceFolder(tmp_path / "back"))
+    assert (report.parts, report.findings) == (made.rows["parts"], [])
+    target.close()
+
+
+def test_files_of_the_backup_before_are_linked(
+    store: Store, evidence: EvidenceFolder, tmp_path: Path
+) -> None:
+    _filled(store, evidence)
+    back_up(store, evidence, tmp_path / "first")
+    kept = EvidenceFolder(tmp_path / "first" / "evidence")
+    rotten, whole, *_ = _files(kept)
+    kept.path(rotten).write_bytes(b"rotten")
+    made = back_up(store, evidence, tmp_path / "second", previous=tmp_path / "first")
+    assert made.lost == []
+    second = EvidenceFolder(tmp_path / "second" / "evidence")
+    assert _files(second) == _files(evidence)
+    assert os.path.samefile(second.path(whole), kept.path(whole))
+    assert not os.path.samefile(second.path(rotten), kept.path(rotten))
+    assert not os.path.samefile(second.path(whole), evidence.path(whole)), "one disk's fault is not both's"
+
+
+def test_a_backup_appears_whole_or_not_at_all(
+    store: Store,
+    evidence: EvidenceFolder,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    synced: list[str],
+) -> None:
+    _filled(store, evidence)
+    taken = EvidenceFolder.take
+    n_taken = 0
+
+    def killed(folder: EvidenceFolder, *given: Any, **options: Any) -> Any:
+        nonlocal n_taken
+        n_taken += 1
+        if n_taken == 3:
+            raise KeyboardInterrupt
+        return taken(folder, *given, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(EvidenceFolder, "take", killed)
+        with pytest.raises(KeyboardInterrupt):
+            back_up(store, evidence, tmp_path / "backup")
+    assert not (tmp_path / "backup").exists()
+    with pytest.raises(FileError, match="is no whole backup"):
+        read_manifest(tmp_path / "backup.partial")
+    assert back_up(store, evidence, tmp_path / "backup").files == 5
+    assert synced == ["sync", "rename"], "all is on the disk before it has its name"
+    assert not (tmp_path / "backup.partial").exists()
+    with pytest.raises(FileError, match="is there already"):
+        back_up(store, evidence, tmp_path / "backup")
+
+
+def test_a_restore_that_is_killed_is_begun_again(
+    store: Store, other: Store, evidence: EvidenceFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _filled(store, evidence)
+    back_up(store, evidence, tmp_path / "backup")
+    back = EvidenceFolder(tmp_path / "back")
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pipeline.store.backup.skip_deliveries", killed)
+        with pytest.raises(KeyboardInterrupt):
+            restore(tmp_path / "backup", other, back)
+    assert other.parts() == ()
+    restore(tmp_path / "backup", other, back)
+    assert _all_rows(other) == _all_rows(store)
+
+
+def test_a_backup_that_has_changed_is_not_brought_back(
+    store: Store, other: Store, evidence: EvidenceFolder, tmp_path: Path
+) -> None:
+    _filled(store, evidence)
+    back_up(store, evidence, tmp_path / "backup")
+    with (tmp_path / "backup" / "store.db").open("r+b") as stream:
+        stream.seek(5000)
+        stream.write(b"x")
+    with pytest.raises(FileError, match="is not as it was written; take another backup"):
+        restore(tmp_path / "backup", other, EvidenceFolder(tmp_path / "back"))
+    with pytest.raises(FileError, match="is no whole backup"):
+        restore(tmp_path, other, EvidenceFolder(tmp_path / "back"))
+    assert other.parts() == ()
+
+
+def test_what_retention_takes_meanwhile_is_gone_and_not_lost(
+    store: Store, other: Store, evidence: EvidenceFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = received(store, evidence=(_keep(evidence, b"old"), _keep(evidence, b"damaged")))
+    old, damaged = (file.sha256 for file in store.evidence(part.id))
+    evidence.path(damaged).write_bytes(b"rotten")
+    taken = EvidenceFolder.take
+
+    def expired_before(folder: EvidenceFolder, sha256: str, *given: Any, **options: Any) -> Any:
+        if store.evidence_gone(part.id, old):
+            evidence.path(old).unlink(missing_ok=True)
+        return taken(folder, sha256, *given, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(EvidenceFolder, "take", expired_before)
+        made = back_up(store, evidence, tmp_path / "backup")
+    assert made.lost == [damaged]
+    back = EvidenceFolder(tmp_path / "back")
+    assert restore(tmp_path / "backup", other, back).lost == [damaged]
+    assert [file.gone for file in other.evidence(part.id)] == [True, False]
+    assert _told(check(other, back), Fault.MISSING) == [damaged]
+
+
+# check
+
+
+def _told(report: CheckReport, fault: Fault) -> list[str]:
+    return [found.subject for found in report.findings if found.fault is fault]
+
+
+def _tamper(tx: Transaction, table: str, statement: str) -> None:
+    """As somebody does who has the database's password."""
+    if not tx.postgresql:
+        tx.execute(sa.text(f"DROP TRIGGER IF EXISTS {table}_no_update"))
+        tx.execute(sa.text(f"DROP TRIGGER IF EXISTS {table}_no_delete"))
+    else:
+        tx.execute(sa.text(f"ALTER TABLE {table} DISABLE TRIGGER ALL"))
+    assert tx.execute(sa.text(statement)).rowcount > 0
+
+
+class _UndoneError(Exception):
+    pass
+
+
+def _found_after(store: Store, table: str, statement: str) -> tuple[list[str], list[str]]:
+    """Parts whose chains are broken, and parts that do not follow from their history; then it is undone."""
+    broken, not_derived = list[str](), list[str]()
+    with contextlib.suppress(_UndoneError), store.database.writing() as tx:
+        _tamper(tx, table, statement)
+        for part, chain, rows in _page(tx, ""):
+            broken += [part.id] if broken_at(part.id, chain, rows) else []
+            not_derived += [part.id] if _not_derived(part, rows) else []
+        raise _UndoneError
+    return broken, not_derived
+
+
+def test_a_store_that_is_well(store: Store, evidence: EvidenceFolder) -> None:
+    _filled(store, evidence)
+    blind = store.parts(state=PartState.REVIEWED)[0].id
+    for who, text in (("Bea", "KX1"), ("Cy", "KX2"), ("Di", "KX2")):  # one has read it otherwise, two agree
+        store.review(blind, action=ReviewAction.CORRECT, text=text, who=who, readers=2)
+        assert check(store, evidence).findings == []
+    report = check(store, evidence)
+    assert (report.parts, report.files, report.findings, report.well) == (6, 5, [], True)
+
+
+TAMPERED = (
+    ("reviews", "UPDATE reviews SET after = 'KX7'"),
+    ("reviews", "UPDATE reviews SET who = 'Eve'"),
+    ("readings", "UPDATE readings SET confidence = 0.99 WHERE source = 'fused'"),
+    ("readings", "UPDATE readings SET at = '2026-11-22 09:30:00.000000' WHERE source = 'fused'"),
+    ("events", "DELETE FROM events WHERE kind = 'touch_needed'"),
+    ("events", "UPDATE events SET id = id + 100 WHERE kind = 'reviewed'"),
+    (
+        "events",
+        "INSERT INTO events (part_id, at, kind, data) SELECT part_id, at, 'approved', '{}' FROM reviews",
+    ),
+    ("evidence", "UPDATE evidence SET sha256 = replace(sha256, '1', '2') WHERE id = 5"),
+    ("seals", "DELETE FROM seals WHERE number = 2"),
+    ("seals", "UPDATE seals SET digest = replace(digest, 'a', 'b') WHERE number = 3"),
+    ("seals", "DELETE FROM seals WHERE number = 3"),
+    ("seals", "DELETE FROM seals WHERE part_id IN (SELECT part_id FROM reviews)"),
+)
+
+
+def test_what_is_changed_behind_the_programs_back_is_found(store: Store, evidence: EvidenceFolder) -> None:
+    _filled(store, evidence)
+    reviewed = store.parts(state=PartState.REVIEWED)[0]
+    for table, statement in TAMPERED:
+        of_evidence = next(p.id for p in store.parts() if store.evidence(p.id))
+        broken, _ = _found_after(store, table, statement)
+        assert broken == [of_evidence if table == "evidence" else reviewed.id], statement
+    with store.database.writing() as tx:
+        _tamper(tx, *TAMPERED[0])
+    report = check(store, evidence)
+    assert (_told(report, Fault.CHAIN), report.well) == ([reviewed.id], False)
+
+
+def test_seals_are_computed_anew_by_whoever_knows_how_but_a_backup_tells(
+    store: Store, evidence: EvidenceFolder, tmp_path: Path
+) -> None:
+    """What the chain alone does not prove: its end, and whole parts, may be cut off."""
+    _filled(store, evidence)
+    gone = received(store)
+    back_up(store, evidence, tmp_path / "backup")
+    reviewed = store.parts(state=PartState.REVIEWED)[0]
+    of_reviewed, of_gone = f"WHERE part_id = '{reviewed.id}'", f"WHERE part_id = '{gone.id}'"
+    with store.database.writing() as tx:
+        _tamper(
+            tx, "parts", f"UPDATE parts SET review_id = NULL, state = 'review' WHERE id = '{reviewed.id}'"
+        )
+        _tamper(tx, "parts", "UPDATE parts SET text = 'KX9', text_folded = 'kx9' WHERE text = 'KX8'")
+        _tamper(tx, "reviews", f"DELETE FROM reviews {of_reviewed}")
+        _tamper(tx, "events", f"DELETE FROM events {of_reviewed} AND kind = 'reviewed'")
+        _tamper(tx, "seals", f"DELETE FROM seals {of_reviewed} AND number = 3")
+        for table in ("seals", "readings", "events"):
+            _tamper(tx, table, f"DELETE FROM {table} {of_gone}")
+        _tamper(tx, "parts", f"DELETE FROM parts WHERE id = '{gone.id}'")
+    assert check(store, evidence).well
+    report = check(store, evidence, against=tmp_path / "backup")
+    assert sorted(_told(report, Fault.CHANGED)) == sorted([reviewed.id, gone.id])
+
+
+def test_a_part_that_does_not_follow_from_its_history_is_found(
+    store: Store, evidence: EvidenceFolder
+) -> None:
+    _filled(store, evidence)
+    part = store.parts(state=PartState.REVIEWED)[0]
+    for change in (
+        "text = 'KX0', text_folded = 'kx0'",
+        "text_folded = 'x'",
+        "name = 'y', name_folded = 'y'",
+        "review_id = NULL",
+    ):
+        found = _found_after(store, "parts", f"UPDATE parts SET {change} WHERE id = '{part.id}'")
+        assert found == ([], [part.id]), change
+
+
+def test_files_that_are_missing_damaged_or_nobodys_are_found(store: Store, evidence: EvidenceFolder) -> None:
+    _filled(store, evidence)
+    missing, damaged, *_ = sorted(_files(evidence))
+    evidence.path(missing).unlink()
+    evidence.path(damaged).write_bytes(b"rotten")
+    orphan = _keep(evidence, b"nobody's")
+    old = time.time() - 3 * 3600
+    os.utime(evidence.path(orphan.sha256), (old, old))
+    report = check(store, evidence)
+    assert (_told(report, Fault.MISSING), _told(report, Fault.DAMAGED)) == ([missing], [damaged])
+    assert (report.files, report.counts[Fault.ORPHANS]) == (3, 1)
+    quick = check(store, evidence, read_files=False)
+    assert (_told(quick, Fault.MISSING), _told(quick, Fault.DAMAGED)) == ([missing], [])
+
+
+def test_what_is_stuck_is_found(store: Store, evidence: EvidenceFolder, clock: Clock) -> None:
+    part = received(store, PartState.TOUCH_NEEDED, plan=PLAN, targets=("mqtt",))
+    store.postpone(due(store)[0].id, "tests", error="no broker", wait_s=10.0)
+    clock.go_on(hours=1)
+    assert check(store, evidence).well
+    clock.go_on(hours=25)
+    report = check(store, evidence)
+    assert _told(report, Fault.STUCK) == [part.id]
+    assert _told(report, Fault.UNDELIVERED) == ["mqtt"]
+    assert "1 results wait" in report.findings[-1].what
+    assert "no broker" in report.findings[-1].what
+
+
+def test_the_commands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["store", "check", "--folder", "nowhere"]) == 1
+    assert "there is no store" in capsys.readouterr().err
+    with contextlib.closing(Store.open(f"sqlite:///{tmp_path}/tactile-marks-data/store.db")) as store:
+        _filled(store, EvidenceFolder(tmp_path / "tactile-marks-data" / "evidence"))
+    assert main(["store", "backup", "monday"]) == 0
+    out = capsys.readouterr().out
+    assert "wrote monday: 6 parts, 5 files" in out
+    assert json.loads(Path("monday/manifest.json").read_text())["sha256"] in out
+    assert main(["store", "restore", "monday"]) == 1
+    assert "is not empty" in capsys.readouterr().err
+    assert main(["store", "restore", "monday", "--folder", "elsewhere"]) == 0
+    assert "restored 6 parts as they were on" in capsys.readouterr().out
+    assert main(["store", "check", "--folder", "elsewhere", "--against", "monday"]) == 0
+    assert capsys.readouterr().out == "6 parts and 5 files are as they were written\n"
+    next(Path("elsewhere/evidence/files").glob("*/*")).write_bytes(b"rotten")
+    assert main(["store", "check", "--folder", "elsewhere"]) == 1
+    out = capsys.readouterr().out
+    assert "damaged: 1; copy the file of that name from a backup's evidence/files over the service's" in out
+    assert main(["store", "check", "--folder", "elsewhere", "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert (told["well"], told["counts"], told["findings"][0]["fault"]) == (False, {"damaged": 1}, "damaged")
+    assert main(["store", "check", "--folder", "elsewhere", "--no-files"]) == 0
+    assert {p.stat().st_mode & 0o077 for p in (Path("monday"), *Path("elsewhere").rglob("*"))} == {0}
