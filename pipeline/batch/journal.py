@@ -35,7 +35,7 @@ from pipeline.batch.tables import (
     write_parquet,
     write_records,
 )
-from pipeline.common.atomic import replacing, sync_folder
+from pipeline.common.atomic import replacing, sync_names
 from pipeline.common.file_lock import lock
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
@@ -159,18 +159,17 @@ class RunJournal:
         numbers = self._rows.numbers_in(order)
         with self._faults_told():
             self._rows.sync()
+            # an error of the disk after the end would be told of a run that is whole; and Windows neither removes
+            # nor replaces a file that is open
+            self._rows.close()
             if self._rows_path != self.path:
                 with replacing(self.path) as temporary:
                     write_parquet(map(record_of_json, self._records(numbers)), temporary)
-                _sync_names(self.path)  # the table is on the disk before its rows go
-                self._let_replace()
                 self._rows_path.unlink()
             elif self.read_again or not self._rows.holds_just(numbers):
                 with replacing(self.path) as temporary, temporary.open("wb") as table:
                     table.write(self._rows.form.head)
                     table.writelines(self._records(numbers))
-                    self._let_replace()
-            _sync_names(self.path)
             self._second.remove()
             self._end()
         self._finished = True
@@ -195,24 +194,20 @@ class RunJournal:
             FileError: the disk refuses.
         """
         with self._faults_told():
-            self._let_replace()
+            self._rows.close()
             self._rows_path.unlink(missing_ok=True)
             self._second.remove()
             self._end()
         self.close()
 
     def _end(self) -> None:
-        _sync_names(self.path)
+        sync_names(self.path.parent)
         if os.name == "nt":
-            self._marker.close()  # as in _let_replace
+            self._marker.close()  # which does not remove a file that is open
         self._marker_path.unlink()  # last: broken off anywhere before, the run is taken up and ended again
 
     def _records(self, numbers: Iterable[int]) -> Iterator[bytes]:
         return self._second.records(self._rows.records(numbers), self._rows.form)
-
-    def _let_replace(self) -> None:
-        if os.name == "nt":  # which neither removes nor replaces a file that is open
-            self._rows.close()
 
     def close(self) -> None:
         """Let go of the table; a run that is not finished can be taken up again.
@@ -238,7 +233,7 @@ class RunJournal:
                 write_records(parquet_records(self.path), self._rows_path)  # broke off within `finish`
         rows = RowFile(self._rows_path)
         try:
-            _sync_names(self.path)
+            sync_names(self.path.parent)
             if held is None:
                 # only now: until here, what stands there may be the table before the run
                 self._marker.write(self._heading())
@@ -346,9 +341,3 @@ def _locked(marker: Path, table: Path) -> FileIO:
 
 def _beside(path: Path, ending: str) -> Path:
     return path.with_name(path.name + ending)
-
-
-def _sync_names(path: Path) -> None:
-    # a file system that has no such call keeps them by itself
-    with contextlib.suppress(OSError):
-        sync_folder(path.parent)

@@ -15,6 +15,8 @@ from glyphs.errors import FileError
 def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
     """A temporary path beside `path`, with its suffix; on leaving without an exception it becomes `path`.
 
+    When it has become `path` it survives a loss of power.
+
     Args:
         path: to be written.
         private: for its owner alone; else for whom the folder is for.
@@ -33,6 +35,7 @@ def replacing(path: Path, *, private: bool = False) -> Iterator[Path]:
             if not private:  # as mkstemp has made it
                 temporary.chmod(0o666 & ~_umask())
             os.replace(temporary, path)
+            sync_names(path.parent)
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
@@ -54,6 +57,12 @@ def sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def sync_names(folder: Path) -> None:
+    """As `sync_folder`, where that can be done: a file system that has no such call keeps names by itself."""
+    with contextlib.suppress(OSError):
+        sync_folder(folder)
 
 
 def _umask() -> int:

@@ -115,8 +115,15 @@ class LineJournal(Generic[Kept]):
         """
         line = json.dumps({"part": part, **self.encoded(kept)}, ensure_ascii=False)
         try:
-            with self.path.open("a", encoding="utf-8") as stream:
-                stream.write(line + "\n")
+            with self.path.open("ab", buffering=0) as stream:
+                end = stream.tell()
+                try:
+                    rest = memoryview(f"{line}\n".encode())
+                    while rest:
+                        rest = rest[stream.write(rest) :]
+                except OSError:
+                    stream.truncate(end)  # the next line begins where this one did
+                    raise
         except OSError as error:
             raise FileError(
                 self.path, f"cannot be written ({error.strerror or error})", "make room and start it again"

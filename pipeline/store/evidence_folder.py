@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
-from pipeline.common.atomic import sync_folder
+from pipeline.common.atomic import sync_folder, sync_names
 from pipeline.common.file_lock import exclusively
 from pipeline.common.private import private_folder
 
@@ -74,6 +74,9 @@ class EvidenceFolder:
         with _trouble_told(root):
             for folder in (root, self.incoming, self._files):
                 private_folder(folder)
+            sync_folder(root)
+        sync_names(root.parent)
+        self._synced: set[Path] = set()
 
     def keep(self, path: Path) -> tuple[str, int]:
         """Move a file in; the same content twice is one file. When this returns it survives a power cut.
@@ -90,9 +93,11 @@ class EvidenceFolder:
         with _trouble_told(path):
             sha256, n_bytes = _settle(path)
             target = self.path(sha256)
-            if not target.parent.is_dir():
+            # one that is there may be another thread's of this moment, or of a process that died at this place
+            if target.parent not in self._synced:
                 target.parent.mkdir(mode=0o700, exist_ok=True)
                 sync_folder(self._files)
+                self._synced.add(target.parent)
             with exclusively(self._lock):
                 self._move(path, target)
                 os.utime(target)

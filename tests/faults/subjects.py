@@ -1,0 +1,495 @@
+"""What faults are tried on: each does a little work in a folder, says what it has done, and can tell what is wrong.
+
+`prepare` is not disturbed; `work` is, and goes on after an error as a program would: it tries again, a few times.
+`check` finds a folder as a fault has left it, takes it up as the next start of the program does, and asserts that
+whatever was acknowledged is there, once and whole. It may ask for what was not.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hashlib
+import os
+import shutil
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from glyphs.errors import FileError, MarksError
+from pipeline.batch.journal import RunJournal
+from pipeline.batch.options import RunOptions
+from pipeline.batch.row_files import read_rows
+from pipeline.batch.setup import opened
+from pipeline.batch.task import Picture, ReadPart, RunOrder
+from pipeline.common.part_id import new_part_id
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope
+from pipeline.common.settings import ReadSettings
+from pipeline.files.listed import ListedPart
+from pipeline.service.access import session_key
+from pipeline.service.idempotency import Received
+from pipeline.service.job_folder import JobFolder
+from pipeline.service.line.watch_folder import WatchedFolder
+from pipeline.service.line.watched_files import FileState, Handled, WatchJournal
+from pipeline.service.part_service import NewPart
+from pipeline.service.uploads import Upload
+from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store, StoreError
+from pipeline.workers.executors import InlineExecutor
+from tests.support.store_samples import reading
+
+Say = Callable[[str], None]
+TRIES = 3
+N = 3
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What faults are tried on.
+
+    Attributes:
+        prepare: makes what is there before, in an empty folder.
+        work: what is disturbed; tells what it has done.
+        check: (folder, what was told, whether the power was lost) - an AssertionError where something is wrong.
+    """
+
+    prepare: Callable[[Path], object]
+    work: Callable[[Path, Say], object]
+    check: Callable[[Path, list[str], bool], object]
+
+
+def tried(work: Callable[[], object], *expected: type[Exception]) -> bool:
+    """Whether it was done in the end; errors that the program tells its user are tried again."""
+    for _ in range(TRIES):
+        try:
+            work()
+            return True
+        except (MarksError, *expected):
+            continue
+    return False
+
+
+# ---------------------------------------------------------------- a part with its photograph, as the service keeps it
+
+CONTENTS = (b"photo one" * 900, b"photo two" * 900, b"photo one" * 900)
+
+
+def _url(root: Path) -> str:
+    return f"sqlite:///{root}/store.db"
+
+
+@contextlib.contextmanager
+def _store(root: Path) -> Iterator[Store]:
+    with contextlib.closing(Store.open(_url(root))) as store:
+        yield store
+
+
+def _empty_store(root: Path) -> None:
+    with _store(root):
+        pass
+
+
+def _keep_part(store: Store, evidence: EvidenceFolder, number: int) -> str:
+    folder = evidence.new_work_folder()
+    try:
+        sent = folder / "photo.png"
+        sent.write_bytes(CONTENTS[number])
+        digest, n_bytes = evidence.keep(sent)
+        try:
+            return store.add_part(
+                part_id=new_part_id(),
+                name=f"part {number}",
+                state=PartState.ACCEPTED,
+                readings=(reading(),),
+                evidence=(EvidenceRecord(EvidenceKind.PHOTO, digest, n_bytes, "photo.png", "image/png"),),
+                targets=("webhook",),
+                idempotency=IdempotencyKey(f"key {number}", "f"),
+            ).id
+        except AlreadyDoneError as done:
+            return done.part_id
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _evidence_work(root: Path, say: Say) -> None:
+    def start() -> None:
+        places["store"], places["evidence"] = Store.open(_url(root)), EvidenceFolder(root / "evidence")
+
+    places: dict[str, Any] = {}
+    if not tried(start):
+        return
+    for number in range(N):
+        tried(lambda k=number: say(f"{k} {_keep_part(**places, number=k)}"), OSError)  # type: ignore[misc]
+    places["store"].close()
+
+
+def _whole_store(root: Path) -> None:
+    with contextlib.closing(sqlite3.connect(root / "store.db")) as db:
+        assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        assert not db.execute("PRAGMA foreign_key_check").fetchall()
+
+
+def _evidence_there(store: Store, evidence: EvidenceFolder, part_id: str) -> None:
+    files = store.evidence(part_id)
+    assert files, "a part without its evidence"
+    for file in files:
+        kept = evidence.path(file.sha256)
+        assert kept.is_file(), f"a part names a file that is not there: {file.name}"
+        data = kept.read_bytes()
+        assert hashlib.sha256(data).hexdigest() == file.sha256, f"{len(data)} bytes for {file.n_bytes}"
+
+
+def _evidence_check(root: Path, said: list[str], _: bool) -> None:
+    with _store(root) as store:
+        _whole_store(root)
+        evidence = EvidenceFolder(root / "evidence")
+        answered = dict(word.split() for word in said)
+        for number, part_id in answered.items():
+            assert store.part(part_id).name == f"part {number}"
+        for part in store.parts():
+            _evidence_there(store, evidence, part.id)
+        for number in range(N):
+            again = _keep_part(store, evidence, number)
+            assert again == answered.get(str(number), again), "one key has made two parts"
+        parts = store.parts()
+        assert sorted(part.name for part in parts) == [f"part {k}" for k in range(N)]
+        for part in parts:
+            _evidence_there(store, evidence, part.id)
+        assert store.undelivered() == N
+
+
+# -------------------------------------------------------------------------------------------- tables of runs
+
+
+RUN = {"font": "gothic"}
+NAMES = [f"part-{k}" for k in range(4)]
+
+
+def _record(name: str) -> ReadingRecord:
+    return ReadingRecord(part=name, source="tactile", text=f"KX{name}", decision="accept", confidence=0.9)
+
+
+def _old_table(table: str) -> Callable[[Path], None]:
+    def prepare(root: Path) -> None:
+        with RunJournal.open(root / table, {"before": True}) as book:
+            book.add(_record("before"))
+            book.finish(["before"])
+
+    return prepare
+
+
+def _table_work(table: str) -> Callable[[Path, Say], None]:
+    def work(root: Path, say: Say) -> None:
+        def run() -> None:
+            with RunJournal.open(root / table, RUN) as book:
+                for name in reversed(NAMES):
+                    book.add(_record(name))
+                    say(f"row {name}")
+                book.finish(NAMES)
+            say("finished")
+
+        tried(run)
+
+    return work
+
+
+def _table_check(table: str) -> Callable[[Path, list[str], bool], None]:
+    def check(root: Path, said: list[str], power: bool) -> None:
+        path = root / table
+        marker = path.with_name(f"{table}.unfinished")
+        if "finished" in said:
+            assert [row.part for row in read_rows(path)] == NAMES
+        unfinished = marker.exists() and marker.stat().st_size > 0
+        # its marker is the last to go, and nobody may have been told
+        if unfinished or not path.exists() or _names_in(path) != NAMES:
+            with RunJournal.open(path, RUN) as book:
+                if not power and book.resumed:
+                    told = {word.split()[1] for word in said if word.startswith("row")}
+                    assert told <= set(book.done), f"lost {sorted(told - set(book.done))}"
+                for name in reversed(NAMES):
+                    book.add(_record(name))
+                book.finish(NAMES)
+            assert not marker.exists()
+        assert [row.part for row in read_rows(path)] == NAMES
+        assert _names_in(path.with_name(f"{table}~")) == ["before"], "the table that stood there before is lost"
+
+    return check
+
+
+def _names_in(path: Path) -> list[str]:
+    if path.name.endswith("~"):  # not a suffix that readers know
+        path = Path(shutil.copyfile(path, path.with_name(f"kept-{path.name[:-1]}")))
+    try:
+        return [row.part for row in read_rows(path)]
+    except FileError:
+        return []
+
+
+# ------------------------------------------------------------------------------------------ a run into a store
+
+
+def _read(_: RunOrder, listed: ListedPart) -> ReadPart:
+    picture = Picture(EvidenceKind.EDGES_PICTURE, "crop.png", b"picture of " + listed.name.encode(), "image/png", {})
+    return ReadPart(listed, _record(listed.name), (picture,))
+
+
+def _run_into_store(root: Path) -> None:
+    os.chdir(root)
+    options = RunOptions(out=_url(root), evidence=root / "evidence")
+    with opened(options, RUN) as run:
+        parts = [ListedPart(name, height_map=f"{name}.npz") for name in NAMES]
+
+        class Executor(InlineExecutor):
+            def calls(self, _function: Any, order: Any, tasks: Any) -> Any:
+                return super().calls(_read, order, tasks)
+
+        run.work(parts, RunOrder(ReadSettings()), Executor())
+
+
+def _run_work(root: Path, say: Say) -> None:
+    if tried(lambda: _run_into_store(root)):
+        say("finished")
+
+
+def _run_check(root: Path, said: list[str], _: bool) -> None:
+    if "finished" not in said:
+        _run_into_store(root)
+    with _store(root) as store:
+        _whole_store(root)
+        parts = store.parts()
+        assert sorted(part.name for part in parts) == NAMES, [part.name for part in parts]
+        for part in parts:
+            _evidence_there(store, EvidenceFolder(root / "evidence"), part.id)
+
+
+# ------------------------------------------------------------------------------------------- the watched folder
+
+
+class _Parts:
+    """What the folder submits to: evidence and store as the service's, without reading."""
+
+    def __init__(self, root: Path) -> None:
+        self.evidence, self.store = EvidenceFolder(root / "evidence"), Store.open(_url(root))
+        self.orders = SimpleNamespace(work_folder=self._work_folder)
+
+    @contextlib.contextmanager
+    def _work_folder(self) -> Iterator[Path]:
+        folder = self.evidence.new_work_folder()
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    async def receive(
+        self, new: NewPart, *, photos: Sequence[Upload], idempotency: IdempotencyKey
+    ) -> Received:
+        try:
+            digest, n_bytes = self.evidence.keep(photos[0].path)
+            kept = (EvidenceRecord(EvidenceKind.PHOTO, digest, n_bytes, photos[0].name, "image/png"),)
+            part = self._add(new, kept, idempotency)
+        except FileError as error:
+            raise StoreError(str(error)) from error
+        return Received(part)
+
+    def _add(
+        self, new: NewPart, kept: tuple[EvidenceRecord, ...], idempotency: IdempotencyKey
+    ) -> PartRecord:
+        try:
+            return self.store.add_part(
+                part_id=new_part_id(),
+                name=new.name,
+                state=PartState.ACCEPTED,
+                readings=(reading(),),
+                evidence=kept,
+                idempotency=idempotency,
+            )
+        except AlreadyDoneError as done:
+            return self.store.part(done.part_id)
+
+
+def _photos_wait(root: Path) -> None:
+    _empty_store(root)
+    EvidenceFolder(root / "evidence")
+    (root / "in").mkdir()
+    for number in range(N):
+        path = root / "in" / f"part {number}.png"
+        path.write_bytes(b"\x89PNG\r\n\x1a\n" + bytes([number]) * 500)
+        os.utime(path, (1_790_000_000 + number,) * 2)
+
+
+def _watch(root: Path, *, looks: int = 4) -> WatchJournal:
+    """As a service does from its start to its end."""
+    journal = WatchJournal.open(root / "watched.jsonl", {})
+    parts = _Parts(root)
+    watched = WatchedFolder(
+        root / "in",
+        parts,  # type: ignore[arg-type]
+        journal=journal,
+        every_s=0.01,
+        most_bytes=10_000,
+        at_once=1,
+    )
+
+    async def look() -> None:
+        for _ in range(looks):
+            with contextlib.suppress(ExceptionGroup):  # as the loop of looks goes on
+                await watched.look()
+
+    asyncio.run(look())
+    parts.store.close()
+    return journal
+
+
+def _watch_work(root: Path, _: Say) -> None:
+    tried(lambda: _watch(root))
+
+
+def _watch_check(root: Path, _said: list[str], _power: bool) -> None:
+    for path in sorted((root / "in").iterdir()):  # a copy keeps no times
+        os.utime(path, (1_790_000_000 + int(path.stem.split()[1]),) * 2)
+    journal = _watch(root)
+    assert not [one.problem for one in journal.done.values() if one.problem]
+    with _store(root) as store:
+        _whole_store(root)
+        names = sorted(part.name for part in store.parts())
+        assert names == [f"part {k}" for k in range(N)], names
+        for part in store.parts():
+            _evidence_there(store, EvidenceFolder(root / "evidence"), part.id)
+        assert {one.part_id for one in journal.done.values()} == {part.id for part in store.parts()}
+
+
+# --------------------------------------------------------------------------------------- a journal of lines alone
+
+_FILES = [f"/in/{k}.png" for k in range(6)]
+
+
+def _handled(path: str) -> Handled:
+    return Handled(FileState(7, 8), path)
+
+
+def _journal_work(root: Path, say: Say) -> None:
+    def start() -> None:
+        journal.append(WatchJournal.open(root / "watched.jsonl", {}))
+
+    journal: list[WatchJournal] = []
+    if not tried(start):
+        return
+    for path in _FILES:
+        # the service goes on where a line cannot be written
+        with contextlib.suppress(FileError):
+            journal[0].add(path, _handled(path))
+            say(path)
+        if path == _FILES[3]:
+            with contextlib.suppress(FileError):
+                journal[0].keep_only(_FILES[2:4])
+                say("only")
+
+
+def _journal_check(root: Path, said: list[str], power: bool) -> None:
+    again = WatchJournal.open(root / "watched.jsonl", {})
+    kept = [path for path in _FILES if path in said]
+    if "only" in said:
+        kept = [path for path in kept if path not in _FILES[:2]]
+    if not power:
+        assert set(kept) - set(_FILES[:2]) <= set(again.done), "a line that was written is lost"
+    for path in _FILES:
+        again.add(path, _handled(path))
+    assert set(WatchJournal.open(root / "watched.jsonl", {}).done) == set(_FILES)
+
+
+# ---------------------------------------------------------------------------------- small things of the service
+
+_BEFORE, _AFTER = {"format": "AA99", "height_mm": 4.0}, {"format": "AA999999", "height_mm": 5.0}
+_OWN = ReadSettings(format=("A99",), font=("gothic",))
+
+
+def _jobs_before(root: Path) -> None:
+    JobFolder(root / "jobs", own=_OWN).save("left", _BEFORE)
+
+
+def _jobs_work(root: Path, say: Say) -> None:
+    from pipeline.service.problem import Problem
+
+    jobs = JobFolder(root / "jobs", own=_OWN)
+    for name, written in (("left", _AFTER), ("right", _AFTER)):
+        if tried(lambda n=name, w=written: jobs.save(n, w), Problem):  # type: ignore[misc]
+            say(name)
+
+
+def _jobs_check(root: Path, said: list[str], _: bool) -> None:
+    jobs = JobFolder(root / "jobs", own=_OWN)
+    left, right = jobs.written("left"), jobs.written("right")
+    assert left in ((_AFTER,) if "left" in said else (_BEFORE, _AFTER)), left
+    assert right in ((_AFTER,) if "right" in said else (None, _AFTER)), right
+
+
+def _tokens_before(root: Path) -> None:
+    with _store(root) as store:
+        (root / "old").write_text(store.add_token("old", [Scope.READ]))
+
+
+def _tokens_work(root: Path, say: Say) -> None:
+    def start() -> None:
+        opened_stores.append(Store.open(_url(root)))
+
+    opened_stores: list[Store] = []
+    if not tried(start):
+        return
+    (store,) = opened_stores
+    names = iter(range(10))
+    tried(lambda: say(f"new {store.add_token(f'new {next(names)}', [Scope.READ])}"))
+    tried(lambda: (store.revoke("old"), say("revoked -")))
+    store.close()
+
+
+def _tokens_check(root: Path, said: list[str], _: bool) -> None:
+    with _store(root) as store:
+        _whole_store(root)
+        told = dict(word.split() for word in said)
+        if "new" in told:
+            assert store.token(told["new"]) is not None, "a token that was given out is unknown"
+        if "revoked" in told:
+            assert store.token((root / "old").read_text()) is None, "a revoked token holds again"
+
+
+def _store_made(root: Path, say: Say) -> None:
+    if tried(lambda: _empty_store(root)):
+        say("made")
+
+
+def _store_check(root: Path, _said: list[str], _power: bool) -> None:
+    with _store(root) as store:
+        store.add_token("first", [Scope.READ])
+    _whole_store(root)
+
+
+def _key_work(root: Path, say: Say) -> None:
+    tried(lambda: say(session_key(root / "session.key").hex()))
+
+
+def _key_check(root: Path, said: list[str], power: bool) -> None:
+    key = session_key(root / "session.key")
+    assert len(key) == 32
+    assert (root / "session.key").stat().st_mode & 0o777 == 0o600 or power
+    if said:
+        assert key.hex() == said[-1]
+
+
+SUBJECTS = {
+    "evidence": Subject(_empty_store, _evidence_work, _evidence_check),
+    **{
+        name: Subject(_old_table(name), _table_work(name), _table_check(name))
+        for name in ("rows.csv", "rows.jsonl", "rows.parquet")
+    },
+    "run into a store": Subject(_empty_store, _run_work, _run_check),
+    "watched folder": Subject(_photos_wait, _watch_work, _watch_check),
+    "journal of lines": Subject(lambda root: None, _journal_work, _journal_check),
+    "jobs": Subject(_jobs_before, _jobs_work, _jobs_check),
+    "tokens": Subject(_tokens_before, _tokens_work, _tokens_check),
+    "new store": Subject(lambda root: None, _store_made, _store_check),
+    "session key": Subject(lambda root: None, _key_work, _key_check),
+}
