@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import tempfile
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -100,9 +99,7 @@ class RunStore:
 
         kept = []
         for picture in pictures:
-            with tempfile.NamedTemporaryFile(dir=self._folder.incoming, delete=False) as stream:
-                stream.write(picture.content)
-            digest, n_bytes = self._folder.keep(Path(stream.name))
+            digest, n_bytes = self._folder.keep_content(picture.content)
             kept.append(
                 EvidenceRecord(
                     kind=picture.kind,

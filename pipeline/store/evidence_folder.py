@@ -104,6 +104,17 @@ class EvidenceFolder:
             sync_folder(target.parent)
         return sha256, n_bytes
 
+    def keep_content(self, content: bytes) -> tuple[str, int]:
+        """As `keep`, of a file that is not written yet."""
+        with _trouble_told(self.incoming):
+            handle, name = tempfile.mkstemp(prefix="made-", dir=self.incoming)
+            try:
+                with os.fdopen(handle, "wb") as stream:
+                    stream.write(content)
+                return self.keep(Path(name))
+            finally:
+                Path(name).unlink(missing_ok=True)
+
     def path(self, sha256: str) -> Path:
         """Where the file of that hash is, if it is kept.
 
