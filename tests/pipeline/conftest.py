@@ -6,14 +6,8 @@ Nothing starts unless a test asks for it.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import itertools
-import os
-import pwd
 import shutil
-import signal
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,25 +15,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.support.postgres_server import PostgresServer
+from tests.support.programs import program
+
 if TYPE_CHECKING:
     from pipeline.store.store import Store
     from tests.support.store_samples import Clock
-
-_PLACES = ("/usr/sbin", "/usr/local/sbin", *map(str, Path("/usr/lib/postgresql").glob("*/bin")))
-_START_S = 30.0
-_PR_SET_PDEATHSIG = 1
-
-
-def program(name: str) -> str:
-    """Where a program is; skips the test, or fails it where everything must be tested."""
-    found = shutil.which(name) or shutil.which(name, path=os.pathsep.join(_PLACES))
-    if found is None:
-        told = f"{name} is not installed"
-        if os.environ.get("MARKS_TEST_ALL") == "1":
-            pytest.fail(f"{told}, and MARKS_TEST_ALL asks for every test")
-        pytest.skip(told)
-    return found
-
 
 @pytest.fixture(scope="session")
 def find_program() -> Callable[[str], str]:
@@ -53,59 +34,9 @@ def postgres() -> Iterator[Callable[[str], str]]:
 
     It listens on a socket in its own folder and on no port, and ends with this process however that ends.
     """
-    initdb, server = program("initdb"), program("postgres")
-    user = _unprivileged()
-    folder = Path(tempfile.mkdtemp(prefix="tactile-marks-pg-"))
-    process: subprocess.Popen[bytes] | None = None
-    try:
-        if user is not None:
-            os.chown(folder, user, -1)
-        data = folder / "data"
-        subprocess.run(
-            [
-                initdb,
-                "-D",
-                data,
-                "-U",
-                "postgres",
-                "-A",
-                "trust",
-                "-E",
-                "UTF8",
-                "--locale=C.UTF-8",
-                "--no-sync",
-            ],
-            check=True,
-            capture_output=True,
-            cwd=folder,
-            user=user,
-        )
-        options = {
-            "listen_addresses": "",
-            "unix_socket_directories": str(folder),
-            "fsync": "off",
-            "max_connections": "200",
-        }
-        with (folder / "log").open("wb") as log:
-            process = subprocess.Popen(
-                [server, "-D", data, *(f"--{k}={v}" for k, v in options.items())],
-                stdout=log,
-                stderr=log,
-                cwd=folder,
-                user=user,
-                preexec_fn=_end_with_parent,
-            )
-
-        def url(name: str) -> str:
-            return f"postgresql://postgres@/{name}?host={folder}"
-
-        _await_server(url("postgres"), process, folder / "log")
-        yield url
-    finally:
-        if process is not None:
-            process.send_signal(signal.SIGQUIT)
-            process.wait(_START_S)
-        shutil.rmtree(folder, ignore_errors=True)
+    server = PostgresServer(initdb=program("initdb"), postgres=program("postgres"))
+    with contextlib.closing(server):
+        yield server.url
 
 
 @pytest.fixture(scope="session")
@@ -187,30 +118,3 @@ def _administer(url: str, command: str) -> None:
 
     with psycopg.connect(url, autocommit=True) as connection:
         connection.execute(command.encode())
-
-
-def _await_server(url: str, process: subprocess.Popen[bytes], log: Path) -> None:
-    import psycopg
-
-    end_s = time.monotonic() + _START_S
-    while True:
-        with contextlib.suppress(psycopg.OperationalError):
-            psycopg.connect(url).close()
-            return
-        if process.poll() is not None or time.monotonic() > end_s:
-            pytest.fail(f"PostgreSQL does not start: {log.read_text(errors='replace')[-2000:]}")
-        time.sleep(0.02)
-
-
-def _unprivileged() -> int | None:
-    """Whom to run the server as, which refuses root; None: as we are."""
-    if os.geteuid() != 0:
-        return None
-    for name in ("postgres", "nobody"):
-        with contextlib.suppress(KeyError):
-            return pwd.getpwnam(name).pw_uid
-    pytest.fail("PostgreSQL does not run as root, and there is neither a user postgres nor nobody")
-
-
-def _end_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGQUIT)

@@ -1,0 +1,334 @@
+"""Two services on one PostgreSQL, clients and a receiver of webhooks; services are killed on the way, and the database.
+
+    python -m tests.faults.plant --rounds 20 --parts 100     a long run; prints what was found
+
+A service is the whole one but for its workers: a part is answered as soon as it is received. Each is forked from a
+process that has everything imported, so that it is back within a moment.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import functools
+import hashlib
+import json
+import multiprocessing
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, fields
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+
+from pipeline.common.settings import ReadSettings
+from pipeline.reading.part_orders import Done
+from pipeline.service import app as service_module
+from pipeline.service import ports as ports_module
+from pipeline.service.app import Service, create_app
+from pipeline.service.line.dispatch import Dispatcher, Pace
+from pipeline.service.settings import ServiceSettings
+from pipeline.store.evidence_folder import EvidenceFolder
+from pipeline.store.store import Store
+from tests.faults.history import DATABASE, Arrival, Kill, Verdict, judged
+from tests.support.line_fakes import free_port
+from tests.support.postgres_server import PostgresServer
+from tests.support.service_fixtures import InlinePool
+from tests.support.store_samples import reading
+
+PATIENCE_S = 60.0
+"""Within which everything comes to rest that ever does."""
+PACE = {"look_s": 0.1, "first_wait_s": 0.2, "longest_rest_s": 0.5, "send_s": 1.0, "lease_s": 4.0}
+
+
+def serve(port: int, folder: Path, store: str, webhook: str) -> None:
+    """A service, until it is killed."""
+    import uvicorn
+
+    paces = {f.name for f in fields(Pace)}
+    pace = Pace(**{name: seconds for name, seconds in PACE.items() if name in paces})
+    service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
+    ports_module.Dispatcher = functools.partial(Dispatcher, pace=pace)  # type: ignore[misc,assignment]
+    settings = ServiceSettings(folder=folder, store=store, webhook=webhook, port=port, tokens="off", log="text")
+    log = (folder / f"log-{port}").open("a")
+    with log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
+        service = Service(settings, ReadSettings(format=("AA999999",), font=("gothic",), height_mm=5.0))
+        service.pool.instead = lambda *_: Done((reading(),))  # type: ignore[attr-defined]
+        uvicorn.Server(uvicorn.Config(create_app(service), port=port, log_level="error")).run()
+
+
+@dataclass
+class Receiver:
+    """Takes webhooks and writes down which came; at times it is slow, or does not want one."""
+
+    arrivals: list[Arrival] = field(default_factory=list)
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def take(self, sender: str, body: bytes) -> int:
+        """The status to answer with."""
+        told = json.loads(body)
+        with self._lock:
+            slow_s, refused = float(self.rng.uniform(0.0, 0.03)), self.rng.random() < 0.03
+            if not refused:
+                arrival = Arrival(time.monotonic(), sender, told["id"], told["delivery_id"])
+                self.arrivals.append(arrival)
+        time.sleep(slow_s)
+        return 500 if refused else 200
+
+    @contextlib.contextmanager
+    def listening(self) -> Iterator[str]:
+        """Its address."""
+        receiver = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_POST(self) -> None:
+                body = self.rfile.read(int(self.headers["content-length"]))
+                status = receiver.take(self.path.strip("/"), body)
+                self.send_response(status)
+                self.send_header("content-length", "0")
+                self.end_headers()
+
+            def log_message(self, *_: object) -> None:
+                pass
+
+        class Server(ThreadingHTTPServer):
+            daemon_threads = True
+
+            def handle_error(self, *_: object) -> None:
+                pass  # its sender was killed
+
+        server = Server(("127.0.0.1", 0), Handler)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_address[1]}"
+        finally:
+            server.shutdown()
+            server.server_close()
+
+
+class Plant:
+    """Services that can be killed and are there again at once."""
+
+    def __init__(self, folder: Path, store: str, hook: str, *, services: int = 2) -> None:
+        self.folder, self.kills = folder, list[Kill]()
+        self._store, self._hook, self._lives = store, hook, 0
+        self._context = multiprocessing.get_context("forkserver")
+        self._context.set_forkserver_preload([__name__])
+        self.ports = [free_port() for _ in range(services)]
+        self._running: list[tuple[str, Any]] = [self._started(port) for port in self.ports]
+
+    def _started(self, port: int) -> tuple[str, Any]:
+        self._lives += 1
+        name = f"service-{port}-{self._lives}"
+        arguments = (port, self.folder, self._store, f"{self._hook}/{name}")
+        process = self._context.Process(target=serve, args=arguments, daemon=True)
+        process.start()
+        return name, process
+
+    def url(self, number: int) -> str:
+        return f"http://127.0.0.1:{self.ports[number]}"
+
+    def await_ready(self) -> None:
+        for number in range(len(self.ports)):
+            end_s = time.monotonic() + PATIENCE_S
+            while True:
+                with contextlib.suppress(httpx.TransportError):
+                    if httpx.get(f"{self.url(number)}/readyz", timeout=5.0).status_code == 200:
+                        break
+                assert time.monotonic() < end_s, "a service does not come up"
+                time.sleep(0.02)
+
+    def kill(self, number: int) -> None:
+        """Kill a service and start it again."""
+        name, process = self._running[number]
+        process.kill()
+        process.join()
+        now_s = time.monotonic()
+        self.kills.append(Kill(now_s, name, now_s))
+        self._running[number] = self._started(self.ports[number])
+
+    def close(self) -> None:
+        for _, process in self._running:
+            process.kill()
+            process.join()
+
+
+class Clients:
+    """Send parts with a key each until they are answered, then review them, by whichever service comes."""
+
+    def __init__(self, plant: Plant, seed: int) -> None:
+        self._plant, self._seed = plant, seed
+        self.answered: dict[str, list[str]] = defaultdict(list)
+        self.asked: set[str] = set()
+        self.tries = 0
+
+    def send(self, number: int) -> None:
+        """One part: sent, at times to two services at once or again later; then reviewed twice."""
+        rng = np.random.default_rng((self._seed, number))
+        key = f"key-{self._seed}-{number}"
+        self.asked.add(key)
+        with httpx.Client(timeout=5.0) as http, ThreadPoolExecutor(2) as both:
+            sending = [both.submit(self._posted, http, key, int(rng.integers(2)))]
+            if rng.random() < 0.3:
+                sending.append(both.submit(self._posted, http, key, int(rng.integers(2))))
+            part_id = [one.result() for one in sending][0]
+            for number in range(2):
+                body = {"action": "correct", "text": f"KX40725{number}", "who": "Anna"}
+                self._asked(http, f"/v1/parts/{part_id}/review", int(rng.integers(2)), json=body)
+            if rng.random() < 0.3:
+                self._posted(http, key, int(rng.integers(2)))
+
+    def _posted(self, http: httpx.Client, key: str, first: int) -> str:
+        photo = ("photo.png", b"\x89PNG\r\n\x1a\n" + hashlib.sha256(key.encode()).digest() * 20)
+        answer = self._asked(
+            http,
+            "/v1/parts",
+            first,
+            files={"photo": photo},
+            data={"name": key},
+            headers={"Idempotency-Key": key},
+        )
+        part_id = str(answer["id"])
+        self.answered[key].append(part_id)
+        return part_id
+
+    def _asked(self, http: httpx.Client, path: str, first: int, **request: Any) -> dict[str, Any]:
+        end_s, number = time.monotonic() + PATIENCE_S, first
+        while True:
+            assert time.monotonic() < end_s, f"no answer to {path}"
+            self.tries += 1
+            with contextlib.suppress(httpx.TransportError):
+                answer = http.post(self._plant.url(number % 2) + path, **request)
+                if answer.is_success:
+                    found: dict[str, Any] = answer.json()
+                    return found
+                assert answer.status_code >= 500, f"{answer.status_code}: {answer.text}"
+            number += 1
+            time.sleep(0.05)
+
+
+@dataclass
+class Outcome:
+    """A history that was judged, and how long it was."""
+
+    verdict: Verdict
+    parts: int
+    deliveries: int
+    kills: int
+    tries: int
+
+
+def played(
+    server: PostgresServer, name: str, *, parts: int, kills: int, kill_database: bool, seed: int
+) -> Outcome:
+    """Play a history in a new database, and judge it."""
+    rng = np.random.default_rng(seed)
+    folder, url = Path(tempfile.mkdtemp(prefix="tactile-marks-plant-")), server.create(name)
+    Store.open(url).close()
+    receiver = Receiver()
+    with receiver.listening() as hook, contextlib.ExitStack() as stack:
+        stack.callback(shutil.rmtree, folder, ignore_errors=True)
+        plant = stack.enter_context(contextlib.closing(Plant(folder, url, hook)))
+        plant.await_ready()
+        clients = Clients(plant, seed)
+        with ThreadPoolExecutor(4) as threads:
+            sending = [threads.submit(clients.send, number) for number in range(parts)]
+            when = [*("service" for _ in range(kills)), *([DATABASE] if kill_database else [])]
+            rng.shuffle(when)
+            for turn, who in enumerate(when, start=1):
+                _await(lambda share=turn / (len(when) + 1): len(clients.answered) >= share * parts)  # type: ignore[misc]
+                time.sleep(float(rng.uniform(0.0, 0.05)))
+                if who == DATABASE:
+                    began_s = time.monotonic()
+                    server.kill()
+                    server.start()
+                    plant.kills.append(Kill(began_s, DATABASE, time.monotonic()))
+                else:
+                    plant.kill(int(rng.integers(2)))
+            for one in sending:
+                one.result()
+        with contextlib.closing(Store.open(url)) as store:
+            _await(lambda: store.undelivered() == 0)
+            plant.close()
+            return _judged(store, EvidenceFolder(folder / "evidence"), clients, receiver, plant)
+
+
+def _await(holds: Any) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while not holds() and time.monotonic() < end_s:
+        time.sleep(0.02)
+
+
+def _judged(
+    store: Store, evidence: EvidenceFolder, clients: Clients, receiver: Receiver, plant: Plant
+) -> Outcome:
+    stored: dict[str, list[str]] = defaultdict(list)
+    deliveries = {}
+    missing = []
+    for part in store.parts(limit=500):
+        stored[part.name].append(part.id)
+        deliveries[part.id] = 1 + len(store.reviews(part.id))
+        (file,) = store.evidence(part.id)
+        kept = evidence.path(file.sha256)
+        if not kept.is_file() or hashlib.sha256(kept.read_bytes()).hexdigest() != file.sha256:
+            missing.append(f"{part.id}: its photograph is not there, or another")
+    verdict = judged(clients.answered, stored, deliveries, receiver.arrivals, plant.kills)
+    verdict.lost += missing
+    verdict.lost += [f"{key}: never there" for key in clients.asked - set(stored)]
+    return Outcome(verdict, len(deliveries), len(receiver.arrivals), len(plant.kills), clients.tries)
+
+
+def main() -> int:
+    """Play histories; 1 where one is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=20)
+    parser.add_argument("--parts", type=int, default=100, help="of a history, at most 500")
+    parser.add_argument("--kills", type=int, default=6, help="of services, a history")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    from tests.support.programs import program
+
+    bad = 0
+    with contextlib.closing(PostgresServer(initdb=program("initdb"), postgres=program("postgres"))) as server:
+        for seed in range(given.seed, given.seed + given.rounds):
+            began = time.monotonic()
+            one = played(
+                server,
+                f"plant_{seed}",
+                parts=given.parts,
+                kills=given.kills,
+                kill_database=seed % 2 == 0,
+                seed=seed,
+            )
+            verdict = one.verdict
+            bad += bool(verdict.wrong)
+            print(
+                f"{seed}: {one.parts} parts in {one.tries} requests, {one.deliveries} arrivals, {one.kills} kills:"
+                f" {len(verdict.lost)} lost, {len(verdict.two_parts)} keys with two parts,"
+                f" {len(verdict.repeated)} repeated ({verdict.repeated_after_a_kill} more after a kill),"
+                f" {len(verdict.reordered)} reordered; {time.monotonic() - began:.1f} s",
+                *verdict.wrong[:3],
+                sep="\n   ",
+                flush=True,
+            )
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    # children find what they run by the module's name
+    from tests.faults import plant
+
+    sys.exit(plant.main())
