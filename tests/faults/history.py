@@ -98,7 +98,8 @@ def _judge_order(verdict: Verdict, part_id: str, came: Iterable[Arrival], kills:
                 verdict.repeated_after_a_kill += 1
             else:
                 verdict.repeated.append(
-                    f"{part_id}: {arrival.number} by {before.sender}, again by {arrival.sender}"
+                    f"{part_id}: {arrival.number} by {before.sender}, {arrival.at_s - before.at_s:.2f} s later by"
+                    f" {arrival.sender}"
                 )
         last[arrival.number] = arrival
         newest = max(newest, arrival.number)
