@@ -55,19 +55,20 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
         # which parts of a run a store has is told by a table of their rows, for as long as the run lasts
         key = key_of({**description, "store": options.store})
         table, bad = Path(f"tactile-marks-{key}.jsonl"), Path("parts.quarantine.csv")
-    with ExitStack() as stack:
-        book = stack.enter_context(RunJournal.open(table, description))
-        if options.store is not None:
-            book.keep_private()
-        quarantine = Quarantine(bad, keep=book.resumed)
-        stack.callback(quarantine.close)
-        store = None
-        if options.store is not None:
-            store = stack.enter_context(RunStore(options.store, book.run_id, evidence=options.evidence))
-        run = Run(book, quarantine, store, _second_pass(book, options) if learns else None)
-        yield run
+    with RunJournal.open(table, description) as book:
+        with ExitStack() as stack:
+            if options.store is not None:
+                book.keep_private()
+            quarantine = Quarantine(bad, keep=book.resumed)
+            stack.callback(quarantine.close)
+            store = None
+            if options.store is not None:
+                store = stack.enter_context(RunStore(options.store, book.run_id, evidence=options.evidence))
+            run = Run(book, quarantine, store, _second_pass(book, options) if learns else None)
+            yield run
+        # last, with workers and store gone: broken off before, the same command finds all done
         if options.store is not None and run.finished:
-            book.forget()  # only now, with the workers gone: killed before, the same command finds all done
+            book.forget()
 
 
 def _second_pass(book: RunJournal, options: RunOptions) -> SecondPass:

@@ -172,7 +172,9 @@ class Explorer:
             for choice in (*CHOICES, "chance", "chance"):
                 if rng.random() >= sample:
                     continue
-                told = f"the power lost ({choice}) after call {n} ({call and (call.op, Path(call.path).name)})"
+                told = (
+                    f"the power lost ({choice}) after call {n} ({call and (call.op, Path(call.path).name)})"
+                )
                 self._judge_loss(disk, choice, calls[:n], told, rng, seen)
 
     def _judge_loss(
@@ -225,7 +227,9 @@ def preloaded(arguments: list[str], **options: object) -> subprocess.CompletedPr
 
 def main(arguments: list[str] | None = None) -> int:
     """Print what was tried; 1 where something is wrong."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("subjects", nargs="*", help="names of subjects; all of them unless given")
     parser.add_argument("--sample", type=float, default=1.0, help="share of the faults that are tried")
     parser.add_argument("--seed", type=int, default=0)

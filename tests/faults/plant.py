@@ -58,7 +58,9 @@ def serve(port: int, folder: Path, store: str, webhook: str) -> None:
     pace = Pace(**{name: seconds for name, seconds in PACE.items() if name in paces})
     service_module.WorkPool = InlinePool  # type: ignore[misc,assignment]
     ports_module.Dispatcher = functools.partial(Dispatcher, pace=pace)  # type: ignore[misc,assignment]
-    settings = ServiceSettings(folder=folder, store=store, webhook=webhook, port=port, tokens="off", log="text")
+    settings = ServiceSettings(
+        folder=folder, store=store, webhook=webhook, port=port, tokens="off", log="text"
+    )
     log = (folder / f"log-{port}").open("a")
     with log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
         service = Service(settings, ReadSettings(format=("AA999999",), font=("gothic",), height_mm=5.0))
@@ -293,7 +295,9 @@ def _judged(
 
 def main() -> int:
     """Play histories; 1 where one is wrong."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rounds", type=int, default=20)
     parser.add_argument("--parts", type=int, default=100, help="of a history, at most 500")
     parser.add_argument("--kills", type=int, default=6, help="of services, a history")

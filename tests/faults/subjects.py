@@ -215,7 +215,9 @@ def _table_check(table: str) -> Callable[[Path, list[str], bool], None]:
                 book.finish(NAMES)
             assert not marker.exists()
         assert [row.part for row in read_rows(path)] == NAMES
-        assert _names_in(path.with_name(f"{table}~")) == ["before"], "the table that stood there before is lost"
+        assert _names_in(path.with_name(f"{table}~")) == ["before"], (
+            "the table that stood there before is lost"
+        )
 
     return check
 
@@ -233,7 +235,9 @@ def _names_in(path: Path) -> list[str]:
 
 
 def _read(_: RunOrder, listed: ListedPart) -> ReadPart:
-    picture = Picture(EvidenceKind.EDGES_PICTURE, "crop.png", b"picture of " + listed.name.encode(), "image/png", {})
+    picture = Picture(
+        EvidenceKind.EDGES_PICTURE, "crop.png", b"picture of " + listed.name.encode(), "image/png", {}
+    )
     return ReadPart(listed, _record(listed.name), (picture,))
 
 
@@ -295,9 +299,7 @@ class _Parts:
             raise StoreError(str(error)) from error
         return Received(part)
 
-    def _add(
-        self, new: NewPart, kept: tuple[EvidenceRecord, ...], idempotency: IdempotencyKey
-    ) -> PartRecord:
+    def _add(self, new: NewPart, kept: tuple[EvidenceRecord, ...], idempotency: IdempotencyKey) -> PartRecord:
         try:
             return self.store.add_part(
                 part_id=new_part_id(),

@@ -59,7 +59,12 @@ class PostgresServer:
                 assert time.monotonic() < end_s, f"no PostgreSQL: {log.read_text(errors='replace')[-2000:]}"
                 with log.open("ab") as stream:
                     self._process = subprocess.Popen(
-                        [self._program, "-D", self.folder / "data", *(f"--{k}={v}" for k, v in options.items())],
+                        [
+                            self._program,
+                            "-D",
+                            self.folder / "data",
+                            *(f"--{k}={v}" for k, v in options.items()),
+                        ],
                         stdout=stream,
                         stderr=stream,
                         cwd=self.folder,
@@ -69,7 +74,9 @@ class PostgresServer:
             with contextlib.suppress(psycopg.OperationalError):
                 psycopg.connect(self.url("postgres")).close()
                 return
-            assert time.monotonic() < end_s, f"PostgreSQL is silent: {log.read_text(errors='replace')[-2000:]}"
+            assert time.monotonic() < end_s, (
+                f"PostgreSQL is silent: {log.read_text(errors='replace')[-2000:]}"
+            )
             time.sleep(0.02)
 
     def url(self, name: str) -> str:
