@@ -36,13 +36,14 @@ DATABASE = "database"
 
 @dataclass
 class Verdict:
-    """What was found; all but the repeats after a kill is wrong."""
+    """What was found; only who was killed, or had no answer, may have sent again."""
 
     lost: list[str] = field(default_factory=list)
     two_parts: list[str] = field(default_factory=list)
     repeated: list[str] = field(default_factory=list)
     reordered: list[str] = field(default_factory=list)
     repeated_after_a_kill: int = 0
+    repeated_unanswered: int = 0
 
     @property
     def wrong(self) -> list[str]:
@@ -56,6 +57,8 @@ def judged(
     deliveries: Mapping[str, int],
     arrivals: Sequence[Arrival],
     kills: Sequence[Kill],
+    *,
+    patience_s: float,
 ) -> Verdict:
     """Judge a history.
 
@@ -65,6 +68,7 @@ def judged(
         deliveries: how many there were to be of each part: it was read, and reviewed so many times.
         arrivals: in order.
         kills: in order.
+        patience_s: a sender that had no answer for so long sends again, and rightly.
     """
     verdict = Verdict()
     for key, told in answered.items():
@@ -81,11 +85,13 @@ def judged(
         if had != wanted:
             verdict.lost.append(f"{part_id}: {had} of {wanted} deliveries have arrived")
     for part_id, came in by_part.items():
-        _judge_order(verdict, part_id, came, kills)
+        _judge_order(verdict, part_id, came, kills, patience_s)
     return verdict
 
 
-def _judge_order(verdict: Verdict, part_id: str, came: Iterable[Arrival], kills: Sequence[Kill]) -> None:
+def _judge_order(
+    verdict: Verdict, part_id: str, came: Iterable[Arrival], kills: Sequence[Kill], patience_s: float
+) -> None:
     last: dict[int, Arrival] = {}
     newest = 0
     for arrival in came:
@@ -96,6 +102,8 @@ def _judge_order(verdict: Verdict, part_id: str, came: Iterable[Arrival], kills:
             between = [kill for kill in kills if before.at_s <= kill.back_s and kill.at_s <= arrival.at_s]
             if any(kill.who in (before.sender, DATABASE) for kill in between):
                 verdict.repeated_after_a_kill += 1
+            elif arrival.at_s - before.at_s >= patience_s:
+                verdict.repeated_unanswered += 1
             else:
                 verdict.repeated.append(
                     f"{part_id}: {arrival.number} by {before.sender}, {arrival.at_s - before.at_s:.2f} s later by"

@@ -20,7 +20,7 @@ import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -47,7 +47,7 @@ from tests.support.store_samples import reading
 
 PATIENCE_S = 60.0
 """Within which everything comes to rest that ever does."""
-PACE = {"look_s": 0.1, "first_wait_s": 0.2, "longest_rest_s": 0.5, "send_s": 1.0, "lease_s": 4.0}
+PACE = {"look_s": 0.1, "first_wait_s": 0.2, "longest_rest_s": 0.5, "send_s": 4.0, "lease_s": 5.0}
 
 
 def serve(port: int, folder: Path, store: str, webhook: str) -> None:
@@ -186,12 +186,16 @@ class Clients:
             sending = [both.submit(self._posted, http, key, int(rng.integers(2)))]
             if rng.random() < 0.3:
                 sending.append(both.submit(self._posted, http, key, int(rng.integers(2))))
-            part_id = [one.result() for one in sending][0]
+            part_id, *_ = [one.result() for one in sending]
             for number in range(2):
                 body = {"action": "correct", "text": f"KX40725{number}", "who": "Anna"}
                 self._asked(http, f"/v1/parts/{part_id}/review", int(rng.integers(2)), json=body)
             if rng.random() < 0.3:
                 self._posted(http, key, int(rng.integers(2)))
+
+    def await_answers(self, parts: int) -> None:
+        """Wait until so many parts were answered."""
+        _await(lambda: len(self.answered) >= parts)
 
     def _posted(self, http: httpx.Client, key: str, first: int) -> str:
         photo = ("photo.png", b"\x89PNG\r\n\x1a\n" + hashlib.sha256(key.encode()).digest() * 20)
@@ -251,7 +255,7 @@ def played(
             when = [*("service" for _ in range(kills)), *([DATABASE] if kill_database else [])]
             rng.shuffle(when)
             for turn, who in enumerate(when, start=1):
-                _await(lambda share=turn / (len(when) + 1): len(clients.answered) >= share * parts)  # type: ignore[misc]
+                clients.await_answers(turn * parts // (len(when) + 1))
                 time.sleep(float(rng.uniform(0.0, 0.05)))
                 if who == DATABASE:
                     began_s = time.monotonic()
@@ -268,7 +272,7 @@ def played(
             return _judged(store, EvidenceFolder(folder / "evidence"), clients, receiver, plant)
 
 
-def _await(holds: Any) -> None:
+def _await(holds: Callable[[], bool]) -> None:
     end_s = time.monotonic() + PATIENCE_S
     while not holds() and time.monotonic() < end_s:
         time.sleep(0.02)
@@ -287,7 +291,9 @@ def _judged(
         kept = evidence.path(file.sha256)
         if not kept.is_file() or hashlib.sha256(kept.read_bytes()).hexdigest() != file.sha256:
             missing.append(f"{part.id}: its photograph is not there, or another")
-    verdict = judged(clients.answered, stored, deliveries, receiver.arrivals, plant.kills)
+    verdict = judged(
+        clients.answered, stored, deliveries, receiver.arrivals, plant.kills, patience_s=PACE["send_s"]
+    )
     verdict.lost += missing
     verdict.lost += [f"{key}: never there" for key in clients.asked - set(stored)]
     return Outcome(verdict, len(deliveries), len(receiver.arrivals), len(plant.kills), clients.tries)

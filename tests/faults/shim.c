@@ -27,7 +27,7 @@ static int log_fd = -1;
 static long at, count;
 static enum mode mode;
 static int short_before; /* a short write, after which the next one fails */
-static int full_for;     /* calls that find the disk full, before somebody makes room */
+static int full_for;     /* calls more that find the disk full, before somebody makes room */
 #define FULL_FOR 4
 static char failed[PATH_MAX + 64];
 
@@ -85,31 +85,31 @@ static int opened(int fd, char *path, struct stat *status) {
 }
 
 /* -1: this call is to fail, errno says how; 0: go on; 1: half of it, then the end; 2: half of it and no more */
-static int fault(const char *call, const char *path, int grows, int writes) {
-    long number = __atomic_add_fetch(&count, 1, __ATOMIC_SEQ_CST);
+static int verdict(long number, int grows, int writes) {
     if (short_before && writes) {
         short_before = 0;
         errno = ENOSPC;
         return -1;
     }
-    if (!at || number < at || (number > at && (mode != FULL || !full_for))) return 0;
-    if (number == at) snprintf(failed, sizeof failed, "%s %s", call, path + strlen(root));
+    if (!at || number < at || (number > at && !full_for)) return 0;
+    errno = ENOSPC;
     switch (mode) {
     case EIO_ONCE: errno = EIO; return -1;
-    case ENOSPC_ONCE:
-        if (writes) return short_before = 1, 2;
-        errno = ENOSPC;
-        return -1;
+    case ENOSPC_ONCE: return writes ? short_before = 1, 2 : -1;
     case FULL:
-        if (!grows) return 0;
-        if (number == at) full_for = FULL_FOR;
-        if (full_for-- == FULL_FOR && writes) return 2;
-        errno = ENOSPC;
-        return -1;
+        if (number == at && grows) full_for = FULL_FOR;
+        if (!grows || !full_for) return 0;
+        return full_for-- == FULL_FOR && writes ? 2 : -1;
     case KILL: kill(getpid(), SIGKILL); pause(); return -1;
-    case TORN: return writes ? 1 : 0;
+    case TORN: return writes;
     default: return 0;
     }
+}
+
+static int fault(const char *call, const char *path, int grows, int writes) {
+    int found = verdict(__atomic_add_fetch(&count, 1, __ATOMIC_SEQ_CST), grows, writes);
+    if (found && !failed[0]) snprintf(failed, sizeof failed, "%s %s", call, path + strlen(root));
+    return found;
 }
 
 /* ---- asked for by the test ---- */

@@ -1,4 +1,4 @@
-"""Writes, fsyncs and renames that fail or tear, ends at any call, losses of power: a sample; `explore` tries them all."""
+"""Writes, fsyncs and renames that fail or tear, ends at any call, losses of power: a sample of `explore`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.support.programs import program
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim knows the calls of Linux")
 
-ALL, SOME, FEW = 1.0, 0.1, 0.02
+ALL, SOME, FEW = 1.0, 0.05, 0.008
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ ALL, SOME, FEW = 1.0, 0.1, 0.02
     [
         (ALL, ("journal of lines", "jobs", "session key")),
         (SOME, ("rows.csv", "rows.jsonl", "tokens")),
-        (FEW, ("evidence", "rows.parquet", "run into a store", "watched folder", "new store")),
+        (FEW, ("evidence", "rows.parquet", "run into a store", "watched folder")),
     ],
 )
 def test_nothing_acknowledged_is_lost_doubled_or_half_there(

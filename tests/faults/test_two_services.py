@@ -32,15 +32,16 @@ def test_the_judge_sees_what_is_lost_doubled_and_reordered() -> None:
     def wrong(
         arrivals: list[Arrival], *kills: Kill, wanted: int = 2, stored: tuple[str, ...] = ("p",)
     ) -> list[str]:
-        return judged({"k": ["p"]}, {"k": stored}, {"p": wanted}, arrivals, kills).wrong
+        return judged({"k": ["p"]}, {"k": stored}, {"p": wanted}, arrivals, kills, patience_s=3.0).wrong
 
     assert wrong(whole) == []
     assert wrong(whole, wanted=3) == ["p: 2 of 3 deliveries have arrived"]
     assert wrong(whole, stored=()) == ["k was answered and is not there: ['p']"]
     assert wrong(whole, stored=("p", "q")) == ["k has made ['p', 'q']"]
-    assert wrong([*whole, *_arrived((2.0, "b", 1))]) == ["p: 1 after 2", "p: 1 by a, 2.00 s later by b"]
+    assert wrong([*whole, *_arrived((2.0, "b", 1))]) == ["p: 1 by a, 2.00 s later by b", "p: 1 after 2"]
     again = [*whole, *_arrived((2.0, "a", 2))]
     assert wrong(again) == ["p: 2 by b, 1.00 s later by a"]
     assert wrong(again, Kill(1.5, "a", 1.5)) == wrong(again)  # not the one that had sent it
     assert wrong(again, Kill(1.5, "b", 1.5)) == []
     assert wrong(again, Kill(0.5, DATABASE, 1.2)) == []  # was away when it was to be noted
+    assert wrong([*whole, *_arrived((4.0, "a", 2))]) == []
