@@ -1,9 +1,10 @@
 """Two services on one PostgreSQL, clients and a receiver of webhooks; services are killed on the way, and the database.
 
-    python -m tests.faults.plant --rounds 20 --parts 100     a long run; prints what was found
+    python -m tests.faults.plant --rounds 20 --parts 100                    a long run; prints what was found
+    python -m tests.faults.plant --rounds 1 --parts 20 --kills 2 --real     with services that read
 
-A service is the whole one but for its workers: a part is answered as soon as it is received. Each is forked from a
-process that has everything imported, so that it is back within a moment.
+A service is the whole one but for its workers, unless it is to be real: a part is answered as soon as it is received.
+Each is forked from a process that has everything imported, so that it is back within a moment.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ import hashlib
 import json
 import multiprocessing
 import shutil
+import subprocess
 import sys
 import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -45,7 +47,7 @@ from tests.support.postgres_server import PostgresServer
 from tests.support.service_fixtures import InlinePool
 from tests.support.store_samples import reading
 
-PATIENCE_S = 60.0
+PATIENCE_S = 200.0
 """Within which everything comes to rest that ever does."""
 PACE = {"look_s": 0.1, "first_wait_s": 0.2, "longest_rest_s": 0.5, "send_s": 4.0, "lease_s": 5.0}
 
@@ -66,6 +68,10 @@ def serve(port: int, folder: Path, store: str, webhook: str) -> None:
         service = Service(settings, ReadSettings(format=("AA999999",), font=("gothic",), height_mm=5.0))
         service.pool.instead = lambda *_: Done((reading(),))  # type: ignore[attr-defined]
         uvicorn.Server(uvicorn.Config(create_app(service), port=port, log_level="error")).run()
+
+
+Process = subprocess.Popen[bytes] | multiprocessing.process.BaseProcess
+REAL = ("--jobs", "1", "--format", "A99", "--font", "gothic", "--height-mm", "4", "--tokens", "off")
 
 
 @dataclass
@@ -124,18 +130,25 @@ class Receiver:
 class Plant:
     """Services that can be killed and are there again at once."""
 
-    def __init__(self, folder: Path, store: str, hook: str, *, services: int = 2) -> None:
+    def __init__(self, folder: Path, store: str, hook: str, *, real: bool = False) -> None:
+        """Start two services; `real`: as a user does, with workers that read."""
         self.folder, self.kills = folder, list[Kill]()
-        self._store, self._hook, self._lives = store, hook, 0
+        self._store, self._hook, self._lives, self._real = store, hook, 0, real
         self._context = multiprocessing.get_context("forkserver")
         self._context.set_forkserver_preload([__name__])
-        self.ports = [free_port() for _ in range(services)]
-        self._running: list[tuple[str, Any]] = [self._started(port) for port in self.ports]
+        self.ports = [free_port() for _ in range(2)]
+        self._running = [self._started(port) for port in self.ports]
 
-    def _started(self, port: int) -> tuple[str, Any]:
+    def _started(self, port: int) -> tuple[str, Process]:
         self._lives += 1
         name = f"service-{port}-{self._lives}"
-        arguments = (port, self.folder, self._store, f"{self._hook}/{name}")
+        hook = f"{self._hook}/{name}"
+        if self._real:
+            places = ("--folder", self.folder, "--store", self._store, "--webhook", hook, "--port", port)
+            command = [sys.executable, "-m", "pipeline", "serve", *map(str, places), *REAL]
+            with (self.folder / f"log-{port}").open("ab") as log:
+                return name, subprocess.Popen(command, stdout=log, stderr=log)
+        arguments = (port, self.folder, self._store, hook)
         process = self._context.Process(target=serve, args=arguments, daemon=True)
         process.start()
         return name, process
@@ -156,23 +169,27 @@ class Plant:
     def kill(self, number: int) -> None:
         """Kill a service and start it again."""
         name, process = self._running[number]
-        process.kill()
-        process.join()
+        _ended(process)
         now_s = time.monotonic()
         self.kills.append(Kill(now_s, name, now_s))
         self._running[number] = self._started(self.ports[number])
 
     def close(self) -> None:
         for _, process in self._running:
-            process.kill()
-            process.join()
+            _ended(process)
+
+
+def _ended(process: Process) -> None:
+    process.kill()
+    process.wait() if isinstance(process, subprocess.Popen) else process.join()
 
 
 class Clients:
     """Send parts with a key each until they are answered, then review them, by whichever service comes."""
 
-    def __init__(self, plant: Plant, seed: int) -> None:
-        self._plant, self._seed = plant, seed
+    def __init__(self, plant: Plant, seed: int, scans: Sequence[bytes] = ()) -> None:
+        """Photographs that nobody reads are sent unless scans are given."""
+        self._plant, self._seed, self._scans = plant, seed, scans
         self.answered: dict[str, list[str]] = defaultdict(list)
         self.asked: set[str] = set()
         self.tries = 0
@@ -182,7 +199,7 @@ class Clients:
         rng = np.random.default_rng((self._seed, number))
         key = f"key-{self._seed}-{number}"
         self.asked.add(key)
-        with httpx.Client(timeout=5.0) as http, ThreadPoolExecutor(2) as both:
+        with httpx.Client(timeout=30.0) as http, ThreadPoolExecutor(2) as both:
             sending = [both.submit(self._posted, http, key, int(rng.integers(2)))]
             if rng.random() < 0.3:
                 sending.append(both.submit(self._posted, http, key, int(rng.integers(2))))
@@ -198,12 +215,15 @@ class Clients:
         _await(lambda: len(self.answered) >= parts)
 
     def _posted(self, http: httpx.Client, key: str, first: int) -> str:
-        photo = ("photo.png", b"\x89PNG\r\n\x1a\n" + hashlib.sha256(key.encode()).digest() * 20)
+        digest = hashlib.sha256(key.encode()).digest()
+        files = {"photo": ("photo.png", b"\x89PNG\r\n\x1a\n" + digest * 20)}
+        if self._scans:
+            files = {"scan": ("part.npz", self._scans[digest[0] % len(self._scans)])}
         answer = self._asked(
             http,
             "/v1/parts",
             first,
-            files={"photo": photo},
+            files=files,
             data={"name": key},
             headers={"Idempotency-Key": key},
         )
@@ -238,7 +258,14 @@ class Outcome:
 
 
 def played(
-    server: PostgresServer, name: str, *, parts: int, kills: int, kill_database: bool, seed: int
+    server: PostgresServer,
+    name: str,
+    *,
+    parts: int,
+    kills: int,
+    kill_database: bool,
+    seed: int,
+    real: bool = False,
 ) -> Outcome:
     """Play a history in a new database, and judge it."""
     rng = np.random.default_rng(seed)
@@ -247,9 +274,9 @@ def played(
     receiver = Receiver()
     with receiver.listening() as hook, contextlib.ExitStack() as stack:
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
-        plant = stack.enter_context(contextlib.closing(Plant(folder, url, hook)))
+        plant = stack.enter_context(contextlib.closing(Plant(folder, url, hook, real=real)))
         plant.await_ready()
-        clients = Clients(plant, seed)
+        clients = Clients(plant, seed, _scans(folder) if real else ())
         with ThreadPoolExecutor(4) as threads:
             sending = [threads.submit(clients.send, number) for number in range(parts)]
             when = [*("service" for _ in range(kills)), *([DATABASE] if kill_database else [])]
@@ -278,6 +305,15 @@ def _await(holds: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
+def _scans(folder: Path) -> list[bytes]:
+    from pipeline.files.synth import SynthSpec, write_part
+
+    spec = SynthSpec(format="A99", seed=3, height_mm=4.0)
+    for number in range(4):
+        write_part(spec, folder / f"part-{number}", number, photos=False)
+    return [(folder / f"part-{number}.npz").read_bytes() for number in range(4)]
+
+
 def _judged(
     store: Store, evidence: EvidenceFolder, clients: Clients, receiver: Receiver, plant: Plant
 ) -> Outcome:
@@ -287,10 +323,9 @@ def _judged(
     for part in store.parts(limit=500):
         stored[part.name].append(part.id)
         deliveries[part.id] = 1 + len(store.reviews(part.id))
-        (file,) = store.evidence(part.id)
-        kept = evidence.path(file.sha256)
-        if not kept.is_file() or hashlib.sha256(kept.read_bytes()).hexdigest() != file.sha256:
-            missing.append(f"{part.id}: its photograph is not there, or another")
+        kept = [file.sha256 for file in store.evidence(part.id)]
+        if not kept or len(evidence.whole(kept)) != len(kept):
+            missing.append(f"{part.id}: a file of its is not there, or another")
     verdict = judged(
         clients.answered, stored, deliveries, receiver.arrivals, plant.kills, patience_s=PACE["send_s"]
     )
@@ -308,6 +343,7 @@ def main() -> int:
     parser.add_argument("--parts", type=int, default=100, help="of a history, at most 500")
     parser.add_argument("--kills", type=int, default=6, help="of services, a history")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--real", action="store_true", help="`tactile-marks serve` as it is, which reads")
     given = parser.parse_args()
     from tests.support.programs import program
 
@@ -322,6 +358,7 @@ def main() -> int:
                 kills=given.kills,
                 kill_database=seed % 2 == 0,
                 seed=seed,
+                real=given.real,
             )
             verdict = one.verdict
             bad += bool(verdict.wrong)

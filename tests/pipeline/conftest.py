@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pipeline.store.store import Store
     from tests.support.store_samples import Clock
 
+
 @pytest.fixture(scope="session")
 def find_program() -> Callable[[str], str]:
     """`program`, for test modules, which cannot import this one by its name."""
