@@ -21,29 +21,19 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.support.programs import program
+
 if TYPE_CHECKING:
     from pipeline.store.store import Store
     from tests.support.store_samples import Clock
 
-_PLACES = ("/usr/sbin", "/usr/local/sbin", *map(str, Path("/usr/lib/postgresql").glob("*/bin")))
 _START_S = 30.0
 _PR_SET_PDEATHSIG = 1
 
 
-def program(name: str) -> str:
-    """Where a program is; skips the test, or fails it where everything must be tested."""
-    found = shutil.which(name) or shutil.which(name, path=os.pathsep.join(_PLACES))
-    if found is None:
-        told = f"{name} is not installed"
-        if os.environ.get("MARKS_TEST_ALL") == "1":
-            pytest.fail(f"{told}, and MARKS_TEST_ALL asks for every test")
-        pytest.skip(told)
-    return found
-
-
 @pytest.fixture(scope="session")
 def find_program() -> Callable[[str], str]:
-    """`program`, for test modules, which cannot import this one by its name."""
+    """`program`, as a fixture."""
     return program
 
 
