@@ -49,7 +49,11 @@ def unit() -> dict[str, str]:
     return dict(re.findall(r"^(\w+)=(.*)$", text_of("tactile-marks.service"), re.MULTILINE))
 
 
-@pytest.mark.parametrize("file", sorted(DEPLOY.iterdir()), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "file",
+    [*sorted(DEPLOY.iterdir()), ROOT / "docs" / "pages" / "how-to" / "deploy.md"],
+    ids=lambda path: path.name,
+)
 def test_every_setting_that_is_named_exists(file: Path) -> None:
     known = {model.variable(name) for model in MODELS for name in model.model_fields}
     assert set(re.findall(r"TACTILE_MARKS_\w+", file.read_text(encoding="utf-8"))) <= known
