@@ -1,7 +1,9 @@
-"""The settings as a table for the documentation."""
+"""The settings as text: a table for the documentation, a commented file to begin with."""
 
 from __future__ import annotations
 
+import json
+import textwrap
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -12,6 +14,10 @@ from pipeline.cli.settings import MODELS, flag_of
 from pipeline.common.settings import Settings
 
 _HEADINGS = ("setting", "flag", "variable", "type", "default", "what it does")
+_BEGINNING = """\
+# Settings of tactile-marks. All of them stand here at their defaults, commented out: remove the # before a name.
+# Environment variables and flags go over this file; `tactile-marks serve --help` names them.
+"""
 _TYPES = {
     bool: "true or false",
     str: "text",
@@ -28,6 +34,32 @@ def settings_reference() -> str:
     One table for each part of `tactile-marks.toml`, under a heading of the second level.
     """
     return "\n".join(_section(model) for model in MODELS)
+
+
+def settings_file() -> str:
+    """A `tactile-marks.toml` with every setting at its default, commented out.
+
+    A line of prose begins with "# ", a setting with "#" alone: without that sign the line is in force. Settings that
+    are not set unless somebody gives them a value have none here either, and their type in its place:
+
+    # Port of the web interface; 0 takes any free one.
+    #port = 8417
+
+    # Folder into which the camera puts its pictures: NAME.png is the part called NAME.
+    #camera =    # file or folder
+    """
+    return "\n".join((_BEGINNING, *map(_table_of_file, MODELS)))
+
+
+def _table_of_file(model: type[Settings]) -> str:
+    written = [f"[{model.table}]\n"] if model.table else []
+    defaults = model().model_dump(mode="json")
+    for name, field in model.model_fields.items():
+        lines = textwrap.wrap(str(field.description), 98)
+        unset = defaults[name] is None or (field.default_factory is not None and defaults[name])
+        value = f"   # {_type(field.annotation)}" if unset else json.dumps(defaults[name])
+        written.append("".join(f"# {line}\n" for line in lines) + f"#{name} = {value}\n")
+    return "\n".join(written)
 
 
 def _section(model: type[Settings]) -> str:

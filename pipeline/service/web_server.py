@@ -4,6 +4,8 @@
 * A connection has HEAD_S for the head of each request, however slowly it sends; then it is closed.
 * One address has so many connections, and more are closed as they come; a trusted proxy, who calls for many, any
   number.
+* Who is answered before the whole of the request has come gets the answer: the rest is heard, and let go, for LINGER_S.
+  A connection closed with bytes unread is reset by the system, and a proxy then has no answer to pass on (502).
 """
 
 from __future__ import annotations
@@ -16,12 +18,14 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 from typing import Any
 
+import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 MOST_CONNECTIONS = 1000
 KEEP_ALIVE_S = 30
 HEAD_S = 15.0
+LINGER_S = 5.0
 
 
 class DrainingServer(uvicorn.Server):
@@ -76,6 +80,7 @@ def patient_protocol(
         def connection_made(self, transport: Any) -> None:
             """Count it; one too many is closed."""
             super().connection_made(transport)
+            self.transport = _Lingering(transport, unread=self._unread)  # type: ignore[assignment]
             address = self.client[0] if self.client else ""
             if not _is_in(address, trusted):
                 self._counted = address
@@ -87,6 +92,8 @@ def patient_protocol(
 
         def data_received(self, data: bytes) -> None:
             """Wait no longer once the head is whole."""
+            if self.transport.is_closing():
+                return
             if self._head_timer is None and (self.cycle is None or self.cycle.response_complete):
                 self._wait_for_head()
             before = self.cycle
@@ -104,6 +111,9 @@ def patient_protocol(
                 self._counted = ""
             super().connection_lost(exc)
 
+        def _unread(self) -> bool:
+            return self.conn.their_state in (h11.SEND_BODY, h11.ERROR)
+
         def _wait_for_head(self) -> None:
             self._head_timer = self.loop.call_later(head_s, self.transport.abort)
 
@@ -113,6 +123,31 @@ def patient_protocol(
                 self._head_timer = None
 
     return PatientProtocol
+
+
+class _Lingering:
+    """A connection's transport that closes in two steps where a request is not read whole: it says no more, and hears
+    the rest for LINGER_S or until the caller closes."""
+
+    def __init__(self, transport: Any, *, unread: Callable[[], bool]) -> None:
+        self._transport, self._unread = transport, unread
+        self._lingers = False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._transport, name)
+
+    def is_closing(self) -> bool:
+        return self._lingers or bool(self._transport.is_closing())
+
+    def close(self) -> None:
+        if self.is_closing() or not self._unread():
+            self._transport.close()
+            return
+        self._lingers = True
+        if self._transport.can_write_eof():  # not over TLS
+            self._transport.write_eof()
+        self._transport.resume_reading()
+        asyncio.get_running_loop().call_later(LINGER_S, self._transport.abort)
 
 
 def _is_in(address: str, networks: Sequence[ipaddress.IPv4Network | ipaddress.IPv6Network]) -> bool:

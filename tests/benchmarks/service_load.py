@@ -1,12 +1,20 @@
-"""How fast the service answers under load, and whether it errs. Talks to a service of its own on this machine.
+"""How long answers of the service take when parts arrive at a fixed rate, and whether they are right.
 
-    python tests/benchmarks/service_load.py --clients 1 8 32 --seconds 60
+    python tests/benchmarks/service_load.py --kinds photo --rates 0.5 1 2 --seconds 60
+    python tests/benchmarks/service_load.py --kinds part --rates 0.5 --seconds 600 --sample 60      # soak
 
 photo   POST /v1/parts with a photograph
 scan    POST /v1/parts with a recorded scan
-fused   POST /v1/parts/{id}/scan for parts that the camera was unsure of
+part    POST /v1/parts with a photograph, and where touch is needed POST /v1/parts/{id}/scan
 
-Each client sends its next request when it has its answer. Printed: requests, errors, answers a second, p50 and p99.
+The loop is open: a part comes when its time has come, whether those before it are answered or not, as parts do on a
+line. An answer's time counts from when the part was to be sent, so that a service that stalls cannot hide the parts
+which it kept from being sent. Every tenth part is sent twice at once with one Idempotency-Key.
+
+Loads only a service of its own, on 127.0.0.1. Of the answers: accepted with the right text, accepted with a wrong one,
+503 (told to come again), failed; seconds of those that were read; memory of the service and of its workers together,
+open files of the service. Ends with status 1 where a text was accepted that is wrong, an answer failed, or the store
+does not hold exactly the parts that were answered.
 """
 
 from __future__ import annotations
@@ -15,10 +23,11 @@ import argparse
 import asyncio
 import itertools
 import os
+import sqlite3
+import sys
 import tempfile
-import time
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -28,130 +37,249 @@ import numpy as np
 from glyphs.soiling.soiled import Soiling
 from pipeline.files.synth import SynthSpec, make_part, write_part
 from pipeline.reading.simulated_scan import feel
-from pipeline.service.process import service_process
+from pipeline.service.process import ServiceProcess, service_process
+from pipeline.service.settings import STORE_FILE
 from whisker_array.scan.recording import save_scan
 from whisker_array.whisker.array import default_plan
 
 HEIGHT_MM = 5.0
 FORMAT = "AA999999"
-REQUEST_TIMEOUT_S = 120.0
+REQUEST_TIMEOUT_S = 300.0
+MOST_REQUESTS = 100_000
+CONNECTIONS = 190
+"""Below what the service lets one address have; parts beyond wait here, and their time runs."""
+TWICE_EVERY = 10
+READ = ("right", "open", "wrong")
+COLUMNS = ("kind", "rate/s", "sent", "read/s", "right", "wrong", "503", "failed", "p50", "p90", "p99", "max", "MB",
+           "workers", "files")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One part: what is sent, and what it bears."""
+
+    text: str
+    photo: bytes
+    scan: bytes
 
 
 @dataclass
 class Tally:
-    """What came back."""
+    """What came back: seconds of the parts that were read, and how many ended how."""
 
     seconds: list[float] = field(default_factory=list)
-    statuses: Counter[str] = field(default_factory=Counter)
+    ends: Counter[str] = field(default_factory=Counter)
+    ids: set[str] = field(default_factory=set)
 
 
-@dataclass(frozen=True)
-class Supplies:
-    """Files to send."""
+def arrivals(rate: float, seconds: float, *, poisson: bool, rng: np.random.Generator) -> np.ndarray:
+    """When parts come, in seconds from the start: at even distances, or as they like (Poisson)."""
+    count = min(MOST_REQUESTS, round(rate * seconds))
+    if not poisson:
+        return np.arange(count) / rate
+    return np.sort(
+        rng.uniform(0.0, seconds, count)
+    )  # of a Poisson process with so many, that is where they lie
 
-    photos: tuple[bytes, ...]
-    scans: tuple[bytes, ...]
+
+async def offer(times: Sequence[float], send: Callable[[int], Awaitable[str]], tally: Tally) -> None:
+    """Send every part at its time.
+
+    Args:
+        times: in seconds from now.
+        send: sends the part of a number and tells how it ended.
+        tally: gets the ends, and the seconds of parts that were read.
+    """
+    clock = asyncio.get_running_loop().time
+    start = clock()
+
+    async def one(number: int, due: float) -> None:
+        end = await send(number)
+        tally.ends[end] += 1
+        if end in READ:
+            tally.seconds.append(clock() - due)
+
+    async with asyncio.TaskGroup() as sent:
+        for number, time in enumerate(times):
+            await asyncio.sleep(start + time - clock())
+            sent.create_task(one(number, start + time))
 
 
-def make_supplies(folder: Path, *, parts: int, dirt: float, seed: int = 5) -> Supplies:
+class Sender:
+    """Sends parts of one kind, and looks at the answers."""
+
+    def __init__(self, http: httpx.AsyncClient, kind: str, samples: Sequence[Sample], tally: Tally) -> None:
+        self._http, self._kind, self._samples, self._tally = http, kind, samples, tally
+        self._run = os.urandom(6).hex()
+
+    async def __call__(self, number: int) -> str:
+        """How a part ended: right, open (for a person, or unreadable), wrong, 503, or what failed."""
+        sample = self._samples[number % len(self._samples)]
+        key = f"{self._run}-{number}"
+        times = 2 if number % TWICE_EVERY == 0 else 1
+        try:
+            ends = await asyncio.gather(*(self._read(sample, key) for _ in range(times)))
+        except httpx.HTTPError as error:
+            return type(error).__name__
+        if len({part for part, _ in ends if part}) > 1:
+            return "doubled"
+        return min((end for _, end in ends), key=lambda end: end == "503")
+
+    async def _read(self, sample: Sample, key: str) -> tuple[str, str]:
+        scanned = self._kind == "scan"
+        files = {"scan": ("part.h5", sample.scan)} if scanned else {"photo": ("part.png", sample.photo)}
+        touch = {"touch": "plan"} if self._kind == "part" else {}
+        answer = await self._http.post("/v1/parts", files=files, data=touch, headers={"Idempotency-Key": key})
+        if answer.is_success:
+            self._tally.ids.add(answer.json()["id"])
+            if answer.json()["state"] == "touch_needed" and self._kind == "part":
+                answer = await self._http.post(
+                    f"/v1/parts/{answer.json()['id']}/scan",
+                    files={"scan": ("part.h5", sample.scan)},
+                    headers={"Idempotency-Key": f"{key}-scan"},
+                )
+        if not answer.is_success:
+            return "", str(answer.status_code)
+        part = answer.json()
+        if part["state"] != "accepted":
+            return part["id"], "open"
+        return part["id"], "right" if part["text"] == sample.text else "wrong"
+
+
+def make_samples(folder: Path, *, parts: int, dirt: float, seed: int = 5) -> tuple[Sample, ...]:
     """Photographs and recorded scans of as many synthetic parts."""
     spec = SynthSpec(format=FORMAT, seed=seed, height_mm=HEIGHT_MM, soiling=Soiling(severity=dirt))
-    photos, scans = [], []
+    samples = []
     for number in range(parts):
         stem = folder / f"part-{number}"
         write_part(spec, stem, number, photos=True)
-        photos.append(stem.with_suffix(".png").read_bytes())
         soiled = make_part(spec, number)
         plan = default_plan((0.0, 0.0, *soiled.height_map.size_mm), character_height_mm=HEIGHT_MM)
         scan = feel(soiled.height_map, plan=plan, height_mm=HEIGHT_MM, sensor_seed=number, soil=soiled.soil)
         save_scan(scan, stem.with_suffix(".h5"))
-        scans.append(stem.with_suffix(".h5").read_bytes())
-    return Supplies(tuple(photos), tuple(scans))
+        samples.append(
+            Sample(soiled.text, stem.with_suffix(".png").read_bytes(), stem.with_suffix(".h5").read_bytes())
+        )
+    return tuple(samples)
 
 
-async def _client(send: Callable[[], Awaitable[httpx.Response]], until: float, tally: Tally) -> None:
-    while time.monotonic() < until:
-        start = time.perf_counter()
-        try:
-            answer = await send()
-            status = str(answer.status_code)
-        except httpx.HTTPError as error:
-            status = type(error).__name__
-        tally.seconds.append(time.perf_counter() - start)
-        tally.statuses[status] += 1
+def footprint(pid: int) -> tuple[float, float, int]:
+    """Memory of a service in MB, that of its workers together, and its open files."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="ascii").split()
+    others = [
+        tid / "children" for tid in Path(f"/proc/{pid}/task").iterdir() if tid.name != str(pid)
+    ]  # workers are started by a thread
+    for path in others:
+        children += path.read_text(encoding="ascii").split()
+    return (
+        _resident_mb(pid),
+        sum(_resident_mb(int(child)) for child in children),
+        len(os.listdir(f"/proc/{pid}/fd")),
+    )
 
 
-async def run(
-    url: str, kind: str, supplies: Supplies, *, clients: int, seconds: float
+def _resident_mb(pid: int) -> float:
+    pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def row(kind: str, rate: float, seconds: float, tally: Tally, pid: int) -> str:
+    """One line of the table."""
+    read = sum(tally.ends[end] for end in READ)
+    sent = tally.ends.total()
+    failed = sent - read - tally.ends["503"]
+    times = np.percentile(tally.seconds, (50, 90, 99, 100)) if tally.seconds else [np.nan] * 4
+    own, workers, files = footprint(pid)
+    counts = (
+        sent,
+        f"{read / seconds:.2f}",
+        tally.ends["right"],
+        tally.ends["wrong"],
+        tally.ends["503"],
+        failed,
+    )
+    held = (f"{own:.0f}", f"{workers:.0f}", files)
+    cells = (kind, f"{rate:g}", *counts, *(f"{time:.2f}" for time in times), *held)
+    return " ".join(f"{cell!s:>7}" for cell in cells)
+
+
+async def load(
+    service: ServiceProcess,
+    kind: str,
+    samples: Sequence[Sample],
+    *,
+    times: Sequence[float],
+    rate: float,
+    sample_s: float,
 ) -> tuple[Tally, float]:
-    """Load the service for so long; returns what came back and the seconds it took to the last answer."""
-    limits = httpx.Limits(max_connections=clients, max_keepalive_connections=clients)
-    async with httpx.AsyncClient(base_url=url, timeout=REQUEST_TIMEOUT_S, limits=limits) as http:
-        photos: Iterator[bytes] = itertools.cycle(supplies.photos)
-        scans: Iterator[bytes] = itertools.cycle(supplies.scans)
-        waiting: list[str] = []
-        if kind == "fused":
-            # as many parts that wait for touch as there are supplies; each may be felt again and again
-            for photo in supplies.photos:
-                answer = await http.post("/v1/parts", files={"photo": ("part.png", photo)})
-                waiting.append(answer.json()["id"])
-        targets = itertools.cycle(zip(waiting, supplies.scans, strict=True)) if waiting else None
+    """Load the service; what came back, and the seconds to the last answer. Prints a row every `sample_s`."""
+    tally, clock = Tally(), asyncio.get_running_loop().time
+    start = clock()
 
-        async def send() -> httpx.Response:
-            if kind == "photo":
-                return await http.post("/v1/parts", files={"photo": ("part.png", next(photos))})
-            if kind == "scan":
-                return await http.post("/v1/parts", files={"scan": ("part.h5", next(scans))})
-            assert targets is not None
-            part_id, scan = next(targets)
-            return await http.post(f"/v1/parts/{part_id}/scan", files={"scan": ("part.h5", scan)})
+    async def watch() -> None:
+        for n in itertools.count(1):
+            await asyncio.sleep(start + n * sample_s - clock())
+            print(
+                row(kind, rate, clock() - start, tally, service.process.pid), f" after {n * sample_s:.0f} s"
+            )
 
-        tally, start = Tally(), time.monotonic()
-        await asyncio.gather(*(_client(send, start + seconds, tally) for _ in range(clients)))
-        return tally, time.monotonic() - start
+    limits = httpx.Limits(max_connections=CONNECTIONS, max_keepalive_connections=CONNECTIONS)
+    timeout = httpx.Timeout(REQUEST_TIMEOUT_S)
+    async with httpx.AsyncClient(base_url=service.url, timeout=timeout, limits=limits) as http:
+        watching = asyncio.create_task(watch()) if sample_s else None
+        await offer(times, Sender(http, kind, samples, tally), tally)
+        if watching is not None:
+            watching.cancel()
+    return tally, clock() - start
 
 
-def main() -> None:
-    """Run every kind of request with every number of clients."""
+def main() -> int:
+    """Run every kind of part at every rate."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    kinds = ("photo", "scan", "part")
+    parser.add_argument("--kinds", nargs="+", default=kinds, choices=kinds)
+    parser.add_argument("--rates", nargs="+", type=float, default=[0.5, 1.0, 2.0], help="parts a second")
     parser.add_argument(
-        "--kinds", nargs="+", default=["photo", "scan", "fused"], choices=["photo", "scan", "fused"]
+        "--even", action="store_true", help="parts at even distances; else at random (Poisson)"
     )
-    parser.add_argument("--clients", nargs="+", type=int, default=[1, 8, 32])
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--parts", type=int, default=20)
+    parser.add_argument("--sample", type=float, default=0.0, help="seconds between rows while a load runs")
+    parser.add_argument("--parts", type=int, default=20, help="different ones")
     parser.add_argument("--dirt", type=float, default=0.3)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     chosen = parser.parse_args()
+    sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
+    total = Tally()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        supplies = make_supplies(folder, parts=chosen.parts, dirt=chosen.dirt)
+        samples = make_samples(folder, parts=chosen.parts, dirt=chosen.dirt)
         options = ("--jobs", str(chosen.jobs), "--format", FORMAT, "--font", "gothic", "--height-mm", "5")
         print(
             f"{chosen.parts} parts, dirt {chosen.dirt}, {chosen.jobs} processes, {chosen.seconds:.0f} s each"
         )
-        print(
-            f"{'kind':<6} {'clients':>7} {'answers':>8} {'errors':>7} {'a second':>9} {'p50 s':>7} "
-            f"{'p99 s':>7}  statuses"
-        )
+        print(" ".join(f"{column:>7}" for column in COLUMNS))
+        rng = np.random.default_rng(1)
         with service_process(folder / "service", *options) as service:
             for kind in chosen.kinds:
-                asyncio.run(run(service.url, kind, supplies, clients=2, seconds=5.0))  # templates, once
-                for clients in chosen.clients:
+                warming = np.arange(4.0)  # templates, once
+                tally, _ = asyncio.run(load(service, kind, samples, times=warming, rate=1.0, sample_s=0.0))
+                total.ids |= tally.ids
+                for rate in chosen.rates:
+                    times = arrivals(rate, chosen.seconds, poisson=not chosen.even, rng=rng)
                     tally, took = asyncio.run(
-                        run(service.url, kind, supplies, clients=clients, seconds=chosen.seconds)
+                        load(service, kind, samples, times=times, rate=rate, sample_s=chosen.sample)
                     )
-                    p50, p99 = np.percentile(tally.seconds, [50, 99])
-                    errors = sum(n for status, n in tally.statuses.items() if status not in ("200", "201"))
-                    n = len(tally.seconds)
-                    print(
-                        f"{kind:<6} {clients:>7} {n:>8} {errors:>7} {n / took:>9.2f} {p50:>7.2f} {p99:>7.2f}  "
-                        f"{dict(tally.statuses)}",
-                        flush=True,
-                    )
+                    print(row(kind, rate, took, tally, service.process.pid), f" {dict(tally.ends)}")
+                    total.ends += tally.ends
+                    total.ids |= tally.ids
+        with sqlite3.connect(folder / "service" / STORE_FILE) as store:
+            (kept,) = store.execute("select count(*) from parts").fetchone()
+    sound = set(total.ends) <= {"right", "open", "503"} and kept == len(total.ids)
+    print(f"parts answered {len(total.ids)}, in the store {kept}: {'sound' if sound else 'NOT SOUND'}")
+    return 0 if sound else 1
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="session")
 def find_program() -> Callable[[str], str]:
-    """`program`, for test modules, which cannot import this one by its name."""
+    """`program`, as a fixture."""
     return program
 
 

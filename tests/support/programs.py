@@ -1,14 +1,19 @@
-"""Programs that tests need and that pip does not bring."""
+"""Programs that tests need and that pip does not bring, or brings beside Python."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
-_PLACES = ("/usr/sbin", "/usr/local/sbin", *map(str, Path("/usr/lib/postgresql").glob("*/bin")))
+_PLACES = (
+    str(Path(sys.executable).parent),
+    *("/usr/sbin", "/usr/local/sbin"),
+    *map(str, Path("/usr/lib/postgresql").glob("*/bin")),
+)
 
 
 def program(name: str) -> str:

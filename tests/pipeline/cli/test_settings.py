@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -314,6 +315,25 @@ def test_every_setting_has_a_description_and_stands_in_help_and_reference(
     assert [
         f.description for f in ReadSettings.model_fields.values() if str(f.description)[:40] not in shown
     ] == []
+
+
+def test_a_file_of_settings_to_begin_with(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["serve", "--init-config"]) == 0
+    text = FILE.read_text(encoding="utf-8")
+    assert serving() == (ServiceSettings(), ReadSettings())
+    for model in (ReadSettings, ServiceSettings):
+        for name, field in model.model_fields.items():
+            assert f"\n#{name} = " in text
+            assert str(field.description)[:60] in text
+    in_force = re.sub(r"^#(?=[a-z])", "", text, flags=re.MULTILINE)  # every setting that has a value
+    FILE.write_text(re.sub(r"^\w+ = +# .*$", "", in_force, flags=re.MULTILINE), encoding="utf-8")
+    assert "port = 8417" in FILE.read_text(encoding="utf-8").splitlines()
+    assert serving() == (ServiceSettings(), ReadSettings())
+    capsys.readouterr()
+    assert main(["serve", "--init-config", "other.toml"]) == 0
+    assert main(["serve", "--init-config", "other.toml"]) == 2
+    assert "other.toml is there already" in capsys.readouterr().err
+    assert Path("other.toml").read_text(encoding="utf-8") == text
 
 
 def test_what_cannot_be_is_bad_usage_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:

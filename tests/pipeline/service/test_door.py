@@ -20,6 +20,7 @@ from pipeline.cli.exit_status import CommandError
 from pipeline.cli.serving import check_tls, listening
 from pipeline.common.records import Scope
 from pipeline.service import middleware
+from pipeline.service import web_server as web_server_module
 from pipeline.service.access import SIGNED_IN_S, Access, session_key
 from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings
@@ -209,8 +210,13 @@ def test_a_cookie_ends_with_its_token_and_is_signed(tmp_path: Path) -> None:
 
 
 async def test_app(scope: Any, receive: Any, send: Any) -> None:
-    """Answers everything, after it has read it."""
+    """Answers everything, after it has read it; at /refused at once."""
     if scope["type"] == "lifespan":
+        return
+    if scope["path"] == "/refused":
+        closing = [(b"content-length", b"2"), (b"connection", b"close")]
+        await send({"type": "http.response.start", "status": 401, "headers": closing})
+        await send({"type": "http.response.body", "body": b"no"})
         return
     while (await receive()).get("more_body"):
         pass
@@ -251,6 +257,46 @@ async def _closed(reader: asyncio.StreamReader) -> bool:
     with contextlib.suppress(OSError):
         return await asyncio.wait_for(reader.read(), 20.0) == b""
     return True
+
+
+REFUSED = b"POST /refused HTTP/1.1\r\nHost: x\r\nContent-Length: 3000000\r\n\r\n"
+
+
+def test_who_is_refused_gets_the_answer_however_much_is_still_on_its_way() -> None:
+    """As a proxy does, which sends the whole body before it reads."""
+
+    async def scene() -> None:
+        async with web_server(an_address=100) as port:
+            for _ in range(20):
+                reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                writer.write(REFUSED)
+                for _ in range(30):
+                    writer.write(b"x" * 100_000)
+                    await writer.drain()
+                answer = await asyncio.wait_for(reader.read(), 20.0)
+                assert answer.startswith(b"HTTP/1.1 401")
+                assert answer.endswith(b"\r\n\r\nno")
+                writer.close()
+
+    asyncio.run(scene())
+
+
+def test_who_never_ends_what_is_refused_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(web_server_module, "LINGER_S", 0.2)
+
+    async def scene() -> None:
+        async with web_server(an_address=100) as port:
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(REFUSED)
+            with contextlib.suppress(ConnectionError):
+                for _ in range(2000):  # the server's end of it is a reset
+                    writer.write(b"x")
+                    await writer.drain()
+                    await asyncio.sleep(0.01)
+            assert await asyncio.wait_for(_closed(reader), 20.0)
+            assert writer.transport.is_closing()
+
+    asyncio.run(scene())
 
 
 def test_who_says_nothing_or_too_little_is_let_go() -> None:

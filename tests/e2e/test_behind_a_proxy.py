@@ -1,0 +1,107 @@
+"""A real service behind a real nginx with TLS, set up as docs/deploy has them."""
+
+from __future__ import annotations
+
+import contextlib
+import getpass
+import json
+import os
+import re
+import ssl
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+
+from pipeline.common.records import Scope
+from pipeline.service.process import ServiceProcess, service_process
+from pipeline.service.settings import STORE_FILE
+from pipeline.store.store import Store
+from tests.support.line_fakes import free_port, until_now
+from tests.support.programs import program
+
+CONFIG = Path(__file__).parents[2] / "docs" / "deploy" / "nginx.conf"
+ELSEWHERE = "203.0.113.9"
+
+
+@contextlib.contextmanager
+def proxied(folder: Path, service: ServiceProcess) -> Iterator[httpx.Client]:
+    """A client of the proxy."""
+    certificate, key = folder / "cert.pem", folder / "key.pem"
+    kind = ("-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2")
+    name = ("-subj", "/CN=marks", "-addext", "subjectAltName=IP:127.0.0.1")
+    written = ("-keyout", str(key), "-out", str(certificate))
+    subprocess.run(["openssl", "req", *kind, *name, *written], check=True, capture_output=True)
+    port = free_port()
+    text = CONFIG.read_text(encoding="utf-8")
+    for there, here in (
+        ("/tmp/", f"{folder}/"),
+        ("http://marks:8417", service.url),
+        ("listen 8443", f"listen 127.0.0.1:{port}"),
+        ("/etc/tls", str(folder)),
+    ):
+        assert there in text
+        text = text.replace(there, here)
+    config = folder / "nginx.conf"
+    # its processes, too, may write into this folder
+    config.write_text(f"user {getpass.getuser()};\n{text}", encoding="utf-8")
+    command = (program("nginx"), "-p", str(folder), "-e", "stderr", "-c", str(config))
+    with (folder / "nginx.log").open("wb") as log:
+        nginx = subprocess.Popen([*command, "-g", "daemon off;"], stdout=log, stderr=log)
+    try:
+        trusted = ssl.create_default_context(cafile=str(certificate))
+        with httpx.Client(base_url=f"https://127.0.0.1:{port}", verify=trusted, timeout=30.0) as client:
+            until_now(lambda: _answers(client), why="for the proxy")
+            yield client
+    finally:
+        nginx.terminate()
+        nginx.wait(10.0)
+
+
+def _answers(client: httpx.Client) -> bool:
+    try:
+        return client.get("/healthz").status_code == 200
+    except httpx.TransportError:
+        return False
+
+
+def test_a_service_behind_the_proxy(tmp_path: Path) -> None:
+    program("nginx")
+    folder = tmp_path / "service"
+    folder.mkdir()
+    store = Store.open(f"sqlite:///{folder / STORE_FILE}")
+    secret = store.add_token("line-3", list(Scope))
+    store.close()
+    environment = {
+        **os.environ,
+        "TACTILE_MARKS_SERVICE_TOKENS": "on",
+        "TACTILE_MARKS_SERVICE_TRUSTED_PROXIES": "127.0.0.1",
+        "TACTILE_MARKS_SERVICE_JOBS": "1",
+    }
+    with (
+        service_process(folder, environment=environment, ready=False) as service,
+        proxied(tmp_path, service) as client,
+    ):
+        known = {"Authorization": f"Bearer {secret}"}
+        assert client.get("/v1/parts").status_code == 401
+        assert client.get("/v1/parts", headers={**known, "X-Forwarded-For": ELSEWHERE}).json() == []
+        assert client.get("/metrics").status_code == 403
+        # refused before the body is read: the answer must pass the proxy all the same
+        refused = [client.post("/v1/parts", files={"photo": ("a.png", b"x" * 2_000_000)}) for _ in range(20)]
+        assert {answer.status_code for answer in refused} == {401}
+
+        origin = {"Origin": str(client.base_url).rstrip("/")}
+        (form_value,) = re.findall(r'name="form_value" value="([^"]+)"', client.get("/login").text)
+        form = {"secret": secret, "form_value": form_value}
+        signed_in = client.post("/login", data=form, headers=origin)
+        assert signed_in.status_code == 303
+        assert re.search(r"; secure", signed_in.headers["set-cookie"], re.IGNORECASE)
+        assert client.get("/review").status_code == 200
+
+        # who calls through the proxy may not say where from
+        lines = map(
+            json.loads, filter(lambda line: line.startswith("{"), service.log.read_text().splitlines())
+        )
+        callers = {line["client"] for line in lines if "client" in line}
+        assert callers == {"127.0.0.1"}
