@@ -4,10 +4,10 @@
     read before?          KX407251 was read before, of part tray-7/part-3        (`pipeline.store.serials` asks)
     in its place?         KX407299 is 48 ahead of the parts before it
 
-A misread serial must not condemn the next hundred, so a place is told by the middle of the last `WINDOW` parts that
-were read surely, and not by the last one; and only while most of them stand in a row. Their own serials count whether or
-not they were in their place: a lot that begins with another number is asked about `WINDOW // 2 + 1` times, then it is
-the row.
+A misread serial must not condemn the next hundred, so a place is told by the middle of the last `WINDOW` parts
+that were read surely, and not by the last one; and only while most of them stand in a row. Their own serials count
+whether or not they were in their place: a lot that begins with another number is asked about `WINDOW // 2 + 1`
+times, then it is the row.
 """
 
 from __future__ import annotations

@@ -18,8 +18,11 @@ KINDS = {"trace_abreast": 2}
 """Kernels of more than one kind: where dirt yields there is more to compute, and elsewhere it is left out."""
 READ = """
 import sys
+from contextlib import nullcontext
 from numba.core.registry import CPUDispatcher
 from pipeline.cli.main import main
+from pipeline.workers import options
+options.PoolExecutor = lambda jobs, **_: nullcontext(options.InlineExecutor())  # here, where kernels are counted
 for name in sys.argv[1:]:
     assert main(["read", name, "--font", "gothic", "--format", "AA99"]) == 0
 modules = [m for name, m in sys.modules.items() if name.split(".")[0] in ("glyphs", "whisker_array", "recognition")]

@@ -105,7 +105,7 @@ def test_a_scan_is_read_and_compared_too(served: tuple[Service, TestClient], ben
 def test_a_review_says_who_was_right_and_is_not_published(served: tuple[Service, TestClient]) -> None:
     service, client = served
     part = post(client, "KX40", "KX41")
-    body = {"action": "correct", "text": "KX41", "who": "Ada"}
+    body = {"action": "correct", "text": "KX41", "who": "Ada", "outside_format": True}
     assert client.post(f"/v1/parts/{part['id']}/review", json=body).status_code == 200
     assert service.store.undelivered() == 0
     assert "the line’s" in client.get("/shadow").text
@@ -134,7 +134,7 @@ def test_live_it_decides_and_leaves_what_was_compared(bench: Bench, tmp_path: Pa
         scan = {"scan": ("a.h5", b"\x89HDF\r\n\x1a\n")}
         read = client.post(f"/v1/parts/{before['id']}/scan", files=scan).json()
         assert read["state"] == "shadow"
-        body = {"action": "confirm", "text": "KX40", "who": "Ada"}
+        body = {"action": "confirm", "text": "KX40", "who": "Ada", "outside_format": True}
         assert client.post(f"/v1/parts/{before['id']}/review", json=body).status_code == 200
         assert service.store.undelivered() == 1
         page = client.get("/shadow").text

@@ -120,12 +120,14 @@ def test_the_senses_that_a_perturbation_does_not_reach_are_not_asked_again(tmp_p
     assert {t.text for t in trials if t.mode == "tactile"} == {trials[0].truth}
 
 
+def undrawn(_: Benchmark, ranked: tuple[WorstPart, object]) -> WorstPart:
+    """A part's pictures, not drawn: what they cost is not what is asked here."""
+    return ranked[0]
+
+
 def test_an_accepted_serial_that_becomes_another_fails_the_run(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def undrawn(_: Benchmark, ranked: tuple[WorstPart, object]) -> WorstPart:
-        return ranked[0]
-
     monkeypatch.setattr(writing, "draw_worst", undrawn)
     SIZES.clear()
     arguments = [
