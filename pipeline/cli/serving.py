@@ -12,7 +12,7 @@ import uvicorn
 from pipeline.cli.exit_status import USAGE, CommandError
 from pipeline.service.app import Service, check_folder, create_app
 from pipeline.service.logs import set_up_logs
-from pipeline.service.web_server import KEEP_ALIVE_S, MOST_CONNECTIONS, DrainingServer, patient_protocol
+from pipeline.service.web.web_server import KEEP_ALIVE_S, MOST_CONNECTIONS, DrainingServer, patient_protocol
 from pipeline.store.store import StoreError
 
 if TYPE_CHECKING:

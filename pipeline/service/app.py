@@ -25,29 +25,29 @@ from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
 from pipeline.reading.warm_up import warm_up
-from pipeline.service.access import Access, session_key
 from pipeline.service.alerts import AlertWatch
 from pipeline.service.api.export import export_router
 from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
-from pipeline.service.door import DoorLayer
 from pipeline.service.glyph_databases import GlyphDatabases
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
-from pipeline.service.middleware import RequestLayer
-from pipeline.service.openapi import described
 from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
 from pipeline.service.part_service import PartService
 from pipeline.service.ports import Ports
-from pipeline.service.problem import Problem
-from pipeline.service.problem_responses import add_problem_handlers
 from pipeline.service.reading_orders import ReadingOrders
-from pipeline.service.stage import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
-from pipeline.service.stage_driver import load_driver
+from pipeline.service.stage.devices import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
+from pipeline.service.stage.stage_driver import load_driver
 from pipeline.service.stage_work import CameraWork, StageWork
-from pipeline.service.uploads import SMALL_BODY
+from pipeline.service.web.access import Access, session_key
+from pipeline.service.web.door import DoorLayer
+from pipeline.service.web.middleware import RequestLayer
+from pipeline.service.web.openapi import described
+from pipeline.service.web.problem import Problem
+from pipeline.service.web.problem_responses import add_problem_handlers
+from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store, StoreError
 from pipeline.workers.pool import WorkPool

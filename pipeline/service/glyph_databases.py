@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.common.settings import SettingsError
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 
 SUFFIX = ".glyphs"
 

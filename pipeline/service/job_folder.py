@@ -26,7 +26,7 @@ from pipeline.common.settings import ReadSettings
 from pipeline.reading.certificate import certificate_of
 from pipeline.reading.drift import EVERY, DriftWatch
 from pipeline.service.glyph_databases import GlyphDatabases
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 
 log = structlog.get_logger("tactile-marks")
 _State = tuple[int, int]

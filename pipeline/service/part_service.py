@@ -35,13 +35,13 @@ from pipeline.common.records import (
 from pipeline.common.serial_rules import SerialRules
 from pipeline.reading.part_orders import Done
 from pipeline.reading.triage import compared, state_after
-from pipeline.service.driver_thread import StageDownError
-from pipeline.service.idempotency import IdempotentRequests, Received
-from pipeline.service.problem import Problem, stopping
 from pipeline.service.reading_orders import ReadingOrders
+from pipeline.service.stage.driver_thread import StageDownError
 from pipeline.service.stage_work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
-from pipeline.service.uploads import Upload
+from pipeline.service.web.idempotency import IdempotentRequests, Received
+from pipeline.service.web.problem import Problem, stopping
+from pipeline.service.web.uploads import Upload
 from pipeline.store.parts import ANY_SERIAL
 from pipeline.store.store import IdempotencyKey, Store
 from whisker_array.scan.stage_error import StageError

@@ -20,15 +20,15 @@ from glyphs.errors import FaultError, FileError
 from pipeline.common.records import EvidenceKind, EvidenceRecord
 from pipeline.common.serial_format import outside_format
 from pipeline.reading.part_orders import Done, PartOrder, read_on_stage, read_order
-from pipeline.service.problem import Problem, no_room
-from pipeline.service.uploads import Upload
+from pipeline.service.web.problem import Problem, no_room
+from pipeline.service.web.uploads import Upload
 from pipeline.workers.pool import BusyError, WorkerLostError
 
 if TYPE_CHECKING:
     from pipeline.common.settings import ReadSettings
     from pipeline.files.limits import Limits
     from pipeline.service.metrics import Metrics
-    from pipeline.service.stage import ScanOrder
+    from pipeline.service.stage.devices import ScanOrder
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.workers.pool import WorkPool
     from whisker_array.scan.session import SessionStage

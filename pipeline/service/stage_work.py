@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING
 
 from pipeline.common.records import EvidenceRecord, PartRecord
 from pipeline.reading.part_orders import Done
-from pipeline.service.driver_thread import DriverThread, StageDownError
-from pipeline.service.stage import Camera, NoStage, ScanOrder, SimulatedStage, Stage, has_sessions
-from pipeline.service.stage_link import StageLink
-from pipeline.service.uploads import Upload
+from pipeline.service.stage.devices import Camera, NoStage, ScanOrder, SimulatedStage, Stage, has_sessions
+from pipeline.service.stage.driver_thread import DriverThread, StageDownError
+from pipeline.service.stage.stage_link import StageLink
+from pipeline.service.web.uploads import Upload
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:

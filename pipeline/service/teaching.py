@@ -15,7 +15,7 @@ from glyphs.errors import MarksError
 from pipeline.common.job_file import NAME, with_whole_paths
 from pipeline.common.settings import NamedLine, ReadSettings, Region
 from pipeline.service.job_folder import JobFolder
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 
 _OF_THE_SERIAL = {"format", "lexicon", "check", "exclude", "region", "line"}
 _NOT_TAKEN_OVER = {*_OF_THE_SERIAL, "mode", "certificate"}

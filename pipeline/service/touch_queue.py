@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import structlog
 
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 from pipeline.store.errors import ConflictError, StoreError
 
 if TYPE_CHECKING:

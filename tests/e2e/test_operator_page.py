@@ -124,10 +124,10 @@ def service(tmp_path: Path) -> Iterator[Service]:
     from fastapi.responses import FileResponse
 
     from pipeline.common.settings import ReadSettings
-    from pipeline.service.access import Access
     from pipeline.service.job_folder import JobFolder
     from pipeline.service.pages.frame import Frame
     from pipeline.service.pages.routes import pages_router
+    from pipeline.service.web.access import Access
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store
 

@@ -30,13 +30,13 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartRecord, PartState, Scope
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart
-from pipeline.service.access import session_key
-from pipeline.service.idempotency import Received
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.line.watch_folder import WatchedFolder
 from pipeline.service.line.watched_files import FileState, Handled, WatchJournal
 from pipeline.service.part_service import NewPart
-from pipeline.service.uploads import Upload
+from pipeline.service.web.access import session_key
+from pipeline.service.web.idempotency import Received
+from pipeline.service.web.uploads import Upload
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store, StoreError
 from pipeline.workers.executors import InlineExecutor
@@ -417,7 +417,7 @@ def _jobs_before(root: Path) -> None:
 
 
 def _jobs_work(root: Path, say: Say) -> None:
-    from pipeline.service.problem import Problem
+    from pipeline.service.web.problem import Problem
 
     jobs = JobFolder(root / "jobs", own=_OWN)
     for name, written in (("left", _AFTER), ("right", _AFTER)):

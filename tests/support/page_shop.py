@@ -13,9 +13,9 @@ from fastapi.testclient import TestClient
 from pipeline.common.part_id import new_part_id
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState
-from pipeline.service.access import Access
 from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
+from pipeline.service.web.access import Access
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
 

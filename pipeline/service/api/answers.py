@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from glyphs.plain_text import HIDDEN
 from pipeline.common.part_id import is_part_id
 from pipeline.common.records import EvidenceKind, PartRecord, PartState, ReviewAction, Scope
-from pipeline.service.access import Access, Caller
-from pipeline.service.problem import MEDIA_TYPE, Problem, ProblemBody
+from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.problem import MEDIA_TYPE, Problem, ProblemBody
 
 _PROBLEMS = {
     400: "not understood",

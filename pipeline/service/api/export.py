@@ -13,8 +13,8 @@ from fastapi.responses import StreamingResponse
 
 from pipeline.common.records import PartRecord, Scope
 from pipeline.common.spreadsheet import harmless
-from pipeline.service.access import Access, Caller
 from pipeline.service.api.answers import PartFilter, Sought, may, problems
+from pipeline.service.web.access import Access, Caller
 from pipeline.store.store import Store
 
 COLUMNS = (

@@ -10,10 +10,10 @@ from fastapi import APIRouter, Path, Response
 from pipeline.common.job_file import NAME
 from pipeline.common.records import Scope
 from pipeline.common.settings import ReadSettings
-from pipeline.service.access import Access, Caller
 from pipeline.service.api.answers import may, problems
 from pipeline.service.job_folder import JobAnswer, JobFolder
-from pipeline.service.problem import Problem
+from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.problem import Problem
 
 _FILES_BY_HAND = "is a file of the service's machine; name it in the job file itself"
 

@@ -20,7 +20,6 @@ from pipeline.common.records import (
     Statistics,
 )
 from pipeline.plots.boxes_picture import boxes_picture
-from pipeline.service.access import Access, Caller
 from pipeline.service.api.answers import (
     PICTURES,
     TEXT,
@@ -35,7 +34,8 @@ from pipeline.service.api.answers import (
 )
 from pipeline.service.api.examples import HISTORY_EXAMPLE, PART_EXAMPLE
 from pipeline.service.part_service import PartService
-from pipeline.service.problem import Problem
+from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.problem import Problem
 from pipeline.store.evidence_folder import FileState
 
 

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 from fastapi import APIRouter, File, Form, Request, Response, UploadFile
 
 from pipeline.common.records import ReviewAction, Scope
-from pipeline.service.access import Access, Caller
 from pipeline.service.api.answers import (
     Database,
     Expected,
@@ -27,10 +26,11 @@ from pipeline.service.api.answers import (
     problems,
 )
 from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE
-from pipeline.service.idempotency import Received
 from pipeline.service.part_service import NewPart, PartService, Touch
-from pipeline.service.problem import Problem
-from pipeline.service.uploads import SMALL_BODY, Upload, check_count, receive
+from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.idempotency import Received
+from pipeline.service.web.problem import Problem
+from pipeline.service.web.uploads import SMALL_BODY, Upload, check_count, receive
 from pipeline.store.store import IdempotencyKey
 
 

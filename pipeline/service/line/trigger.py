@@ -8,7 +8,7 @@ from typing import Protocol
 from glyphs.errors import MarksError
 from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 
 EXPECTED = (Problem, MarksError)
 """Failures whose words are for the caller; any other one is a fault of the program, for the log."""

@@ -30,8 +30,8 @@ from glyphs.errors import FileError
 from pipeline.common.records import PartRecord
 from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, PartFiles, WatchJournal
 from pipeline.service.part_service import NewPart, PartService, Touch
-from pipeline.service.problem import Problem
-from pipeline.service.uploads import HEAD_BYTES, Upload, check_count, sent_name, suffix_of
+from pipeline.service.web.problem import Problem
+from pipeline.service.web.uploads import HEAD_BYTES, Upload, check_count, sent_name, suffix_of
 from pipeline.store.store import IdempotencyKey, StoreError
 
 if TYPE_CHECKING:

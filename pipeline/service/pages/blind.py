@@ -12,9 +12,9 @@ from starlette.responses import Response
 
 from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord
-from pipeline.service.access import Caller
 from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.pictures import PictureView, picture_pair
+from pipeline.service.web.access import Caller
 
 
 def blind_page(

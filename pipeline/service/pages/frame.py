@@ -22,9 +22,9 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from glyphs.errors import MarksError
 from pipeline.common.records import PartRecord, PartState, Scope
-from pipeline.service.access import Access, Caller, DeniedError
 from pipeline.service.pages.assets import Assets
 from pipeline.service.pages.places import LOW_MARGIN, part_cells
+from pipeline.service.web.access import Access, Caller, DeniedError
 from pipeline.store.errors import NotFoundError, StoreError, UnfitError
 
 if TYPE_CHECKING:

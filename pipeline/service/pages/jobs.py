@@ -22,8 +22,8 @@ from pipeline.common.settings import NamedLine, ReadSettings, Region
 from pipeline.service.job_folder import JobAnswer, JobFolder
 from pipeline.service.pages.frame import Frame, PageError, see
 from pipeline.service.pages.pictures import PictureView, picture_pair
-from pipeline.service.problem import Problem
 from pipeline.service.teaching import Taught, name_like, teach
+from pipeline.service.web.problem import Problem
 
 MOST_TEXT = 200
 _WHOLE: Region = (0.0, 0.0, 1.0, 1.0)

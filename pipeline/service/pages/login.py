@@ -8,8 +8,8 @@ from fastapi import APIRouter, Form
 from starlette.requests import Request
 from starlette.responses import Response
 
-from pipeline.service.access import SIGNED_IN_S
 from pipeline.service.pages.frame import Frame, see
+from pipeline.service.web.access import SIGNED_IN_S
 
 
 def add_login(router: APIRouter, frame: Frame) -> None:

@@ -12,8 +12,8 @@ from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.people_records import ClaimRecord, Person
 from pipeline.common.records import Scope
-from pipeline.service.access import Caller
 from pipeline.service.pages.frame import FORM_COOKIE, WHO_COOKIE, Frame
+from pipeline.service.web.access import Caller
 
 MOST_WHO = 80
 

@@ -19,7 +19,7 @@ from pipeline.common.settings import SettingsError
 from pipeline.files.synth import SynthSpec, write_part
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
-from pipeline.service.stage_driver import load_driver
+from pipeline.service.stage.stage_driver import load_driver
 from tests.support.service_fixtures import FORMAT, inline_service
 
 CLEAN, FILTHY = "clean", "filthy"

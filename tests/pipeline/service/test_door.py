@@ -19,13 +19,13 @@ from starlette.testclient import TestClient
 from pipeline.cli.exit_status import CommandError
 from pipeline.cli.serving import check_tls, listening
 from pipeline.common.records import Scope
-from pipeline.service import middleware
-from pipeline.service import web_server as web_server_module
-from pipeline.service.access import SIGNED_IN_S, Access, session_key
 from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings
-from pipeline.service.uploads import SMALL_BODY
-from pipeline.service.web_server import patient_protocol
+from pipeline.service.web import middleware
+from pipeline.service.web import web_server as web_server_module
+from pipeline.service.web.access import SIGNED_IN_S, Access, session_key
+from pipeline.service.web.uploads import SMALL_BODY
+from pipeline.service.web.web_server import patient_protocol
 from pipeline.store.store import Store
 from tests.support.self_signed import certificates
 from tests.support.service_fixtures import inline_service

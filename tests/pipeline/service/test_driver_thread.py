@@ -11,7 +11,7 @@ from functools import partial
 
 import pytest
 
-from pipeline.service.driver_thread import MOST_WAITING, DriverThread, StageDownError
+from pipeline.service.stage.driver_thread import MOST_WAITING, DriverThread, StageDownError
 from whisker_array.scan.stage_error import StageError
 
 LATE_S = 0.05
@@ -92,7 +92,7 @@ def test_what_a_driver_raises_reaches_its_caller(
 def test_a_driver_that_never_comes_back_does_not_keep_the_process() -> None:
     program = (
         "import threading\n"
-        "from pipeline.service.driver_thread import DriverThread, StageDownError\n"
+        "from pipeline.service.stage.driver_thread import DriverThread, StageDownError\n"
         "try:\n"
         "    DriverThread('camera', timeout_s=0.05).call(threading.Event().wait)\n"
         "except StageDownError:\n"

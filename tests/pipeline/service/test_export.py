@@ -13,10 +13,10 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from pipeline.common.records import PartState, ReviewAction
-from pipeline.service.access import Access
 from pipeline.service.api import export
 from pipeline.service.api.export import COLUMNS, export_router
-from pipeline.service.problem_responses import add_problem_handlers
+from pipeline.service.web.access import Access
+from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.store.store import Store
 from tests.support.store_samples import START, Clock, received
 

@@ -24,8 +24,8 @@ from pipeline.reading.drift import EVERY
 from pipeline.reading.part_orders import Done, PartOrder, read_order
 from pipeline.service.app import Service
 from pipeline.service.job_folder import JobFolder
-from pipeline.service.problem import Problem
 from pipeline.service.teaching import Taught, name_like, teach
+from pipeline.service.web.problem import Problem
 from recognition.reader import Reader
 from tests.support import certificates
 from tests.support.service_fixtures import FORMAT, inline_service

@@ -20,10 +20,10 @@ from pipeline.common.part_id import new_part_id
 from pipeline.common.records import PartState
 from pipeline.files.synth import SynthSpec, write_part
 from pipeline.service.app import Service
-from pipeline.service.idempotency import IdempotentRequests
-from pipeline.service.problem import Problem
 from pipeline.service.stage import ScanOrder, SimulatedStage
-from pipeline.service.web_server import DrainingServer
+from pipeline.service.web.idempotency import IdempotentRequests
+from pipeline.service.web.problem import Problem
+from pipeline.service.web.web_server import DrainingServer
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey
 from pipeline.workers.slot import WorkerLostError
 from tests.support.service_fixtures import FORMAT, inline_service

@@ -20,9 +20,9 @@ from pipeline.files.synth import SynthSpec, write_part
 from pipeline.reading.part_reader import PartReader
 from pipeline.reading.readers import open_reader
 from pipeline.service.app import Service
-from pipeline.service.driver_thread import DriverThread
 from pipeline.service.stage import ScanOrder, SimulatedStage
-from pipeline.service.stage_link import StageLink
+from pipeline.service.stage.driver_thread import DriverThread
+from pipeline.service.stage.stage_link import StageLink
 from tests.support.service_fixtures import FORMAT, inline_service
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.recording import load_scan

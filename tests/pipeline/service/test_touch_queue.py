@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.common.records import PartRecord, PartState, TouchWait
-from pipeline.service.problem import Problem
 from pipeline.service.touch_queue import NOBODY, TouchQueue
+from pipeline.service.web.problem import Problem
 from pipeline.store.store import Store
 from tests.support.store_samples import PLAN, due, reading, received
 

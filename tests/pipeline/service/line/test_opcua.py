@@ -23,7 +23,7 @@ from pipeline.common.settings import SettingsError
 from pipeline.service.line.opcua import OpcUaPort
 from pipeline.service.line.opcua_device import settings_fit
 from pipeline.service.line.opcua_result import ocr_scan_result, status_of
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 from tests.support.line_fakes import LONG_S, NOW, part, reading, until
 
 pytestmark = pytest.mark.anyio

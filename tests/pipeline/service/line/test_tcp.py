@@ -21,7 +21,7 @@ from pipeline.common.records import PartRecord, PartState
 from pipeline.service.line.result_string import DEFAULT_FORMAT, ResultString, ResultStringError
 from pipeline.service.line.tcp import TcpLimits, TcpPort
 from pipeline.service.line.trigger import LineDecision, decision_of, in_words
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 from tests.support.line_fakes import LONG_S, part, reading, until
 
 pytestmark = pytest.mark.anyio

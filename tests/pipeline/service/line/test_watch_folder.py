@@ -20,12 +20,12 @@ from glyphs.errors import FileError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, PartState
 from pipeline.reading.part_orders import Done, PartOrder
-from pipeline.service.idempotency import Received
 from pipeline.service.line.watch_folder import WatchedFolder
 from pipeline.service.line.watched_files import WatchJournal
 from pipeline.service.part_service import NewPart, Touch
-from pipeline.service.problem import Problem
-from pipeline.service.uploads import Upload
+from pipeline.service.web.idempotency import Received
+from pipeline.service.web.problem import Problem
+from pipeline.service.web.uploads import Upload
 from pipeline.store.store import IdempotencyKey, StoreError
 from tests.support.line_fakes import LONG_S, part, until_now
 from tests.support.service_fixtures import InlinePool, inline_service

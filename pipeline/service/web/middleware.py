@@ -13,7 +13,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from pipeline.service.problem import MEDIA_TYPE, Problem, stopping
+from pipeline.service.web.problem import MEDIA_TYPE, Problem, stopping
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send

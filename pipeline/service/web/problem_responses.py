@@ -9,9 +9,9 @@ from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
 from glyphs.errors import FileError
-from pipeline.service.access import DeniedError, denied_problem
-from pipeline.service.middleware import problem_answer
-from pipeline.service.problem import Problem, no_room
+from pipeline.service.web.access import DeniedError, denied_problem
+from pipeline.service.web.middleware import problem_answer
+from pipeline.service.web.problem import Problem, no_room
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
 
 log = structlog.get_logger("tactile-marks")

@@ -17,12 +17,12 @@ from functools import partial
 from multiprocessing.connection import Client, Connection, Listener
 from typing import TYPE_CHECKING, Any
 
-from pipeline.service.driver_thread import StageDownError
-from pipeline.service.stage import ScanOrder
+from pipeline.service.stage.devices import ScanOrder
+from pipeline.service.stage.driver_thread import StageDownError
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
-    from pipeline.service.driver_thread import DriverThread
+    from pipeline.service.stage.driver_thread import DriverThread
     from whisker_array.scan.felt_sweep import Sweep
     from whisker_array.scan.session import Fitting, SessionStage, StageSession
     from whisker_array.whisker.passes import Pass

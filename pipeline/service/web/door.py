@@ -19,9 +19,9 @@ from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 from starlette.responses import RedirectResponse, Response
 
-from pipeline.service.access import Access, DeniedError, denied_problem
-from pipeline.service.middleware import problem_answer
-from pipeline.service.problem import Problem
+from pipeline.service.web.access import Access, DeniedError, denied_problem
+from pipeline.service.web.middleware import problem_answer
+from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Receive, Scope, Send

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.common.records import EvidenceKind
 from pipeline.files.touch_file import is_height_map, is_scan
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
     from starlette.datastructures import UploadFile

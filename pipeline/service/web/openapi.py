@@ -8,8 +8,8 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from pydantic import TypeAdapter
 
-from pipeline.service.access import COOKIE
-from pipeline.service.problem import ProblemBody
+from pipeline.service.web.access import COOKIE
+from pipeline.service.web.problem import ProblemBody
 
 
 def described(app: FastAPI, *, asked: bool) -> dict[str, Any]:

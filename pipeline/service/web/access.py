@@ -13,7 +13,7 @@ from itsdangerous import BadData, URLSafeTimedSerializer
 from glyphs.errors import FileError, MarksError
 from pipeline.common.atomic import replacing
 from pipeline.common.records import Scope, TokenRecord
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
     from starlette.requests import HTTPConnection

@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
 from pipeline.common.records import PartRecord
-from pipeline.service.problem import Problem
+from pipeline.service.web.problem import Problem
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey, Store
 
 

@@ -1,0 +1,32 @@
+"""The stage and the camera: what drives them, and how passes reach them.
+
+A driver of an integrator's own is a `Stage`, a `SessionStage` or a `Camera`; all it is given is a `ScanOrder`.
+"""
+
+from __future__ import annotations
+
+from pipeline.service.stage.devices import (
+    Camera,
+    FolderCamera,
+    NoCamera,
+    NoStage,
+    ScanOrder,
+    SimulatedStage,
+    Stage,
+    has_sessions,
+    in_frame,
+)
+from whisker_array.scan.stage_error import StageError
+
+__all__ = [
+    "Camera",
+    "FolderCamera",
+    "NoCamera",
+    "NoStage",
+    "ScanOrder",
+    "SimulatedStage",
+    "Stage",
+    "StageError",
+    "has_sessions",
+    "in_frame",
+]
