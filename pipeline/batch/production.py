@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from glyphs.compiling import compiling_shown, part_done
+from pipeline.batch.lot_check import LotCheck
 from pipeline.batch.options import RunOptions
 from pipeline.batch.progress import Progress
 from pipeline.batch.run import Run
@@ -16,6 +17,7 @@ from pipeline.batch.second_pass import learns
 from pipeline.batch.setup import absolute, opened, order_for, parts_for, with_expected
 from pipeline.common.atomic import replacing
 from pipeline.common.row import Row
+from pipeline.common.serial_rules import read_order
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 from pipeline.files.listed import ListedPart
@@ -52,6 +54,7 @@ def run_batch(
     """
     options.check()
     scores = Scores(load_truth(options.truth)) if options.truth is not None else None
+    production = read_order(options.order) if options.order is not None else None
     parts = parts_for(inputs, settings, manifests=options.manifest)
     reader, certificate = open_reader(settings), certificate_of(settings)
     expected = load_expected(options.verify, reader.grammar) if options.verify is not None else None
@@ -76,6 +79,7 @@ def run_batch(
                 progress.advance(failed=bool(row.error))
 
             run.on_row = on_row
+            run.lot = LotCheck(production) if production is not None else None
             run.watch = None if certificate is None else DriftWatch(certificate)
 
             def on_any_row(row: Row) -> None:
@@ -122,6 +126,7 @@ def _description(
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
         "inputs": [*inputs, *options.manifest],
         "verify": options.verify,
+        **({} if options.order is None else {"order": str(options.order)}),
         "program": program_version(),
         **({} if certificate is None else {"certified": certificate.threshold}),
     }

@@ -10,7 +10,7 @@ that the store has and the table has not is read again, and the store takes it o
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 from glyphs.errors import fault_of
@@ -24,6 +24,7 @@ from pipeline.workers.executors import Executor
 
 if TYPE_CHECKING:
     from pipeline.batch.journal import RunJournal
+    from pipeline.batch.lot_check import LotCheck
     from pipeline.batch.quarantine import Quarantine
     from pipeline.batch.second_pass import SecondPass
     from pipeline.reading.drift import DriftWatch
@@ -49,6 +50,7 @@ class Run:
         quarantine: list of the parts that could not be read.
         store: keeps them as well.
         second: what has the lot teach itself; needs a book.
+        lot: sends to a person what cannot be a serial of this lot.
         watch: compares the parts that are read now with those of a certificate.
         on_row: told of every part that is read now.
         on_any_row: told of these, and of those that an earlier sitting read; with a second pass, of the rows that
@@ -62,6 +64,7 @@ class Run:
     quarantine: Quarantine | None = None
     store: Store | None = None
     second: SecondPass | None = None
+    lot: LotCheck | None = None
     watch: DriftWatch | None = None
     on_row: Callable[[Row], None] | None = None
     on_any_row: Callable[[Row], None] | None = None
@@ -78,12 +81,15 @@ class Run:
             FileError: the table cannot be written.
             ClusterError: the cluster is lost.
         """
-        if self.book is not None and self.second is None:
-            for row in self.book.rows():
+        for row in self.book.rows() if self.book is not None else ():
+            if self.lot is not None:
+                self.lot.known(row)
+            if self.second is None:
                 self._count(row)
         for outcome in executor.calls(read_listed, order, self.missing(parts)):
             self._take(outcome.result or lost_part(outcome.task, outcome.error))
         if self.book is not None and self.second is not None:
+            self.second.checked = self.lot.checked if self.lot is not None else None
             self.second.work(self.book, parts, order, executor)
             for row in self.book.rows():
                 self._count(row)
@@ -97,6 +103,8 @@ class Run:
         return (part for part in parts if part.name not in done)
 
     def _take(self, read: ReadPart) -> None:
+        if self.lot is not None:
+            read = replace(read, record=self.lot.checked(read.record))
         if self.store is not None:
             try:
                 self.store.add(read)

@@ -22,6 +22,7 @@ from pipeline.workers.executors import Executor, ordered_map
 
 if TYPE_CHECKING:
     from pipeline.batch.journal import RunJournal
+    from pipeline.common.reading_records import ReadingRecord
     from pipeline.reading.enrolment import EnrolReport
 
 
@@ -68,6 +69,7 @@ class SecondPass:
         always: whether it is made even if nothing is to be read again.
         sent: whether the workers are on machines of their own, which lack the database.
         say: told in words what is learned, and why nothing is.
+        checked: makes of a second reading what the lot's order leaves of it.
         on_again: told how many parts are read again, before they are.
         on_row: told of every one that is.
         learned: what was; None before, and where nothing could be.
@@ -78,6 +80,7 @@ class SecondPass:
     always: bool = False
     sent: bool = False
     say: Callable[[str], None] = print
+    checked: Callable[[ReadingRecord], ReadingRecord] | None = None
     on_again: Callable[[int], None] | None = None
     on_row: Callable[[Row], None] | None = None
     learned: EnrolReport | None = field(default=None, init=False)
@@ -115,12 +118,13 @@ class SecondPass:
             self._keep(book, outcome.result)
 
     def _keep(self, book: RunJournal, read: ReadPart) -> None:
+        record = read.record if self.checked is None else self.checked(read.record)
         try:
-            book.add_second(read.record)
+            book.add_second(record)
         except ValueError:  # what no table holds is no better than what it has
             return
         if self.on_row is not None:
-            self.on_row(Row.of(read.record))
+            self.on_row(Row.of(record))
 
     def _taught(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ import sqlalchemy as sa
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap
 from pipeline.batch.journal import RunJournal
+from pipeline.batch.lot_check import LotCheck
 from pipeline.batch.options import RunOptions
 from pipeline.batch.quarantine import Quarantine
 from pipeline.batch.run import Run
@@ -23,6 +25,7 @@ from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.cli.main import main
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
+from pipeline.common.serial_rules import ProductionOrder
 from pipeline.common.settings import ReadSettings, SettingsError
 from pipeline.files.listed import ListedPart, settings_of
 from pipeline.files.manifest import read_manifest
@@ -274,3 +277,42 @@ def test_pictures_are_of_all_that_a_person_is_to_review(tmp_path: Path) -> None:
     assert refuted.record.verdict == "refuted"
     assert [p.kind for p in refuted.pictures] == [EvidenceKind.EDGES_PICTURE]
     assert refuted.pictures[0].content.startswith(b"\xff\xd8")
+
+
+def test_a_serial_outside_the_order_or_of_two_parts_goes_to_review(tmp_path: Path) -> None:
+    """Also where the run was broken off between the two."""
+    order = LotCheck(ProductionOrder("lot-7.csv", frozenset({"T0", "T2"})))
+    texts = {"p0": "T0", "p1": "T2", "p2": "T 2", "p3": "T3", "p4": "T0", "p5": "T2"}
+
+    class Texts(FakeExecutor):
+        def calls(
+            self, function: Callable[[Any, Any], Any], order: Any, tasks: Iterable[Any]
+        ) -> Iterator[Outcome[Any, Any]]:
+            for outcome in super().calls(function, order, tasks):
+                yield Outcome(
+                    outcome.task, ReadPart(outcome.task, record(outcome.task, texts[outcome.task.name]))
+                )
+
+    options = RunOptions(out=str(tmp_path / "rows.csv"))
+    for breaks_after in (3, 99):
+        rows = dict[str, Any]()
+        with opened(options, {}) as run, contextlib.suppress(KeyboardInterrupt):
+            run.lot = LotCheck(order.order)
+            run.on_any_row = lambda row, rows=rows: rows.__setitem__(row.part, row)
+            run.work(PARTS, ORDER, Texts(breaks_after=breaks_after))
+    assert {name: row.decision for name, row in rows.items()} == {
+        "p5": "accept", "p4": "accept", "p3": "review", "p2": "review", "p1": "review", "p0": "review",
+    }  # fmt: skip
+    assert rows["p3"].flags == "T3 is not in lot-7.csv"
+    assert rows["p2"].flags == "T 2 was read before, of p5"
+    assert rows["p0"].flags == "T0 was read before, of p4"
+
+
+def test_an_order_is_asked_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = write_part(SynthSpec("AA99", seed=3), tmp_path / "a", 0, photos=False)
+    (tmp_path / "lot.csv").write_text("serial\nQQ00..QQ09\n")
+    reads = ["read", str(tmp_path / "a.npz"), "--font", "gothic", "--format", "AA99"]
+    assert main([*reads, "--order", str(tmp_path / "lot.csv")]) == 0
+    said = capsys.readouterr().out
+    assert f"{text} is not in lot.csv" in " ".join(said.split())
+    assert main([*reads, "--order", str(tmp_path / "none.csv")]) == 1

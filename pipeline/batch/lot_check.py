@@ -1,0 +1,46 @@
+"""A run's serials among each other: those that its production order lacks, and those that two parts bear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from pipeline.common.reading_records import ReadingRecord
+from pipeline.common.row import Row
+from pipeline.common.serial_rules import ProductionOrder
+
+
+@dataclass
+class LotCheck:
+    """Sends to a person what was read surely and cannot be so.
+
+    Of two parts with one serial the second is sent, and its message names the first. Where parts stand in a row is not
+    asked: a run reads them in any order.
+
+    Attributes:
+        order: the serials that are to come.
+        bearers: part that bears each serial read surely so far.
+    """
+
+    order: ProductionOrder
+    bearers: dict[str, str] = field(default_factory=dict)
+
+    def known(self, row: Row) -> None:
+        """Take a row of an earlier sitting into account."""
+        if row.decision == "accept":
+            self.bearers.setdefault(_plain(row.text), row.part)
+
+    def checked(self, record: ReadingRecord) -> ReadingRecord:
+        """The record, to be reviewed where something speaks against its serial."""
+        if record.decision != "accept":
+            return record
+        if not self.order.holds(record.text):
+            why = f"{record.text} is not in {self.order.name}"
+        elif (first := self.bearers.setdefault(_plain(record.text), record.part)) != record.part:
+            why = f"{record.text} was read before, of {first}"
+        else:
+            return record
+        return replace(record, decision="review", messages=(*record.messages, why))
+
+
+def _plain(text: str) -> str:
+    return "".join(text.split())
