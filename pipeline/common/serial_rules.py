@@ -1,7 +1,7 @@
 """Serials among serials: what speaks against one that is read surely, by those before it and by the production order.
 
     in the order?         KX407299 is not in lot-7.csv
-    read before?          KX407251 was read before, of part tray-7/part-3        (`pipeline.store.serials` asks)
+    read before?          KX407251 was read before, of tray-7/part-3        (`pipeline.store.serials` asks)
     in its place?         KX407299 is 48 ahead of the parts before it
 
 A misread serial must not condemn the next hundred, so a place is told by the middle of the last `WINDOW` parts

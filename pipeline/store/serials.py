@@ -62,7 +62,7 @@ def _read_before(tx: Transaction, part_id: str, text: str, name: str) -> Objecti
     )
     for row in tx.execute(bears.order_by(parts.c.id.desc()).limit(WINDOW)):
         if row.text == text and not (name and row.name == name):
-            of = f"part {row.name}" if row.name else f"the part {row.id}"
+            of = row.name if row.name else f"the part {row.id}"
             return Objection(SerialAlarm.READ_BEFORE, f"{text} was read before, of {of}", row.id)
     return None
 
