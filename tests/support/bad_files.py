@@ -85,13 +85,13 @@ def changed_scan(out: list[bytes]) -> Iterator[h5py.File]:
     out.append(stream.getvalue())
 
 
-def _chunk(name: bytes, body: bytes) -> bytes:
+def chunk(name: bytes, body: bytes) -> bytes:
     return struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
 
 
 def declared_png(cols: int, rows: int, pixels: bytes = b"\0" * 100) -> bytes:
     head = struct.pack(">IIBBBBB", cols, rows, 8, 0, 0, 0, 0)
-    parts = (_chunk(b"IHDR", head), _chunk(b"IDAT", zlib.compress(pixels)), _chunk(b"IEND", b""))
+    parts = (chunk(b"IHDR", head), chunk(b"IDAT", zlib.compress(pixels)), chunk(b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
@@ -172,7 +172,7 @@ def bad_photos() -> Iterator[tuple[str, bytes]]:
 
 def _with_text_bomb(data: bytes) -> bytes:
     body = b"Comment\0\0" + zlib.compress(b"A" * 50_000_000)
-    return data[:33] + _chunk(b"zTXt", body) + data[33:]
+    return data[:33] + chunk(b"zTXt", body) + data[33:]
 
 
 def bad_maps() -> Iterator[tuple[str, bytes]]:
@@ -227,10 +227,10 @@ def bad_maps() -> Iterator[tuple[str, bytes]]:
     yield "no-suffix", good
     yield "script.py", b"print('hello')"
     yield "empty.x3p", _raw_npz({})
-    yield "truncated.x3p", _x3p(60, 80)[:200]
+    yield "truncated.x3p", x3p(60, 80)[:200]
     yield "laughs.x3p", _raw_npz({"main.xml": _laughs()})
     yield "other-entity.x3p", _raw_npz({"main.xml": _entity()})
-    yield "declared-1e10.x3p", _x3p(100_000, 100_000)
+    yield "declared-1e10.x3p", x3p(100_000, 100_000)
     yield "xml-bomb.x3p", _raw_npz({"main.xml": b"<a>" + b" " * 80_000_000 + b"</a>"})
     yield "npz.x3p", good
     yield "text.sdf", b"aISO-1.0\nNumPoints = many\nNumProfiles = 3\n*\n1 2 3\n*"
@@ -265,7 +265,7 @@ def _encrypted(data: bytes) -> bytes:
     return bytes(changed)
 
 
-def _x3p(rows: int, cols: int) -> bytes:
+def x3p(rows: int, cols: int) -> bytes:
     import x3pio
 
     with tempfile.TemporaryDirectory() as name:

@@ -664,11 +664,11 @@ def test_a_disk_full_at_the_end_keeps_the_rows(table: Path, monkeypatch: pytest.
         raise OSError(errno.ENOSPC, "No space left on device")
 
     rows = rows_of(3)
-    with RunJournal.open(begun(table, rows), RUN) as book:
-        with monkeypatch.context() as patched:
-            patched.setattr("pipeline.common.atomic.os.replace", full)
-            with pytest.raises(FileError, match=r"No space .*make room and start the same command again"):
-                book.finish(reversed(names(rows)))
+    with monkeypatch.context() as patched, RunJournal.open(begun(table, rows), RUN) as book:
+        patched.setattr("pipeline.common.atomic.os.replace", full)
+        with pytest.raises(FileError, match=r"No space .*make room and start the same command again"):
+            book.finish(reversed(names(rows)))
+    with RunJournal.open(table, RUN) as book:
         book.finish(reversed(names(rows)))
     assert list(read_rows(table)) == seen(rows[::-1])
 

@@ -8,7 +8,7 @@ from threading import Barrier
 from pipeline.common.records import PartState, ReviewAction
 from pipeline.common.serial_rules import ProductionOrder, SerialRules
 from pipeline.store.store import Store
-from tests.support.store_samples import reading, received
+from tests.support.store_samples import due, reading, received
 
 RULES = SerialRules(duplicates=True)
 
@@ -31,7 +31,7 @@ def test_a_serial_that_another_part_bears_goes_to_a_person(store: Store) -> None
     # either may be the wrong one: the first one's history says so, and it stands
     assert kinds(store, first.id)[-1] == "serial_again"
     assert store.part(first.id).state is PartState.ACCEPTED
-    assert [d.payload["state"] for d in store.due()] == ["review"]
+    assert [d.payload["state"] for d in due(store)] == ["review"]
 
 
 def test_what_was_put_right_counts_as_it_is_and_the_same_part_is_no_second_one(store: Store) -> None:
