@@ -63,7 +63,9 @@ class Piece:
             if not (math.isfinite(value) and 0.0 < value <= 1000.0):
                 raise MapError(f"{name} is {value}", hint="it must lie between 0 and 1000 mm")
         if self.kind is PieceKind.BALL and self.depth_mm > self.radius_mm:
-            raise MapError(f"a cap {self.depth_mm} mm high of a ball of {self.radius_mm} mm", hint="half at most")
+            raise MapError(
+                f"a cap {self.depth_mm} mm high of a ball of {self.radius_mm} mm", hint="half at most"
+            )
 
     @property
     def size_mm(self) -> tuple[float, float]:
@@ -89,7 +91,9 @@ class Piece:
         """
         if not (pitch_mm > 0.0 and math.isfinite(pitch_mm)):
             raise MapError(f"pitch_mm is {pitch_mm}", hint="it must be positive")
-        x_mm, y_mm = (np.arange(int(side / pitch_mm) + 1) * pitch_mm for side in self.size_mm)
+        x_mm, y_mm = (
+            np.arange(int(side / pitch_mm) + 1, dtype=np.float64) * pitch_mm for side in self.size_mm
+        )
         return HeightMap(self.height_mm(x_mm[None, :], y_mm[:, None]).astype(np.float32), pitch_mm)
 
     def height_mm(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> NDArray[np.float64]:

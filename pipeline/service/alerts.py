@@ -1,6 +1,6 @@
 """Looks every few seconds whether an alert is to be raised or cleared.
 
-latest parts, drift --store--> alerts --outbox--> webhook, MQTT
+latest parts, drift, golden part --store--> alerts --outbox--> webhook, MQTT
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ class AlertWatch:
         settings: ServiceSettings,
         *,
         drifts: Callable[[], Mapping[str, str | None]],
+        golden: Callable[[], Mapping[str, str | None]],
         targets: Sequence[str],
         sent: Callable[[], object],
     ) -> None:
@@ -40,10 +41,12 @@ class AlertWatch:
             store: of parts and alerts.
             settings: limits and window.
             drifts: how the parts differ from the certified ones, by job, as `look_for_alerts` has it.
+            golden: what the golden part shows, by the alert's name.
             targets: where alerts are sent.
             sent: called when there is something to be sent.
         """
-        self._store, self._drifts, self._targets, self._sent = store, drifts, tuple(targets), sent
+        self._store, self._drifts, self._golden, self._sent = store, drifts, golden, sent
+        self._targets = tuple(targets)
         self._limits = {REJECT_RATE: settings.alert_reject_rate, REVIEW_RATE: settings.alert_review_rate}
         self._window = settings.alert_window
 
@@ -54,7 +57,11 @@ class AlertWatch:
             StoreError: the store cannot be used.
         """
         raised = self._store.look_for_alerts(
-            limits=self._limits, window=self._window, drifts=self._drifts(), targets=self._targets
+            limits=self._limits,
+            window=self._window,
+            drifts=self._drifts(),
+            others=self._golden(),
+            targets=self._targets,
         )
         for alert in raised:
             log.warning("alert", alert=alert.name, why=alert.message)

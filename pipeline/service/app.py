@@ -27,10 +27,12 @@ from pipeline.files.limits import Limits
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.alerts import AlertWatch
 from pipeline.service.api.export import export_router
+from pipeline.service.api.golden import golden_router
 from pipeline.service.api.jobs import jobs_router
 from pipeline.service.api.lookup import lookup_router
 from pipeline.service.api.parts import parts_router
 from pipeline.service.glyph_databases import GlyphDatabases
+from pipeline.service.golden import GoldenPart
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.metrics import CONTENT_TYPE_LATEST, Metrics
 from pipeline.service.pages.frame import Frame
@@ -148,10 +150,14 @@ class Service:
             self.metrics.gauge(
                 "drift", "1 while parts are unlike the certified ones.", lambda: float(bool(self.jobs.drift))
             )
+        self.golden = GoldenPart(
+            self.store, orders, relief=settings.golden, every_h=settings.golden_every_h, line=settings.line
+        )
         self.alerts = AlertWatch(
             self.store,
             settings,
             drifts=self.jobs.drifts,
+            golden=self.golden.faults,
             targets=tuple(self.ports.senders),
             sent=lambda: self.parts.on_result(),
         )
@@ -244,6 +250,7 @@ def create_app(service: Service) -> FastAPI:
         redirect_slashes=False,
     )
     app.include_router(parts_router(service.parts, service.access))
+    app.include_router(golden_router(service.golden, service.evidence, service.access))
     app.include_router(export_router(service.store, service.access), max_body_size=SMALL_BODY)
     app.include_router(lookup_router(service.parts, service.access), max_body_size=SMALL_BODY)
     app.include_router(jobs_router(service.jobs, service.access), max_body_size=SMALL_BODY)
@@ -258,7 +265,11 @@ def create_app(service: Service) -> FastAPI:
     )
     app.state.problem_page = frame.refusal
     pages = pages_router(
-        frame, drift=lambda: service.jobs.drift, jobs=service.jobs, interface=lambda: app.openapi()
+        frame,
+        drift=lambda: service.jobs.drift,
+        golden=service.golden.scans,
+        jobs=service.jobs,
+        interface=lambda: app.openapi(),
     )
     app.include_router(pages, max_body_size=SMALL_BODY)
     _add_service_routes(app, service)
@@ -275,7 +286,7 @@ def create_app(service: Service) -> FastAPI:
         busy=lambda: service.parts.orders.busy,
         refused=service.metrics.refused.inc,
         uploads=lambda path: (
-            path == "/v1/parts" or (path.startswith("/v1/parts/") and path.endswith("/scan"))
+            path in ("/v1/parts", "/v1/golden") or (path.startswith("/v1/parts/") and path.endswith("/scan"))
         ),
         most_bytes=settings.max_upload_mb * 1_000_000,
     )

@@ -168,6 +168,10 @@ class ServiceSettings(Settings):
     """The same of parts that a person must look at."""
     alert_window: int = Field(default=200, ge=10, le=10_000)
     """Latest parts that those shares are of."""
+    golden: Path | None = None
+    """Relief of the golden part, which shows how whiskers wear: its height map, or the TOML of a test piece."""
+    golden_every_h: float = Field(default=0.0, ge=0.0, le=10_000.0)
+    """Hours after which an alert asks for a scan of the golden part; 0: never."""
     webhook_secret: str = Field(default="", repr=False)
     """Key of the signature; better in the file or the environment than in a flag."""
     drain_s: float = Field(default=1.0, ge=0.0, le=600.0)

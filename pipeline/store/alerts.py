@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import sqlalchemy as sa
 
@@ -40,6 +41,7 @@ def look_for_alerts(
     limits: Mapping[str, float],
     window: int,
     drifts: Mapping[str, str | None],
+    others: Mapping[str, str | None] = MappingProxyType({}),
     targets: Sequence[str] = (),
 ) -> tuple[AlertRecord, ...]:
     """Raise and clear what is to be, and have it sent.
@@ -50,6 +52,7 @@ def look_for_alerts(
         window: latest parts that rates are of; with fewer none is told.
         drifts: how the parts differ from the certified ones, by job; empty where they do not, None where that is not
             known yet.
+        others: the same of anything else, by the alert's name.
         targets: where alerts are sent.
 
     Returns:
@@ -77,8 +80,8 @@ def look_for_alerts(
             )
         elif not limit or (len(latest) == window and n <= clear_at(limit, window) * window):
             right.add(name)
-    for job, message in drifts.items():
-        name = f"{DRIFT}:{job}" if job else DRIFT
+    drifting = {f"{DRIFT}:{job}" if job else DRIFT: message for job, message in drifts.items()}
+    for name, message in {**drifting, **others}.items():
         if message:
             wrong[name] = message
         elif message is not None:

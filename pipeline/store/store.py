@@ -18,6 +18,7 @@ from pipeline.store import alerts as _alerts
 from pipeline.store import audits as _audits
 from pipeline.store import claims as _claims
 from pipeline.store import evidence_index, idempotency, lists, outbox, rows
+from pipeline.store import golden as _golden
 from pipeline.store import parts as _parts
 from pipeline.store import reviews as _reviews
 from pipeline.store import shadow as _shadow
@@ -149,6 +150,10 @@ class Store:
     next_audit = _reads(_audits.next_audit)
     add_audit = _writes(_audits.add_audit)
     audit_figures = _reads(_audits.audit_figures)
+
+    # golden parts
+    add_golden = _writes(_golden.add_golden)
+    golden_scans = _reads(_golden.golden_scans)
 
     # alerts
     alerts = _reads(_alerts.raised_alerts)

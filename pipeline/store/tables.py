@@ -3,7 +3,7 @@
     idempotency >--- parts ---< readings   (*)
         outbox >-----/  | \\---< reviews    (*)     tokens stand alone
         claims >-----/  |  |--< events     (*)
-        audits >-----/  |  \\--< seals      (*)     (*) triggers refuse every change and removal
+        audits >-----/  |  \\--< seals      (*)     golden stands alone; (*) triggers refuse every change and removal
         alerts >-----/   \\---< evidence
 
 What a part's row holds beside its own (its last reading and review, the columns of the statistics) all follows from the
@@ -256,6 +256,17 @@ alerts = sa.Table(
     sa.Column("part_id", _PART_ID, sa.ForeignKey("parts.id"), nullable=False),
     sa.Column("at", UtcTime, nullable=False),
     sa.Column("message", sa.Text, nullable=False),
+)
+
+golden = sa.Table(
+    "golden",
+    METADATA,
+    _row_id(),
+    sa.Column("at", UtcTime, nullable=False),
+    sa.Column("line", sa.Text, nullable=False),
+    sa.Column("reference", sa.Boolean, nullable=False),
+    sa.Column("measures", sa.JSON, nullable=False),
+    sa.Index(None, "line", "id"),
 )
 
 tokens = sa.Table(

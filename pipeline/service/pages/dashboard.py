@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
+from pipeline.common.golden_record import GoldenMeasure, GoldenRecord
 from pipeline.common.records import PartState, Statistics
 from pipeline.common.shares import share
 from pipeline.service.pages.charts import charts_of
@@ -22,18 +24,22 @@ SPANS = {
     "week": timedelta(weeks=1),
     "month": timedelta(days=30),
 }
+_GOLDEN_SHOWN = 10
 _SOURCES = ("vision", "tactile", "fused")
 _AUDITED = timedelta(days=90)
 """Accepted parts that the estimate of those accepted wrong is of: few are audited, so no shorter span says much."""
 
 
-def add_dashboard(router: APIRouter, frame: Frame, drift: Callable[[], str]) -> None:
+def add_dashboard(
+    router: APIRouter, frame: Frame, drift: Callable[[], str], golden: Callable[[], tuple[GoldenRecord, ...]]
+) -> None:
     """The route of the dashboard.
 
     Args:
         router: to add it to.
         frame: of all pages.
         drift: says how the latest parts differ from the certified ones; empty where they do not.
+        golden: scans of the golden part, the newest first.
     """
 
     @router.get("/dashboard")
@@ -60,8 +66,25 @@ def add_dashboard(router: APIRouter, frame: Frame, drift: Callable[[], str]) -> 
             seconds=[(s, numbers.seconds[s]) for s in _SOURCES if s in numbers.seconds],
             states=_states(numbers),
             charts=charts_of(numbers.trend, each=each),
+            golden=_golden(golden()),
             audits=frame.store.audit_figures(now - _AUDITED),
         )
+
+
+def _golden(scans: tuple[GoldenRecord, ...]) -> list[dict[str, Any]]:
+    """The latest scans of the golden part, and the reference below them."""
+    shown = list(scans[:_GOLDEN_SHOWN])
+    reference = next((scan for scan in scans if scan.reference), None)
+    if reference is not None and reference not in shown:
+        shown.append(reference)
+    return [
+        {
+            "at": scan.at,
+            "reference": scan.reference,
+            **{measure.value: scan.measures.get(measure) for measure in GoldenMeasure},
+        }
+        for scan in shown
+    ]
 
 
 def _states(numbers: Statistics) -> list[tuple[PartState, int]]:

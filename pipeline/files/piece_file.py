@@ -1,0 +1,74 @@
+"""What a test piece or golden part looks like: a TOML of a `Piece`, or its own height map.
+
+kind = "pits"                  or "grooves", "ball", "step"
+angle_deg = [30, 45, 60]       walls; lengths in mm: depth_mm, floor_mm, width_mm, radius_mm, land_mm
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from glyphs.errors import FileError, require_file
+from glyphs.surface.maps import HeightMap, MapError
+from glyphs.surface.pieces import Piece, PieceKind
+from pipeline.files.touch_file import read_height_map
+
+if TYPE_CHECKING:
+    from whisker_array.identification.forward import Heights
+
+_MOST_BYTES = 100_000
+PITCH_MM = 0.02
+"""Of the map of a piece."""
+
+
+class _Written(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    kind: PieceKind
+    angle_deg: tuple[float, ...] = Piece.angle_deg
+    depth_mm: float = Piece.depth_mm
+    floor_mm: float = Piece.floor_mm
+    width_mm: float = Piece.width_mm
+    radius_mm: float = Piece.radius_mm
+    land_mm: float = Piece.land_mm
+
+
+def read_piece(path: Path) -> Piece | HeightMap:
+    """The piece in a file.
+
+    Raises:
+        FileError: whatever keeps it from being one, and what to do about it.
+    """
+    if path.suffix.lower() != ".toml":
+        return read_height_map(path)
+    require_file(path, most_bytes=_MOST_BYTES)
+    try:
+        return Piece(**_Written(**tomllib.loads(path.read_text(encoding="utf-8"))).model_dump())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise FileError(
+            path,
+            f"{where}: {first['msg'].lower()}",
+            "keys are kind, angle_deg, depth_mm, floor_mm, width_mm, radius_mm, land_mm",
+        ) from error
+    except MapError as error:
+        raise FileError(path, error.what, error.hint) from error
+
+
+def heights_of_piece(piece: Piece | HeightMap) -> Heights:
+    """Height over the land at places of the piece, mm.
+
+    Raises:
+        MapError: a map with holes.
+    """
+    from recognition.views.levelling import level
+    from whisker_array.identification.forward import heights_of
+
+    return piece.height_mm if isinstance(piece, Piece) else heights_of(level(piece))

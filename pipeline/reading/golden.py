@@ -1,0 +1,60 @@
+"""A golden part's scan measured, by the contact simulation: gain, zero, tip radius, friction and preload."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from glyphs.errors import FileError, MarksError
+from pipeline.common.golden_record import GoldenMeasure, Measured
+from pipeline.files.piece_file import heights_of_piece, read_piece
+from pipeline.files.touch_file import read_scan
+from whisker_array.identification.bench import Unknown
+from whisker_array.identification.fit import identify
+
+_FOUND = {
+    GoldenMeasure.RADIUS: Unknown.RADIUS,
+    GoldenMeasure.FRICTION: Unknown.FRICTION,
+    GoldenMeasure.PRELOAD: Unknown.PRELOAD,
+}
+
+
+def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
+    """What a scan of a part of known relief tells of the whiskers.
+
+    Args:
+        scan: recording, .h5.
+        relief: the part's height map, or the TOML of a test piece, with its corner where the scan's frame begins.
+
+    Raises:
+        FileError: either cannot be used, or the scan does not fit the relief.
+    """
+    recording = read_scan(scan)
+    try:
+        found = identify(recording, heights_of_piece(read_piece(relief)), whisker=recording.touch)
+    except FileError:
+        raise
+    except MarksError as error:
+        raise FileError(scan, f"tells nothing of its whiskers: {error.what}", error.hint) from error
+    whiskers = np.array(found.whiskers)
+    gains = len(Unknown) + whiskers
+    mean = np.zeros(found.before.size)
+    mean[gains] = 1.0 / gains.size
+    land = abs(recording.touch.land_moment_n_mm())
+    air = [
+        sweep.air_n_mm.mean(axis=2)[:, whiskers] / land for sweep in recording.sweeps if sweep.air_n_mm.size
+    ]
+    measures = {
+        GoldenMeasure.GAIN: Measured(
+            float(found.bench.gain[whiskers].mean()), float(np.sqrt(mean @ found.covariance @ mean))
+        )
+    }
+    if air:
+        zeros = np.concatenate(air)
+        # the largest of the whiskers' counts: zeros that move apart would cancel in the mean
+        worst = int(np.argmax(np.abs(zeros.mean(axis=0))))
+        measures[GoldenMeasure.ZERO] = Measured(
+            float(zeros[:, worst].mean()), float(zeros[:, worst].std() / np.sqrt(len(zeros)))
+        )
+    return measures | {name: Measured(*found.of(unknown)) for name, unknown in _FOUND.items()}

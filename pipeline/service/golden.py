@@ -1,0 +1,79 @@
+"""The golden part: a part of known relief, scanned once a shift, that shows how the whiskers wear.
+
+recording --worker--> gain, zero, tip radius, friction, preload --store--> against the reference --> alert
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from pipeline.common.golden_record import GoldenRecord, wear
+from pipeline.reading.golden import measure_golden
+from pipeline.service.reading_orders import ReadingOrders
+from pipeline.service.web.problem import Problem
+from pipeline.service.web.uploads import Upload
+from pipeline.store.store import Store
+
+GOLDEN, OVERDUE = "golden", "golden_overdue"
+
+
+class GoldenPart:
+    """The golden part of a line.
+
+    * Its scans are no parts: they are in no list, no figure and no result that is sent.
+    * The first scan is the reference; so is every one that is sent as such, after whiskers were changed or set anew.
+    """
+
+    def __init__(
+        self, store: Store, orders: ReadingOrders, *, relief: Path | None, every_h: float, line: str
+    ) -> None:
+        """Take what it works with.
+
+        Args:
+            store: of its scans.
+            orders: have workers.
+            relief: its height map or the TOML of a test piece; None: there is none.
+            every_h: hours after which it is to be scanned again; 0: whenever somebody does.
+            line: whose whiskers.
+        """
+        self._store, self._orders, self._relief, self._line = store, orders, relief, line
+        self._every = timedelta(hours=every_h)
+
+    async def scanned(self, sent: Upload, *, reference: bool) -> GoldenRecord:
+        """Measure a scan, and keep what it shows.
+
+        Raises:
+            Problem: 409 where no golden part is set up; 422 of a file that is no scan of it.
+        """
+        if self._relief is None:
+            raise Problem(
+                409, 'no golden part is set up; name its relief: golden = "golden.npz" under [service]'
+            )
+        measures = await self._orders.in_worker(measure_golden, sent.path, self._relief)
+        return self._store.add_golden(measures, line=self._line, reference=reference)
+
+    def scans(self) -> tuple[GoldenRecord, ...]:
+        """The line's, the newest first, the reference among them or last."""
+        return self._store.golden_scans(self._line)
+
+    def reference(self, scans: tuple[GoldenRecord, ...]) -> GoldenRecord | None:
+        """What the newest is compared with."""
+        return next((scan for scan in scans if scan.reference), None)
+
+    def worn(self, scans: tuple[GoldenRecord, ...]) -> tuple[str, ...]:
+        """What the newest scan shows to be beyond its limit."""
+        reference = self.reference(scans)
+        return wear(scans[0], reference) if reference is not None else ()
+
+    def faults(self) -> dict[str, str | None]:
+        """Alerts by name: what is wrong; empty where all is well, None where that is not known."""
+        if self._relief is None:
+            return {}
+        scans = self._store.golden_scans(self._line, limit=1)
+        found: dict[str, str | None] = {GOLDEN: "; ".join(self.worn(scans)) if scans else None}
+        if self._every:
+            late = not scans or datetime.now(UTC) - scans[0].at > self._every
+            hours = self._every.total_seconds() / 3600.0
+            found[OVERDUE] = f"the golden part was not scanned for {hours:g} h; scan it" if late else ""
+        return found

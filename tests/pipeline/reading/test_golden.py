@@ -1,0 +1,76 @@
+"""A golden part's scan: what is measured of the whiskers, and when that is told."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from glyphs.errors import FileError
+from glyphs.surface.pieces import Piece
+from pipeline.common.golden_record import GoldenMeasure, GoldenRecord, Measured, wear
+from pipeline.files.piece_file import read_piece
+from pipeline.reading.golden import measure_golden
+from tests.support.benches import recorded, worn
+from whisker_array.scan.recording import save_scan
+
+PIECE = Piece(angle_deg=(45.0,))
+TOML = 'kind = "pits"\nangle_deg = [45]\n'
+
+
+def test_tip_friction_and_preload_of_a_worn_whisker_are_found(tmp_path: Path) -> None:
+    """Within 10 % of the radius, 0.02 of friction and 1 % of preload; measured errors are a third of these."""
+    (tmp_path / "golden.toml").write_text(TOML)
+    save_scan(recorded(PIECE, touch=worn(0.1, 1.1), friction=0.3), tmp_path / "a.h5")
+    found = measure_golden(tmp_path / "a.h5", tmp_path / "golden.toml")
+    assert found[GoldenMeasure.RADIUS].value == pytest.approx(0.1, rel=0.1)
+    assert found[GoldenMeasure.FRICTION].value == pytest.approx(0.3, abs=0.02)
+    assert found[GoldenMeasure.PRELOAD].value == pytest.approx(1.1, rel=0.01)
+    assert all(0.0 <= one.sd < 0.05 for one in found.values())
+
+
+def _scan(**changed: float) -> GoldenRecord:
+    usual = {"gain": 1.0, "zero_lands": 0.01, "tip_radius_mm": 0.06, "friction": 0.2, "preload_mm": 1.0}
+    measures = {GoldenMeasure(name): Measured(value, 0.002) for name, value in {**usual, **changed}.items()}
+    return GoldenRecord(datetime(2026, 11, 23, tzinfo=UTC), "", False, measures)
+
+
+def test_wear_is_told_beyond_its_limit_and_what_chance_does_is_not() -> None:
+    new = _scan()
+    assert wear(new, new) == ()
+    assert wear(_scan(tip_radius_mm=0.08, gain=1.04, friction=0.28), new) == ()
+    assert wear(_scan(tip_radius_mm=0.1), new) == (
+        "the tips are worn: radius 0.100 mm, 0.060 before; change the whiskers",
+    )
+    told = wear(_scan(gain=0.9, zero_lands=0.08, friction=0.4, preload_mm=1.2), new)
+    assert [line.split("; ")[1] for line in told] == [
+        "look for a loose clamp or a bent whisker, then calibrate",
+        "let the amplifier warm up, then calibrate",
+        "clean the golden part and the tips",
+        "set the stage's height",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ('kind = "hole"', "kind: input should be"),
+        ('kind = "pits"\ndepht_mm = 1', "depht_mm: extra inputs"),
+        ('kind = "pits"\nangle_deg = [95]', "walls fall at 0 to 90 degrees"),
+        ('kind = "ball"\ndepth_mm = 9', "half at most"),
+        ("kind =", "is not TOML"),
+    ],
+)
+def test_a_piece_that_cannot_be_is_refused_by_its_file(tmp_path: Path, written: str, said: str) -> None:
+    (tmp_path / "piece.toml").write_text(written)
+    with pytest.raises(FileError, match=r"piece\.toml") as refused:
+        read_piece(tmp_path / "piece.toml")
+    assert said in str(refused.value)
+
+
+def test_a_scan_of_something_else_tells_nothing(tmp_path: Path) -> None:
+    (tmp_path / "golden.toml").write_text(TOML)
+    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\nrubbish")
+    with pytest.raises(FileError, match=r"a\.h5"):
+        measure_golden(tmp_path / "a.h5", tmp_path / "golden.toml")

@@ -1,0 +1,204 @@
+"""What is found of a whisker and its bench: names, units, nominal values, and how well a workshop knows them before.
+
+A `Bench` holds numbers by name, gains apart: every whisker of a comb has one, all else is the comb's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from whisker_array.whisker.sections import WhiskerError
+from whisker_array.whisker.shapes import LShaped, Straight
+from whisker_array.whisker.touch import Touch
+
+
+class Unknown(StrEnum):
+    """A number that is found, gains apart."""
+
+    L1 = "l1_mm"
+    L2 = "l2_mm"
+    L3 = "l3_mm"
+    BETA = "beta_deg"
+    STIFFNESS = "stiffness"
+    RADIUS = "tip_radius_mm"
+    PRELOAD = "preload_mm"
+    FRICTION = "friction"
+    PLAY = "play_mm"
+    SHIFT_X = "shift_x_mm"
+    SHIFT_Y = "shift_y_mm"
+    YAW = "yaw_deg"
+    TILT_X = "tilt_x_mrad"
+    TILT_Y = "tilt_y_mrad"
+
+    @property
+    def meaning(self) -> str:
+        """In words."""
+        return _MEANINGS[self]
+
+
+_MEANINGS = {
+    Unknown.L1: "length of the beam",
+    Unknown.L2: "length of the tip arm",
+    Unknown.L3: "how far the sensor is lowered towards the tip",
+    Unknown.BETA: "setting angle of the beam",
+    Unknown.STIFFNESS: "bending stiffness of the section, in parts of the drawing's",
+    Unknown.RADIUS: "radius of the tip",
+    Unknown.PRELOAD: "how far below the land the free tip runs",
+    Unknown.FRICTION: "friction between tip and piece",
+    Unknown.PLAY: "play of the stage between there and back",
+    Unknown.SHIFT_X: "how far the piece lies off along x",
+    Unknown.SHIFT_Y: "how far the piece lies off along y",
+    Unknown.YAW: "how far the piece is turned on the plate",
+    Unknown.TILT_X: "rise of the plate along x",
+    Unknown.TILT_Y: "rise of the plate along y",
+}
+POSE = (Unknown.SHIFT_X, Unknown.SHIFT_Y, Unknown.YAW, Unknown.TILT_X, Unknown.TILT_Y)
+"""Of the piece under the whiskers: found each time, and no property of whisker or bench."""
+DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
+"""Of the whisker alone, and settled when it is made."""
+LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
+"""Standard deviation of a gain as it comes, and of one that a weight on the tip has shown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """A whisker and its bench, in numbers.
+
+    Attributes:
+        values: of every `Unknown`.
+        gain: (whiskers,) raw signal per moment.
+
+    Raises:
+        WhiskerError: one missing, or not finite.
+    """
+
+    values: Mapping[Unknown, float]
+    gain: NDArray[np.float64]
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        missing = [name for name in Unknown if name not in self.values]
+        if missing or not all(math.isfinite(value) for value in self.values.values()):
+            raise WhiskerError(f"a bench needs a finite number for each of {', '.join(Unknown)}")
+        object.__setattr__(self, "values", {name: float(self.values[name]) for name in Unknown})
+        object.__setattr__(self, "gain", np.array(self.gain, dtype=np.float64))
+
+    def __getitem__(self, name: Unknown) -> float:
+        return self.values[name]
+
+    def with_values(self, **changed: float) -> Bench:
+        """The bench with some numbers changed, by the names of `Unknown`."""
+        return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
+
+    def vector(self) -> NDArray[np.float64]:
+        """All numbers in the order of `Unknown`, then the gains."""
+        return np.array([*(self.values[name] for name in Unknown), *self.gain])
+
+    @classmethod
+    def of_vector(cls, numbers: NDArray[np.float64]) -> Bench:
+        """As `vector` gives them."""
+        return cls(dict(zip(Unknown, map(float, numbers), strict=False)), numbers[len(Unknown) :])
+
+    def touch(self, nominal: LShaped | Touch) -> Touch:
+        """How the whisker meets the surface, by the drawing with these numbers in place of its own.
+
+        Of a touch alone, without a drawing, the whisker stays what it is; lengths and angle are not asked.
+
+        Raises:
+            WhiskerError: a number that no whisker has.
+        """
+        if isinstance(nominal, Touch):
+            return replace(
+                nominal,
+                preload_mm=self[Unknown.PRELOAD],
+                tip_radius_mm=self[Unknown.RADIUS],
+                friction=self[Unknown.FRICTION],
+            )
+        whisker = self.whisker(nominal)
+        return Touch(
+            tip=whisker.tip_model(),
+            preload_mm=self[Unknown.PRELOAD],
+            tip_radius_mm=self[Unknown.RADIUS],
+            friction=self[Unknown.FRICTION],
+            whisker=whisker.describe(),
+        )
+
+    def whisker(self, nominal: LShaped) -> LShaped:
+        """The whisker: the drawing's with these lengths and angle, of a material so much stiffer.
+
+        Raises:
+            WhiskerError: a number that no whisker has.
+        """
+        material = nominal.material
+        factor = self[Unknown.STIFFNESS]
+        if factor != 1.0:
+            material = replace(material, name=f"{material.name} as found", e_mpa=material.e_mpa * factor)
+        return replace(
+            nominal,
+            l1_mm=self[Unknown.L1],
+            l2_mm=self[Unknown.L2],
+            l3_mm=self[Unknown.L3],
+            beta_rad=math.radians(self[Unknown.BETA]),
+            material=material,
+        )
+
+
+def nominal_bench(whisker: LShaped | Straight | Touch, touch: Touch, *, n_whiskers: int) -> Bench:
+    """The bench as drawn: no play, no tilt, the piece in its place, gains of 1.
+
+    Raises:
+        WhiskerError: a whisker that is no L.
+    """
+    if isinstance(whisker, Straight):
+        raise WhiskerError("only an L-shaped whisker is identified", hint="give the drawing of one")
+    drawn = {}
+    if isinstance(whisker, LShaped):
+        drawn = {
+            Unknown.L1: whisker.l1_mm,
+            Unknown.L2: whisker.l2_mm,
+            Unknown.L3: whisker.lowered_mm,
+            Unknown.BETA: math.degrees(whisker.beta_rad),
+        }
+    values = {
+        **dict.fromkeys(Unknown, 0.0),
+        **drawn,
+        Unknown.STIFFNESS: 1.0,
+        Unknown.RADIUS: touch.tip_radius_mm,
+        Unknown.PRELOAD: touch.preload_mm,
+        Unknown.FRICTION: touch.friction,
+    }
+    return Bench(values, np.ones(n_whiskers))
+
+
+def known_before(nominal: Bench, *, gain_sd: float = LOOSE_GAIN) -> NDArray[np.float64]:
+    """Standard deviation of every number before anything is recorded, in the order of `Bench.vector`.
+
+    Lengths as a caliper tells them (0.1 mm), an angle as a jig does (1.5 degrees), wire as sold (5 % of stiffness), a
+    tip as ground (20 %), a preload as set by a feeler gauge (5 %), a friction of steel on steel (0.1), a stage's play
+    (0.03 mm), and a piece put down by hand.
+    """
+    sd = {
+        Unknown.L1: 0.1,
+        Unknown.L2: 0.1,
+        Unknown.L3: 0.1,
+        Unknown.BETA: 1.5,
+        Unknown.STIFFNESS: 0.05,
+        Unknown.RADIUS: max(0.2 * nominal[Unknown.RADIUS], 0.005),
+        Unknown.PRELOAD: 0.05 * nominal[Unknown.PRELOAD],
+        Unknown.FRICTION: 0.1,
+        Unknown.PLAY: 0.03,
+        Unknown.SHIFT_X: 0.2,
+        Unknown.SHIFT_Y: 0.2,
+        Unknown.YAW: 0.2,
+        Unknown.TILT_X: 2.0,
+        Unknown.TILT_Y: 2.0,
+    }
+    return np.array([*(sd[name] for name in Unknown), *np.full(nominal.gain.size, gain_sd)])
