@@ -70,6 +70,11 @@ app.command("pipeline.cli.scan:scan", name="scan", help="Scan a height map with 
 app.command(
     "pipeline.cli.scan:calibrate", name="calibrate", help="Calibrate a recorded scan from its lead-in."
 )
+app.command(
+    "pipeline.cli.identify:identify",
+    name="identify",
+    help="Find the whisker and bench that made a recording over a test piece.",
+)
 app.command("pipeline.cli.demo:demo", name="demo", help="Make, scan and read a few parts; start here.")
 app.command("pipeline.cli.figures:figures", name="figures", help="Compute and draw the results of the paper.")
 app.command(

@@ -41,7 +41,7 @@ def scan(
     ----------
     height_map
         .npz, .x3p, .sdf, .sur ... Friction and soft dirt count where an .npz holds them, as `synth --dirt` writes
-        it.
+        it. A .toml is a test piece (`identify`).
     out
         Recording to write, .h5.
     height_mm
@@ -74,6 +74,7 @@ def scan(
     with failures_reported():
         from pipeline.common.atomic import check_writable
         from pipeline.files.npz import read_soil
+        from pipeline.files.piece_file import read_surface
         from pipeline.files.touch_file import is_scan, read_height_map
         from pipeline.files.units import Unit
         from pipeline.files.whisker_file import read_whisker_file
@@ -98,7 +99,8 @@ def scan(
                 status=USAGE,
             )
         check_writable(out)
-        surface = read_height_map(height_map, unit=Unit(unit))
+        piece = height_map.suffix.lower() == ".toml"
+        surface = read_surface(height_map) if piece else read_height_map(height_map, unit=Unit(unit))
         soil = read_soil(height_map) if height_map.suffix.lower() == ".npz" else None
         if friction is not None and not 0.0 <= friction <= 1.0:
             raise CommandError(f"--friction is {friction}", hint="it lies between 0 and 1", status=USAGE)

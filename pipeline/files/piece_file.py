@@ -62,6 +62,16 @@ def read_piece(path: Path) -> Piece | HeightMap:
         raise FileError(path, error.what, error.hint) from error
 
 
+def read_surface(path: Path) -> HeightMap:
+    """The height map of the piece in a file.
+
+    Raises:
+        FileError: as `read_piece`.
+    """
+    piece = read_piece(path)
+    return piece.height_map(PITCH_MM) if isinstance(piece, Piece) else piece
+
+
 def heights_of_piece(piece: Piece | HeightMap) -> Heights:
     """Height over the land at places of the piece, mm.
 

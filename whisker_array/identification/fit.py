@@ -75,6 +75,7 @@ class Identified:
         predicted: of each trace, (samples,), N mm.
         sigma_n_mm: scatter of a sample.
         settled: whether the fit has come to rest.
+        drawn: the whisker as drawn, if it was given.
     """
 
     bench: Bench
@@ -87,6 +88,7 @@ class Identified:
     predicted: tuple[NDArray[np.float64], ...]
     sigma_n_mm: float
     settled: bool
+    drawn: LShaped | None = None
 
     __repr__ = one_line
 
@@ -94,6 +96,12 @@ class Identified:
     def sd(self) -> NDArray[np.float64]:
         """(n,) standard deviations of the numbers."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def misfit(self) -> float:
+        """What is left over, rms in parts of the scatter of a sample: 1 where the model explains all."""
+        left = [np.nan_to_num(t.felt_n_mm - p) for t, p in zip(self.traces, self.predicted, strict=True)]
+        return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) / self.sigma_n_mm
 
     def of(self, name: Unknown) -> tuple[float, float]:
         """A number and its standard deviation."""
@@ -142,7 +150,7 @@ def identify(
     clusters = {trace.cluster for trace in traces}
     if len(clusters) < FEWEST_CLUSTERS:
         raise IdentifyError(
-            f"only {len(clusters)} passes run over the piece", hint=f"record {FEWEST_CLUSTERS} or more"
+            f"only {len(clusters)} of the passes can be used over the piece", hint=f"record {FEWEST_CLUSTERS} or more"
         )
     before = known_before(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN)
     felt_by = tuple(sorted({trace.whisker for trace in traces}))
@@ -172,7 +180,17 @@ def identify(
     ).moments(found)  # fmt: skip
     covariance += _of_grid(jacobian, weight, predicted, coarser, data, before, free, sigma)
     return Identified(
-        found, nominal, before, covariance, data, felt_by, traces, tuple(predicted), sigma, settled
+        found,
+        nominal,
+        before,
+        covariance,
+        data,
+        felt_by,
+        traces,
+        tuple(predicted),
+        sigma,
+        settled,
+        whisker if isinstance(whisker, LShaped) else None,
     )
 
 

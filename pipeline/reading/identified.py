@@ -1,0 +1,104 @@
+"""A whisker and bench identified from files, and what is told of it in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from glyphs.errors import FileError, MarksError
+from pipeline.files.piece_file import heights_of_piece, read_piece
+from pipeline.files.touch_file import read_scan
+from pipeline.files.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
+from whisker_array.identification.bench import DRAWN, Bench, Unknown
+from whisker_array.identification.fit import Identified, identify
+from whisker_array.identification.telling import not_apart, remedies, untold
+from whisker_array.whisker.shapes import LShaped
+
+_MISFIT = 2.0
+_WIDE = 1.96
+"""Standard deviations to either side of which 95 % lie."""
+
+
+def identify_recording(
+    recording: Path, piece: Path, whisker: Path | None
+) -> tuple[Identified, WhiskerFile | None]:
+    """The bench that has made a recording over a piece, and the whisker as it was drawn.
+
+    Raises:
+        FileError: a file that cannot be used, or a recording that tells nothing.
+    """
+    drawn = read_whisker_file(whisker) if whisker is not None else None
+    if whisker is not None and drawn is not None and not isinstance(drawn.whisker, LShaped):
+        raise FileError(whisker, "is no L-shaped whisker", "a straight one has no numbers to be told apart")
+    heights = heights_of_piece(read_piece(piece))
+    scan = read_scan(recording)
+    if drawn is not None:
+        scan = replace(scan, touch=drawn.touch)
+    known = drawn.whisker if drawn is not None and isinstance(drawn.whisker, LShaped) else scan.touch
+    try:
+        return identify(scan, heights, whisker=known), drawn
+    except FileError:
+        raise
+    except MarksError as error:
+        raise FileError(recording, f"tells nothing of its bench: {error.what}", error.hint) from error
+
+
+def table_of(found: Identified) -> list[str]:
+    """Lines for a person: every number with its interval, and what the recording leaves open."""
+    with_drawing = found.nominal[Unknown.L1] > 0.0
+    lines = [f"{'':15}{'found':>10}{'95 %':>12}{'as drawn':>11}   what it is"]
+    for name in Unknown:
+        if name in DRAWN and not with_drawing:
+            continue
+        value, sd = found.of(name)
+        lines.append(
+            f"{name.value:15}{value:10.4g}{f'+-{_WIDE * sd:.2g}':>12}{found.nominal[name]:11.4g}   {name.meaning}"
+        )
+    for whisker in found.whiskers:
+        sd = float(found.sd[len(Unknown) + whisker])
+        gain = float(found.bench.gain[whisker])
+        lines.append(f"{f'gain {whisker}':15}{gain:10.4g}{f'+-{_WIDE * sd:.2g}':>12}{1.0:11.4g}")
+    if with_drawing:
+        lines.append(_tip_line(found))
+    lines.append(f"{len(found.traces)} lines fitted, {1000.0 * found.sigma_n_mm:.3g} mN mm of scatter")
+    if found.misfit > _MISFIT:
+        lines.append(
+            f"warning: {found.misfit:.1f} times the scatter is left over: the piece, the drawing or a flaw of the bench"
+            " is not as told; the intervals are too narrow then"
+        )
+    if not found.settled:
+        lines.append("warning: the fit has not come to rest; see the figure before you trust it")
+    lines += [f"known only together: {', '.join(group)}" for group in not_apart(found)]
+    if open_ := [name for name in untold(found) if with_drawing or name not in DRAWN]:
+        lines.append(f"not told by this recording: {', '.join(open_)}")
+        for way in remedies(found):
+            better = ", ".join(f"{name} to +-{_WIDE * way.sd[name]:.2g}" for name in open_)
+            lines.append(f"to tell: {way.what} ({better})")
+    return lines
+
+
+def _tip_line(found: Identified) -> str:
+    drawn = found.drawn
+    if drawn is None:
+        return ""
+
+    def stiffness(bench: Bench) -> float:
+        return float(1.0 / bench.touch(drawn).tip.compliance_mm_per_n[1, 1])
+
+    sd = found.sd_of(stiffness)
+    return (
+        f"{'tip, N/mm':15}{stiffness(found.bench):10.4g}{f'+-{_WIDE * sd:.2g}':>12}"
+        f"{stiffness(found.nominal):11.4g}   stiffness of the tip, upwards"
+    )
+
+
+def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
+    """Write the whisker as found, for `scan`, `design` and templates; raster and characters as drawn.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    if not isinstance(drawn.whisker, LShaped):
+        raise FileError(path, "holds only an L-shaped whisker that was identified", "give the drawing of one")
+    whisker = found.bench.whisker(drawn.whisker)
+    write_whisker_file(path, replace(drawn, whisker=whisker, touch=found.bench.touch(drawn.whisker)))

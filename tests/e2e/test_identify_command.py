@@ -1,0 +1,38 @@
+"""`identify` as a user runs it: a piece, its scan, the whisker as drawn and as found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.cli.main import main
+from pipeline.files.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
+from whisker_array.whisker.defaults import default_whisker
+from whisker_array.whisker.touch import default_touch
+
+
+def test_a_whisker_is_identified_and_scanned_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("piece.toml").write_text('kind = "pits"\nangle_deg = [45]\nfloor_mm = 1.0\n')
+    drawn = WhiskerFile(default_whisker(5.0), default_touch(5.0), 5.0, 0.125, 0.03125, 50.0)
+    write_whisker_file(Path("drawn.toml"), drawn)
+    scan = ["scan", "piece.toml", "--out", "piece.h5", "--height-mm", "5", "--friction", "0.3"]
+    assert main(scan) == 0
+    capsys.readouterr()
+    found = ["identify", "piece.h5", "--piece", "piece.toml"]
+    assert main([*found, "--whisker", "drawn.toml", "--out", "found.toml", "--figure", "found.svg"]) == 0
+    said = capsys.readouterr().out
+    friction = next(line.split() for line in said.splitlines() if line.startswith("friction"))
+    assert float(friction[1]) == pytest.approx(0.3, abs=0.03)
+    assert float(friction[3]) == 0.2
+    assert "known only together: stiffness, gains" in said
+    assert "<svg" in Path("found.svg").read_text()
+    assert read_whisker_file(Path("found.toml")).touch.friction == pytest.approx(float(friction[1]), rel=1e-3)
+    assert main(["scan", "piece.toml", "--out", "again.h5", "--whisker", "found.toml"]) == 0
+    assert main([*found, "--out", "found.toml"]) == 2
+    assert "add --whisker" in capsys.readouterr().err
+    assert main(["identify", "piece.toml", "--piece", "piece.toml"]) == 1
+    assert "piece.toml" in capsys.readouterr().err

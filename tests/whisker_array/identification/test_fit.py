@@ -1,0 +1,104 @@
+"""A bench's numbers found again from its recording."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glyphs.surface.maps import HeightMap, MapError
+from glyphs.surface.pieces import Piece, PieceKind
+from tests.support.benches import recorded, worn
+from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, known_before, nominal_bench
+from whisker_array.identification.fit import IdentifyError, identify
+from whisker_array.identification.forward import heights_of
+from whisker_array.identification.telling import not_apart, remedies, untold
+from whisker_array.scan.sensor import Calibration
+from whisker_array.whisker.defaults import default_whisker
+from whisker_array.whisker.touch import default_touch
+
+PIECE = Piece(angle_deg=(45.0, 30.0), floor_mm=1.0, land_mm=1.5)
+
+
+def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
+    """Radius within 10 %, friction 0.02, preload 0.5 %: of a short recording that was dragged alone."""
+    scan = recorded(PIECE, touch=worn(0.08, 1.04), friction=0.27)
+    found = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0))
+    assert found.settled
+    assert found.of(Unknown.RADIUS)[0] == pytest.approx(0.08, rel=0.1)
+    assert found.of(Unknown.FRICTION)[0] == pytest.approx(0.27, abs=0.02)
+    assert found.of(Unknown.PRELOAD)[0] == pytest.approx(1.04, rel=5e-3)
+    assert found.misfit < 1.5
+    # only the product of stiffness and gain is in a quasi-static signal
+    shared = next(group for group in not_apart(found) if "stiffness" in group)
+    assert "gains" in shared
+    product = found.sd_of(lambda bench: bench[Unknown.STIFFNESS] * float(bench.gain.mean()))
+    assert product < 0.5 * found.of(Unknown.STIFFNESS)[1]
+    assert Unknown.FRICTION not in untold(found)
+    for way in remedies(found):
+        assert all(way.sd[name] <= found.of(name)[1] * (1.0 + 1e-9) for name in way.sd)
+
+
+def test_gains_that_a_bench_has_shown_tell_the_stiffness() -> None:
+    scan = recorded(PIECE)
+    loose = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0))
+    n = scan.n_whiskers
+    shown = Calibration(loose.bench.gain, np.zeros(n))
+    known = identify(replace(scan, calibration=shown), PIECE.height_mm, whisker=default_whisker(5.0))
+    assert known.before[len(Unknown)] == BENCH_GAIN
+    assert known.of(Unknown.STIFFNESS)[1] < 0.7 * loose.of(Unknown.STIFFNESS)[1]
+
+
+def test_a_height_map_is_as_good_as_the_piece_it_is_of() -> None:
+    scan, touch = recorded(PIECE, friction=0.25), default_touch(5.0)
+    drawn = identify(scan, PIECE.height_mm, whisker=touch)
+    mapped = identify(scan, heights_of(PIECE.height_map(0.02)), whisker=touch)
+    for name in (Unknown.RADIUS, Unknown.FRICTION, Unknown.PRELOAD):
+        (one, sd), (other, _) = drawn.of(name), mapped.of(name)
+        assert one == pytest.approx(other, abs=2.0 * sd + 1e-3)
+    # without a drawing lengths stay
+    assert drawn.sd[0] == drawn.before[0]
+
+
+def test_too_few_passes_are_refused() -> None:
+    scan = recorded(PIECE)
+    one = scan.sweeps[0]
+    two = replace(
+        one,
+        plan=replace(one.plan, line_mm=one.plan.line_mm[:2]),
+        moment_n_mm=one.moment_n_mm[:2],
+        flags=one.flags[:2],
+        air_n_mm=one.air_n_mm[:2],
+    )
+    with pytest.raises(IdentifyError, match=r"only . of the passes.* 6 or more"):
+        identify(replace(scan, sweeps=(two,)), PIECE.height_mm, whisker=default_touch(5.0))
+
+
+def test_a_map_with_holes_is_no_piece() -> None:
+    z = np.zeros((40, 40), dtype=np.float32)
+    z[3, 4] = np.nan
+    with pytest.raises(MapError, match="not measured"):
+        heights_of(HeightMap(z, 0.1))
+
+
+def test_a_bench_goes_through_its_vector() -> None:
+    bench = nominal_bench(default_whisker(5.0), default_touch(5.0), n_whiskers=3).with_values(yaw_deg=0.2)
+    again = Bench.of_vector(bench.vector())
+    assert again.values == bench.values
+    np.testing.assert_array_equal(again.gain, bench.gain)
+    assert known_before(bench).shape == bench.vector().shape
+    assert (known_before(bench) > 0.0).all()
+
+
+@pytest.mark.parametrize("kind", list(PieceKind))
+def test_pieces_are_level_around_their_relief(kind: PieceKind) -> None:
+    piece = Piece(kind)
+    z = piece.height_map(0.05).z_mm
+    top = piece.depth_mm if kind is PieceKind.BALL else 0.0
+    assert z.max() == pytest.approx(top, abs=1e-3)
+    assert z.min() == pytest.approx(0.0 if kind is PieceKind.BALL else -piece.depth_mm, abs=1e-6)
+    assert np.abs(z[:, 0]).max() == 0.0
+    steepest = np.abs(np.diff(z, axis=1)).max() / 0.05
+    wall = max(piece.angle_deg) if kind is not PieceKind.STEP else piece.angle_deg[0]
+    assert steepest <= np.tan(np.radians(wall)) + 1e-3

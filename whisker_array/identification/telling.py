@@ -1,0 +1,79 @@
+"""What a recording leaves open: numbers that it cannot tell, or not apart, and what would tell them.
+
+In units of what was known before, the covariance has large eigenvalues along what the recording does not tell; where
+several numbers share such a direction, only their combination is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from whisker_array.identification.bench import BENCH_GAIN, Unknown
+from whisker_array.identification.fit import Identified
+
+UNTOLD = 0.7
+"""A number whose standard deviation is still so much of that before was not told."""
+_SHARED = 0.25
+_PART = 0.3
+"""Of a direction, in parts of 1, from which a number counts as one of those that share it."""
+GAINS = "gains"
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """Something that would tell more.
+
+    Attributes:
+        what: to do, in words.
+        sd: standard deviations that untold numbers would then have.
+    """
+
+    what: str
+    sd: dict[Unknown, float]
+
+
+def untold(found: Identified) -> tuple[Unknown, ...]:
+    """Numbers that stay as they were known before."""
+    names = [name for k, name in enumerate(Unknown) if found.sd[k] > UNTOLD * found.before[k]]
+    return tuple(names)
+
+
+def not_apart(found: Identified) -> tuple[tuple[str, ...], ...]:
+    """Numbers of which only a combination is known; the gains as one."""
+    scaled = found.covariance / np.outer(found.before, found.before)
+    felt = [*range(len(Unknown)), *(len(Unknown) + w for w in found.whiskers)]
+    values, vectors = np.linalg.eigh(scaled[np.ix_(felt, felt)])
+    names = [*(name.value for name in Unknown), *(GAINS for _ in found.whiskers)]
+    groups: list[tuple[str, ...]] = []
+    for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
+        if value < _SHARED**2:
+            break
+        weight: dict[str, float] = {}
+        for name, part in zip(names, vector, strict=True):
+            weight[name] = weight.get(name, 0.0) + float(part**2)
+        group = tuple(name for name, share in weight.items() if share > _PART**2)
+        if len(group) > 1 and not any(set(group) <= set(other) for other in groups):
+            groups.append(group)
+    return tuple(groups)
+
+
+def remedies(found: Identified) -> tuple[Remedy, ...]:
+    """What would tell the numbers that were not told, the best first; nothing that would hardly help."""
+    open_ = untold(found)
+    weights = np.zeros_like(found.data)
+    for whisker in found.whiskers:
+        weights[len(Unknown) + whisker, len(Unknown) + whisker] = 1.0 / BENCH_GAIN**2
+    more_passes = found.data.copy()
+    ways = [
+        ("hang a known weight on each tip, which tells the gains to 0.5 %", weights),
+        ("record the piece once more", more_passes),
+    ]
+    made = []
+    for what, more in ways:
+        after = np.sqrt(np.diag(np.linalg.inv(np.linalg.inv(found.covariance) + more)))
+        sd = {name: float(after[k]) for k, name in enumerate(Unknown) if name in open_}
+        if any(value < 0.8 * found.of(name)[1] for name, value in sd.items()):
+            made.append(Remedy(what, sd))
+    return tuple(sorted(made, key=lambda one: sum(one.sd[n] / found.of(n)[1] for n in one.sd)))
