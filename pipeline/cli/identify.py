@@ -34,8 +34,9 @@ def identify(
         raise CommandError("--out writes a whisker, and none was given", hint="add --whisker", status=USAGE)
     with failures_reported():
         from pipeline.reading.identified import identify_recording, table_of, write_found
+        from pipeline.workers.options import in_a_worker
 
-        found, drawn = identify_recording(recording, piece, whisker)
+        found, drawn = in_a_worker(identify_recording, recording, piece, whisker)
         print("\n".join(table_of(found)))
         if out is not None and drawn is not None:
             write_found(out, found, drawn)
