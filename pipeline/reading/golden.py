@@ -20,6 +20,20 @@ _FOUND = {
 }
 
 
+def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
+    """As `measure_golden`, of a file that its sender calls something else.
+
+    Raises:
+        FileError: likewise, by the sender's name.
+    """
+    try:
+        return measure_golden(scan, relief)
+    except FileError as error:
+        if error.path == scan:
+            raise FileError(called, error.what, error.hint) from error
+        raise
+
+
 def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     """What a scan of a part of known relief tells of the whiskers.
 
@@ -47,7 +61,7 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     ]
     measures = {
         GoldenMeasure.GAIN: Measured(
-            float(found.bench.gain[whiskers].mean()), float(np.sqrt(mean @ found.covariance @ mean))
+            float(found.bench.gain[whiskers].mean()), float(np.sqrt(mean @ found.repeated @ mean))
         )
     }
     if air:
@@ -57,4 +71,9 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
         measures[GoldenMeasure.ZERO] = Measured(
             float(zeros[:, worst].mean()), float(zeros[:, worst].std() / np.sqrt(len(zeros)))
         )
-    return measures | {name: Measured(*found.of(unknown)) for name, unknown in _FOUND.items()}
+    sd = np.sqrt(np.diag(found.repeated))
+    names = list(Unknown)
+    return measures | {
+        name: Measured(found.bench[unknown], float(sd[names.index(unknown)]))
+        for name, unknown in _FOUND.items()
+    }

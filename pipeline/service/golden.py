@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from pipeline.common.golden_record import GoldenRecord, wear
-from pipeline.reading.golden import measure_golden
+from pipeline.reading.golden import measure_sent
 from pipeline.service.reading_orders import ReadingOrders
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import Upload
@@ -50,7 +50,7 @@ class GoldenPart:
             raise Problem(
                 409, 'no golden part is set up; name its relief: golden = "golden.npz" under [service]'
             )
-        measures = await self._orders.in_worker(measure_golden, sent.path, self._relief)
+        measures = await self._orders.in_worker(measure_sent, sent.path, sent.name, self._relief)
         return self._store.add_golden(measures, line=self._line, reference=reference)
 
     def scans(self) -> tuple[GoldenRecord, ...]:

@@ -69,6 +69,7 @@ class Identified:
         nominal: as drawn.
         before: (n,) standard deviations of the numbers before, in the order of `Bench.vector`.
         covariance: (n, n) of the numbers after.
+        repeated: (n, n) the same of a bench that is compared with itself: what the fit's own grid does is in both.
         data: (n, n) what the samples alone tell: their share of H.
         whiskers: those that were felt; the gains of others are as before.
         traces: that were fitted.
@@ -82,6 +83,7 @@ class Identified:
     nominal: Bench
     before: NDArray[np.float64]
     covariance: NDArray[np.float64]
+    repeated: NDArray[np.float64]
     data: NDArray[np.float64]
     whiskers: tuple[int, ...]
     traces: tuple[Trace, ...]
@@ -150,7 +152,8 @@ def identify(
     clusters = {trace.cluster for trace in traces}
     if len(clusters) < FEWEST_CLUSTERS:
         raise IdentifyError(
-            f"only {len(clusters)} of the passes can be used over the piece", hint=f"record {FEWEST_CLUSTERS} or more"
+            f"only {len(clusters)} of the passes can be used over the piece",
+            hint=f"record {FEWEST_CLUSTERS} or more",
         )
     before = known_before(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN)
     felt_by = tuple(sorted({trace.whisker for trace in traces}))
@@ -173,17 +176,18 @@ def identify(
     data = np.zeros((before.size, before.size))
     for j, w in zip(jacobian, weight, strict=True):
         data += j.T @ (w[:, None] * j) / sigma**2
-    covariance = _robust(jacobian, residual, traces, data, before, free, sigma)
+    repeated = _robust(jacobian, residual, traces, data, before, free, sigma)
     coarser = Forward(
         heights, traces, nominal=whisker, about=found, setup_friction=scan.touch.friction,
         grid_mm=COARSER * grid_mm,
     ).moments(found)  # fmt: skip
-    covariance += _of_grid(jacobian, weight, predicted, coarser, data, before, free, sigma)
+    covariance = repeated + _of_grid(jacobian, weight, predicted, coarser, data, before, free, sigma)
     return Identified(
         found,
         nominal,
         before,
         covariance,
+        repeated,
         data,
         felt_by,
         traces,

@@ -19,12 +19,13 @@ def radius(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """What every scan shows of the tip."""
     shown = [0.06]
 
-    def measured(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
+    def measured(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, Measured]:
         assert scan.is_file()
+        assert called == "a.h5"
         assert relief.name == "golden.npz"
         return {GoldenMeasure.RADIUS: Measured(shown[0], 0.001), GoldenMeasure.GAIN: Measured(1.0, 0.001)}
 
-    monkeypatch.setattr(module, "measure_golden", measured)
+    monkeypatch.setattr(module, "measure_sent", measured)
     return shown
 
 
