@@ -39,13 +39,14 @@ from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
 STAGES = (
-    (1.5, (*POSE, Unknown.PRELOAD)),
-    (0.4, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
-    (0.0, tuple(Unknown)),
-    (0.0, tuple(Unknown)),
+    (1.5, 2.0, (*POSE, Unknown.PRELOAD)),
+    (0.4, 2.0, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
+    (0.0, 2.0, tuple(Unknown)),
+    (0.0, 1.0, tuple(Unknown)),
 )
-"""What is fitted one after the other: mm over which the signal is averaged, and numbers beside the gains. A piece that
-lies a wall's width off would else be explained by anything. Strips are cut for the pose found so far."""
+"""What is fitted one after the other: mm over which the signal is averaged, how much coarser strips are, and numbers
+beside the gains. A piece that lies a wall's width off would else be explained by anything. Strips are cut for the pose
+found so far."""
 MOST_STEPS = 25
 SETTLED_SDS = 0.01
 STEP_SDS = 0.3
@@ -162,12 +163,19 @@ def identify(
     )
     sigma = _sigma_n_mm(traces)
     found, settled = nominal, False
-    for blur_mm, names in STAGES:
+    for blur_mm, coarser, names in STAGES:
         stage = free & np.array([name in names for name in Unknown] + [True] * scan.n_whiskers)
         forward = Forward(
-            heights, traces, nominal=whisker, about=found, setup_friction=scan.touch.friction, grid_mm=grid_mm
+            heights,
+            traces,
+            nominal=whisker,
+            about=found,
+            setup_friction=scan.touch.friction,
+            grid_mm=coarser * grid_mm,
         )
+        forward.spare_jams(found)
         found, settled = _fitted(forward, found, nominal, before, stage, sigma, blur_mm)
+    traces = forward.traces
     predicted = forward.moments(found)
     residual = _residuals(traces, predicted)
     jacobian = _jacobian(forward, found, before, free, predicted)
@@ -177,11 +185,11 @@ def identify(
     for j, w in zip(jacobian, weight, strict=True):
         data += j.T @ (w[:, None] * j) / sigma**2
     repeated = _robust(jacobian, residual, traces, data, before, free, sigma)
-    coarser = Forward(
+    wide = Forward(
         heights, traces, nominal=whisker, about=found, setup_friction=scan.touch.friction,
         grid_mm=COARSER * grid_mm,
     ).moments(found)  # fmt: skip
-    covariance = repeated + _of_grid(jacobian, weight, predicted, coarser, data, before, free, sigma)
+    covariance = repeated + _of_grid(jacobian, weight, predicted, wide, data, before, free, sigma)
     return Identified(
         found,
         nominal,
@@ -218,6 +226,14 @@ def _sigma_n_mm(traces: tuple[Trace, ...]) -> float:
 def _residuals(traces: tuple[Trace, ...], predicted: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     """(samples,) of every trace, 0 where it is not to be used."""
     return [np.nan_to_num(t.felt_n_mm - p, nan=0.0) for t, p in zip(traces, predicted, strict=True)]
+
+
+def _at_least(matrix: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The matrix, in no direction less than the other: with few clusters some would come out far too sure."""
+    root = np.linalg.cholesky(least)
+    inverse = np.linalg.inv(root)
+    values, vectors = np.linalg.eigh(inverse @ matrix @ inverse.T)
+    return np.asarray(root @ (vectors * np.maximum(values, 1.0)) @ vectors.T @ root.T)
 
 
 def _of_grid(
@@ -360,7 +376,8 @@ def _robust(
     for trace, j, r in zip(traces, jacobian, residual, strict=True):
         gradients[trace.cluster] = gradients.get(trace.cluster, np.zeros(before.size)) + j.T @ r / sigma**2
     n = len(gradients)
-    meat = sum((np.outer(g, g) for g in gradients.values()), np.zeros_like(prior)) * (n / (n - 1)) + prior
+    shaken = sum((np.outer(g, g) for g in gradients.values()), np.zeros_like(prior)) * (n / (n - 1))
+    meat = _at_least(shaken, data + 1e-9 * prior) + prior
     covariance = bread @ meat @ bread
     fixed = ~free
     covariance[fixed], covariance[:, fixed] = 0.0, 0.0

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ from whisker_array.whisker.touch import Touch
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """Height over the land, mm, at places of the piece, x and y in mm."""
 HALF_MM = 0.3
-GRID_MM = 0.02
+GRID_MM = 0.0125
 MOST_TRACES = 64
 JAM_LANDS = 1.7
 """A moment so many times that of the land is felt just before a tip jams, by luck of the sampling: not used."""
@@ -103,10 +103,10 @@ def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
     return tuple(chosen)
 
 
-def without_jams(moment_n_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A line's moments, NaN where its tip was about to jam and just beside that."""
+def without_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArray[np.float64]:
+    """A line's moments, NaN where its tip was about to jam, at that share of the limit, and just beside that."""
     land = np.nanmedian(moment_n_mm)
-    near = np.abs(moment_n_mm) > JAM_LANDS * np.abs(land)
+    near = np.abs(moment_n_mm) > share * JAM_LANDS * np.abs(land)
     if not near.any():
         return moment_n_mm
     wide = np.convolve(near, np.ones(2 * _BESIDE + 1), mode="same") > 0.5
@@ -194,6 +194,16 @@ class Forward:
             most = JAM_LANDS * abs(float(np.median(moment)))
             found.append(np.clip(moment, -most, most))
         return found
+
+    def spare_jams(self, bench: Bench) -> None:
+        """Leave out of the traces what a bench predicts to be about to jam; for good, so that a fit is smooth."""
+        self.traces = tuple(
+            replace(
+                trace,
+                felt_n_mm=np.where(np.isnan(without_jams(p, share=0.98)), np.nan, trace.felt_n_mm),
+            )
+            for trace, p in zip(self.traces, self.moments(bench), strict=True)
+        )
 
     def _surfaces_of(self, bench: Bench) -> list[TouchSurface]:
         names = (Unknown.RADIUS, Unknown.TILT_X, Unknown.TILT_Y, Unknown.FRICTION)
