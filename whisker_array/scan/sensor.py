@@ -1,7 +1,7 @@
 """From the moment at each whisker's base to the number on the wire, and back.
 
-    moment --x (1 + vibration)--x gain--+ offset--+ drift--+ noise--ADC--> raw      (measure)
-    raw    --- offset, / gain ---> moment in N mm                                  (apply_calibration)
+    moment --x (1 + vibration)--hysteresis, creep--x gain--+ offset--+ drift--+ noise--ADC--> raw      (measure)
+    raw    --- offset, / gain ---> moment in N mm                                            (apply_calibration)
 
 One lead-in before each scan gives the calibration: the whiskers first hang in air (no moment), then run over
 clean land (the moment that the whisker model expects)::
@@ -11,8 +11,8 @@ clean land (the moment that the whisker model expects)::
         |  _air_____/
         +------------------------------> sample
 
-The axis of whiskers is the last but one, the axis of samples the last. Moments are in N mm; all drawing is by
-the rng given.
+Hysteresis and creep are those of `sensor_memory`. The axis of whiskers is the last but one, the axis of samples the
+last. Moments are in N mm; all drawing is by the rng given.
 """
 
 from __future__ import annotations
@@ -26,7 +26,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
+from whisker_array.scan.sensor_memory import SensorMemory, SensorState, draw_memory, lifted, reading_of
 
+NOISE = 2e-4
+"""Rms noise of one sample, of the largest load, as recorded of whiskers."""
+DRIFT_A_MINUTE = 3e-3
+"""How far the zero walks in a minute, rms, of the largest load, as recorded of whiskers."""
 MIN_LEAD_IN_SAMPLES = 16
 """Fewest samples of air, and of land, from which a calibration is taken."""
 MAX_GAIN_UNCERTAINTY = 0.01
@@ -71,11 +76,12 @@ class SensorChain:
         gain: (n,) float64, output per true moment, nominally 1.
         offset_n_mm: (n,) float64, output without a moment, N mm.
         noise_n_mm: rms of the white gauge and amplifier noise of one sample, N mm.
-        drift_n_mm_per_sqrt_s: random walk of the zero, rms N mm after one second, from 0 at each pass.
+        drift_n_mm_per_sqrt_s: random walk of the zero, rms N mm after one second.
         vibration: rms of the base's mechanical vibration as a share of the preload; the same for all whiskers
             at one sample since they share the base.
         adc_range_n_mm: full scale to either side, N mm; inf with adc_bits None.
         adc_bits: resolution, 2 to 32 bits for the whole range from - to +; None: no conversion.
+        memory: creep and hysteresis; None: gauges that know nothing of earlier loads.
 
     Raises:
         SensorError: arrays that do not agree, negative rms values, a gain of 0, a converter that cannot be.
@@ -88,6 +94,7 @@ class SensorChain:
     vibration: float = 0.0
     adc_range_n_mm: float = math.inf
     adc_bits: int | None = None
+    memory: SensorMemory | None = None
 
     __repr__ = one_line
 
@@ -96,6 +103,11 @@ class SensorChain:
         _same_length(gain, offset)
         object.__setattr__(self, "gain", gain)
         object.__setattr__(self, "offset_n_mm", offset)
+        if self.memory is not None and self.memory.creep.shape[0] != gain.size:
+            raise SensorError(
+                f"{gain.size} gains but a memory of {self.memory.creep.shape[0]} whiskers",
+                hint="give one of each for every whisker",
+            )
         for name in ("noise_n_mm", "drift_n_mm_per_sqrt_s", "vibration"):
             object.__setattr__(self, name, _not_negative(name, getattr(self, name)))
         if not self.adc_range_n_mm > 0.0:
@@ -121,7 +133,12 @@ class SensorChain:
     def of(self, whiskers: Sequence[int]) -> SensorChain:
         """The chain of some of the whiskers."""
         chosen = list(whiskers)
-        return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen])
+        memory = None if self.memory is None else self.memory.of(chosen)
+        return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen], memory=memory)
+
+    def at_rest(self) -> SensorState:
+        """Where its gauges stand when they have hung in air for long."""
+        return SensorState.at_rest(self.n_whiskers, self.memory)
 
     @classmethod
     def ideal(cls, n_whiskers: int) -> SensorChain:
@@ -146,6 +163,7 @@ def draw_sensor_chain(
     drift_n_mm_per_sqrt_s: float | None = None,
     vibration: float = 0.002,
     adc_bits: int | None = 16,
+    memory: bool = True,
 ) -> SensorChain:
     """A chain as it comes from the bench: every whisker a little different, by the generator.
 
@@ -156,10 +174,11 @@ def draw_sensor_chain(
             for enhancement (20 suits default_whisker(5.0) with 6.5 N mm). The defaults below scale with it.
         gain_sd: standard deviation of the gain about 1; draws are kept within 3.
         offset_sd_n_mm: standard deviation of the offset, N mm; None: 1 % of full scale.
-        noise_n_mm: rms noise, N mm; None: 1e-4 of full scale.
-        drift_n_mm_per_sqrt_s: random walk, N mm per root second; None: 1e-4 of full scale.
+        noise_n_mm: rms noise, N mm; None: `NOISE` of full scale, which is taken for the largest load.
+        drift_n_mm_per_sqrt_s: random walk, N mm per root second; None: `DRIFT_A_MINUTE` of full scale.
         vibration: rms vibration of the base as a share of the preload.
         adc_bits: converter, None for none.
+        memory: whether the gauges creep and lag, as `draw_memory` draws it.
 
     Raises:
         SensorError: anything that a SensorChain refuses, no whisker, or a gain_sd of 1/3 or more.
@@ -172,12 +191,15 @@ def draw_sensor_chain(
     offset_sd = (
         0.01 * full_scale_n_mm if offset_sd_n_mm is None else _not_negative("offset_sd_n_mm", offset_sd_n_mm)
     )
-    small = 1e-4 * full_scale_n_mm
+    walk = DRIFT_A_MINUTE / math.sqrt(60.0) * full_scale_n_mm
+    # of a generator of its own: the same seed gives the same gains, offsets and noise with memory and without
+    remembering = rng.spawn(1)[0]
     return SensorChain(
         gain=1.0 + gain_sd * np.clip(rng.standard_normal(n_whiskers), -3.0, 3.0),
         offset_n_mm=offset_sd * rng.standard_normal(n_whiskers),
-        noise_n_mm=small if noise_n_mm is None else noise_n_mm,
-        drift_n_mm_per_sqrt_s=small if drift_n_mm_per_sqrt_s is None else drift_n_mm_per_sqrt_s,
+        noise_n_mm=NOISE * full_scale_n_mm if noise_n_mm is None else noise_n_mm,
+        drift_n_mm_per_sqrt_s=walk if drift_n_mm_per_sqrt_s is None else drift_n_mm_per_sqrt_s,
+        memory=draw_memory(n_whiskers, rng=remembering, largest_n_mm=full_scale_n_mm) if memory else None,
         vibration=vibration,
         adc_range_n_mm=full_scale_n_mm if adc_bits is not None else math.inf,
         adc_bits=adc_bits,
@@ -213,14 +235,19 @@ def measure(
     chain: SensorChain,
     sample_rate_hz: float,
     rng: np.random.Generator,
+    state: SensorState | None = None,
+    pause_s: float = 0.0,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """What the chain makes of the true moments.
 
     Args:
-        moment_n_mm: (..., whiskers, samples), N mm; NaN (no contact) stays NaN.
+        moment_n_mm: (..., whiskers, samples), N mm, passes in the order in which they were run; NaN (no contact) stays
+            NaN.
         chain: the sensor chain, as many whiskers.
         sample_rate_hz: samples per second: sets how far the zero drifts between two samples.
         rng: draws vibration, noise and drift; the same seed gives the same raw signal.
+        state: where the gauges stand before, moved on; at rest unless given.
+        pause_s: how long the whiskers hang in air before each pass, beside the samples given of it.
 
     Returns:
         raw (float32, same shape, N mm as if gain were 1) and saturated (bool, same shape): clipped
@@ -237,15 +264,24 @@ def measure(
     raw = np.empty((math.prod(moment.shape[:-2]), n, samples), dtype=np.float32)
     saturated = np.zeros(raw.shape, dtype=np.bool_)
     walk = chain.drift_n_mm_per_sqrt_s / math.sqrt(sample_rate_hz)
+    state = chain.at_rest() if state is None else state
     passes = moment.reshape(raw.shape)
     for i in range(raw.shape[0]):
         shake = _noise(rng, chain.vibration, samples)
+        load = passes[i].astype(np.float32) * (1.0 + shake)
+        if chain.memory is not None:
+            lifted(chain.memory, state, seconds=pause_s)
+            held = reading_of(load, memory=chain.memory, state=state, step_s=1.0 / sample_rate_hz)
+            load = held.astype(np.float32)
+        if walk > 0.0 and pause_s > 0.0:
+            state.drift_n_mm += _noise(rng, chain.drift_n_mm_per_sqrt_s * math.sqrt(pause_s), n)
         for w in range(n):
-            trace = passes[i, w].astype(np.float32) * (1.0 + shake)
-            trace = trace * np.float32(chain.gain[w]) + np.float32(chain.offset_n_mm[w])
+            trace = load[w] * np.float32(chain.gain[w]) + np.float32(chain.offset_n_mm[w])
             trace = trace + _noise(rng, chain.noise_n_mm, samples)
             if walk > 0.0:
-                trace = trace + np.cumsum(_noise(rng, walk, samples), dtype=np.float64).astype(np.float32)
+                drift = state.drift_n_mm[w] + np.cumsum(_noise(rng, walk, samples), dtype=np.float64)
+                state.drift_n_mm[w] = drift[-1]
+                trace = trace + drift.astype(np.float32)
             raw[i, w], saturated[i, w] = convert(trace.astype(np.float32), chain)
     return raw.reshape(moment.shape), saturated.reshape(moment.shape)
 

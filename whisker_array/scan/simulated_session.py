@@ -19,6 +19,7 @@ from whisker_array.scan.sensor import (
 )
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.stage_play import StagePlay
 from whisker_array.simulation.surface import Friction
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import WhiskerArray
@@ -62,6 +63,7 @@ class SimulatedSession:
         friction: Friction | None = None,
         soil: Soil | None = None,
         sensor: SensorChain | None = None,
+        stage: StagePlay | None = None,
         calibration: Calibration | None = None,
         rng: np.random.Generator | None = None,
         part_id: str = "",
@@ -77,17 +79,18 @@ class SimulatedSession:
             fidelity: pointwise formula or frictional contact.
             friction: true friction; that of the soil unless given, and the nominal one without soil.
             soil: dirt that yields; none unless given.
-            sensor: gains, noise, converter; ideal unless given.
+            sensor: gains, noise, converter, creep; ideal unless given.
+            stage: play and errors of its place; ideal unless given.
             calibration: of the sensor, if it is known; ideal sensors are.
-            rng: needed with a sensor.
+            rng: needed with a sensor or a stage.
             part_id: what the part is called.
 
         Raises:
             MapError: a friction map or soil that does not fit.
-            ValueError: a sensor without `rng`.
+            ValueError: a sensor or a stage without `rng`.
         """
-        if sensor is not None and rng is None:
-            raise ValueError("a sensor chain draws noise: give it a random generator, rng=default_rng(seed)")
+        if (sensor is not None or stage is not None) and rng is None:
+            raise ValueError("a sensor chain or stage draws noise: give it a random generator, rng=default_rng(seed)")
         if friction is None:
             friction = touch.friction if soil is None else soil.friction
         if sensor is None:
@@ -104,7 +107,8 @@ class SimulatedSession:
             part_id=part_id,
         )
         self.felt_s = 0.0
-        self._fidelity, self._sensor, self._rng = fidelity, sensor, rng
+        self._fidelity, self._sensor, self._stage, self._rng = fidelity, sensor, stage, rng
+        self._state = None if sensor is None else sensor.at_rest()
         self._part: Mounted | None = mounted(
             height_map,
             touches=(touch,),
@@ -139,7 +143,10 @@ class SimulatedSession:
             air_samples=order.air_samples,
             sample_rate_hz=order.sample_rate_hz,
             sensor=self._sensor,
+            stage=self._stage,
             rng=self._rng,
+            state=self._state,
+            pause_s=order.turnaround_s,
         )
 
     def close(self) -> None:
