@@ -75,14 +75,17 @@ class Mounted:
             state: where the gauges stand, moved on; at rest unless given.
             pause_s: how long the array hangs in air before each pass, beside the air samples.
         """
-        ran, slack = sweep, 0.0
+        ran = sweep
         if stage is not None and rng is not None:
             # of a generator of its own: the same seed gives the same noise with play and without
-            ran, slack = really_run(sweep, stage, rng=rng.spawn(1)[0]), stage.reach_mm(self.size_mm)
+            ran = really_run(sweep, stage, rng=rng.spawn(1)[0])
         n, kinds = sweep.line_mm.shape[1] // len(touches), []
         for i, touch in enumerate(touches):
             whiskers = slice(i * n, (i + 1) * n)
-            own = replace(ran, line_mm=ran.line_mm[:, whiskers], offset_mm=sweep.offset_mm[whiskers])
+            asked, own = (
+                replace(one, line_mm=one.line_mm[:, whiskers], offset_mm=sweep.offset_mm[whiskers])
+                for one in (sweep, ran)
+            )
             surface = self._along(touch.tip_radius_mm, sweep.direction)
             traces = trace_sweep(
                 surface,
@@ -91,19 +94,19 @@ class Mounted:
                 fidelity=fidelity,
                 origin_mm=self.origin_mm,
                 size_mm=self.size_mm,
-                slack_mm=slack,
+                asked=asked,
             )
             shape = (*own.line_mm.shape, own.n_samples)
             moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
             if stage is not None:
-                moment, flags = waved(moment, flags, sweep, stage)
+                moment, flags = waved(moment, flags, asked, stage)
             air = np.zeros((*shape[:2], air_samples), dtype=np.float32)
             if sensor is not None and rng is not None:
                 # kind by kind: they come to a place one after the other, so the base does not shake them alike
                 several = len(touches) > 1
                 chain = sensor.of(range(i * n, (i + 1) * n)) if several else sensor
                 # rows of one comb are shaken together, each over its own place
-                behind = sweep.behind[whiskers] - sweep.behind[whiskers].min(initial=0)
+                behind = asked.behind - asked.behind.min(initial=0)
                 raw, saturated = measure(
                     np.concatenate([air, as_taken(moment, behind)], axis=2),
                     chain=chain,

@@ -54,10 +54,6 @@ class StagePlay:
         if not (math.isfinite(self.rate) and abs(self.rate) < 0.1 and math.isfinite(self.phase_rad)):
             raise MarksError(f"a stage's rate is {self.rate}", hint="give a small share of the travel")
 
-    def reach_mm(self, size_mm: tuple[float, float]) -> float:
-        """How far it can be off on a plate of that size, but for one pass in some millions."""
-        return 0.5 * self.play_mm + self.wave_mm + 5.0 * self.return_mm + abs(self.rate) * max(size_mm)
-
 
 def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:
     """A stage as it is bought: within the usual figures, the screw's phase and the sign of its rate by the generator."""
