@@ -124,7 +124,9 @@ def _lost(points: Sequence[float]) -> tuple[float, float]:
     values = np.asarray(points)
     if values.size < 2:
         return float(values.mean()), math.inf
-    return float(values.mean()), float(t.ppf(0.975, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
+    return float(values.mean()), float(
+        t.ppf(0.975, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size)
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

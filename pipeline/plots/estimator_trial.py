@@ -15,8 +15,9 @@ from glyphs.surface.maps import HeightMap, TraceDirection
 from whisker_array.estimation.friction import FrictionRoute, land_friction
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.estimation.relief import Relief
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import trace_scan
-from whisker_array.scan.sensor import Calibration, draw_sensor_chain
+from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.sections import Rectangle

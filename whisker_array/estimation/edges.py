@@ -15,9 +15,9 @@ from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
 from whisker_array.estimation.land import land_coefficients, over_land, whisker_gain, without_drift
 from whisker_array.estimation.registration import registration_mm
+from whisker_array.scan.calibration import apply_calibration
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan, only
-from whisker_array.scan.sensor import apply_calibration
 from whisker_array.simulation.traces import SampleFlag
 
 UNUSABLE = np.uint8(

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.surface.maps import TraceDirection
+from whisker_array.scan.calibration import Calibration, apply_calibration
 from whisker_array.scan.checked import SEE_LAYOUT, CheckedFile, text_attribute
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.log_file import GROUP, read_log
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor import Calibration, apply_calibration
 from whisker_array.scan.session import gathered
 from whisker_array.scan.stagger import as_laid
 from whisker_array.simulation.traces import SampleFlag

@@ -51,11 +51,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import FileError, damage_reported
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.checked import text_attribute
 from whisker_array.scan.log_file import write_log
 from whisker_array.scan.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor import Calibration
 from whisker_array.scan.stagger import as_taken
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan

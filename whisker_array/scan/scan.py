@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.mounted import mounted
 from whisker_array.scan.pass_log import PassLog
-from whisker_array.scan.sensor import Calibration, SensorChain
+from whisker_array.scan.sensor import SensorChain
 from whisker_array.scan.stage_play import StagePlay
 from whisker_array.simulation.surface import Friction
 from whisker_array.simulation.traces import Fidelity

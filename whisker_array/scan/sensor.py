@@ -1,18 +1,9 @@
-"""From the moment at each whisker's base to the number on the wire, and back.
+"""From the moment at each whisker's base to the number on the wire.
 
-    moment --x (1 + vibration)--hysteresis, creep--x gain--+ offset--+ drift--+ noise--ADC--> raw      (measure)
-    raw    --- offset, / gain ---> moment in N mm                                            (apply_calibration)
+    moment --x (1 + vibration)--hysteresis, creep--x gain--+ offset--+ drift--+ noise--ADC--> raw
 
-One lead-in before each scan gives the calibration: the whiskers first hang in air (no moment), then run over
-clean land (the moment that the whisker model expects)::
-
-    raw |             ________________          raw_air  = offset
-        |            /   land                   raw_land = offset + gain * expected land moment
-        |  _air_____/
-        +------------------------------> sample
-
-Hysteresis and creep are those of `sensor_memory`. The axis of whiskers is the last but one, the axis of samples the
-last. Moments are in N mm; all drawing is by the rng given.
+Hysteresis and creep are those of `sensor_memory`; `calibration` is the way back. The axis of whiskers is the last but
+one, the axis of samples the last. Moments are in N mm; all drawing is by the rng given.
 """
 
 from __future__ import annotations
@@ -32,17 +23,18 @@ NOISE = 2e-4
 """Rms noise of one sample, of the largest load, as recorded of whiskers."""
 DRIFT_A_MINUTE = 3e-3
 """How far the zero walks in a minute, rms, of the largest load, as recorded of whiskers."""
-MIN_LEAD_IN_SAMPLES = 16
-"""Fewest samples of air, and of land, from which a calibration is taken."""
-MAX_GAIN_UNCERTAINTY = 0.01
-"""Largest standard error of an estimated gain, as a share of it."""
 
 
 class SensorError(MarksError):
     """A sensor chain, signal or lead-in that cannot be used."""
 
 
-def _per_whisker(name: str, values: ArrayLike) -> NDArray[np.float64]:
+def per_whisker(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    """A finite number for each whisker, not to be written to.
+
+    Raises:
+        SensorError: it is not that.
+    """
     array = np.array(values, dtype=np.float64)
     if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
         raise SensorError(f"{name} has shape {array.shape}", hint="it needs a finite number for each whisker")
@@ -50,7 +42,12 @@ def _per_whisker(name: str, values: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def _same_length(gain: NDArray[np.float64], offset: NDArray[np.float64]) -> None:
+def same_length(gain: NDArray[np.float64], offset: NDArray[np.float64]) -> None:
+    """Refuse gains and offsets of other numbers of whiskers, and a gain of 0.
+
+    Raises:
+        SensorError: so it is.
+    """
     if gain.shape != offset.shape:
         raise SensorError(
             f"{gain.size} gains but {offset.size} offsets", hint="give one of each for every whisker"
@@ -99,13 +96,13 @@ class SensorChain:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        gain, offset = _per_whisker("gain", self.gain), _per_whisker("offset_n_mm", self.offset_n_mm)
-        _same_length(gain, offset)
+        gain, offset = per_whisker("gain", self.gain), per_whisker("offset_n_mm", self.offset_n_mm)
+        same_length(gain, offset)
         object.__setattr__(self, "gain", gain)
         object.__setattr__(self, "offset_n_mm", offset)
-        if self.memory is not None and self.memory.creep.shape[0] != gain.size:
+        if self.memory is not None and self.memory.n_whiskers != gain.size:
             raise SensorError(
-                f"{gain.size} gains but a memory of {self.memory.creep.shape[0]} whiskers",
+                f"{gain.size} gains but a memory of {self.memory.n_whiskers} whiskers",
                 hint="give one of each for every whisker",
             )
         for name in ("noise_n_mm", "drift_n_mm_per_sqrt_s", "vibration"):
@@ -206,7 +203,12 @@ def draw_sensor_chain(
     )
 
 
-def _check_signal(name: str, signal: NDArray[np.floating], n_whiskers: int) -> None:
+def check_signal(name: str, signal: NDArray[np.floating], n_whiskers: int) -> None:
+    """Refuse a signal of another number of whiskers.
+
+    Raises:
+        SensorError: so it is.
+    """
     if signal.ndim < 2 or signal.shape[-2] != n_whiskers:
         raise SensorError(
             f"{name} has shape {signal.shape}", hint=f"it must be (..., {n_whiskers} whiskers, samples)"
@@ -257,7 +259,7 @@ def measure(
         SensorError: a shape that does not fit the chain, a rate that is not positive.
     """
     moment = np.asarray(moment_n_mm)
-    _check_signal("moment_n_mm", moment, chain.n_whiskers)
+    check_signal("moment_n_mm", moment, chain.n_whiskers)
     if not (math.isfinite(sample_rate_hz) and sample_rate_hz > 0.0):
         raise SensorError(f"sample_rate_hz is {sample_rate_hz}", hint="it must be positive")
     n, samples = moment.shape[-2:]
@@ -290,119 +292,3 @@ def _noise(rng: np.random.Generator, rms: float, samples: int) -> NDArray[np.flo
     if rms == 0.0:
         return np.zeros(samples, dtype=np.float32)
     return rng.standard_normal(samples, dtype=np.float32) * np.float32(rms)
-
-
-@dataclass(frozen=True, eq=False)
-class Calibration:
-    """Gain and offset of every whisker as estimated from a lead-in.
-
-    Attributes:
-        gain: (n,) float64, raw per moment, not 0.
-        offset_n_mm: (n,) float64, raw without a moment, N mm.
-        from_land: the gains were read off land at the nominal friction, so moments say nothing of the true one;
-            otherwise they come from a bench.
-
-    Raises:
-        SensorError: arrays that do not agree or are not finite, or a gain of 0.
-    """
-
-    gain: NDArray[np.float64]
-    offset_n_mm: NDArray[np.float64]
-    from_land: bool = False
-
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        gain, offset = _per_whisker("gain", self.gain), _per_whisker("offset_n_mm", self.offset_n_mm)
-        _same_length(gain, offset)
-        object.__setattr__(self, "gain", gain)
-        object.__setattr__(self, "offset_n_mm", offset)
-
-
-def apply_calibration(raw: NDArray[np.floating], calibration: Calibration) -> NDArray[np.float32]:
-    """The moment, N mm, from the raw signal: (raw - offset) / gain.
-
-    Args:
-        raw: (..., whiskers, samples), N mm as measured.
-        calibration: for as many whiskers.
-
-    Returns:
-        float32 of the same shape.
-
-    Raises:
-        SensorError: a shape that does not fit.
-    """
-    raw = np.asarray(raw)
-    _check_signal("raw", raw, calibration.gain.size)
-    scale = (1.0 / calibration.gain).astype(np.float32)[:, None]
-    offset = calibration.offset_n_mm.astype(np.float32)[:, None]
-    return np.asarray((raw.astype(np.float32) - offset) * scale, dtype=np.float32)
-
-
-def calibrate_lead_in(
-    air: NDArray[np.floating],
-    land: NDArray[np.floating],
-    *,
-    expected_land_moment_n_mm: float,
-    max_gain_uncertainty: float = MAX_GAIN_UNCERTAINTY,
-) -> Calibration:
-    """Gain and offset of every whisker from its lead-in: first air, then land.
-
-    Args:
-        air: (whiskers, samples) raw signal without contact, N mm.
-        land: (whiskers, samples) raw signal on undisturbed land, N mm.
-        expected_land_moment_n_mm: what the whisker model says of the land, N mm, negative in its frame. An
-            error in it, by an unknown friction for instance, goes into every gain alike and leaves
-            m / m_land - 1 as it is.
-        max_gain_uncertainty: largest standard error of a gain as a share of it.
-
-    Raises:
-        SensorError: lead-in too short, not finite or too noisy; a moment on land that does not stand out from
-            air; or one of the wrong sign.
-    """
-    air64, land64 = np.asarray(air, dtype=np.float64), np.asarray(land, dtype=np.float64)
-    if air64.ndim != 2 or land64.ndim != 2 or air64.shape[0] != land64.shape[0]:
-        raise SensorError(f"air {air64.shape} and land {land64.shape} must both be (whiskers, samples)")
-    if not math.isfinite(expected_land_moment_n_mm) or expected_land_moment_n_mm == 0.0:
-        raise SensorError(
-            f"expected_land_moment_n_mm is {expected_land_moment_n_mm}", hint="it must not be 0"
-        )
-    for name, signal in (("air", air64), ("land", land64)):
-        if signal.shape[1] < MIN_LEAD_IN_SAMPLES:
-            raise SensorError(
-                f"the lead-in has {signal.shape[1]} samples of {name}",
-                hint=f"it needs {MIN_LEAD_IN_SAMPLES} or more",
-            )
-        if not np.isfinite(signal).all():
-            raise SensorError(
-                f"the lead-in in {name} is not finite", hint="begin the scan on the part, clear of marks"
-            )
-    offset = air64.mean(axis=1)
-    rise = land64.mean(axis=1) - offset
-    error = np.sqrt(air64.var(axis=1, ddof=1) / air64.shape[1] + land64.var(axis=1, ddof=1) / land64.shape[1])
-    floor = 1e-6 * abs(expected_land_moment_n_mm)
-    faint = np.abs(rise) <= np.maximum(10.0 * error, floor)
-    if faint.any():
-        raise SensorError(
-            f"on whiskers {_names(faint)} the moment on land does not stand out from air: "
-            "broken whisker or gauge, no preload, or the tip beyond the part"
-        )
-    reversed_ = np.sign(rise) != np.sign(expected_land_moment_n_mm)
-    if reversed_.any():
-        raise SensorError(
-            f"on whiskers {_names(reversed_)} the land moment has the wrong sign: gauge wired the other way "
-            "round, or air and land exchanged"
-        )
-    noisy = error > max_gain_uncertainty * np.abs(rise)
-    if noisy.any():
-        raise SensorError(
-            f"on whiskers {_names(noisy)} the lead-in is too noisy for a gain within "
-            f"{max_gain_uncertainty:.1%}: take a longer lead-in or more preload"
-        )
-    return Calibration(gain=rise / expected_land_moment_n_mm, offset_n_mm=offset, from_land=True)
-
-
-def _names(mask: NDArray[np.bool_]) -> str:
-    """Numbers of the whiskers that are set, at most eight of them."""
-    numbers = np.flatnonzero(mask)
-    return ", ".join(str(i) for i in numbers[:8]) + (", ..." if numbers.size > 8 else "")

@@ -102,6 +102,11 @@ class SensorMemory:
         """(n,) w0, the part of the reading that has no slack."""
         return np.asarray(1.0 - (self.play_weight * (1.0 - self.play_n_mm / self.largest_n_mm)).sum(axis=1))
 
+    @property
+    def n_whiskers(self) -> int:
+        """Number of whiskers."""
+        return int(self.creep.shape[0])
+
     def of(self, whiskers: Sequence[int]) -> SensorMemory:
         """The memory of some of the whiskers."""
         chosen = list(whiskers)
@@ -132,9 +137,7 @@ class SensorState:
 
     def part(self, whiskers: slice) -> SensorState:
         """Of neighbouring whiskers; what moves it on moves the whole on."""
-        return SensorState(
-            self.play_n_mm[whiskers], self.strain_n_mm[whiskers], self.drift_n_mm[whiskers]
-        )
+        return SensorState(self.play_n_mm[whiskers], self.strain_n_mm[whiskers], self.drift_n_mm[whiskers])
 
 
 def reading_of(
@@ -163,7 +166,7 @@ def reading_of(
 
 def lifted(memory: SensorMemory, state: SensorState, *, seconds: float) -> None:
     """Move the state on by a time without load, in one step: the terms' decay is exact."""
-    reading_of(np.zeros((memory.creep.shape[0], 1)), memory=memory, state=state, step_s=seconds)
+    reading_of(np.zeros((memory.n_whiskers, 1)), memory=memory, state=state, step_s=seconds)
 
 
 @kernel()

@@ -8,15 +8,10 @@ import numpy as np
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
+from whisker_array.scan.calibration import MIN_LEAD_IN_SAMPLES, Calibration, calibrate_lead_in
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.mounted import Mounted, mounted
-from whisker_array.scan.sensor import (
-    MIN_LEAD_IN_SAMPLES,
-    Calibration,
-    SensorChain,
-    calibrate_lead_in,
-    measure,
-)
+from whisker_array.scan.sensor import SensorChain, measure
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
 from whisker_array.scan.stage_play import StagePlay
@@ -90,7 +85,9 @@ class SimulatedSession:
             ValueError: a sensor or a stage without `rng`.
         """
         if (sensor is not None or stage is not None) and rng is None:
-            raise ValueError("a sensor chain or stage draws noise: give it a random generator, rng=default_rng(seed)")
+            raise ValueError(
+                "a sensor chain or stage draws noise: give it a random generator, rng=default_rng(seed)"
+            )
         if friction is None:
             friction = touch.friction if soil is None else soil.friction
         if sensor is None:

@@ -16,8 +16,9 @@ from glyphs.surface.maps import EdgeMap, HeightMap, MapError, TraceDirection
 from tests.factories import extruded
 from whisker_array.estimation.edges import calibrated_moments, edge_map
 from whisker_array.estimation.spreading import averaging
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.scan.sensor import Calibration, SensorChain, draw_sensor_chain
+from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, default_plan
 from whisker_array.whisker.enhancement import moment_ratio

@@ -10,8 +10,9 @@ import pytest
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from tests.factories import extruded, scanned
 from whisker_array.estimation.friction import USABLE_SD, FrictionRoute, land_friction
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, only
-from whisker_array.scan.sensor import Calibration, SensorChain, draw_sensor_chain
+from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import Touch, default_touch, profiling_touch

@@ -13,9 +13,10 @@ import pytest
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan, only, trace_scan
-from whisker_array.scan.sensor import Calibration, draw_sensor_chain
+from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray, default_plan
 from whisker_array.whisker.enhancement import land_moment_n_mm

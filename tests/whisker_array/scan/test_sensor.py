@@ -8,16 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whisker_array.scan.sensor import (
-    Calibration,
-    SensorChain,
-    SensorError,
-    apply_calibration,
-    calibrate_lead_in,
-    convert,
-    draw_sensor_chain,
-    measure,
-)
+from whisker_array.scan.calibration import Calibration, apply_calibration, calibrate_lead_in
+from whisker_array.scan.sensor import SensorChain, SensorError, convert, draw_sensor_chain, measure
 
 LAND = -6.5  # N mm, about default_whisker(5.0)
 RATE = 1000.0
