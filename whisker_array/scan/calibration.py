@@ -71,6 +71,10 @@ class Calibration:
         memory = None if self.memory is None else self.memory.of(chosen)
         return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen], memory=memory)
 
+    def applied(self) -> Calibration:
+        """What is left to be known of a signal to which gain and offset were applied."""
+        return replace(self, gain=np.ones(self.gain.size), offset_n_mm=np.zeros(self.gain.size))
+
 
 def apply_calibration(raw: NDArray[np.floating], calibration: Calibration) -> NDArray[np.float32]:
     """The moment, N mm, from the raw signal: (raw - offset) / gain.

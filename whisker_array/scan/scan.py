@@ -143,7 +143,8 @@ def trace_scan(
 
     Raises:
         MapError: a friction map or soil that does not fit.
-        ValueError: a sensor or a stage without `rng`, or a sensor for another number of whiskers; a touch missing for a kind.
+        ValueError: a sensor or a stage without `rng`, or a sensor for another number of whiskers; a touch missing for a
+            kind.
     """
     if len(others) != plan.array.kinds - 1:
         raise ValueError(
@@ -207,11 +208,7 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
         )
     if columns.size == scan.n_whiskers:
         return scan if sweeps == scan.sweeps else replace(scan, sweeps=sweeps, log=None)
-    calibration = scan.calibration
-    if calibration is not None:
-        calibration = replace(
-            calibration, gain=calibration.gain[columns], offset_n_mm=calibration.offset_n_mm[columns]
-        )
+    calibration = None if scan.calibration is None else scan.calibration.of(columns.tolist())
     return replace(
         scan,
         sweeps=tuple(

@@ -56,7 +56,7 @@ class StagePlay:
 
 
 def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:
-    """A stage as it is bought: within the usual figures, the screw's phase and the sign of its rate by the generator."""
+    """A stage as it is bought: the usual figures, its rate and the phase of its screw by the generator."""
     usual = StagePlay()
     rate = usual.rate * float(rng.uniform(-1.0, 1.0))
     return StagePlay(rate=rate, phase_rad=float(rng.uniform(0.0, 2.0 * math.pi)))

@@ -192,7 +192,13 @@ def test_touches_and_sensors_must_fit_the_rows() -> None:
 def test_every_row_has_its_own_sensors() -> None:
     rng = np.random.default_rng(5)
     chain = draw_sensor_chain(
-        2 * N, rng=rng, noise_n_mm=0.0, drift_n_mm_per_sqrt_s=0.0, vibration=0.0, adc_bits=None
+        2 * N,
+        rng=rng,
+        noise_n_mm=0.0,
+        drift_n_mm_per_sqrt_s=0.0,
+        vibration=0.0,
+        adc_bits=None,
+        memory=False,
     )
     ideal = mixed()
     raw = trace_scan(
