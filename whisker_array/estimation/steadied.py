@@ -4,9 +4,9 @@
                                           |                        |
     raw <------------- less ------- gain (reading - load) <--------+
 
-The load goes in with what creep and hysteresis add to it, 1 to 2 % of it, so a share like that of them is left: 0.1 % of
-the land's moment. The exact inverse (a play operator's is one again, Kuhnen 2003) would go by an absolute zero of the
-load, which drifts; this one takes the zero of each pass. Slow creep goes with that zero anyway.
+The load goes in with what creep and hysteresis add to it, 1 to 2 % of it, so a share like that of them is left: 0.1 %
+of the land's moment. The exact inverse (a play operator's is one again, Kuhnen 2003) would go by an absolute zero of
+the load, which drifts; this one takes the zero of each pass. Slow creep goes with that zero anyway.
 """
 
 from __future__ import annotations
