@@ -10,11 +10,9 @@ from .scan.felt_sweep import Sweep
 from .scan.recording import load_scan, save_calibration, save_scan
 from .scan.scan import Scan, trace_scan
 from .scan.sensor import SensorChain, SensorError, draw_sensor_chain
-from .scan.sensor_memory import SensorMemory
 from .scan.session import Fitting, StageSession
 from .scan.simulated_session import SimulatedSession
 from .scan.stage_error import StageError
-from .scan.stage_play import StagePlay
 from .simulation.traces import Fidelity, SampleFlag
 from .whisker.array import RasterPlan, WhiskerArray, default_plan
 from .whisker.beam import Segment
