@@ -134,11 +134,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--parts", type=int, default=60, help="of each dirt")
     asked.add_argument("--seed", type=int, default=1700)
+    asked.add_argument("--dirt", type=float, nargs="+", default=SEVERITIES, help="0 to 1")
     given = asked.parse_args(arguments)
     trials: list[SensorTrial] = []
-    for severity in SEVERITIES:
+    for severity in given.dirt:
         trials += tried(given.parts, given.seed, severity)
-        print("\n".join(table(trials)), flush=True)
+    print("\n".join(table(trials)))
 
 
 if __name__ == "__main__":
