@@ -249,7 +249,7 @@ def measure(
         sample_rate_hz: samples per second: sets how far the zero drifts between two samples.
         rng: draws vibration, noise and drift; the same seed gives the same raw signal.
         state: where the gauges stand before, moved on; at rest unless given.
-        pause_s: how long the whiskers hang in air before each pass, beside the samples given of it.
+        pause_s: how long the whiskers hang in air before each pass, beside the samples given of it; 0: not at all.
 
     Returns:
         raw (float32, same shape, N mm as if gain were 1) and saturated (bool, same shape): clipped
@@ -272,7 +272,8 @@ def measure(
         shake = _noise(rng, chain.vibration, samples)
         load = passes[i].astype(np.float32) * (1.0 + shake)
         if chain.memory is not None:
-            lifted(chain.memory, state, seconds=pause_s)
+            if pause_s > 0.0:
+                lifted(chain.memory, state, seconds=pause_s)
             held = reading_of(load, memory=chain.memory, state=state, step_s=1.0 / sample_rate_hz)
             load = held.astype(np.float32)
         if walk > 0.0 and pause_s > 0.0:
@@ -280,7 +281,7 @@ def measure(
         for w in range(n):
             trace = load[w] * np.float32(chain.gain[w]) + np.float32(chain.offset_n_mm[w])
             trace = trace + _noise(rng, chain.noise_n_mm, samples)
-            if walk > 0.0:
+            if walk > 0.0 and samples:
                 drift = state.drift_n_mm[w] + np.cumsum(_noise(rng, walk, samples), dtype=np.float64)
                 state.drift_n_mm[w] = drift[-1]
                 trace = trace + drift.astype(np.float32)

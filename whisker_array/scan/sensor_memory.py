@@ -80,7 +80,8 @@ class SensorMemory:
             values = np.array(getattr(self, name), dtype=np.float64)
             if not (np.isfinite(values).all() and (values >= 0.0).all()):
                 raise MarksError(
-                    f"{name} of a sensor's memory has values below 0 or not finite", hint="see to it"
+                    f"{name} of a sensor's memory has values below 0 or not finite",
+                    hint="give shares of the load, seconds and N mm",
                 )
             values.flags.writeable = False
             object.__setattr__(self, name, values)

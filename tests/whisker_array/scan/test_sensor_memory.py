@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from glyphs.errors import MarksError
-from whisker_array.scan.sensor import NOISE, draw_sensor_chain, measure
+from whisker_array.scan.sensor import NOISE, SensorChain, draw_sensor_chain, measure
 from whisker_array.scan.sensor_memory import (
     CREEP,
     HOLD_S,
@@ -152,6 +152,19 @@ def test_passes_are_as_one_signal_cut_in_two(cut: int, seed: int) -> None:
     state = SensorState.at_rest(2, memory)
     halves = [read(part, memory, state) for part in (load[:cut], load[cut:])]
     np.testing.assert_array_equal(np.concatenate(halves, axis=1), read(load, memory))
+
+
+def test_the_chain_carries_its_state_and_lifts_between_passes() -> None:
+    chain = replace(SensorChain.ideal(2), memory=drawn(2))
+    load = np.stack([np.full((2, 30), -15.0), np.zeros((2, 30))]).astype(np.float32)
+    both, _ = measure(load, chain=chain, sample_rate_hz=RATE, rng=rng())
+    state = chain.at_rest()
+    apart = [measure(one, chain=chain, sample_rate_hz=RATE, rng=rng(), state=state)[0] for one in load]
+    np.testing.assert_array_equal(np.stack(apart), both)
+    # what hangs in air for ten minutes has forgotten what crept, and keeps what its plays hold
+    rested, _ = measure(load, chain=chain, sample_rate_hz=RATE, rng=rng(), pause_s=600.0)
+    assert (np.abs(rested[1, :, 0]) < np.abs(both[1, :, 0])).all()
+    assert (np.abs(rested[1, :, 0]) > 0.0).all()
 
 
 def test_what_is_not_felt_loads_nothing() -> None:
