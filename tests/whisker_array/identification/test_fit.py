@@ -14,7 +14,7 @@ from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, known
 from whisker_array.identification.fit import IdentifyError, identify
 from whisker_array.identification.forward import heights_of
 from whisker_array.identification.telling import not_apart, remedies, untold
-from whisker_array.scan.sensor import Calibration
+from whisker_array.scan.calibration import Calibration
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import default_touch
 
