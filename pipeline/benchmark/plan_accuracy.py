@@ -35,7 +35,7 @@ BESIDE_HEIGHTS = 0.5
 _log = logging.getLogger(__name__)
 
 
-def trial_parts(parts: int, seed: int) -> Design:
+def trial_parts(parts: int, seed: int, *, severities: tuple[float, ...] = SEVERITIES) -> Design:
     """Parts as those of the exam, but of no font or dirt that it keeps out, in turn of each severity."""
     from pipeline.benchmark.exam.editions import design_named
 
@@ -45,7 +45,7 @@ def trial_parts(parts: int, seed: int) -> Design:
     few = [max(1, round(parts * s.parts / sum(o.parts for o in (first, *others)))) for s in others]
     sizes = (parts - sum(few), *few)
     sections = tuple(s.model_copy(update={"parts": n}) for s, n in zip((first, *others), sizes, strict=True))
-    part = {**exam.part, "severity": SEVERITIES, "soil": soils}
+    part = {**exam.part, "severity": severities, "soil": soils}
     changed = {"name": "plan-accuracy", "seed": seed, "sections": sections, "part": part}
     return exam.model_copy(update=changed)
 

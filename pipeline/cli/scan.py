@@ -25,6 +25,7 @@ def scan(
     height_mm: float | None = None,
     fidelity: FidelityName = "contact",
     noise: bool = True,
+    memory: bool = True,
     seed: int = 0,
     whisker: Path | None = None,
     friction: float | None = None,
@@ -50,9 +51,11 @@ def scan(
     fidelity
         How touch is simulated.
     noise
-        Sensors as real ones are: gains, offsets, noise, drift, 16 bits.
+        Sensors as real ones are: gains, offsets, noise, drift, 16 bits. Without it they are ideal, and so is the stage.
+    memory
+        Of those sensors, too, creep, hysteresis and a zero that shifts, and a stage with play and errors of its place.
     seed
-        Of gains, offsets and noise: the same seed gives the same scan.
+        Of all that: the same seed gives the same scan.
     whisker
         Whisker to scan with, as `design --out` writes it; one for the character height unless given.
     friction
@@ -116,6 +119,7 @@ def scan(
                 height_mm=height,
                 fidelity=Fidelity(fidelity),
                 noise=noise,
+                memory=memory,
                 sensor_seed=seed,
                 part_id=height_map.stem,
                 friction=friction,
@@ -146,6 +150,7 @@ def scan(
             height_mm=height,
             fidelity=Fidelity(fidelity),
             noise=noise,
+            memory=memory,
             sensor_seed=seed,
             part_id=height_map.stem,
             touch=touch,

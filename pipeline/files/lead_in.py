@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from whisker_array.scan.calibration import Calibration, calibrate_lead_in
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor import Calibration, SensorError, calibrate_lead_in
+from whisker_array.scan.sensor import SensorError
 
 
 @dataclass(frozen=True, eq=False)

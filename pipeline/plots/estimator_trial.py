@@ -15,8 +15,9 @@ from glyphs.surface.maps import HeightMap, TraceDirection
 from whisker_array.estimation.friction import FrictionRoute, land_friction
 from whisker_array.estimation.profiled import estimate_relief
 from whisker_array.estimation.relief import Relief
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import trace_scan
-from whisker_array.scan.sensor import Calibration, draw_sensor_chain
+from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.sections import Rectangle
@@ -44,7 +45,8 @@ class TrialRow:
         alpha_deg: inclination of both walls, degrees.
         mu: true friction.
         friction_bias, friction_sd: of mu found by dragging and pushing back, over the scans; NaN without.
-        shapes_bias, shapes_sd: of mu found by the ratio of the shapes, gains known to 0.1 %; NaN without.
+        shapes_bias, shapes_sd: of mu found by the ratio of the shapes, gains known to 0.1 %; NaN without. Creep and
+            hysteresis are known for all of it.
         slope_bias_deg, slope_sd_deg: of the wall's angle, over the samples of both walls.
         depth_bias_um, depth_sd_um: of the floor's depth, over its samples.
     """
@@ -129,7 +131,8 @@ def _trial(
             rng=rng,
         )
         known = chain.gain * (1.0 + BENCH_GAIN_SD * rng.standard_normal(n))
-        scan = replace(scan, calibration=Calibration(gain=known, offset_n_mm=np.zeros(n)))
+        bench = Calibration(gain=known, offset_n_mm=np.zeros(n), memory=chain.memory)
+        scan = replace(scan, calibration=bench)
         for found in land_friction(scan):
             mus[found.route].append(found.mu - mu)
         wall, floor = _errors(estimate_relief(scan), wedge)

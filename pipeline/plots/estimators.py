@@ -28,7 +28,8 @@ def estimators_figure(settings: FigureSettings) -> Drawing:
     figure = Figure(figsize=(11.0, 6.8), dpi=110, layout="constrained")
     figure.suptitle(
         "What the moments tell: errors over μ 0.1 to 0.5 and α 30° to 60°, contact, sensors as from the bench\n"
-        "(noise, vibration, drift, 16 bits; markers: bias, bars: standard deviation)",
+        "(noise, vibration, drift, 16 bits, creep and hysteresis as the bench knows them; markers: bias, bars: "
+        "standard deviation)",
         fontsize=11,
     )
     panels = figure.subplots(2, 2)

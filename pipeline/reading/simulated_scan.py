@@ -14,8 +14,9 @@ from recognition.decision.reading import Decision
 from recognition.reader import Reader
 from recognition.views.levelling import level
 from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.scan.sensor import draw_sensor_chain
+from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.scan.simulated_session import SimulatedSession, bench_calibration
+from whisker_array.scan.stage_play import StagePlay, draw_stage_play
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, default_plan
 from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
@@ -44,6 +45,7 @@ def feel(
     height_mm: float,
     fidelity: Fidelity = Fidelity.CONTACT,
     noise: bool = True,
+    memory: bool = True,
     sensor_seed: int = 0,
     noise_seed: int | None = None,
     part_id: str = "",
@@ -51,15 +53,16 @@ def feel(
     friction: float | None = None,
     soil: Soil | None = None,
 ) -> Scan:
-    """Scan the map; with noise the sensors have gains, offsets, drift, vibration and a 16 bit converter.
+    """Scan the map; with noise the bench is as it is: sensors and a stage that are out by a little.
 
     Args:
         height_map: the part.
         plan: the raster; with two kinds of whiskers the second are profilers.
         height_mm: character height.
         fidelity: how touch is simulated.
-        noise: sensors as from the bench.
-        sensor_seed: of gains, offsets and noise.
+        noise: sensors with gains, offsets, drift, vibration and a 16 bit converter; ideal ones otherwise.
+        memory: of those, too, creep and hysteresis, and play and errors of the stage.
+        sensor_seed: of gains, offsets, noise and all else of the bench.
         noise_seed: of the noise, where the same sensors measure again.
         part_id: what the part is called.
         touch: of the first row; the default one for the height unless given.
@@ -73,7 +76,9 @@ def feel(
     rng = np.random.default_rng(sensor_seed)
     full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
     n_whiskers = plan.array.n_whiskers * plan.array.kinds
-    chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale) if noise else None
+    chain, stage = (
+        _bench(n_whiskers, memory=memory, rng=rng, full_scale_n_mm=full_scale) if noise else (None, None)
+    )
     drawn = rng if noise_seed is None else np.random.default_rng(noise_seed)
     scan = trace_scan(
         level(height_map),
@@ -81,6 +86,7 @@ def feel(
         plan=plan,
         fidelity=fidelity,
         sensor=chain,
+        stage=stage,
         rng=drawn if noise else None,
         part_id=part_id,
         friction=friction,
@@ -90,6 +96,14 @@ def feel(
     return replace(scan, start_time=datetime.now(UTC).isoformat(timespec="seconds"))
 
 
+def _bench(
+    n_whiskers: int, *, memory: bool, rng: np.random.Generator, full_scale_n_mm: float
+) -> tuple[SensorChain, StagePlay | None]:
+    """Sensors and stage of one bench; without memory the stage has no play either."""
+    chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale_n_mm, memory=memory)
+    return chain, draw_stage_play(rng=rng.spawn(1)[0]) if memory else None
+
+
 def open_session(
     height_map: HeightMap,
     *,
@@ -97,6 +111,7 @@ def open_session(
     n_whiskers: int = 8,
     fidelity: Fidelity = Fidelity.CONTACT,
     noise: bool = True,
+    memory: bool = True,
     sensor_seed: int = 0,
     part_id: str = "",
     touch: Touch | None = None,
@@ -105,15 +120,16 @@ def open_session(
 ) -> SimulatedSession:
     """The part mounted on the simulated stage, to be felt pass by pass; the comb is that of the default plan.
 
-    With noise the sensors are as `feel` draws them, and their gains are known as from a bench.
+    With noise sensors and stage are as `feel` draws them, and the gains are known as from a bench.
 
     Args:
         height_map: the part.
         height_mm: character height that the whiskers are built for.
         n_whiskers: of the comb.
         fidelity: how touch is simulated.
-        noise: sensors as from the bench.
-        sensor_seed: of gains, offsets and noise.
+        noise: sensors with gains, offsets, drift, vibration and a 16 bit converter; ideal ones otherwise.
+        memory: of those, too, creep and hysteresis, and play and errors of the stage.
+        sensor_seed: of gains, offsets, noise and all else of the bench.
         part_id: what the part is called.
         touch: the default one for the height unless given.
         friction: true friction of the part; that of the soil unless given, without soil the touch's nominal one.
@@ -128,7 +144,9 @@ def open_session(
     )
     rng = np.random.default_rng(sensor_seed)
     full_scale = _RANGE_LAND_MOMENTS * abs(touch.land_moment_n_mm())
-    chain = draw_sensor_chain(n_whiskers, rng=rng, full_scale_n_mm=full_scale) if noise else None
+    chain, stage = (
+        _bench(n_whiskers, memory=memory, rng=rng, full_scale_n_mm=full_scale) if noise else (None, None)
+    )
     rate = usual.sample_rate_hz
     known = None if chain is None else bench_calibration(chain, touch, sample_rate_hz=rate, rng=rng)
     return SimulatedSession(
@@ -141,6 +159,7 @@ def open_session(
         friction=friction,
         soil=soil,
         sensor=chain,
+        stage=stage,
         calibration=known,
         rng=rng if noise else None,
         part_id=part_id,

@@ -15,7 +15,13 @@ FINE_MM = 0.01
 
 
 def recorded(
-    piece: Piece, *, touch: Touch | None = None, friction: float = 0.2, seed: int = 0, whiskers: int = 2
+    piece: Piece,
+    *,
+    touch: Touch | None = None,
+    friction: float = 0.2,
+    seed: int = 0,
+    whiskers: int = 2,
+    memory: bool = False,
 ) -> Scan:
     """A scan of a piece by a few default whiskers, which says that they are as drawn whatever they are.
 
@@ -25,6 +31,7 @@ def recorded(
         friction: true.
         seed: of the noise; gains and offsets are the same for all.
         whiskers: of the comb.
+        memory: whether its gauges creep and lag, and its stage has play.
     """
     drawn = default_touch(HEIGHT_MM)
     comb = default_comb(HEIGHT_MM, n_whiskers=whiskers)
@@ -39,6 +46,7 @@ def recorded(
         friction=friction,
         sensor_seed=1,
         noise_seed=seed,
+        memory=memory,
     )
     return replace(scan, touch=drawn)
 

@@ -1,7 +1,8 @@
 """Scan -> EdgeMap, directly from the moment signal: m / m_land - 1 and no filter of any kind.
 
-All that is removed is what the land itself shows: offset (array lifted), gain of each whisker, drift of each
-line, tilt of the part. What remains is (1 + h/d0) F(slope, mu) - 1, the paper's enhancement.
+All that is removed is what the land itself shows: offset (array lifted before each pass, so what crept before goes
+with it), gain of each whisker, drift of each line, tilt of the part. What remains is (1 + h/d0) F(slope, mu) - 1, the
+paper's enhancement.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
 from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
 from whisker_array.estimation.land import land_coefficients, over_land, whisker_gain, without_drift
 from whisker_array.estimation.registration import registration_mm
+from whisker_array.estimation.steadied import steadied
+from whisker_array.scan.calibration import apply_calibration
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan, only
-from whisker_array.scan.sensor import apply_calibration
 from whisker_array.simulation.traces import SampleFlag
 
 UNUSABLE = np.uint8(
@@ -130,7 +132,7 @@ def edge_map(
     Raises:
         MapError: a sweep without usable samples or without land; nothing was felt within.
     """
-    scan = only(scan)
+    scan = only(steadied(scan))
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]
     grid = common_grid(swept, scan.line_pitch_mm, within_mm=within_mm)
     layers, valid = on_grid(swept, grid)
@@ -156,7 +158,7 @@ def play_between(scan: Scan) -> dict[TraceDirection, tuple[float, float]]:
     Raises:
         MapError: as edge_map.
     """
-    scan = only(scan)
+    scan = only(steadied(scan))
     swept = [land_ratio(scan, sweep) for sweep in scan.sweeps]
     grid = common_grid(swept, scan.line_pitch_mm)
     layers, _ = on_grid(swept, grid)

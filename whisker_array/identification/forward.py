@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
+from whisker_array.estimation.steadied import steadied
 from whisker_array.identification.bench import Bench, Unknown
 from whisker_array.scan.scan import Scan
 from whisker_array.simulation.contact import trace_contact
@@ -71,6 +72,7 @@ def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
     Raises:
         MapError: none can be used.
     """
+    scan = steadied(scan)
     groups: list[list[Trace]] = []
     cluster = 0
     for sweep in scan.sweeps:

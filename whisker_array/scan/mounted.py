@@ -12,6 +12,8 @@ from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, TraceDirection
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.sensor import SensorChain, measure
+from whisker_array.scan.sensor_memory import SensorState
+from whisker_array.scan.stage_play import StagePlay, really_run, waved
 from whisker_array.scan.stagger import as_laid, as_taken
 from whisker_array.simulation.regrid import fit_pitch, fit_soil, pad_soil
 from whisker_array.simulation.surface import (
@@ -54,7 +56,10 @@ class Mounted:
         air_samples: int,
         sample_rate_hz: float,
         sensor: SensorChain | None = None,
+        stage: StagePlay | None = None,
         rng: np.random.Generator | None = None,
+        state: SensorState | None = None,
+        pause_s: float = 0.0,
     ) -> Sweep:
         """The raw moments of a sweep.
 
@@ -65,30 +70,50 @@ class Mounted:
             air_samples: taken before each pass.
             sample_rate_hz: of the converter.
             sensor: gains, noise, converter; ideal unless given.
-            rng: needed with a sensor.
+            stage: how far it is from where it says; nowhere unless given.
+            rng: needed with a sensor or a stage.
+            state: where the gauges stand, moved on; at rest unless given.
+            pause_s: how long the array hangs in air before each pass, beside the air samples.
         """
+        ran = sweep
+        if stage is not None and rng is not None:
+            # of a generator of its own: the same seed gives the same noise with play and without
+            ran = really_run(sweep, stage, rng=rng.spawn(1)[0])
         n, kinds = sweep.line_mm.shape[1] // len(touches), []
         for i, touch in enumerate(touches):
             whiskers = slice(i * n, (i + 1) * n)
-            own = replace(sweep, line_mm=sweep.line_mm[:, whiskers], offset_mm=sweep.offset_mm[whiskers])
+            asked, own = (
+                replace(one, line_mm=one.line_mm[:, whiskers], offset_mm=sweep.offset_mm[whiskers])
+                for one in (sweep, ran)
+            )
             surface = self._along(touch.tip_radius_mm, sweep.direction)
             traces = trace_sweep(
-                surface, own, touch=touch, fidelity=fidelity, origin_mm=self.origin_mm, size_mm=self.size_mm
+                surface,
+                own,
+                touch=touch,
+                fidelity=fidelity,
+                origin_mm=self.origin_mm,
+                size_mm=self.size_mm,
+                asked=asked,
             )
             shape = (*own.line_mm.shape, own.n_samples)
             moment, flags = traces.moment_n_mm.reshape(shape), traces.flags.reshape(shape)
+            if stage is not None:
+                moment, flags = waved(moment, flags, asked, stage)
             air = np.zeros((*shape[:2], air_samples), dtype=np.float32)
             if sensor is not None and rng is not None:
                 # kind by kind: they come to a place one after the other, so the base does not shake them alike
                 several = len(touches) > 1
                 chain = sensor.of(range(i * n, (i + 1) * n)) if several else sensor
                 # rows of one comb are shaken together, each over its own place
-                behind = own.behind - own.behind.min(initial=0)
+                behind = asked.behind - asked.behind.min(initial=0)
                 raw, saturated = measure(
                     np.concatenate([air, as_taken(moment, behind)], axis=2),
                     chain=chain,
                     sample_rate_hz=sample_rate_hz,
                     rng=rng,
+                    state=None if state is None else state.part(whiskers),
+                    pause_s=pause_s,
                 )
                 air, moment = raw[..., :air_samples], as_laid(raw[..., air_samples:], behind)
                 clipped = as_laid(saturated[..., air_samples:], behind)

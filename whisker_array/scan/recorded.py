@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.surface.maps import TraceDirection
+from whisker_array.scan.calibration import Calibration, apply_calibration
 from whisker_array.scan.checked import SEE_LAYOUT, CheckedFile, text_attribute
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.log_file import GROUP, read_log
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor import Calibration, apply_calibration
+from whisker_array.scan.sensor_memory import SensorMemory
 from whisker_array.scan.session import gathered
 from whisker_array.scan.stagger import as_laid
 from whisker_array.simulation.traces import SampleFlag
@@ -73,7 +74,8 @@ class Recorded(CheckedFile):
         moment, flags = self._moments(signal, columns, _UNIT_N_MM.get(units, 1.0))
         if calibration is not None and units == VOLT:
             moment = apply_calibration(moment.T, calibration).T
-            calibration = None
+            # the signal is in N mm now; how the gauges creep is still to be known of it
+            calibration = None if calibration.memory is None else calibration.applied()
         ways, log = list(zip(direction.tolist(), pushed.tolist(), strict=True)), None
         if GROUP in self.file:
             members = [(way, np.array([k])) for k, way in enumerate(ways)]
@@ -147,9 +149,21 @@ class Recorded(CheckedFile):
         offset = self.numbers("calibration/offset_v" if volt else "calibration/offset_n_mm", (n_whiskers,))
         try:
             from_land = bool(self.file["calibration"].attrs.get("from_land", False))
-            return Calibration(gain=gain, offset_n_mm=offset, from_land=from_land)
+            memory = self._memory(n_whiskers) if "calibration/memory" in self.file else None
+            return Calibration(gain=gain, offset_n_mm=offset, from_land=from_land, memory=memory)
         except MarksError as error:
             raise self.fail(f"calibration cannot be used: {error.what}", "calibrate it again") from error
+
+    def _memory(self, n_whiskers: int) -> SensorMemory:
+        """How the gauges creep and lag."""
+        at = "calibration/memory"
+        return SensorMemory(
+            creep=self.numbers(f"{at}/creep", (n_whiskers, None), most=_LARGEST_TABLE),
+            relax_s=self.numbers(f"{at}/relax_s", (None,), most=_LARGEST_TABLE),
+            play_weight=self.numbers(f"{at}/play_weight", (n_whiskers, None), most=_LARGEST_TABLE),
+            play_n_mm=self.numbers(f"{at}/play_n_mm", (None,), most=_LARGEST_TABLE),
+            largest_n_mm=self.attribute(self.file[at].attrs, "largest_n_mm"),
+        )
 
     def _kinds(self, n_whiskers: int) -> tuple[tuple[int, ...], tuple[Touch, ...]]:
         """Kind of each whisker, and the touch of each kind."""

@@ -34,6 +34,10 @@ given::
     /calibration           attribute: from_land, gains read off land rather than on a bench (0)
     /calibration/gain      (whisker,) true moment = (moment - offset) / gain; in V per N mm where units is "V"
     /calibration/offset_n_mm            (whisker,); named offset_v, in V, where units is "V"
+    /calibration/memory    how the gauges creep and lag (none), as in whisker_array/scan/sensor_memory.py; attribute:
+                           largest_n_mm
+    /calibration/memory/creep, relax_s, play_weight, play_n_mm
+                           (whisker, term) share of the load, (term,) s, (whisker, play) share, (play,) N mm
 """
 
 from __future__ import annotations
@@ -51,11 +55,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import FileError, damage_reported
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.checked import text_attribute
 from whisker_array.scan.log_file import write_log
 from whisker_array.scan.recorded import FORMAT, FORMAT_VERSION, VOLT, Recorded
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor import Calibration
 from whisker_array.scan.stagger import as_taken
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.passes import SweepPlan
@@ -212,6 +216,11 @@ def _write_calibration(file: h5py.File, calibration: Calibration, *, volt: bool)
     file["calibration/gain"] = calibration.gain
     file["calibration/offset_v" if volt else "calibration/offset_n_mm"] = calibration.offset_n_mm
     file["calibration"].attrs["from_land"] = calibration.from_land
+    if calibration.memory is not None:
+        memory = file["calibration"].create_group("memory")
+        memory.attrs["largest_n_mm"] = calibration.memory.largest_n_mm
+        for name in ("creep", "relax_s", "play_weight", "play_n_mm"):
+            memory[name] = getattr(calibration.memory, name)
 
 
 def _positions(plan: SweepPlan, n_air: int) -> NDArray[np.float64]:

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line, picture_html
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.mounted import mounted
 from whisker_array.scan.pass_log import PassLog
-from whisker_array.scan.sensor import Calibration, SensorChain
+from whisker_array.scan.sensor import SensorChain
+from whisker_array.scan.stage_play import StagePlay
 from whisker_array.simulation.surface import Friction
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan
@@ -116,6 +118,7 @@ def trace_scan(
     fidelity: Fidelity = Fidelity.CONTACT,
     friction: Friction | None = None,
     sensor: SensorChain | None = None,
+    stage: StagePlay | None = None,
     rng: np.random.Generator | None = None,
     part_id: str = "",
     others: tuple[Touch, ...] = (),
@@ -131,23 +134,25 @@ def trace_scan(
         fidelity: pointwise formula or frictional contact.
         friction: true friction of the surface, a number or a (rows, cols) map; that of the soil unless given, and
             the nominal one without soil.
-        sensor: gains, noise, converter; an ideal sensor unless given.
-        rng: needed with a sensor that has noise.
+        sensor: gains, noise, converter, creep; an ideal sensor unless given.
+        stage: play and errors of its place; an ideal stage unless given.
+        rng: needed with a sensor that has noise, or a stage.
         part_id: what the part is called.
         others: touches of the further kinds of the plan's array.
         soil: friction of the part, and dirt that yields (`whisker_array.simulation.soft`); none unless given.
 
     Raises:
         MapError: a friction map or soil that does not fit.
-        ValueError: a sensor without `rng`, or for another number of whiskers; a touch missing for a kind.
+        ValueError: a sensor or a stage without `rng`, or a sensor for another number of whiskers; a touch missing for a
+            kind.
     """
     if len(others) != plan.array.kinds - 1:
         raise ValueError(
             f"the array has {plan.array.kinds} kinds of whiskers, but {1 + len(others)} touches are given"
         )
-    if sensor is not None and rng is None:
+    if (sensor is not None or stage is not None) and rng is None:
         raise ValueError(
-            "a sensor chain draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
+            "a sensor chain or stage draws noise: give it a random generator, rng=numpy.random.default_rng(seed)"
         )
     if friction is None:
         friction = touch.friction if soil is None else soil.friction
@@ -161,6 +166,7 @@ def trace_scan(
         soil=soil,
     )
     n = plan.array.n_whiskers
+    state = None if sensor is None else sensor.at_rest()
     sweeps = [
         part.feel(
             sweep,
@@ -169,7 +175,10 @@ def trace_scan(
             air_samples=plan.air_samples,
             sample_rate_hz=plan.sample_rate_hz,
             sensor=sensor,
+            stage=stage,
             rng=rng,
+            state=state,
+            pause_s=plan.turnaround_s,
         )
         for sweep in plan.sweeps()
     ]
@@ -199,11 +208,7 @@ def only(scan: Scan, *, kind: int = 0, pushed: bool | None = False) -> Scan:
         )
     if columns.size == scan.n_whiskers:
         return scan if sweeps == scan.sweeps else replace(scan, sweeps=sweeps, log=None)
-    calibration = scan.calibration
-    if calibration is not None:
-        calibration = replace(
-            calibration, gain=calibration.gain[columns], offset_n_mm=calibration.offset_n_mm[columns]
-        )
+    calibration = None if scan.calibration is None else scan.calibration.of(columns.tolist())
     return replace(
         scan,
         sweeps=tuple(

@@ -16,8 +16,8 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from glyphs.surface.display import one_line
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.felt_sweep import Sweep
-from whisker_array.scan.sensor import Calibration
 from whisker_array.simulation.traces import SampleFlag
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.passes import Pass, SweepPlan

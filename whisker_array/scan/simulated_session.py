@@ -8,17 +8,22 @@ import numpy as np
 
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import HeightMap
+from whisker_array.scan.calibration import MIN_LEAD_IN_SAMPLES, Calibration, calibrate_lead_in
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.mounted import Mounted, mounted
-from whisker_array.scan.sensor import (
-    MIN_LEAD_IN_SAMPLES,
-    Calibration,
-    SensorChain,
-    calibrate_lead_in,
-    measure,
+from whisker_array.scan.sensor import SensorChain, measure
+from whisker_array.scan.sensor_memory import (
+    CREEP,
+    HOLD_S,
+    ZERO_SHIFT,
+    SensorMemory,
+    SensorState,
+    memory_of,
+    reading_of,
 )
 from whisker_array.scan.session import Fitting
 from whisker_array.scan.stage_error import StageError
+from whisker_array.scan.stage_play import StagePlay
 from whisker_array.simulation.surface import Friction
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import WhiskerArray
@@ -26,6 +31,8 @@ from whisker_array.whisker.passes import Pass
 from whisker_array.whisker.touch import Touch
 
 _BENCH_SAMPLES = 16 * MIN_LEAD_IN_SAMPLES
+_MOMENT_SAMPLES = 16
+"""Samples of which the bench takes a reading: so short that creep is not in it."""
 _BEYOND_HEIGHTS = 0.5
 """How far whiskers may run beyond the part, character heights."""
 
@@ -33,13 +40,41 @@ _BEYOND_HEIGHTS = 0.5
 def bench_calibration(
     chain: SensorChain, touch: Touch, *, sample_rate_hz: float, rng: np.random.Generator
 ) -> Calibration:
-    """Gains and offsets of an array as its maker measures them: in air, then on a reference plate."""
+    """Gains and offsets of an array as its maker measures them: in air, then on a reference plate.
+
+    Creep and hysteresis, where the chain has them, the maker takes from one load held and taken off.
+    """
     air = np.zeros((chain.n_whiskers, _BENCH_SAMPLES))
-    land = air + touch.land_moment_n_mm()
+    land_n_mm = touch.land_moment_n_mm()
     (raw_air, _), (raw_land, _) = (
-        measure(one, chain=chain, sample_rate_hz=sample_rate_hz, rng=rng) for one in (air, land)
+        measure(one, chain=chain, sample_rate_hz=sample_rate_hz, rng=rng) for one in (air, air + land_n_mm)
     )
-    return calibrate_lead_in(raw_air, raw_land, expected_land_moment_n_mm=touch.land_moment_n_mm())
+    found = calibrate_lead_in(raw_air, raw_land, expected_land_moment_n_mm=land_n_mm)
+    if chain.memory is None:
+        return found
+    memory = _bench_memory(chain, chain.memory.largest_n_mm, sample_rate_hz=sample_rate_hz, rng=rng)
+    rest = SensorState.at_rest(chain.n_whiskers, memory)
+    read = reading_of(air + land_n_mm, memory=memory, state=rest, step_s=1.0 / sample_rate_hz)
+    # the gain is that of a gauge without memory, which the plate has not shown
+    return replace(found, gain=found.gain * land_n_mm / read.mean(axis=1), memory=memory)
+
+
+def _bench_memory(
+    chain: SensorChain, largest_n_mm: float, *, sample_rate_hz: float, rng: np.random.Generator
+) -> SensorMemory:
+    """The memory that shows what the gauges did as the largest load was held and taken off; their drift is in it."""
+    air, hold = np.zeros((chain.n_whiskers, _MOMENT_SAMPLES)), round(HOLD_S * sample_rate_hz)
+    load = np.concatenate([air, np.full((chain.n_whiskers, hold), -largest_n_mm), air], axis=1)
+    # the bench's own converter, which has room for the largest load and its creep
+    wide = replace(chain, adc_range_n_mm=2.0 * chain.adc_range_n_mm)
+    raw, _ = measure(load, chain=wide, sample_rate_hz=sample_rate_hz, rng=rng)
+    n = _MOMENT_SAMPLES
+    zero, first, last, after = (
+        raw[:, at : at + n].mean(axis=1, dtype=np.float64) for at in (0, n, hold, n + hold)
+    )
+    shift = np.clip((after - zero) / (first - zero), *ZERO_SHIFT)
+    crept = np.clip((last - first) / (first - zero), CREEP[0], shift)
+    return memory_of(crept, shift, largest_n_mm=largest_n_mm)
 
 
 class SimulatedSession:
@@ -62,6 +97,7 @@ class SimulatedSession:
         friction: Friction | None = None,
         soil: Soil | None = None,
         sensor: SensorChain | None = None,
+        stage: StagePlay | None = None,
         calibration: Calibration | None = None,
         rng: np.random.Generator | None = None,
         part_id: str = "",
@@ -77,17 +113,20 @@ class SimulatedSession:
             fidelity: pointwise formula or frictional contact.
             friction: true friction; that of the soil unless given, and the nominal one without soil.
             soil: dirt that yields; none unless given.
-            sensor: gains, noise, converter; ideal unless given.
+            sensor: gains, noise, converter, creep; ideal unless given.
+            stage: play and errors of its place; ideal unless given.
             calibration: of the sensor, if it is known; ideal sensors are.
-            rng: needed with a sensor.
+            rng: needed with a sensor or a stage.
             part_id: what the part is called.
 
         Raises:
             MapError: a friction map or soil that does not fit.
-            ValueError: a sensor without `rng`.
+            ValueError: a sensor or a stage without `rng`.
         """
-        if sensor is not None and rng is None:
-            raise ValueError("a sensor chain draws noise: give it a random generator, rng=default_rng(seed)")
+        if (sensor is not None or stage is not None) and rng is None:
+            raise ValueError(
+                "a sensor chain or stage draws noise: give it a random generator, rng=default_rng(seed)"
+            )
         if friction is None:
             friction = touch.friction if soil is None else soil.friction
         if sensor is None:
@@ -104,7 +143,8 @@ class SimulatedSession:
             part_id=part_id,
         )
         self.felt_s = 0.0
-        self._fidelity, self._sensor, self._rng = fidelity, sensor, rng
+        self._fidelity, self._sensor, self._stage, self._rng = fidelity, sensor, stage, rng
+        self._state = None if sensor is None else sensor.at_rest()
         self._part: Mounted | None = mounted(
             height_map,
             touches=(touch,),
@@ -139,7 +179,10 @@ class SimulatedSession:
             air_samples=order.air_samples,
             sample_rate_hz=order.sample_rate_hz,
             sensor=self._sensor,
+            stage=self._stage,
             rng=self._rng,
+            state=self._state,
+            pause_s=order.turnaround_s,
         )
 
     def close(self) -> None:

@@ -23,6 +23,7 @@ def trace_sweep(
     fidelity: Fidelity,
     origin_mm: float,
     size_mm: tuple[float, float],
+    asked: SweepPlan | None = None,
 ) -> Traces:
     """Trace one sweep over a padded surface that lies the way of its traces.
 
@@ -35,6 +36,7 @@ def trace_sweep(
         fidelity: pointwise formula or frictional contact.
         origin_mm: plate coordinate of the padded surface's first sample, both axes.
         size_mm: of the part itself, along x and y.
+        asked: where the whiskers were meant to run, which says what is OUTSIDE; as they run unless given.
 
     Returns:
         (passes * whiskers, samples), passes first.
@@ -45,9 +47,10 @@ def trace_sweep(
         start = length - start
     lines = sweep.line_mm.ravel() - origin_mm
     # half a thousandth of a step: places that rounding puts beyond the rim still stand on it
-    slack = 5e-4 * sweep.step_mm
+    asked = sweep if asked is None else asked
+    slack = 5e-4 * asked.step_mm
     reach_along, reach_across = size_mm if sweep.direction.along_x else size_mm[::-1]
-    across, along = sweep.line_mm.ravel(), sweep.position_mm()
+    across, along = asked.line_mm.ravel(), asked.position_mm()
     on_part = (across >= -slack) & (across <= reach_across + slack)
     beyond = (along < -slack) | (along > reach_along + slack)
     beyond[: sweep.n_lead] = beyond[sweep.n_samples - sweep.n_lead :] = False

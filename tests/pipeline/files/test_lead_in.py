@@ -34,11 +34,12 @@ def scan_with(chain: SensorChain, *, lead_mm: float = 2.0, air_samples: int = 16
 
 
 def test_gain_and_offset_are_found() -> None:
-    chain = draw_sensor_chain(4, rng=np.random.default_rng(4))
+    chain = draw_sensor_chain(4, rng=np.random.default_rng(4), memory=False)
     scan = scan_with(chain)
     found = calibrate_scan(scan)
     np.testing.assert_allclose(found.calibration.gain, chain.gain, rtol=2e-3)
-    np.testing.assert_allclose(found.calibration.offset_n_mm, chain.offset_n_mm, atol=5e-3)
+    # the zero walks by 0.008 N mm in a second, and on from pass to pass
+    np.testing.assert_allclose(found.calibration.offset_n_mm, chain.offset_n_mm, atol=0.04)
     # what is left is noise, drift and vibration: a few thousandths of the moment on the land
     assert (found.residual_n_mm < 0.01 * abs(default_touch(5.0).land_moment_n_mm())).all()
     assert (found.residual_n_mm > 0.0).all()
@@ -47,14 +48,14 @@ def test_gain_and_offset_are_found() -> None:
 
 
 def test_a_whisker_that_never_ran_in_keeps_its_gain() -> None:
-    chain = draw_sensor_chain(4, rng=np.random.default_rng(4))
+    chain = draw_sensor_chain(4, rng=np.random.default_rng(4), memory=False)
     scan = scan_with(chain)
     flags = scan.sweeps[0].flags.copy()
     flags[:, 2, 0] = 8
     found = calibrate_scan(replace(scan, sweeps=(replace(scan.sweeps[0], flags=flags),)))
     assert found.land_samples[2] == 0
     assert found.calibration.gain[2] == 1.0
-    assert found.calibration.offset_n_mm[2] == pytest.approx(chain.offset_n_mm[2], abs=5e-3)
+    assert found.calibration.offset_n_mm[2] == pytest.approx(chain.offset_n_mm[2], abs=0.04)
 
 
 def test_what_gives_no_calibration_is_said() -> None:

@@ -7,9 +7,11 @@ import pytest
 
 from glyphs import HeightMap, stamp
 from glyphs.errors import MarksError
-from pipeline.reading.simulated_scan import find_height_mm
+from pipeline.reading.simulated_scan import feel, find_height_mm, open_session
 from recognition.reader import Reader
 from recognition.senses.settings import ReaderSettings
+from whisker_array.scan.scan import Scan
+from whisker_array.whisker.array import default_plan
 
 
 def test_dirt_does_not_make_the_characters_taller(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -25,3 +27,31 @@ def test_a_map_without_characters_needs_a_height() -> None:
     flat = HeightMap(np.zeros((40, 120), np.float32), 0.1)
     with pytest.raises(MarksError, match="--height-mm"):
         find_height_mm(flat)
+
+
+def felt(**options: bool) -> Scan:
+    flat = HeightMap(np.zeros((60, 120), np.float32), 0.1)
+    plan = default_plan((0.0, 0.0, *flat.size_mm), character_height_mm=5.0)
+    return feel(flat, plan=plan, height_mm=5.0, **options)
+
+
+def test_a_bench_creeps_and_has_play_unless_told_otherwise() -> None:
+    real, steady, ideal = felt(), felt(memory=False), felt(noise=False)
+    land_n_mm = abs(real.touch.land_moment_n_mm())
+    # gains, noise and drift are the same, so what is between the two is creep and hysteresis: in the air before the
+    # first pass nothing, before the last one what has gathered, 1 to 4 % of the land's moment
+    shift = (real.sweeps[-1].air_n_mm[-1] - steady.sweeps[-1].air_n_mm[-1]) / land_n_mm
+    assert -0.06 < shift.min() < -0.01  # whiskers beyond the part have felt nothing
+    np.testing.assert_array_equal(real.sweeps[0].air_n_mm[0], steady.sweeps[0].air_n_mm[0])
+    assert np.ptp(ideal.sweeps[0].moment_n_mm[0, 0]) < 1e-4  # rounding
+    np.testing.assert_array_equal(
+        felt(noise=False, memory=False).sweeps[0].moment_n_mm, ideal.sweeps[0].moment_n_mm
+    )
+
+
+def test_the_bench_of_a_session_knows_its_creep() -> None:
+    flat = HeightMap(np.zeros((60, 120), np.float32), 0.1)
+    for memory in (True, False):
+        known = open_session(flat, height_mm=5.0, memory=memory).fitting.calibration
+        assert known is not None
+        assert (known.memory is not None) == memory

@@ -10,8 +10,9 @@ import pytest
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from tests.factories import extruded, scanned
 from whisker_array.estimation.friction import USABLE_SD, FrictionRoute, land_friction
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, only
-from whisker_array.scan.sensor import Calibration, SensorChain, draw_sensor_chain
+from whisker_array.scan.sensor import SensorChain, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import Touch, default_touch, profiling_touch
@@ -94,7 +95,7 @@ def test_shapes_give_the_friction_with_gains_from_a_bench(fidelity: Fidelity, mu
 
 
 def test_a_bench_calibration_makes_up_for_unequal_gains() -> None:
-    chain = draw_sensor_chain(2 * N, rng=np.random.default_rng(1), gain_sd=0.03)
+    chain = draw_sensor_chain(2 * N, rng=np.random.default_rng(1), gain_sd=0.03, memory=False)
     raw = scan_of(0.4, two_way=False, chain=chain)
     bench = replace(raw, calibration=Calibration(chain.gain, chain.offset_n_mm))
     (found,) = land_friction(bench)

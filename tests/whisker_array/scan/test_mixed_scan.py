@@ -13,9 +13,10 @@ import pytest
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
 from whisker_array.estimation.edges import edge_map
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan, only, trace_scan
-from whisker_array.scan.sensor import Calibration, draw_sensor_chain
+from whisker_array.scan.sensor import draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity
 from whisker_array.whisker.array import RasterPlan, WhiskerArray, default_plan
 from whisker_array.whisker.enhancement import land_moment_n_mm
@@ -191,7 +192,13 @@ def test_touches_and_sensors_must_fit_the_rows() -> None:
 def test_every_row_has_its_own_sensors() -> None:
     rng = np.random.default_rng(5)
     chain = draw_sensor_chain(
-        2 * N, rng=rng, noise_n_mm=0.0, drift_n_mm_per_sqrt_s=0.0, vibration=0.0, adc_bits=None
+        2 * N,
+        rng=rng,
+        noise_n_mm=0.0,
+        drift_n_mm_per_sqrt_s=0.0,
+        vibration=0.0,
+        adc_bits=None,
+        memory=False,
     )
     ideal = mixed()
     raw = trace_scan(

@@ -16,9 +16,11 @@ from hypothesis import strategies as st
 
 from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, TraceDirection
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
 from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.scan.sensor import Calibration, draw_sensor_chain
+from whisker_array.scan.sensor import draw_sensor_chain
+from whisker_array.scan.sensor_memory import draw_memory
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import RasterPlan, WhiskerArray
 from whisker_array.whisker.touch import default_touch
@@ -90,15 +92,43 @@ def assert_same(one: Scan, other: Scan) -> None:
     if one.calibration is not None and other.calibration is not None:
         np.testing.assert_array_equal(one.calibration.gain, other.calibration.gain)
         np.testing.assert_array_equal(one.calibration.offset_n_mm, other.calibration.offset_n_mm)
+        assert_same_memory(one.calibration, other.calibration)
+
+
+def assert_same_memory(one: Calibration, other: Calibration) -> None:
+    assert (one.memory is None) == (other.memory is None)
+    if one.memory is not None and other.memory is not None:
+        for name in ("creep", "relax_s", "play_weight", "play_n_mm", "largest_n_mm"):
+            np.testing.assert_array_equal(getattr(one.memory, name), getattr(other.memory, name))
+
+
+def remembering(calibration: Calibration | None) -> Calibration:
+    assert calibration is not None
+    memory = draw_memory(calibration.gain.size, rng=np.random.default_rng(2), largest_n_mm=20.0)
+    return replace(calibration, memory=memory)
 
 
 def test_round_trip_is_exact(scan: Scan, tmp_path: Path) -> None:
     calibrated = replace(scan, calibration=Calibration(np.array([1.1, 0.9, 1.0]), np.array([0.1, -0.2, 0.0])))
-    for number, one in enumerate((scan, calibrated)):
+    creeping = replace(calibrated, calibration=remembering(calibrated.calibration))
+    for number, one in enumerate((scan, calibrated, creeping)):
         path = tmp_path / f"{number}.h5"
         save_scan(one, path)
         assert_same(one, load_scan(path))
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["0.h5", "1.h5"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["0.h5", "1.h5", "2.h5"]
+
+
+def test_creep_is_known_of_volts_too(scan: Scan, recording: Path) -> None:
+    known = remembering(Calibration(np.full(3, 0.5), np.zeros(3)))
+    save_calibration(recording, known)
+    with h5py.File(recording, "r+") as file:
+        file.attrs["units"] = "V"
+        file["calibration/offset_v"] = file["calibration/offset_n_mm"][()]
+    volts = load_scan(recording).calibration
+    assert volts is not None
+    # gain and offset are applied already
+    np.testing.assert_array_equal(volts.gain, 1.0)
+    assert_same_memory(volts, known)
 
 
 def test_all_directions_come_back_in_order(tmp_path: Path) -> None:
@@ -232,6 +262,19 @@ def _attribute(name: str, value: object, group: str = "/") -> Callable[[h5py.Fil
     return lambda file: file[group].attrs.__setitem__(name, value)
 
 
+def _remember(**changed: np.ndarray) -> Callable[[h5py.File], None]:
+    """Unit gains, and a memory of one term and one play with something wrong."""
+    memory = {"creep": np.zeros((3, 1)), "relax_s": np.ones(1), "play_weight": np.zeros((3, 1))}
+
+    def change(file: h5py.File) -> None:
+        file["calibration/gain"], file["calibration/offset_n_mm"] = np.ones(3), np.zeros(3)
+        for name, value in {**memory, "play_n_mm": np.ones(1), **changed}.items():
+            file[f"calibration/memory/{name}"] = value
+        file["calibration/memory"].attrs["largest_n_mm"] = 20.0
+
+    return change
+
+
 def _sparse(file: h5py.File) -> None:
     rows = file["scan/signal"].shape[0]
     del file["scan/signal"]
@@ -291,6 +334,8 @@ BROKEN: dict[str, tuple[Callable[[h5py.File], None], str]] = {
         ],
         "calibrat",
     ),
+    "creep below nothing": (_remember(creep=-np.ones((3, 1))), "below 0"),
+    "plays of other whiskers": (_remember(play_weight=np.zeros((2, 1))), "has shape"),
     "flags of another shape": (_set("scan/flags", np.zeros((4, 3), np.uint8)), "has shape"),
 }
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
-from whisker_array.scan.sensor import Calibration, SensorChain, SensorError, draw_sensor_chain
+from whisker_array.scan.sensor import SensorChain, SensorError, draw_sensor_chain
 from whisker_array.simulation.traces import Fidelity, SampleFlag
 from whisker_array.whisker.array import ALL_DIRECTIONS, RasterPlan, WhiskerArray
 from whisker_array.whisker.enhancement import land_moment_n_mm

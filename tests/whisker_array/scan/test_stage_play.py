@@ -1,0 +1,133 @@
+"""A stage with play and errors of its place: limits without them, their signs, and that flags go by what was asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glyphs.errors import MarksError
+from glyphs.surface.maps import HeightMap, TraceDirection
+from whisker_array.estimation.edges import play_between
+from whisker_array.scan.scan import trace_scan
+from whisker_array.scan.stage_play import StagePlay, draw_stage_play, really_run, waved
+from whisker_array.simulation.traces import Fidelity
+from whisker_array.whisker.array import RasterPlan, WhiskerArray
+from whisker_array.whisker.touch import default_touch
+
+TOUCH = default_touch(5.0)
+STILL = StagePlay(play_mm=0.0, rate=0.0, wave_mm=0.0, return_mm=0.0)
+PLAN = RasterPlan(
+    array=WhiskerArray(4, 1.0),
+    region_mm=(0.0, 0.0, 6.0, 4.0),
+    line_pitch_mm=0.25,
+    sample_pitch_mm=0.05,
+    lead_mm=0.5,
+    directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X),
+)
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(4)
+
+
+def wavy() -> HeightMap:
+    y, x = np.mgrid[:81, :121] * 0.05
+    return HeightMap((0.05 * np.sin(2.0 * x) + 0.02 * np.cos(1.3 * y)).astype(np.float32), 0.05)
+
+
+def scan(stage: StagePlay | None) -> list[np.ndarray]:
+    felt = trace_scan(wavy(), touch=TOUCH, plan=PLAN, fidelity=Fidelity.POINTWISE, stage=stage, rng=rng())
+    return [s.moment_n_mm for s in felt.sweeps]
+
+
+def test_a_stage_without_errors_is_an_ideal_stage() -> None:
+    for a, b in zip(scan(None), scan(STILL), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_the_nut_lags_by_half_the_play_whichever_way_it_goes() -> None:
+    plans = PLAN.sweeps()
+    for plan, sign in zip(plans, (-1.0, 1.0), strict=True):
+        ran = really_run(plan, replace(STILL, play_mm=0.04), rng=rng())
+        np.testing.assert_allclose(ran.position_mm() - plan.position_mm(), sign * 0.02)
+        np.testing.assert_array_equal(ran.line_mm, plan.line_mm)
+
+
+def test_travel_is_stretched_and_lines_are_missed_together() -> None:
+    plan = PLAN.sweeps()[0]
+    ran = really_run(plan, replace(STILL, rate=1e-3), rng=rng())
+    np.testing.assert_allclose(ran.position_mm(), 1.001 * plan.position_mm())
+    np.testing.assert_allclose(ran.line_mm, 1.001 * plan.line_mm)
+    many = replace(plan, line_mm=np.zeros((4000, 4)))
+    missed = really_run(many, replace(STILL, return_mm=0.002), rng=rng()).line_mm
+    assert missed.std() == pytest.approx(0.002, rel=6.0 / np.sqrt(2 * 4000))
+    assert np.ptp(missed, axis=1).max() == 0.0
+
+
+def test_the_wave_shifts_samples_along_the_plate_either_way() -> None:
+    for plan in PLAN.sweeps():
+        at = plan.position_mm()
+        ramp = np.tile(at, (2, 1)).astype(np.float32)
+        stage = replace(STILL, wave_mm=0.01, lead_mm=3.0, phase_rad=0.4)
+        moved, flags = waved(ramp, np.zeros(ramp.shape, np.uint8), plan, stage)
+        # a straight line is interpolated exactly, but for its two ends
+        expected = at + 0.01 * np.sin(2.0 * np.pi * at / 3.0 + 0.4)
+        np.testing.assert_allclose(moved[0, 1:-1], expected[1:-1], atol=1e-5)
+        assert not flags.any()
+
+
+def test_flags_of_both_neighbours_are_kept() -> None:
+    plan = PLAN.sweeps()[0]
+    flags = np.zeros((1, plan.n_samples), np.uint8)
+    flags[0, 50] = 4
+    _, out = waved(np.zeros(flags.shape, np.float32), flags, plan, replace(STILL, wave_mm=0.01))
+    assert 1 <= np.flatnonzero(out[0]).size <= 3
+
+
+def test_what_lies_on_the_part_is_what_was_asked_for() -> None:
+    """Outermost lines and samples are asked for at the very rim: a miss by micrometres leaves them on the part."""
+    ideal, real = (
+        trace_scan(wavy(), touch=TOUCH, plan=PLAN, fidelity=Fidelity.POINTWISE, stage=s, rng=rng())
+        for s in (None, StagePlay())
+    )
+    for a, b in zip(ideal.sweeps, real.sweeps, strict=True):
+        np.testing.assert_array_equal(a.flags, b.flags)
+        np.testing.assert_array_equal(a.plan.line_mm, b.plan.line_mm)
+        # slopes of 0.1 at most over 12 um: 1.2 um of 1 mm preload in the height, and 0.2 a mm of the slope's change
+        on = a.flags == 0
+        ratio = a.moment_n_mm[on] / b.moment_n_mm[on]
+        assert (ratio != 1.0).mean() > 0.9
+        assert np.abs(ratio - 1.0).max() < 0.01
+
+
+def test_large_play_is_found_by_the_estimator() -> None:
+    """Against `registration`, which knows nothing of this model."""
+    y, x = np.mgrid[:81, :241] * 0.025
+    z = -0.2 * ((np.abs(x - 2.0) < 0.3) | (np.abs(x - 4.2) < 0.2)) * (np.abs(y - 1.0) < 0.9)
+    part = HeightMap(z.astype(np.float32), 0.025)
+    plan = replace(PLAN, region_mm=(0.0, 0.0, 6.0, 2.0), line_pitch_mm=0.125, sample_pitch_mm=0.025)
+    played = trace_scan(part, touch=TOUCH, plan=plan, stage=replace(STILL, play_mm=0.3), rng=rng())
+    shift = play_between(played)
+    # a map felt where the stage lagged lies that much ahead: it is to go back, by half a pixel's tolerance
+    assert shift[TraceDirection.FORWARD_X][0] == pytest.approx(-0.15, abs=0.06)
+    assert shift[TraceDirection.BACK_X][0] == pytest.approx(0.15, abs=0.06)
+
+
+def test_drawn_stages_are_within_the_usual_figures() -> None:
+    for seed in range(20):
+        drawn = draw_stage_play(rng=np.random.default_rng(seed))
+        assert abs(drawn.rate) <= 0.023 / 300.0
+        assert (drawn.play_mm, drawn.wave_mm) == (0.010, 0.004)
+
+
+def test_refusals() -> None:
+    with pytest.raises(MarksError, match="below 0"):
+        StagePlay(play_mm=-1.0)
+    with pytest.raises(MarksError, match="below 0"):
+        StagePlay(lead_mm=0.0)
+    with pytest.raises(MarksError, match="rate"):
+        StagePlay(rate=0.5)
+    with pytest.raises(ValueError, match="random generator"):
+        trace_scan(wavy(), touch=TOUCH, plan=PLAN, stage=StagePlay())

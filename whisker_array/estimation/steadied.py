@@ -1,0 +1,65 @@
+"""A scan less what its gauges still knew of earlier loads, where the calibration knows how they creep and lag.
+
+    raw --- zero in air, / gain --> load, nearly --> what a gauge with that memory reads of it
+                                          |                        |
+    raw <------------- less ------- gain (reading - load) <--------+
+
+The load goes in with what creep and hysteresis add to it, 1 to 2 % of it, so a share like that of them is left: 0.1 %
+of the land's moment. The exact inverse (a play operator's is one again, Kuhnen 2003) would go by an absolute zero of
+the load, which drifts; this one takes the zero of each pass. Slow creep goes with that zero anyway.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.sensor_memory import SensorMemory, SensorState, reading_of
+from whisker_array.simulation.traces import SampleFlag
+
+NEVER_RUN = np.uint8(SampleFlag.OUTSIDE)
+
+
+def steadied(scan: Scan) -> Scan:
+    """The scan as gauges without memory would have felt it; itself where the calibration knows of none.
+
+    Passes are taken in the order in which they stand: the last load before a pass is what hysteresis remembers.
+
+    Args:
+        scan: of gains known from a bench.
+
+    Returns:
+        The scan with a calibration that has no memory any more.
+    """
+    known = scan.calibration
+    if known is None or known.memory is None:
+        return scan
+    state = SensorState.at_rest(known.memory.n_whiskers, known.memory)
+    sweeps = tuple(
+        _steadied(s, known.memory, state, gain=known.gain, step_s=1.0 / scan.sample_rate_hz)
+        for s in scan.sweeps
+    )
+    return replace(scan, sweeps=sweeps, calibration=replace(known, memory=None), log=None)
+
+
+def _steadied(
+    sweep: Sweep, memory: SensorMemory, state: SensorState, *, gain: np.ndarray, step_s: float
+) -> Sweep:
+    n_air = sweep.air_n_mm.shape[2]
+    if not n_air:
+        return sweep  # without a zero of its own a pass shows no load
+    moment, air = np.empty_like(sweep.moment_n_mm), np.empty_like(sweep.air_n_mm)
+    scale = gain[:, None]
+    for i in range(moment.shape[0]):
+        zero = np.median(sweep.air_n_mm[i], axis=1).astype(np.float64)
+        load = (sweep.moment_n_mm[i] - zero[:, None]) / scale
+        # where a pass did not run at all, among longer ones
+        load[((sweep.flags[i] & NEVER_RUN) != 0) & (sweep.moment_n_mm[i] == 0.0)] = 0.0
+        both = np.concatenate([np.zeros((gain.size, n_air)), load], axis=1)
+        added = scale * (reading_of(both, memory=memory, state=state, step_s=step_s) - both)
+        air[i] = sweep.air_n_mm[i] - added[:, :n_air]
+        moment[i] = sweep.moment_n_mm[i] - added[:, n_air:]
+    return replace(sweep, moment_n_mm=moment, air_n_mm=air)

@@ -1,0 +1,165 @@
+"""Gain and offset of every whisker as they are known, and the moment that they make of a raw signal.
+
+    raw --- offset, / gain ---> moment in N mm                                               (apply_calibration)
+
+One lead-in before each scan gives the calibration: the whiskers first hang in air (no moment), then run over
+clean land (the moment that the whisker model expects)::
+
+    raw |             ________________          raw_air  = offset
+        |            /   land                   raw_land = offset + gain * expected land moment
+        |  _air_____/
+        +------------------------------> sample
+
+The axis of whiskers is the last but one, the axis of samples the last.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from whisker_array.scan.sensor import SensorError, check_signal, per_whisker, same_length
+from whisker_array.scan.sensor_memory import SensorMemory
+
+MIN_LEAD_IN_SAMPLES = 16
+"""Fewest samples of air, and of land, from which a calibration is taken."""
+MAX_GAIN_UNCERTAINTY = 0.01
+"""Largest standard error of an estimated gain, as a share of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Gain and offset of every whisker as estimated from a lead-in.
+
+    Attributes:
+        gain: (n,) float64, raw per moment, not 0.
+        offset_n_mm: (n,) float64, raw without a moment, N mm.
+        from_land: the gains were read off land at the nominal friction, so moments say nothing of the true one;
+            otherwise they come from a bench.
+        memory: creep and hysteresis as measured on a bench; None where nobody has.
+
+    Raises:
+        SensorError: arrays that do not agree or are not finite, or a gain of 0.
+    """
+
+    gain: NDArray[np.float64]
+    offset_n_mm: NDArray[np.float64]
+    from_land: bool = False
+    memory: SensorMemory | None = None
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        gain, offset = per_whisker("gain", self.gain), per_whisker("offset_n_mm", self.offset_n_mm)
+        same_length(gain, offset)
+        object.__setattr__(self, "gain", gain)
+        object.__setattr__(self, "offset_n_mm", offset)
+        if self.memory is not None and self.memory.n_whiskers != gain.size:
+            raise SensorError(
+                f"{gain.size} gains but a memory of {self.memory.n_whiskers} whiskers",
+                hint="give one of each for every whisker",
+            )
+
+    def of(self, whiskers: Sequence[int]) -> Calibration:
+        """The calibration of some of the whiskers."""
+        chosen = list(whiskers)
+        memory = None if self.memory is None else self.memory.of(chosen)
+        return replace(self, gain=self.gain[chosen], offset_n_mm=self.offset_n_mm[chosen], memory=memory)
+
+    def applied(self) -> Calibration:
+        """What is left to be known of a signal to which gain and offset were applied."""
+        return replace(self, gain=np.ones(self.gain.size), offset_n_mm=np.zeros(self.gain.size))
+
+
+def apply_calibration(raw: NDArray[np.floating], calibration: Calibration) -> NDArray[np.float32]:
+    """The moment, N mm, from the raw signal: (raw - offset) / gain.
+
+    Args:
+        raw: (..., whiskers, samples), N mm as measured.
+        calibration: for as many whiskers.
+
+    Returns:
+        float32 of the same shape.
+
+    Raises:
+        SensorError: a shape that does not fit.
+    """
+    raw = np.asarray(raw)
+    check_signal("raw", raw, calibration.gain.size)
+    scale = (1.0 / calibration.gain).astype(np.float32)[:, None]
+    offset = calibration.offset_n_mm.astype(np.float32)[:, None]
+    return np.asarray((raw.astype(np.float32) - offset) * scale, dtype=np.float32)
+
+
+def calibrate_lead_in(
+    air: NDArray[np.floating],
+    land: NDArray[np.floating],
+    *,
+    expected_land_moment_n_mm: float,
+    max_gain_uncertainty: float = MAX_GAIN_UNCERTAINTY,
+) -> Calibration:
+    """Gain and offset of every whisker from its lead-in: first air, then land.
+
+    Args:
+        air: (whiskers, samples) raw signal without contact, N mm.
+        land: (whiskers, samples) raw signal on undisturbed land, N mm.
+        expected_land_moment_n_mm: what the whisker model says of the land, N mm, negative in its frame. An
+            error in it, by an unknown friction for instance, goes into every gain alike and leaves
+            m / m_land - 1 as it is.
+        max_gain_uncertainty: largest standard error of a gain as a share of it.
+
+    Raises:
+        SensorError: lead-in too short, not finite or too noisy; a moment on land that does not stand out from
+            air; or one of the wrong sign.
+    """
+    air64, land64 = np.asarray(air, dtype=np.float64), np.asarray(land, dtype=np.float64)
+    if air64.ndim != 2 or land64.ndim != 2 or air64.shape[0] != land64.shape[0]:
+        raise SensorError(f"air {air64.shape} and land {land64.shape} must both be (whiskers, samples)")
+    if not math.isfinite(expected_land_moment_n_mm) or expected_land_moment_n_mm == 0.0:
+        raise SensorError(
+            f"expected_land_moment_n_mm is {expected_land_moment_n_mm}", hint="it must not be 0"
+        )
+    for name, signal in (("air", air64), ("land", land64)):
+        if signal.shape[1] < MIN_LEAD_IN_SAMPLES:
+            raise SensorError(
+                f"the lead-in has {signal.shape[1]} samples of {name}",
+                hint=f"it needs {MIN_LEAD_IN_SAMPLES} or more",
+            )
+        if not np.isfinite(signal).all():
+            raise SensorError(
+                f"the lead-in in {name} is not finite", hint="begin the scan on the part, clear of marks"
+            )
+    offset = air64.mean(axis=1)
+    rise = land64.mean(axis=1) - offset
+    error = np.sqrt(air64.var(axis=1, ddof=1) / air64.shape[1] + land64.var(axis=1, ddof=1) / land64.shape[1])
+    floor = 1e-6 * abs(expected_land_moment_n_mm)
+    faint = np.abs(rise) <= np.maximum(10.0 * error, floor)
+    if faint.any():
+        raise SensorError(
+            f"on whiskers {_names(faint)} the moment on land does not stand out from air: "
+            "broken whisker or gauge, no preload, or the tip beyond the part"
+        )
+    reversed_ = np.sign(rise) != np.sign(expected_land_moment_n_mm)
+    if reversed_.any():
+        raise SensorError(
+            f"on whiskers {_names(reversed_)} the land moment has the wrong sign: gauge wired the other way "
+            "round, or air and land exchanged"
+        )
+    noisy = error > max_gain_uncertainty * np.abs(rise)
+    if noisy.any():
+        raise SensorError(
+            f"on whiskers {_names(noisy)} the lead-in is too noisy for a gain within "
+            f"{max_gain_uncertainty:.1%}: take a longer lead-in or more preload"
+        )
+    return Calibration(gain=rise / expected_land_moment_n_mm, offset_n_mm=offset, from_land=True)
+
+
+def _names(mask: NDArray[np.bool_]) -> str:
+    """Numbers of the whiskers that are set, at most eight of them."""
+    numbers = np.flatnonzero(mask)
+    return ", ".join(str(i) for i in numbers[:8]) + (", ..." if numbers.size > 8 else "")

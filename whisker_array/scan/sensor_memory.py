@@ -1,0 +1,246 @@
+"""What a gauge still knows of earlier loads: hysteresis, creep, and the zero that both leave behind.
+
+    load x --+-- w0 ---------------------------+
+             |                                 |
+             +-- plays, each slack by +-r_j ---+--> h --+-- 1 --------------------------+--> reading y
+                 |<-- 2 r -->|   x w_j                  |                               |
+                                                        +-- springs on dashpots, x c_i -+
+                                                            tau_i dq/dt = h - q
+
+    load  |  ________          reading |  ___-----          h is later on the way down than on the way up,
+          | |        |                 | |        |         q follows in seconds and minutes: what it has
+          |_|        |____             |_|        |___---   followed by at unloading is the shift of the zero
+
+Hysteresis is a sum of play operators (Prandtl-Ishlinskii; Visintin, Differential Models of Hysteresis, 1994, III.2;
+Kuhnen, European Journal of Control 9, 2003, 407-418)::
+
+    p_j(n) = max(x(n) - r_j, min(x(n) + r_j, p_j(n - 1))),      h = w0 x + sum_j w_j p_j
+
+with w0 such that the first way up to the largest load L reads L. Creep is a chain of Kelvin-Voigt elements behind it
+(the generalised standard linear solid, a Prony series; Findley, Lai and Onaran, Creep and Relaxation of Nonlinear
+Viscoelastic Materials, 1976, chapter 5)::
+
+    y = h + sum_i c_i q_i,      q_i(n) = a_i q_i(n - 1) + (1 - a_i) h(n),      a_i = exp(-dt / tau_i)
+
+Loads and readings are in N mm; the axis of whiskers is the last but one, that of samples the last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.compiled import kernel, read_only
+from glyphs.errors import MarksError
+from glyphs.surface.display import one_line
+
+RELAX_S = (0.3, 3.0, 60.0)
+"""Times of the creep's terms: one a decade of what a pass and a scan take; the first two share their part."""
+PLAYS = (0.1, 0.2, 0.3, 0.4)
+"""Half widths of the plays, of the largest load: alike in weight, so that small loads shift the zero by less."""
+HOLD_S = 11.0
+"""How long the load stands that the figures are of, and how long the whisker then rests in their cycles."""
+CYCLES = 10
+CREEP = (0.009, 0.027)
+"""What a held load's reading grows by in `HOLD_S`, of the largest load: least and most of recorded whiskers."""
+ZERO_SHIFT = (0.016, 0.027)
+"""Reading right after the first unloading, of the largest load: least and most."""
+SHIFT_AFTER_CYCLES = 0.035
+"""Reading right after the last of `CYCLES` unloadings, of the largest load."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorMemory:
+    """How the gauges of an array creep and lag.
+
+    Attributes:
+        creep: (n, terms) float64, c_i: what each term adds in the end, of the load.
+        relax_s: (terms,), tau_i, seconds.
+        play_weight: (n, plays) float64, w_j.
+        play_n_mm: (plays,), r_j, N mm.
+        largest_n_mm: L, N mm, up to which the first way up is straight.
+
+    Raises:
+        MarksError: shapes that do not agree, numbers that are negative or not finite, plays that weigh 1 or more.
+    """
+
+    creep: NDArray[np.float64]
+    relax_s: NDArray[np.float64]
+    play_weight: NDArray[np.float64]
+    play_n_mm: NDArray[np.float64]
+    largest_n_mm: float
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        for name in ("creep", "relax_s", "play_weight", "play_n_mm"):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            if not (np.isfinite(values).all() and (values >= 0.0).all()):
+                raise MarksError(
+                    f"{name} of a sensor's memory has values below 0 or not finite",
+                    hint="give shares of the load, seconds and N mm",
+                )
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+        n = self.creep.shape[:1]
+        if self.creep.shape != (*n, self.relax_s.size) or self.play_weight.shape != (*n, self.play_n_mm.size):
+            raise MarksError(
+                f"creep {self.creep.shape} and plays {self.play_weight.shape} of a sensor's memory do not agree",
+                hint="give (whiskers, terms) and (whiskers, plays)",
+            )
+        if not (self.relax_s > 0.0).all() or not self.largest_n_mm > 0.0:
+            raise MarksError(
+                "relax_s and largest_n_mm of a sensor's memory must be positive", hint="give seconds and N mm"
+            )
+        if (self.straight <= 0.0).any():
+            raise MarksError("the plays of a sensor's memory weigh 1 or more", hint="give smaller weights")
+
+    @property
+    def straight(self) -> NDArray[np.float64]:
+        """(n,) w0, the part of the reading that has no slack."""
+        return np.asarray(1.0 - (self.play_weight * (1.0 - self.play_n_mm / self.largest_n_mm)).sum(axis=1))
+
+    @property
+    def n_whiskers(self) -> int:
+        """Number of whiskers."""
+        return int(self.creep.shape[0])
+
+    def of(self, whiskers: Sequence[int]) -> SensorMemory:
+        """The memory of some of the whiskers."""
+        chosen = list(whiskers)
+        return replace(self, creep=self.creep[chosen], play_weight=self.play_weight[chosen])
+
+
+@dataclass(eq=False)
+class SensorState:
+    """Where the gauges of an array stand; `measure` moves it on, as it does its generator.
+
+    Attributes:
+        play_n_mm: (n, plays) float64, p_j.
+        strain_n_mm: (n, terms) float64, q_i.
+        drift_n_mm: (n,) float64, how far the zero has walked.
+    """
+
+    play_n_mm: NDArray[np.float64]
+    strain_n_mm: NDArray[np.float64]
+    drift_n_mm: NDArray[np.float64]
+
+    __repr__ = one_line
+
+    @classmethod
+    def at_rest(cls, n_whiskers: int, memory: SensorMemory | None) -> SensorState:
+        """Of whiskers that have hung in air for long."""
+        terms, plays = (0, 0) if memory is None else (memory.relax_s.size, memory.play_n_mm.size)
+        return cls(np.zeros((n_whiskers, plays)), np.zeros((n_whiskers, terms)), np.zeros(n_whiskers))
+
+    def part(self, whiskers: slice) -> SensorState:
+        """Of neighbouring whiskers; what moves it on moves the whole on."""
+        return SensorState(self.play_n_mm[whiskers], self.strain_n_mm[whiskers], self.drift_n_mm[whiskers])
+
+
+def reading_of(
+    load_n_mm: NDArray[np.floating], *, memory: SensorMemory, state: SensorState, step_s: float
+) -> NDArray[np.float64]:
+    """What the gauges read of a load: the equations of the module, sample by sample.
+
+    Args:
+        load_n_mm: (whiskers, samples), N mm; NaN (no contact) stays NaN and loads nothing.
+        memory: of as many whiskers.
+        state: where they stand before the first sample; moved on.
+        step_s: between two samples; the load of a sample stands for the step that leads to it.
+
+    Returns:
+        (whiskers, samples), N mm.
+    """
+    load = read_only(load_n_mm, np.float64)
+    reading = np.empty(load.shape)
+    keep = np.exp(-step_s / memory.relax_s)
+    _read(
+        load, read_only(memory.straight), read_only(memory.play_weight), read_only(memory.play_n_mm),
+        read_only(memory.creep), read_only(keep), state.play_n_mm, state.strain_n_mm, reading,
+    )  # fmt: skip
+    return reading
+
+
+def lifted(memory: SensorMemory, state: SensorState, *, seconds: float) -> None:
+    """Move the state on by a time without load, in one step: the terms' decay is exact."""
+    reading_of(np.zeros((memory.n_whiskers, 1)), memory=memory, state=state, step_s=seconds)
+
+
+@kernel()
+def _read(load, straight, weight, width, creep, keep, play, strain, reading):  # type: ignore[no-untyped-def]
+    for w in range(load.shape[0]):
+        for n in range(load.shape[1]):
+            x = load[w, n]
+            if x != x:
+                x = 0.0
+            h = straight[w] * x
+            for j in range(width.size):
+                p = play[w, j]
+                if p > x + width[j]:
+                    p = x + width[j]
+                if p < x - width[j]:
+                    p = x - width[j]
+                play[w, j] = p
+                h += weight[w, j] * p
+            y = h
+            for i in range(keep.size):
+                q = keep[i] * strain[w, i] + (1.0 - keep[i]) * h
+                strain[w, i] = q
+                y += creep[w, i] * q
+            reading[w, n] = y if load[w, n] == load[w, n] else np.nan
+
+
+def memory_of(
+    creep: NDArray[np.float64], zero_shift: NDArray[np.float64], *, largest_n_mm: float
+) -> SensorMemory:
+    """The memory that shows given figures, and `SHIFT_AFTER_CYCLES` for all whiskers.
+
+    What has crept in the hold is still there right after it, so hysteresis leaves the rest of the first zero shift:
+    sum_j w_j r_j = zero_shift - creep. After n holds of T and rests of T a term stands at::
+
+        g_n(tau) = (1 - exp(-T / tau)) sum_(k < n) exp(-2 k T / tau)
+
+    and the parts f of the quick terms and s of the slow one solve f g_1 + s g_1 = creep and f g_10 + s g_10 = the
+    shift after ten cycles less that of hysteresis. That plays leave a load to creep is left out: 0.05 % of L.
+
+    Args:
+        creep: (n,) what a held load grows by in `HOLD_S`, of the largest load, within `CREEP`.
+        zero_shift: (n,) right after it is taken off, within `ZERO_SHIFT`, no less than the creep.
+        largest_n_mm: L, N mm.
+
+    Raises:
+        MarksError: figures that no such memory has.
+    """
+    crept, shift = np.asarray(creep, dtype=np.float64), np.asarray(zero_shift, dtype=np.float64)
+    tau, widths = np.array(RELAX_S), np.array(PLAYS)
+    lag = shift - crept
+    decay = np.exp(-2.0 * HOLD_S / tau)
+    once = 1.0 - np.exp(-HOLD_S / tau)
+    often = once * (1.0 - decay**CYCLES) / (1.0 - decay)
+    share = np.array([0.5, 0.5, 0.0])
+    system = np.array([[share @ once, once[-1]], [share @ often, often[-1]]])
+    quick, slow = np.linalg.solve(system, np.stack([crept, SHIFT_AFTER_CYCLES - lag]))
+    weight = lag[:, None] / np.minimum(widths, 1.0 - widths).sum() * np.ones(widths.size)
+    return SensorMemory(
+        creep=quick[:, None] * share + slow[:, None] * (share == 0.0),
+        relax_s=tau,
+        play_weight=weight,
+        play_n_mm=widths * largest_n_mm,
+        largest_n_mm=largest_n_mm,
+    )
+
+
+def draw_memory(n_whiskers: int, *, rng: np.random.Generator, largest_n_mm: float) -> SensorMemory:
+    """Creep and hysteresis of whiskers as recorded: evenly between the least and the most of the figures.
+
+    Args:
+        n_whiskers: how many.
+        rng: draws the figures of each.
+        largest_n_mm: largest load, N mm.
+    """
+    shift = rng.uniform(*ZERO_SHIFT, size=n_whiskers)
+    return memory_of(rng.uniform(CREEP[0], shift), shift, largest_n_mm=largest_n_mm)

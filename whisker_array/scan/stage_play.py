@@ -1,0 +1,104 @@
+"""Where a stage really is: play, the screw's own error, and how well it comes back to a line.
+
+    asked   |----------------------->           dragged to larger coordinates the nut lags by half the play,
+    really  --|----------------------->         to smaller ones it is as much ahead; the run-in takes play up
+               ~~~~ screw: a wave a turn, and a share of the travel ~~~~
+
+    along(s)  = s - way play / 2 + rate s + wave sin(2 pi s / lead + phase)
+    across    = line + a draw for each pass, the same for all whiskers of the comb
+
+The usual figures are those of a rolled ball screw: the limits of travel and of the wave are those of tolerance grade 5
+in ISO 3408-3 (23 um over 300 mm, 8 um from crest to trough within a turn); play and the return to a line are those that
+makers state for stages without a preloaded nut.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.errors import MarksError
+from whisker_array.whisker.passes import SweepPlan
+
+
+@dataclass(frozen=True)
+class StagePlay:
+    """How far a stage is from where it says it is, the same along x and y.
+
+    Attributes:
+        play_mm: lost when the travel turns about.
+        rate: travel gained or lost, of the travel, from the plate's origin.
+        wave_mm: amplitude of the error that comes again with each turn of the screw.
+        lead_mm: travel of one turn.
+        phase_rad: of the wave at the plate's origin.
+        return_mm: rms across the trace with which a pass finds its line.
+
+    Raises:
+        MarksError: a number that is negative or not finite, or no lead.
+    """
+
+    play_mm: float = 0.010
+    rate: float = 0.023 / 300.0
+    wave_mm: float = 0.004
+    lead_mm: float = 2.0
+    phase_rad: float = 0.0
+    return_mm: float = 0.002
+
+    def __post_init__(self) -> None:
+        lengths = (self.play_mm, self.wave_mm, self.return_mm, self.lead_mm)
+        if not all(math.isfinite(v) and v >= 0.0 for v in lengths) or self.lead_mm == 0.0:
+            raise MarksError(f"a stage's lengths are {lengths}", hint="give finite ones that are not below 0")
+        if not (math.isfinite(self.rate) and abs(self.rate) < 0.1 and math.isfinite(self.phase_rad)):
+            raise MarksError(f"a stage's rate is {self.rate}", hint="give a small share of the travel")
+
+
+def draw_stage_play(*, rng: np.random.Generator) -> StagePlay:
+    """A stage as it is bought: the usual figures, its rate and the phase of its screw by the generator."""
+    usual = StagePlay()
+    rate = usual.rate * float(rng.uniform(-1.0, 1.0))
+    return StagePlay(rate=rate, phase_rad=float(rng.uniform(0.0, 2.0 * math.pi)))
+
+
+def really_run(plan: SweepPlan, stage: StagePlay, *, rng: np.random.Generator) -> SweepPlan:
+    """The plan as the stage runs it, but for the screw's wave, which is not even along a line.
+
+    Args:
+        plan: as asked.
+        stage: how far it is off.
+        rng: draws how each pass finds its line.
+    """
+    way = -1.0 if plan.direction.backward else 1.0
+    off = rng.normal(0.0, stage.return_mm, size=(plan.line_mm.shape[0], 1))
+    return replace(
+        plan,
+        line_mm=plan.line_mm * (1.0 + stage.rate) + off,
+        start_mm=plan.start_mm * (1.0 + stage.rate) - way * 0.5 * stage.play_mm,
+        step_mm=plan.step_mm * (1.0 + stage.rate),
+    )
+
+
+def waved(
+    moment: NDArray[np.float32], flags: NDArray[np.uint8], plan: SweepPlan, stage: StagePlay
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Samples taken at even places as they are at those of a screw's wave, by a straight line between neighbours.
+
+    Args:
+        moment: (..., samples).
+        flags: same shape; those of both neighbours are kept.
+        plan: as asked.
+        stage: its wave; a small part of a step.
+    """
+    if stage.wave_mm == 0.0:
+        return moment, flags
+    way = -1.0 if plan.direction.backward else 1.0
+    at = plan.position_mm()
+    ahead = way * stage.wave_mm * np.sin(2.0 * np.pi * at / stage.lead_mm + stage.phase_rad) / plan.step_mm
+    place = np.clip(np.arange(at.size) + ahead, 0.0, at.size - 1.0)
+    before = np.floor(place).astype(np.intp)
+    after = np.minimum(before + 1, at.size - 1)
+    part = (place - before).astype(np.float32)
+    between = (np.float32(1.0) - part) * moment[..., before] + part * moment[..., after]
+    return between, np.where(part > 0.0, flags[..., before] | flags[..., after], flags[..., before])
