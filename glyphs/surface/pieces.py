@@ -18,6 +18,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError
 
 
@@ -54,6 +55,8 @@ class Piece:
     width_mm: float = 12.0
     radius_mm: float = 3.0
     land_mm: float = 2.0
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not self.angle_deg or not all(0.0 < a < 90.0 for a in self.angle_deg):

@@ -59,7 +59,9 @@ def test_gains_that_a_bench_has_shown_tell_the_stiffness() -> None:
     shown = Calibration(loose.bench.gain, np.zeros(n))
     known = identify(replace(scan, calibration=shown), PIECE.height_mm, whisker=default_whisker(5.0))
     assert known.before[len(Unknown)] == BENCH_GAIN
-    assert known.of(Unknown.STIFFNESS)[1] < 0.7 * loose.of(Unknown.STIFFNESS)[1]
+    k = list(Unknown).index(Unknown.STIFFNESS)
+    # a variance; what the fit's grid does to either is not the gains' fault
+    assert known.repeated[k, k] < 0.7 * loose.repeated[k, k]
 
 
 def test_a_height_map_is_as_good_as_the_piece_it_is_of() -> None:
