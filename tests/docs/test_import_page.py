@@ -1,4 +1,4 @@
-"""The worked example of the page on imported traces: its commands and script, one after the other, as a reader runs them."""
+"""The worked example of the page on imported traces: its commands and script, in the reader's order."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_the_example_of_imported_traces_reads_the_plate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    ran = 0
+    ran, printed = 0, ""
     for kind, block in re.findall(r"^```(\w*)\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.M | re.S):
         if kind == "toml":
             Path("traces.toml").write_text(block, encoding="utf-8")
