@@ -74,6 +74,8 @@ app.command(
     "pipeline.cli.identify:identify",
     name="identify",
     help="Find the whisker and bench that made a recording over a test piece.",
+)
+app.command(
     "pipeline.cli.import_traces:import_traces",
     name="import",
     help="Make a scan of traces recorded by others.",

@@ -1,7 +1,7 @@
 """Recordings of a bench on which something is wrong, made from sound ones: what each fault does to the true moment.
 
-A change of height by s, d0 the preload, adds s / d0 of the land's moment, as eq. (7) has it on land and floors. A worn tip is
-felt anew: a ball of a larger radius, on an arm that is shorter by what was worn off.
+A change of height by s, d0 the preload, adds s / d0 of the land's moment, as eq. (7) has it on land and floors. A worn
+tip is felt anew: a ball of a larger radius, on an arm that is shorter by what was worn off.
 """
 
 from __future__ import annotations
@@ -40,7 +40,12 @@ def with_whisker_of(scan: Scan, other: Scan, whisker: int) -> Scan:
 
 
 def recorded(
-    ideal: Scan, *, rng: np.random.Generator, fault: FaultKind | None = None, whisker: int = 2, size: float = 1.0
+    ideal: Scan,
+    *,
+    rng: np.random.Generator,
+    fault: FaultKind | None = None,
+    whisker: int = 2,
+    size: float = 1.0,
 ) -> Scan:
     """What sensors as from the bench make of an ideal scan, with a fault of a usual size or of that times `size`."""
     land = ideal.touch.land_moment_n_mm()
@@ -59,7 +64,9 @@ def recorded(
             moment = np.where(moment * land > 0.0, moment, 0.0)
         raw, clipped = measure(moment, chain=chain, sample_rate_hz=ideal.sample_rate_hz, rng=rng)
         if fault in _AFTER:
-            raw = _AFTER[fault](raw.astype(np.float64), sweep, behind, land, whisker, size, rng).astype(np.float32)
+            raw = _AFTER[fault](raw.astype(np.float64), sweep, behind, land, whisker, size, rng).astype(
+                np.float32
+            )
         flags = sweep.flags | np.where(clipped[..., AIR:], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
         sweeps.append(replace(sweep, moment_n_mm=raw[..., AIR:], air_n_mm=raw[..., :AIR], flags=flags))
     return replace(ideal, sweeps=tuple(sweeps))
@@ -76,7 +83,9 @@ Change = Callable[[Floats, Sweep, Floats, float, int, float, np.random.Generator
 
 
 def _of_one(change: Change) -> Change:
-    def changed(m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator) -> Floats:
+    def changed(
+        m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
+    ) -> Floats:
         m = m.copy()
         m[:, w] = change(m[:, w], sweep, t, land, w, size, rng)
         return m
@@ -96,17 +105,23 @@ def _places(sweep: Sweep) -> tuple[Floats, Floats]:
     return np.broadcast_to(along, shape), np.broadcast_to(across[..., None], shape)
 
 
-def _tilted(m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator) -> Floats:
+def _tilted(
+    m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
+) -> Floats:
     along, across = _places(sweep)
     return m + 0.3 * size * land * (along if sweep.plan.direction.along_x else across)
 
 
-def _bowed(m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator) -> Floats:
+def _bowed(
+    m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
+) -> Floats:
     along, across = _places(sweep)
     return m + 0.3 * size * land * (0.5 - (along if sweep.plan.direction.along_x else across) ** 2)
 
 
-def _spiked(m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator) -> Floats:
+def _spiked(
+    m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
+) -> Floats:
     """On a whisker at a time, one sample in a thousand, of either sign."""
     hit = rng.random(m.shape) < 1e-3
     return m + hit * rng.choice([-1.0, 1.0], m.shape) * rng.uniform(0.2, 0.8, m.shape) * size * abs(land)

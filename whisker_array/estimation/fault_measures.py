@@ -5,8 +5,8 @@
            |__________|     '      \\_/  \\_/                  wander    steps of the lead-in from pass to pass
            +---------------------------------------> t        gain, edges of a whisker over those of its neighbour
 
-All are shares of the land's moment, lengths aside. Marks do not differ from one pass to the next beside it; what does is
-the bench's.
+All are shares of the land's moment, lengths aside. Marks hardly differ from one pass to the next beside it; what does
+is the bench's.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def noises(felt: list[Felt]) -> tuple[Floats, Floats]:
 
 
 def wander(felt: list[Felt]) -> Floats:
-    """(whiskers,) rms step of the lead-in's level from a pass to the one beside it, without noise within the lead-in."""
+    """(whiskers,) rms step of the lead-in's level from a pass to the one beside it."""
     steps: list[Floats] = []
     for f in felt:
         n = f.sweep.plan.n_lead or f.share.shape[2] // 8
@@ -118,7 +118,7 @@ def wander(felt: list[Felt]) -> Floats:
 
 
 def edges_kept(felt: list[Felt]) -> Floats:
-    """(whiskers,) depth and steps of marks as each feels them over what the others feel where they meet; NaN if unknown.
+    """(whiskers,) depth and steps of marks over what the others feel of them where they meet; NaN if unknown.
 
     Lines on either side of where two whiskers meet run over the same marks; a worn tip does not reach their floors, and
     rounds their edges. All borders are reconciled by least squares, as gains are.
@@ -126,9 +126,11 @@ def edges_kept(felt: list[Felt]) -> Floats:
     n = felt[0].share.shape[1]
     rows, target = [np.full(n, 1.0 / n)], [0.0]
     for f in felt:
-        lines, whisker = _lines(f)
+        lines, whisker, place = _lines(f)
         marks = lines / np.nanmedian(lines, axis=1, keepdims=True) - 1.0
-        for i in np.flatnonzero(whisker[1:] != whisker[:-1]):
+        gaps = np.diff(place)
+        # over the gap that a whisker leaves which is out of use, neighbours do not meet
+        for i in np.flatnonzero((whisker[1:] != whisker[:-1]) & (gaps < 2.0 * np.median(gaps))):
             before, after = slice(i + 1 - _BESIDE, i + 1), slice(i + 1, i + 1 + _BESIDE)
             if i + 1 < _BESIDE or np.ptp(whisker[before]) or np.ptp(whisker[after]):
                 continue
@@ -156,7 +158,7 @@ def gains(felt: list[Felt]) -> Floats:
     n = felt[0].share.shape[1]
     logs: list[list[float]] = [[] for _ in range(n)]
     for f in felt:
-        lines, whisker = _lines(f)
+        lines, whisker, _ = _lines(f)
         if np.unique(whisker).size < 2:
             continue
         found = whisker_gain(lines, whisker)
@@ -165,14 +167,14 @@ def gains(felt: list[Felt]) -> Floats:
     return np.array([np.exp(np.median(one)) if one else np.nan for one in logs])
 
 
-def _lines(f: Felt) -> tuple[Floats, NDArray[np.intp]]:
-    """Lines that were felt, without lead-in and -out, in their order across; the whisker of each."""
+def _lines(f: Felt) -> tuple[Floats, NDArray[np.intp], Floats]:
+    """Lines that were felt, without lead-in and -out, in their order across; the whisker and the place of each."""
     passes, n, samples = f.share.shape
     lead = f.sweep.plan.n_lead
     order = np.argsort(f.sweep.plan.line_mm, axis=None, kind="stable")
     lines = f.share.reshape(-1, samples)[order, lead : samples - lead]
     keep = np.isfinite(lines).mean(axis=1) > 0.5
-    return lines[keep], np.tile(np.arange(n), passes)[order][keep]
+    return lines[keep], np.tile(np.arange(n), passes)[order][keep], f.sweep.plan.line_mm.ravel()[order][keep]
 
 
 @dataclass(frozen=True)
@@ -193,7 +195,7 @@ def plate_form(felt: list[Felt], preload_mm: float) -> Form:
     """
     found: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
     for f in felt:
-        lines, _ = _lines(f)
+        lines, _, _ = _lines(f)
         if lines.shape[0] < 8 or lines.shape[1] < 16:
             continue
         middle = np.nanmedian(lines, axis=0)

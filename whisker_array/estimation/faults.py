@@ -31,15 +31,15 @@ TIMES_OTHERS = 4.0
 """What a whisker's own noise and steps are above those of the others."""
 BENT_GAIN = 0.15
 """Off the others: five standard deviations of usual gains."""
-BLUNT, BLUNT_SPREADS, FEWEST_OTHERS = 0.75, 6.0, 3
+BLUNT, BLUNT_SPREADS, FEWEST_OTHERS = 0.65, 5.0, 3
 """Share of what the others feel of marks, and the others' spreads below it: marks are not alike under all whiskers."""
 HEIGHT_MARGIN = 0.2
 """Of the land's moment, beyond what friction may make of it."""
 FRICTIONS = (0.05, 0.6)
 TILTED_RISE, BOWED_SAG = 0.25, 0.15
 """Of the preload, over what was felt."""
-TONE_AMPLITUDE, TONE_RATIO = 0.004, 8.0
-SPIKE, FEW_SPIKES = 0.05, 4
+TONE_AMPLITUDE, TONE_RATIO = 0.008, 12.0
+SPIKE, FEW_SPIKES = 0.05, 12
 """Of the land's moment; on bare land and in the air, where there is nothing to be felt."""
 
 
@@ -97,8 +97,8 @@ class Fault:
 def find_faults(scan: Scan) -> tuple[Fault, ...]:
     """What a recording shows to be wrong; nothing for a sound one.
 
-    Of a mixed array the first kind of whisker is looked at. Wear that all tips share, and gains that were set on this very
-    land, leave no mark here: `calibrate` hides a wrong height and bent whiskers of a recording in volts.
+    Of a mixed array the first kind of whisker is looked at. Wear that all tips share, and gains that were set on this
+    very land, leave no mark here: `calibrate` hides a wrong height and bent whiskers of a recording in volts.
 
     Args:
         scan: raw or calibrated.
