@@ -242,7 +242,7 @@ def tone(felt: list[Felt], sample_rate_hz: float) -> Tone:
         if rows.sum() < 4 or change.shape[2] < 64:
             continue
         # beyond what a vibration changes is a mark that the one pass met and the other did not
-        cut = 4.0 * MAD * np.median(np.abs(change[rows]))
+        cut = 4.0 * MAD * np.median(np.abs(change[both > 0.0]))
         shared = (np.clip(change, -cut, cut) * both[..., None]).sum(axis=1)[rows] / both.sum(axis=1)[
             rows, None
         ]
