@@ -79,9 +79,10 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     lines = in_order(
         raw.reshape(-1, shape[2]), sweep.flags.reshape(-1, shape[2]), offset.ravel(), order, lead
     )
-    keep = np.isfinite(lines).any(axis=1)
+    keep = np.asarray(np.isfinite(lines).any(axis=1))
     # lines of a whisker that is left out stay, unknown: others may have felt what lies under them
-    kept = keep | (sweep.flags.reshape(-1, shape[2])[order] & np.uint8(SampleFlag.FAULTY) != 0).all(axis=1)
+    faulty = (sweep.flags.reshape(-1, shape[2])[order] & np.uint8(SampleFlag.FAULTY)) != 0
+    kept = np.asarray(keep | faulty.all(axis=1))
     places = place[kept]
     if keep.sum() < 2:
         raise MapError(

@@ -9,10 +9,11 @@ recordings and hold on the other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whisker_array.estimation import fault_measures as measures
 from whisker_array.estimation.estimate import moment_per_lift
@@ -20,6 +21,8 @@ from whisker_array.estimation.fault_measures import Felt, Floats
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.scan import only as of_kind
 from whisker_array.whisker.touch import Touch
+
+Mask = NDArray[np.bool_]
 
 DEAD_LEVEL = 0.2
 """Of the land's moment: a whisker that gives less does not feel it."""
@@ -115,74 +118,72 @@ def find_faults(scan: Scan) -> tuple[Fault, ...]:
     dead = touching & (np.abs(level) < DEAD_LEVEL)
     if dead.sum() > 0.5 * touching.sum():
         share = 100.0 * float(np.median(level[touching]))
-        return (
-            _bench(
-                FaultKind.HEIGHT, f"the whiskers hardly touch: {share:.0f} % of the moment that land gives"
-            ),
-        )
-    faults = [
-        _whisker(FaultKind.DEAD, columns, w, f"gives {100.0 * level[w]:.0f} % of the moment that land gives")
-        for w in np.flatnonzero(dead)
-    ]
+        return (_bench(FaultKind.HEIGHT, f"the whiskers hardly touch, {share:.0f} % of the moment of land"),)
     noisy = _noisy(felt, dead)
-    faults += [
-        _whisker(
-            FaultKind.NOISY, columns, w, f"its noise is {100.0 * rms:.1f} % of the moment that land gives"
-        )
-        for w, rms in noisy.items()
-    ]
     good = touching & ~dead
     good[list(noisy)] = False
-    sound = _without(felt, good)
-    loose = _above_others(measures.wander(sound), LOOSE_STEP)
-    faults += [
-        _whisker(
-            FaultKind.LOOSE, columns, w, f"its level on land jumps by {100.0 * step:.1f} % from pass to pass"
-        )
-        for w, step in loose.items()
+    found: list[tuple[FaultKind, dict[int, float], str]] = [
+        (FaultKind.DEAD, _values(level, dead), "gives {:.0f} % of the moment of land"),
+        (FaultKind.NOISY, noisy, "its noise is {:.1f} % of the moment of land"),
     ]
-    gain = measures.gains(sound)
-    gain /= np.nanmedian(gain) if np.isfinite(gain).any() else 1.0
-    bent = [w for w in np.flatnonzero(np.abs(gain - 1.0) > BENT_GAIN) if w not in loose]
-    faults += [
-        _whisker(
-            FaultKind.BENT,
-            columns,
-            w,
-            f"gives {100.0 * gain[w]:.0f} % of what the others give where they meet",
-        )
-        for w in bent
-    ]
-    blunt = {w: v for w, v in _blunt(measures.edges_kept(sound)).items() if w not in (*bent, *loose)}
-    faults += [
-        _whisker(
-            FaultKind.WORN, columns, w, f"marks are {100.0 * v:.0f} % as deep and sharp as under the others"
-        )
-        for w, v in blunt.items()
-    ]
-    return (*faults, *_of_the_bench(scan, sound, level[good]))
+    bench: list[Fault] = []
+    if good.any():
+        sound = _of_whiskers(felt, good)
+        n_spikes = spikes_on_land(sound)
+        if n_spikes >= FEW_SPIKES:
+            sound = [
+                replace(f, share=np.where(measures.spikes(f, least=SPIKE), np.nan, f.share)) for f in sound
+            ]
+        loose = _above_others(measures.wander(sound), LOOSE_STEP)
+        firm = good.copy()
+        firm[list(loose)] = False
+        gain = measures.gains(_of_whiskers(sound, firm))
+        gain /= np.nanmedian(gain) if np.isfinite(gain).any() else 1.0
+        bent = _values(gain, np.abs(gain - 1.0) > BENT_GAIN)
+        firm[list(bent)] = False
+        blunt = _blunt(measures.edges_kept(_of_whiskers(sound, firm)))
+        found += [
+            (FaultKind.LOOSE, loose, "its level on land jumps by {:.1f} % from pass to pass"),
+            (FaultKind.BENT, bent, "gives {:.0f} % of what the others give where they meet"),
+            (FaultKind.WORN, blunt, "marks are {:.0f} % as deep and sharp as under the others"),
+        ]
+        bench = _of_the_bench(scan, sound, level[good])
+        if n_spikes >= FEW_SPIKES:
+            what = f"{n_spikes} single samples stand out where nothing is to be felt"
+            bench.append(_bench(FaultKind.SPIKES, what))
+    return (
+        *(
+            Fault(
+                kind,
+                _words(f"whisker {columns[w]}, {kind.value}", words.format(100.0 * value), kind),
+                int(columns[w]),
+            )
+            for kind, values, words in found
+            for w, value in values.items()
+        ),
+        *bench,
+    )
 
 
-def _whisker(kind: FaultKind, columns: np.ndarray[tuple[int], np.dtype[np.intp]], w: int, what: str) -> Fault:
-    number = int(columns[w])
-    return Fault(kind, f"whisker {number}, {kind.value}: {what} ({kind.hint})", number)
+def _words(name: str, what: str, kind: FaultKind) -> str:
+    return f"{name}: {what} ({kind.hint})"
 
 
 def _bench(kind: FaultKind, what: str) -> Fault:
-    return Fault(kind, f"{kind.value}: {what} ({kind.hint})")
+    return Fault(kind, _words(kind.value, what, kind))
 
 
-def _without(felt: list[Felt], good: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[Felt]:
-    out = []
-    for f in felt:
-        share = f.share.copy()
-        air = f.air.copy()
-        share[:, ~good], air[:, ~good] = np.nan, np.nan
-        out.append(Felt(f.sweep, share, air))
-    return out
+def _values(values: Floats, chosen: Mask) -> dict[int, float]:
+    return {int(w): float(values[w]) for w in np.flatnonzero(chosen)}
 
 
-def _noisy(felt: list[Felt], dead: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> dict[int, float]:
+def _of_whiskers(felt: list[Felt], good: Mask) -> list[Felt]:
+    """What these whiskers felt, the others unknown."""
+    keep = good[:, None]
+    return [Felt(f.sweep, np.where(keep, f.share, np.nan), np.where(keep, f.air, np.nan)) for f in felt]
+
+
+def _noisy(felt: list[Felt], dead: Mask) -> dict[int, float]:
     """Noise of whiskers that have much more than the others, lifted or touching."""
     found: dict[int, float] = {}
     for rms, least in zip(measures.noises(felt), (NOISY_AIR, NOISY_LAND), strict=True):
@@ -223,44 +224,22 @@ def _of_the_bench(scan: Scan, felt: list[Felt], level: Floats) -> list[Fault]:
     low, high = _land_range(scan.touch)
     share = float(np.median(level))
     if not low - HEIGHT_MARGIN < share < high + HEIGHT_MARGIN:
-        off = abs(share - 1.0) * preload
-        way = "high" if share < 1.0 else "low"
-        found.append(
-            _bench(
-                FaultKind.HEIGHT,
-                f"land gives {100.0 * share:.0f} % of its moment, the stage is about {off:.2f} mm too {way}",
-            )
-        )
+        off, way = abs(share - 1.0) * preload, "high" if share < 1.0 else "low"
+        what = f"land gives {100.0 * share:.0f} % of its moment, the stage is about {off:.2f} mm too {way}"
+        found.append(_bench(FaultKind.HEIGHT, what))
     form = measures.plate_form(felt, preload)
-    rise, sag = (
-        (abs(a), abs(b)) for a, b in ((form.rise_x_mm, form.rise_y_mm), (form.sag_x_mm, form.sag_y_mm))
-    )
-    if max(rise) > TILTED_RISE * preload:
-        axis, mm = max(zip("xy", rise, strict=True), key=lambda pair: pair[1])
-        found.append(
-            _bench(FaultKind.TILTED, f"it rises by {mm:.2f} mm along {axis}, the preload is {preload:.2f} mm")
-        )
-    if max(sag) > BOWED_SAG * preload:
-        axis, mm = max(zip("xy", sag, strict=True), key=lambda pair: pair[1])
-        found.append(
-            _bench(
-                FaultKind.BOWED,
-                f"its middle stands off by {mm:.2f} mm along {axis}, the preload is {preload:.2f} mm",
-            )
-        )
+    rises, sags = (form.rise_x_mm, form.rise_y_mm), (form.sag_x_mm, form.sag_y_mm)
+    for kind, both, limit, words in (
+        (FaultKind.TILTED, rises, TILTED_RISE, "it rises by"),
+        (FaultKind.BOWED, sags, BOWED_SAG, "its middle stands off by"),
+    ):
+        axis, mm = max(zip("xy", map(abs, both), strict=True), key=lambda pair: pair[1])
+        if mm > limit * preload:
+            found.append(_bench(kind, f"{words} {mm:.2f} mm along {axis}, the preload is {preload:.2f} mm"))
     tone = measures.tone(felt, scan.sample_rate_hz)
     if tone.amplitude > TONE_AMPLITUDE and tone.ratio > TONE_RATIO:
-        found.append(
-            _bench(
-                FaultKind.VIBRATION,
-                f"all whiskers swing by {100.0 * tone.amplitude:.1f} % at {tone.hz:.0f} Hz",
-            )
-        )
-    n = spikes_on_land(felt)
-    if n >= FEW_SPIKES:
-        found.append(
-            _bench(FaultKind.SPIKES, f"{n} single samples stand out where there is nothing to be felt")
-        )
+        swing = f"all whiskers swing by {100.0 * tone.amplitude:.1f} % at {tone.hz:.0f} Hz"
+        found.append(_bench(FaultKind.VIBRATION, swing))
     return found
 
 
