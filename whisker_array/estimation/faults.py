@@ -36,6 +36,8 @@ BENT_GAIN = 0.15
 """Off the others: five standard deviations of usual gains."""
 BLUNT, BLUNT_SPREADS, FEWEST_OTHERS = 0.65, 5.0, 3
 """Share of what the others feel of marks, and the others' spreads below it: marks are not alike under all whiskers."""
+ALIKE, ALIKE_BLUNT = 0.01, 0.8
+"""Spread of a test piece with grooves across all whiskers, and the share that says there what it takes 0.65 elsewhere."""
 HEIGHT_MARGIN = 0.2
 """Of the land's moment, beyond what friction may make of it."""
 FRICTIONS = (0.05, 0.6)
@@ -203,7 +205,8 @@ def _blunt(kept: Floats) -> dict[int, float]:
             continue
         middle = float(np.median(others))
         spread = measures.MAD * float(np.median(np.abs(others - middle)))
-        if logs[w] - middle < -max(-np.log(BLUNT), BLUNT_SPREADS * spread):
+        most = ALIKE_BLUNT if spread < ALIKE else BLUNT
+        if logs[w] - middle < -max(-np.log(most), BLUNT_SPREADS * spread):
             found[int(w)] = float(np.exp(logs[w] - middle))
     return found
 
