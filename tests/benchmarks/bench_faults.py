@@ -3,7 +3,7 @@
     python -m tests.benchmarks.bench_faults --parts 120 --faulty 40 --read 20 --start 20
 
 Parts are those of a named exam edition, all its soils and severities, in contact; faults as
-`tests.support.bench_faults` makes them, on whiskers 1 and 3 by turns. A table per size of the fault goes to standard output.
+`tests.support.bench_faults` makes them, on whiskers 1 and 3 by turns. What was named goes to standard output.
 """
 
 from __future__ import annotations

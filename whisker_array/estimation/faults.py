@@ -34,10 +34,10 @@ TIMES_OTHERS = 4.0
 """What a whisker's own noise and steps are above those of the others."""
 BENT_GAIN = 0.15
 """Off the others: five standard deviations of usual gains."""
-BLUNT, BLUNT_SPREADS, FEWEST_OTHERS = 0.65, 5.0, 3
+BLUNT, BLUNT_SPREADS, FEWEST_OTHERS = 0.55, 5.0, 3
 """Share of what the others feel of marks, and the others' spreads below it: marks are not alike under all whiskers."""
 ALIKE, ALIKE_BLUNT = 0.01, 0.8
-"""Spread of a test piece with grooves across all whiskers, and the share that says there what it takes 0.65 elsewhere."""
+"""Spread of a test piece with grooves across all whiskers, and the share that says there what it takes 0.55 elsewhere."""
 HEIGHT_MARGIN = 0.2
 """Of the land's moment, beyond what friction may make of it."""
 FRICTIONS = (0.05, 0.6)

@@ -20,7 +20,7 @@ from whisker_array.whisker.array import default_plan
 from whisker_array.whisker.touch import default_touch
 
 TEXT = "KX407251"
-DEAD = "whisker 1, dead whisker: gives"
+DEAD = "whisker 3, dead whisker: gives"
 
 
 @pytest.fixture(scope="module")
@@ -31,22 +31,16 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=5.0)
     scan = trace_scan(surface, touch=default_touch(5.0), plan=plan, fidelity=Fidelity.POINTWISE)
     for name, fault in (("dead", FaultKind.DEAD), ("sound", None)):
-        save_scan(recorded(scan, rng=np.random.default_rng(0), fault=fault, whisker=1), folder / f"{name}.h5")
+        save_scan(recorded(scan, rng=np.random.default_rng(0), fault=fault, whisker=3), folder / f"{name}.h5")
     return folder
 
 
 def test_inspect_reads_on_and_says_what_to_do(
     recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = [
-        "inspect",
-        str(recordings / "dead.h5"),
-        "--format",
-        "AA999999",
-        "--out",
-        str(tmp_path / "dead.png"),
-    ]
-    assert main(asked) == 0
+    named = ["--format", "AA999999", "--font", "gothic", "--height-mm", "5"]
+    picture = tmp_path / "dead.png"
+    assert main(["inspect", str(recordings / "dead.h5"), *named, "--out", str(picture)]) == 0
     printed = capsys.readouterr().out
     assert TEXT in printed
     assert DEAD in printed

@@ -37,8 +37,8 @@ def reader() -> TactileReader:
     return Reader(format="AA999999").touch
 
 
-def mounted(surface: HeightMap) -> SimulatedSession:
-    return SimulatedSession(
+def mounted(surface: HeightMap, session: type[SimulatedSession] = SimulatedSession) -> SimulatedSession:
+    return session(
         level(surface),
         touch=default_touch(HEIGHT_MM),
         array=WhiskerArray(8, 0.5 * HEIGHT_MM),
@@ -174,9 +174,7 @@ class WithDeadWhisker(SimulatedSession):
 
 
 def test_a_whisker_that_is_dead_is_named() -> None:
-    whole = mounted(part())
-    kept = {name: getattr(whole, name) for name in ("touch", "array", "height_mm", "sample_pitch_mm")}
-    found = ActiveReader(reader()).read(WithDeadWhisker(level(part()), **kept))
+    found = ActiveReader(reader()).read(mounted(part(), WithDeadWhisker))
     assert ReadingFlag.WHISKER_FAULTY in found.reading.flags
     assert any("whisker 2, dead whisker" in message for message in found.reading.messages())
     assert found.reading.text == TEXT
