@@ -37,7 +37,7 @@ BENT_GAIN = 0.15
 BLUNT, BLUNT_SPREADS, FEWEST_OTHERS = 0.55, 5.0, 3
 """Share of what the others feel of marks, and the others' spreads below it: marks are not alike under all whiskers."""
 ALIKE, ALIKE_BLUNT = 0.01, 0.8
-"""Spread of a test piece with grooves across all whiskers, and the share that says there what it takes 0.55 elsewhere."""
+"""Spread on a test piece with grooves across all whiskers, and the share that is enough there."""
 HEIGHT_MARGIN = 0.2
 """Of the land's moment, beyond what friction may make of it."""
 FRICTIONS = (0.05, 0.6)

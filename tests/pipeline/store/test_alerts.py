@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.common.records import PartState, ReviewAction
-from pipeline.store.alerts import BENCH, DRIFT, REJECT_RATE, REVIEW_RATE, clear_at
+from pipeline.store.alerts import DRIFT, REJECT_RATE, REVIEW_RATE, clear_at
 from pipeline.store.store import Store
 from tests.support.store_samples import due, reading, received
 
@@ -113,11 +113,3 @@ def test_a_rate_about_its_limit_does_not_chatter(store: Store) -> None:
         parts(store, good=1 - bad, rejected=bad)
         assert look(store) == [REJECT_RATE]
     assert sent(store) == [(REJECT_RATE, "raised")]
-
-
-def test_a_faulty_bench_is_told_and_cleared(store: Store) -> None:
-    parts(store, good=1)
-    for said, raised in ((None, []), ("spikes: 40", [BENCH]), (None, [BENCH]), ("", [])):
-        store.look_for_alerts(limits=LIMITS, window=WINDOW, drifts={}, bench=said, targets=("webhook",))
-        assert [alert.name for alert in store.alerts()] == raised
-    assert sent(store) == [(BENCH, "raised"), (BENCH, "cleared")]
