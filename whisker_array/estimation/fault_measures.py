@@ -31,6 +31,8 @@ _BESIDE = 2
 """Lines on either side of a border between whiskers."""
 _LEAST_STEPS = 0.3
 """Root sum of squares of the steps along such lines, share of the land: less is no mark."""
+_LEAST_DEPTH = 0.02
+"""Share of the land: a line that is less deep runs beside the strokes that the other meets."""
 _LEAST_HZ = 10.0
 _LOCKED = 0.5
 """Agreement of phases from pass to pass, above which a wave stands on the plate."""
@@ -135,7 +137,7 @@ def edges_kept(felt: list[Felt]) -> Floats:
             if i + 1 < _BESIDE or np.ptp(whisker[before]) or np.ptp(whisker[after]):
                 continue
             (depth0, steps0), (depth1, steps1) = _contrast(marks[before]), _contrast(marks[after])
-            if min(steps0, steps1) < _LEAST_STEPS:
+            if min(steps0, steps1) < _LEAST_STEPS or min(depth0, depth1) < _LEAST_DEPTH:
                 continue
             row = np.zeros(n)
             row[whisker[i + 1]] += 1.0
@@ -150,7 +152,7 @@ def edges_kept(felt: list[Felt]) -> Floats:
 def _contrast(marks: Floats) -> tuple[float, float]:
     """How deep marks are and how much goes on in them, shares of the land."""
     steps = float(np.sqrt(np.nansum(np.diff(marks, axis=1) ** 2)))
-    return max(1e-3, -float(np.nanquantile(marks, 0.02))), steps
+    return -float(np.nanquantile(marks, 0.02)), steps
 
 
 def gains(felt: list[Felt]) -> Floats:

@@ -34,7 +34,7 @@ TIMES_OTHERS = 4.0
 """What a whisker's own noise and steps are above those of the others."""
 BENT_GAIN = 0.15
 """Off the others: five standard deviations of usual gains."""
-BLUNT, BLUNT_SPREADS, FEWEST_OTHERS = 0.55, 5.0, 3
+BLUNT, BLUNT_SPREADS, FEWEST_OTHERS = 0.45, 5.0, 3
 """Share of what the others feel of marks, and the others' spreads below it: marks are not alike under all whiskers."""
 ALIKE, ALIKE_BLUNT = 0.01, 0.8
 """Spread on a test piece with grooves across all whiskers, and the share that is enough there."""
