@@ -33,6 +33,7 @@ def design(
     trade_offs: Annotated[bool, Parameter(negative="--no-trade-offs")] = True,
     out: Path | None = None,
     picture: Path | None = None,
+    drawing: Path | None = None,
     array: Annotated[bool, Parameter(negative="")] = False,
     accuracy: float = 0.98,
     dirt: float = 0.3,
@@ -70,6 +71,8 @@ def design(
         Whisker file to write, .toml, for `scan --whisker`.
     picture
         Picture to write, .png or .pdf.
+    drawing
+        Drawing with dimensions for the workshop to write, .dxf or .svg; needs the extra drawing.
     array
         Choose whiskers, rows, stagger, pitch, speed and plan instead.
     accuracy
@@ -126,6 +129,10 @@ def design(
             from pipeline.plots.pictures import check_picture
 
             check_picture(picture)
+        if drawing is not None:
+            from pipeline.plots.whisker_drawing import check_drawing
+
+            check_drawing(drawing)
         trades: tuple[TradeOff, ...] = ()
         tuned: Tuned | None = None
         if sensitive_to is not None:
@@ -141,6 +148,11 @@ def design(
         if out is not None:
             write_whisker_file(out, _file(made))
             print(f"wrote {out}")
+        if drawing is not None:
+            from pipeline.plots.whisker_drawing import save_drawing
+
+            save_drawing(_file(made), drawing)
+            print(f"wrote {drawing}")
         if picture is not None:
             from pipeline.plots.design_picture import design_figure
             from pipeline.plots.pictures import save_figure

@@ -75,6 +75,11 @@ app.command(
     name="identify",
     help="Find the whisker and bench that made a recording over a test piece.",
 )
+app.command(
+    "pipeline.cli.import_traces:import_traces",
+    name="import",
+    help="Make a scan of traces recorded by others.",
+)
 app.command("pipeline.cli.demo:demo", name="demo", help="Make, scan and read a few parts; start here.")
 app.command("pipeline.cli.figures:figures", name="figures", help="Compute and draw the results of the paper.")
 app.command(

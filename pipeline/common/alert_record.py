@@ -11,7 +11,7 @@ class AlertRecord:
     """Something that has gone wrong, until it is right again.
 
     Attributes:
-        name: reject_rate, review_rate, drift, drift:JOB, golden or golden_overdue.
+        name: reject_rate, review_rate, drift, drift:JOB, bench, golden or golden_overdue.
         part_id: the latest part when it was raised.
         at: when.
         message: what is wrong, for a person.

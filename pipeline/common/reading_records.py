@@ -193,6 +193,7 @@ class ReadingRecord:
         passes: of a part that was felt pass by pass, in their order; boxes and lines share a frame.
         stage_s: stage seconds that they took; None where the part was not felt so.
         stopped: why no more were felt: sure, no gain, budget, all felt, nothing found, stage failed.
+        faults: what the recording says is wrong with whiskers and bench, in words.
     """
 
     source: str
@@ -224,6 +225,7 @@ class ReadingRecord:
     passes: tuple[PassRecord, ...] = ()
     stage_s: float | None = None
     stopped: str = ""
+    faults: tuple[str, ...] = ()
 
     @classmethod
     def failed(cls, part: str, error: str, *, seconds: float = 0.0) -> ReadingRecord:

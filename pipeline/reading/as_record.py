@@ -73,6 +73,8 @@ def reading_record(
         part: its name.
         seconds: it took.
     """
+    from recognition.decision.flags import bench_faults
+
     verification, scaled = reading.trace.verification, reading.scaled
     scan = None if reading.touch is None else reading.touch.trace.scan
     log = None if scan is None else scan.log
@@ -110,6 +112,7 @@ def reading_record(
         passes=() if scan is None or log is None else _passes(log, scan.touch.preload_mm),
         stage_s=None if log is None else round(log.stage_s, 3),
         stopped="" if log is None else log.stopped,
+        faults=() if reading.touch is None else bench_faults(reading.touch.findings),
     )
 
 

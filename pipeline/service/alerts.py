@@ -31,7 +31,7 @@ class AlertWatch:
         settings: ServiceSettings,
         *,
         drifts: Callable[[], Mapping[str, str | None]],
-        golden: Callable[[], Mapping[str, str | None]],
+        others: Callable[[], Mapping[str, str | None]],
         targets: Sequence[str],
         sent: Callable[[], object],
     ) -> None:
@@ -41,11 +41,11 @@ class AlertWatch:
             store: of parts and alerts.
             settings: limits and window.
             drifts: how the parts differ from the certified ones, by job, as `look_for_alerts` has it.
-            golden: what the golden part shows, by the alert's name.
+            others: what the golden part and the bench show, by the alert's name.
             targets: where alerts are sent.
             sent: called when there is something to be sent.
         """
-        self._store, self._drifts, self._golden, self._sent = store, drifts, golden, sent
+        self._store, self._drifts, self._others, self._sent = store, drifts, others, sent
         self._targets = tuple(targets)
         self._limits = {REJECT_RATE: settings.alert_reject_rate, REVIEW_RATE: settings.alert_review_rate}
         self._window = settings.alert_window
@@ -60,7 +60,7 @@ class AlertWatch:
             limits=self._limits,
             window=self._window,
             drifts=self._drifts(),
-            others=self._golden(),
+            others=self._others(),
             targets=self._targets,
         )
         for alert in raised:

@@ -24,6 +24,7 @@ from pipeline.common.serial_rules import SerialRules, read_order
 from pipeline.common.settings import SettingsError
 from pipeline.common.version import program_version
 from pipeline.files.limits import Limits
+from pipeline.reading.bench_watch import ALERT as BENCH_ALERT
 from pipeline.reading.warm_up import warm_up
 from pipeline.service.alerts import AlertWatch
 from pipeline.service.api.export import export_router
@@ -150,6 +151,11 @@ class Service:
             self.metrics.gauge(
                 "drift", "1 while parts are unlike the certified ones.", lambda: float(bool(self.jobs.drift))
             )
+        self.metrics.gauge(
+            "bench_fault",
+            "1 while felt parts show a fault of whiskers or bench.",
+            lambda: float(bool(self.parts.bench.message())),
+        )
         self.golden = GoldenPart(
             self.store, orders, relief=settings.golden, every_h=settings.golden_every_h, line=settings.line
         )
@@ -157,7 +163,7 @@ class Service:
             self.store,
             settings,
             drifts=self.jobs.drifts,
-            golden=self.golden.faults,
+            others=lambda: {**self.golden.faults(), BENCH_ALERT: self.parts.bench.told()},
             targets=tuple(self.ports.senders),
             sent=lambda: self.parts.on_result(),
         )
@@ -325,6 +331,7 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
             "status": "ready",
             **mode,
             **({"drift": service.jobs.drift or "none"} if service.jobs.watched else {}),
+            **({"bench": service.parts.bench.message() or "none"} if service.parts.bench.parts else {}),
         }
 
     @app.get(

@@ -33,6 +33,7 @@ from pipeline.common.records import (
     TouchWait,
 )
 from pipeline.common.serial_rules import SerialRules
+from pipeline.reading.bench_watch import BenchWatch
 from pipeline.reading.part_orders import Done
 from pipeline.reading.triage import compared, state_after
 from pipeline.service.reading_orders import ReadingOrders
@@ -128,6 +129,7 @@ class PartService:
         self._audit, self._readers, self._rules = audit, readers, rules
         self.store, self.evidence, self.orders, self.metrics = store, evidence, orders, metrics
         self.stage, self.camera, self.line = stage, camera, line
+        self.bench = BenchWatch()
         self._targets, self._watch, self._shadow = () if shadow else tuple(targets), watch, shadow
         self.on_result: Callable[[], object] = lambda: None
         self.on_part: Callable[[PartRecord], Awaitable[None]] | None = None
@@ -363,6 +365,8 @@ class PartService:
         for why in () if part.reading is None else part.reading.messages[len(last.messages) :]:
             self.metrics.serial_alarms.inc()
             log.warning("serial alarm", part=part.id, name=part.name, why=why)
+        if last.source != "vision" and self.bench.add(last.faults):
+            log.warning("whiskers or bench faulty", why=self.bench.message())
         watch = self._watch(part.job)
         if watch is not None and watch.add(last.source, done.measures):
             log.warning("parts unlike the certified ones", job=part.job, why=watch.message())

@@ -10,6 +10,7 @@ before giving up; the watch goes on where it has the line.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -24,10 +25,12 @@ from recognition.active.watch import LineWatch, Look
 from recognition.decision.accept import decided_anew
 from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Decision, Reading
-from recognition.senses.touch import TactileReader
+from recognition.senses.touch import TactileReader, bench_findings
 from recognition.views.text_line import TextLine
 from recognition.views.view import felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.faults import find_faults
+from whisker_array.estimation.left_out import without_faulty
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.session import Fitting, StageSession, gathered
@@ -167,6 +170,7 @@ class _Part:
         if self.reading is None or self.looks_since:
             self._look()
             self.reading = self._full()
+        self.reading = self._judged_bench(self.reading)
         if not sure_at_look:
             if (
                 settings.until_sure
@@ -249,6 +253,19 @@ class _Part:
             self.edges, self.scan.touch, relief=relief, about=self.line if self.line is not None else None
         )
         return decided_anew(reading).traced(scan=self.scan)
+
+    def _judged_bench(self, reading: Reading) -> Reading:
+        """The reading with what the passes say of whiskers and bench; read anew without what cannot be used."""
+        if self.scan is None:
+            return reading
+        faults = find_faults(self.scan)
+        usable = without_faulty(self.scan, faults)
+        if usable is not self.scan:
+            self.scan = usable
+            with contextlib.suppress(MapError):
+                self.edges = edge_map(usable, within_mm=self.region)
+                reading = self._full()
+        return reading.found(*bench_findings(faults))
 
     def _note(self, before: int, look: Look | None, thought_s: float) -> None:
         """Write down what is believed after a step, with its last pass."""

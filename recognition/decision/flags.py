@@ -39,6 +39,8 @@ class ReadingFlag(Flag):
     STROKES_MISSING = auto()
     STROKES_UNDECIDED = auto()
     CODE_DISAGREES = auto()
+    WHISKER_FAULTY = auto()
+    BENCH_FAULTY = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -71,6 +73,8 @@ _MESSAGES = {
     ReadingFlag.STROKES_MISSING: "most strokes of a character are missing (clean it and scan it again)",
     ReadingFlag.STROKES_UNDECIDED: "the strokes that tell two characters apart were not felt (clean it)",
     ReadingFlag.CODE_DISAGREES: "a code on the part holds another serial (look at the part)",
+    ReadingFlag.WHISKER_FAULTY: "a whisker is worn, loose or faulty (see to it)",
+    ReadingFlag.BENCH_FAULTY: "something is wrong with the stage, the plate's seat or the wiring (see to it)",
     ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
 }
 MEASURE_FLAGS = (
@@ -91,6 +95,14 @@ class Finding:
 
     flag: ReadingFlag
     text: str
+
+
+BENCH_FLAGS = ReadingFlag.WHISKER_FAULTY | ReadingFlag.BENCH_FAULTY
+
+
+def bench_faults(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """What was found of whiskers and bench, in words."""
+    return tuple(finding.text for finding in findings if finding.flag & BENCH_FLAGS)
 
 
 def flags_of(findings: Iterable[Finding]) -> ReadingFlag:

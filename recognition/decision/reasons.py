@@ -56,7 +56,7 @@ def messages_of(reading: Reading) -> tuple[str, ...]:
     reasons = [words for flag in IMPORTANCE if (words := _words(reading, flag))]
     about_serial = reduce(or_, IMPORTANCE)
     rules = _words(reading, reading.flags & MEASURE_FLAGS)
-    scan = (reading.flags & ~(about_serial | MEASURE_FLAGS)).messages()
+    scan = _words(reading, reading.flags & ~(about_serial | MEASURE_FLAGS))
     named = [text for words in reasons[:MOST_REASONS] for text in words]
     beside = (
         f"another line reads “{line.text}”, which is not what the serial's format allows"

@@ -6,7 +6,7 @@ scan --edge_map, relief--> felt view --LineReader--> line and beliefs --template
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -22,7 +22,7 @@ from recognition.belief.part_lines import PartLines, ReadLine
 from recognition.decision.accept import serial_is_sure
 from recognition.decision.depth import mark_depths
 from recognition.decision.depth_rules import judged_by
-from recognition.decision.flags import ReadingFlag
+from recognition.decision.flags import Finding, ReadingFlag
 from recognition.decision.grading import explained, graded
 from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Decision, Reading, ReadingTrace
@@ -41,6 +41,8 @@ from recognition.views.levelling import level
 from recognition.views.text_line import TextLine
 from recognition.views.view import felt_view, heights_view, relief_of
 from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.faults import Fault, find_faults
+from whisker_array.estimation.left_out import without_faulty
 from whisker_array.estimation.relief import Relief
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.simulation.traces import SampleFlag
@@ -122,8 +124,12 @@ class TactileReader:
         return best if best is not None else _nothing(timer, height_map=levelled)
 
     def read_scan(self, scan: Scan) -> Reading:
-        """Read a recorded or simulated scan."""
-        return self._read(scan, StepTimer())
+        """Read a recorded or simulated scan, without what faults of whiskers and bench make useless; they are named."""
+        timer = StepTimer()
+        with timer.step("faults"):
+            faults = find_faults(scan)
+            usable = without_faulty(scan, faults)
+        return self._read(usable, timer).found(*bench_findings(faults))
 
     def _read(self, scan: Scan, timer: StepTimer) -> Reading:
         with timer.step("edge map"):
@@ -259,6 +265,14 @@ def _scan_flags(scan: Scan) -> ReadingFlag:
         if bad > 0.005 * scan.n_samples:
             flags |= reading
     return flags
+
+
+def bench_findings(faults: Sequence[Fault]) -> tuple[Finding, ...]:
+    """What a recording says of whiskers and bench, as findings of its reading."""
+    return tuple(
+        Finding(ReadingFlag.BENCH_FAULTY if f.whisker is None else ReadingFlag.WHISKER_FAULTY, f.text)
+        for f in faults
+    )
 
 
 def _nothing(timer: StepTimer, flags: ReadingFlag = ReadingFlag.NONE, **trace: Any) -> Reading:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.maps import EdgeMap, MapError, TraceDirection
-from whisker_array.estimation.gridding import SweptLines, common_grid, on_grid
+from whisker_array.estimation.crossed import filled_from_crossed
+from whisker_array.estimation.gridding import SweptLines, common_grid, each_on_grid, on_grid
 from whisker_array.estimation.land import land_coefficients, over_land, whisker_gain, without_drift
 from whisker_array.estimation.registration import registration_mm
 from whisker_array.estimation.steadied import steadied
@@ -29,6 +30,7 @@ UNUSABLE = np.uint8(
     | SampleFlag.OUTSIDE
     | SampleFlag.DROPOUT
     | SampleFlag.NOT_CONVERGED
+    | SampleFlag.FAULTY
 )
 
 
@@ -79,7 +81,11 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
     lines = in_order(
         raw.reshape(-1, shape[2]), sweep.flags.reshape(-1, shape[2]), offset.ravel(), order, lead
     )
-    keep = np.isfinite(lines).any(axis=1)
+    keep = np.asarray(np.isfinite(lines).any(axis=1))
+    # lines of a whisker that is left out stay, unknown: others may have felt what lies under them
+    faulty = (sweep.flags.reshape(-1, shape[2])[order] & np.uint8(SampleFlag.FAULTY)) != 0
+    kept = np.asarray(keep | faulty.all(axis=1))
+    places = place[kept]
     if keep.sum() < 2:
         raise MapError(
             f"no usable samples in the {int(sweep.plan.direction)}° sweep: "
@@ -89,13 +95,24 @@ def land_ratio(scan: Scan, sweep: Sweep, *, ideal: bool = False) -> SweptLines:
         lines, place, whisker = lines[keep], place[keep], whisker[keep]
     position = sweep.plan.position_mm()[lead : shape[2] - lead]
     if ideal:
-        return SweptLines(lines / scan.touch.land_moment_n_mm() - 1.0, place, position, sweep.plan.direction)
+        ratio = lines / scan.touch.land_moment_n_mm() - 1.0
+        return SweptLines(_among(ratio, keep[kept]), places, position, sweep.plan.direction)
     if scan.calibration is None:
         lines /= whisker_gain(lines, whisker)[:, None]
     land = land_coefficients(lines)
     if not np.isfinite(land).all() or not land.any():
         raise MapError(f"the {int(sweep.plan.direction)}° sweep shows no land: every moment is zero")
-    return SweptLines(without_drift(over_land(lines, land)), place, position, sweep.plan.direction)
+    ratio = without_drift(over_land(lines, land))
+    return SweptLines(_among(ratio, keep[kept]), places, position, sweep.plan.direction)
+
+
+def _among(lines: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The lines that are known among those that are not."""
+    if known.all():
+        return lines
+    out = np.full((known.size, lines.shape[1]), np.nan)
+    out[known] = lines
+    return out
 
 
 def in_order(
@@ -135,11 +152,16 @@ def edge_map(
     scan = only(steadied(scan))
     swept = [land_ratio(scan, sweep, ideal=ideal) for sweep in scan.sweeps]
     grid = common_grid(swept, scan.line_pitch_mm, within_mm=within_mm)
-    layers, valid = on_grid(swept, grid)
+    layers, known = each_on_grid(swept, grid)
     if register and not ideal and len(swept) > 1:
         shift = registration_mm(layers, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm)
         if shift:
-            layers, valid = on_grid(swept, grid, shift=shift)
+            layers, known = each_on_grid(swept, grid, shift=shift)
+    if any((s.flags & np.uint8(SampleFlag.FAULTY)).any() for s in scan.sweeps):
+        layers, known = filled_from_crossed(
+            layers, known, scan.directions, touch=scan.touch, pitch_mm=grid.pitch_mm
+        )
+    valid = np.logical_and.reduce(known)
     stack = np.zeros((len(layers), *valid.shape), dtype=np.float32)
     for into, layer in zip(stack, layers, strict=True):
         np.copyto(into, layer, casting="same_kind", where=valid)

@@ -104,14 +104,25 @@ def on_grid(
     *,
     shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
 ) -> tuple[list[Lines], NDArray[np.bool_]]:
-    """A (rows, cols) map of each sweep, and where all of them are valid.
+    """A (rows, cols) map of each sweep, and where all of them are valid; as `each_on_grid`."""
+    layers, known = each_on_grid(swept, grid, shift=shift)
+    return layers, np.logical_and.reduce(known)
+
+
+def each_on_grid(
+    swept: Sequence[SweptLines],
+    grid: PlateGrid,
+    *,
+    shift: Mapping[TraceDirection, tuple[float, float]] | None = None,
+) -> tuple[list[Lines], list[NDArray[np.bool_]]]:
+    """A (rows, cols) map of each sweep, and where each is valid.
 
     Args:
         swept: the sweeps.
         grid: where to.
         shift: plate shift (dx, dy) of directions, mm, as registration finds it.
     """
-    layers, valid = [], np.ones((grid.y_mm.size, grid.x_mm.size), dtype=np.bool_)
+    layers, known = [], []
     for each in swept:
         dx, dy = (shift or {}).get(each.direction, (0.0, 0.0))
         along_x = each.direction.along_x
@@ -122,5 +133,5 @@ def on_grid(
             averaging(each.place_mm + (dy if along_x else dx), pixel_across, grid.pitch_mm),
         )
         layers.append(layer if along_x else layer.T)
-        valid &= good if along_x else good.T
-    return layers, valid
+        known.append(good if along_x else good.T)
+    return layers, known

@@ -32,7 +32,7 @@ from whisker_array.whisker.touch import Touch
 FORMAT = "tactile-marks-scan"
 FORMAT_VERSION = 1
 VOLT = "V"
-_UNIT_N_MM = {"N*mm": 1.0, "mN*m": 1.0, "N*m": 1000.0}
+UNIT_N_MM = {"N*mm": 1.0, "mN*m": 1.0, "N*m": 1000.0}
 _LARGEST_TABLE = 10_000_000
 _DIRECTIONS = tuple(int(d) for d in TraceDirection)
 
@@ -56,8 +56,8 @@ class Recorded(CheckedFile):
         """
         self._check_format()
         units = text_attribute(self.file.attrs, "units", "N*mm")
-        if units not in (*_UNIT_N_MM, VOLT):
-            raise self.fail(f"units are {units!r}", f"use one of {', '.join([*_UNIT_N_MM, VOLT])}")
+        if units not in (*UNIT_N_MM, VOLT):
+            raise self.fail(f"units are {units!r}", f"use one of {', '.join([*UNIT_N_MM, VOLT])}")
         signal = self.dataset("scan/signal", (None, None))
         n_rows, n_channels = signal.shape
         direction = self.numbers("passes/direction_deg", (None,), most=_LARGEST_TABLE)
@@ -71,7 +71,7 @@ class Recorded(CheckedFile):
         pushed = self._pushed(direction.size)
         rate = self.attribute(self.file.attrs, "sampling_rate_hz")
         rows = self._rows(n_rows, direction.size)
-        moment, flags = self._moments(signal, columns, _UNIT_N_MM.get(units, 1.0))
+        moment, flags = self._moments(signal, columns, UNIT_N_MM.get(units, 1.0))
         if calibration is not None and units == VOLT:
             moment = apply_calibration(moment.T, calibration).T
             # the signal is in N mm now; how the gauges creep is still to be known of it
@@ -89,7 +89,7 @@ class Recorded(CheckedFile):
         )
         if GROUP in self.file:
             log, sweeps = read_log(self, sweeps), self._gathered(sweeps)
-        pitch = self.attribute(self.file.attrs, "line_pitch_mm", _line_pitch(sweeps))
+        pitch = self.attribute(self.file.attrs, "line_pitch_mm", line_pitch_of(sweeps))
         try:
             return Scan(
                 sweeps=sweeps,
@@ -324,7 +324,7 @@ class Recorded(CheckedFile):
         return start, step
 
 
-def _line_pitch(sweeps: tuple[Sweep, ...]) -> float:
+def line_pitch_of(sweeps: tuple[Sweep, ...]) -> float:
     """Distance of neighbouring lines of the first sweep."""
     gaps = np.diff(np.unique(np.round(sweeps[0].plan.line_mm, 6)))
     return float(np.median(gaps)) if gaps.size else sweeps[0].plan.step_mm

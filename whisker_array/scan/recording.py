@@ -69,14 +69,22 @@ __all__ = ["FileError", "load_scan", "save_calibration", "save_scan"]
 _CHUNK = 4096
 
 
-def save_scan(scan: Scan, path: str | Path) -> None:
+def save_scan(scan: Scan, path: str | Path, *, volts: bool = False) -> None:
     """Write a scan; the file appears whole or not at all.
+
+    Args:
+        scan: to be written.
+        path: where.
+        volts: its moments are the converter's volts, yet to be calibrated.
 
     Raises:
         FileError: the file cannot be written.
     """
     with _replacing(Path(path)) as temporary, h5py.File(temporary, "w") as file:
         _write(scan, file)
+        if volts:
+            file.attrs["units"] = VOLT
+            file["channels/units"][...] = VOLT
 
 
 def save_calibration(path: str | Path, calibration: Calibration, *, out: str | Path | None = None) -> str:

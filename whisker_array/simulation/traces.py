@@ -27,6 +27,7 @@ class SampleFlag(IntFlag):
     OUTSIDE = 8
     DROPOUT = 16
     NOT_CONVERGED = 32
+    FAULTY = 64
 
     def describe(self) -> str:
         """The message for a person."""
@@ -40,6 +41,7 @@ _MESSAGES = {
     SampleFlag.OUTSIDE: "the trace ran beyond the measured surface",
     SampleFlag.DROPOUT: "the height there is a dropout, filled from around",
     SampleFlag.NOT_CONVERGED: "the contact solver did not settle",
+    SampleFlag.FAULTY: "the whisker or its wiring is faulty there (see what is said of it)",
 }
 
 

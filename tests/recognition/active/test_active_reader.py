@@ -15,6 +15,7 @@ from recognition.active.moves import Way
 from recognition.active.policy import Ladder
 from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch
+from recognition.decision.flags import ReadingFlag
 from recognition.decision.reading import Decision
 from recognition.reader import Reader
 from recognition.senses.touch import TactileReader
@@ -36,8 +37,8 @@ def reader() -> TactileReader:
     return Reader(format="AA999999").touch
 
 
-def mounted(surface: HeightMap) -> SimulatedSession:
-    return SimulatedSession(
+def mounted(surface: HeightMap, session: type[SimulatedSession] = SimulatedSession) -> SimulatedSession:
+    return session(
         level(surface),
         touch=default_touch(HEIGHT_MM),
         array=WhiskerArray(8, 0.5 * HEIGHT_MM),
@@ -160,3 +161,20 @@ def test_a_text_after_others_must_be_surer() -> None:
     assert any("another text was believed before" in message for message in doubted.messages())
     surer = replace(sure, confidence=0.995)
     assert trust.decided(surer) is surer
+
+
+class WithDeadWhisker(SimulatedSession):
+    """One whisker's wire is broken."""
+
+    def feel(self, order: Pass) -> Sweep:
+        sweep = super().feel(order)
+        moment = sweep.moment_n_mm.copy()
+        moment[:, 2] = 0.0
+        return replace(sweep, moment_n_mm=moment)
+
+
+def test_a_whisker_that_is_dead_is_named() -> None:
+    found = ActiveReader(reader()).read(mounted(part(), WithDeadWhisker))
+    assert ReadingFlag.WHISKER_FAULTY in found.reading.flags
+    assert any("whisker 2, dead whisker" in message for message in found.reading.messages())
+    assert found.reading.text == TEXT

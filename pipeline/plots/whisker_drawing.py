@@ -1,0 +1,203 @@
+"""The whisker as a workshop wants it: side view and section to scale, with dimensions, as DXF or SVG.
+
+        |<----------- l1 c ----------->|
+                               ,-'---- o clamp   --- ---
+                        ,-'   beta     . sensor   | l3  |
+   ---  ,-'- - - - - - - - - - - - - - -  ---    ---    | height of the clamp over the land
+l2  |   |                                               |
+   ---  '__________________ land ______________________---
+"""
+
+from __future__ import annotations
+
+import math
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from glyphs.errors import FileError
+from pipeline.common.atomic import check_writable, replacing
+from whisker_array.whisker.sections import Rectangle, Round
+from whisker_array.whisker.shapes import LShaped, Straight
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing
+    from ezdxf.layouts.layout import Modelspace
+
+    from pipeline.files.whisker_file import WhiskerFile
+
+_SUFFIXES = (".dxf", ".svg")
+_SECTION_SCALE = 10.0
+Point = tuple[float, float]
+
+
+def check_drawing(path: Path) -> None:
+    """Refuse, before the work starts, a drawing that could not be written.
+
+    Raises:
+        FileError: unknown suffix, or a place that cannot be written.
+        ModuleNotFoundError: ezdxf is not installed (extra `drawing`).
+    """
+    import_module("ezdxf")
+    if path.suffix.lower() not in _SUFFIXES:
+        raise FileError(path, "is not a drawing that can be made", f"end it in {' or '.join(_SUFFIXES)}")
+    check_writable(path)
+
+
+def save_drawing(whisker: WhiskerFile, path: Path) -> None:
+    """Write the drawing; the file appears whole or not at all.
+
+    Raises:
+        FileError: it cannot be written.
+        ModuleNotFoundError: ezdxf is not installed (extra `drawing`).
+    """
+    check_drawing(path)
+    drawing = whisker_drawing(whisker)
+    with replacing(path) as temporary:
+        if path.suffix.lower() == ".dxf":
+            drawing.saveas(temporary)
+        else:
+            temporary.write_text(_svg(drawing), encoding="utf-8")
+
+
+def whisker_drawing(whisker: WhiskerFile) -> Drawing:
+    """The drawing, in millimetres, land at y = 0, the force-free tip at x = 0.
+
+    The clamp stands where the stage holds it on the land: the free tip would run the preload below it.
+    """
+    from ezdxf import units
+    from ezdxf.filemanagement import new
+
+    shape, touch = whisker.whisker, whisker.touch
+    l1, l2, l3 = _lengths(shape)
+    run, rise = l1 * math.cos(shape.beta_rad), l1 * math.sin(shape.beta_rad)
+    size = 0.04 * l1  # of text: the arm of an L is as short as a tenth of l1
+    drawing = new("R2010", setup=["linetypes", "styles"], units=units.MM)
+    drawing.dimstyles.new(
+        "mm",
+        dxfattribs={
+            "dimtxt": size, "dimasz": 0.6 * size, "dimexo": 0.4 * size, "dimexe": 0.4 * size, "dimgap": 0.3 * size,
+            "dimtad": 1, "dimtih": 0, "dimtoh": 0, "dimdec": 2, "dimadec": 2,
+            "dimdsep": ord("."), "dimzin": 0, "dimazin": 0,
+            "dimtxsty": "OpenSans",
+        },
+    )  # fmt: skip
+    space = drawing.modelspace()
+    tip = (0.0, -touch.preload_mm)
+    elbow = (0.0, tip[1] + l2)
+    clamp, sensor = (run, elbow[1] + rise), (run, elbow[1] + rise - l3)
+    _side_view(space, tip, elbow, clamp, sensor, thickness=_thickness(shape), size=size)
+    far, below = run + 7.0 * size, min(tip[1], 0.0)
+    space.add_linear_dim((0.0, clamp[1] + 4.0 * size), elbow, clamp, dimstyle="mm").render()
+    if l2 > 0.0:
+        _upright(space, -3.0 * size, tip, elbow, "l2", size=size, above=True)
+    if rise > 0.0:
+        space.add_aligned_dim(elbow, clamp, distance=1.8 * size, text="l1 <>", dimstyle="mm").render()
+        space.add_angular_dim_3p(
+            (0.75 * run, elbow[1]), center=elbow, p1=(run, elbow[1]), p2=clamp, text="β <>", dimstyle="mm"
+        ).render()
+        space.add_line(
+            elbow, (0.85 * run, elbow[1]), dxfattribs={"linetype": "DASHDOT", "ltscale": 0.2 * size}
+        )
+    if l3 != 0.0:
+        _upright(space, far, sensor, clamp, "l3", size=size, above=True)
+    _upright(space, far + 4.0 * size, (run, 0.0), clamp, "base", size=size, above=False)
+    _upright(space, -7.0 * size, tip, (0.0, 0.0), "preload", size=size, above=False)
+    notes = _section_view(space, shape, (0.0, below - 9.0 * size), size=size)
+    said = (
+        f"{shape.material.name}, E {shape.material.e_mpa / 1000.0:.0f} GPa",
+        f"tip radius {touch.tip_radius_mm:.3f} mm, preload {touch.preload_mm:.3f} mm below the land",
+        f"characters {whisker.character_height_mm:g} mm, up to {whisker.speed_mm_s:.0f} mm/s, traced to the right",
+        f"dimensions in mm, of the whisker's centre line; section {_SECTION_SCALE:g}:1",
+    )
+    for k, line in enumerate(said):
+        _text(space, line, (notes, below - (6.0 + 1.8 * k) * size), size)
+    return drawing
+
+
+def _lengths(shape: LShaped | Straight) -> tuple[float, float, float]:
+    if isinstance(shape, LShaped):
+        return shape.l1_mm, shape.l2_mm, shape.lowered_mm
+    return shape.length_mm, 0.0, 0.0
+
+
+def _thickness(shape: LShaped | Straight) -> float:
+    section = shape.section
+    if isinstance(section, Rectangle):
+        return section.thickness_mm
+    return section.diameter_mm if isinstance(section, Round) else 0.0
+
+
+def _side_view(
+    space: Modelspace, tip: Point, elbow: Point, clamp: Point, sensor: Point, *, thickness: float, size: float
+) -> None:
+    line = [tip, elbow, clamp] if elbow != tip else [tip, clamp]
+    space.add_lwpolyline(line, dxfattribs={"const_width": thickness})
+    end = clamp[0] + 3.0 * size
+    space.add_line((-2.0 * size, 0.0), (end, 0.0), dxfattribs={"linetype": "CONTINUOUS"})
+    _text(space, "land", (clamp[0] + 0.5 * size, -1.4 * size), size)
+    corners = [
+        (clamp[0], clamp[1] - size), (end, clamp[1] - size), (end, clamp[1] + size), (clamp[0], clamp[1] + size)
+    ]  # fmt: skip
+    space.add_lwpolyline(corners, close=True)
+    hatch = space.add_hatch()
+    hatch.set_pattern_fill("ANSI31", scale=0.08 * size)
+    hatch.paths.add_polyline_path(corners, is_closed=True)
+    if sensor != clamp:
+        space.add_circle(sensor, 0.2 * size)
+        space.add_line(clamp, sensor, dxfattribs={"linetype": "DASHDOT", "ltscale": 0.2 * size})
+
+
+def _section_view(space: Modelspace, shape: LShaped | Straight, at: Point, *, size: float) -> float:
+    """Enlarged, to the right of a point, with the dimensions of the whisker; where the next thing may stand."""
+    section, true_size = shape.section, {"dimlfac": 1.0 / _SECTION_SCALE}
+    if isinstance(section, Rectangle):
+        wide, high = _SECTION_SCALE * section.width_mm, _SECTION_SCALE * section.thickness_mm
+        left, right, low, top = at[0], at[0] + wide, at[1] - 0.5 * high, at[1] + 0.5 * high
+        space.add_lwpolyline([(left, low), (right, low), (right, top), (left, top)], close=True)
+        space.add_linear_dim(
+            (0.0, top + 2.0 * size), (left, top), (right, top), dimstyle="mm", override=true_size
+        ).render()
+        space.add_linear_dim(
+            (left - 2.0 * size, 0.0), (left, low), (left, top), angle=90.0, dimstyle="mm", override=true_size
+        ).render()
+        return right + 3.0 * size
+    if isinstance(section, Round):
+        wide = _SECTION_SCALE * section.diameter_mm
+        space.add_circle((at[0] + 0.5 * wide, at[1]), 0.5 * wide)
+        space.add_linear_dim(
+            (0.0, at[1] + 0.5 * wide + 2.0 * size), at, (at[0] + wide, at[1]),
+            text="⌀ <>", dimstyle="mm", override=true_size,
+        ).render()  # fmt: skip
+        return at[0] + wide + 3.0 * size
+    return at[0]
+
+
+def _upright(
+    space: Modelspace, x: float, low: Point, high: Point, name: str, *, size: float, above: bool
+) -> None:
+    """A height, its words level above or below it: the least of them is shorter than they are."""
+    words = (x, high[1] + 1.2 * size) if above else (x, low[1] - 1.8 * size)
+    space.add_linear_dim(
+        (x, 0.0), low, high, angle=90.0, text=f"{name} <>", location=words, text_rotation=0.0, dimstyle="mm",
+        override={"dimtmove": 2},
+    ).render()  # fmt: skip
+
+
+def _text(space: Modelspace, text: str, at: Point, size: float) -> None:
+    space.add_text(text, height=size, dxfattribs={"style": "OpenSans"}).set_placement(at)
+
+
+def _svg(drawing: Drawing) -> str:
+    """Dark lines on white, one millimetre of the whisker a millimetre and a half of the page."""
+    from ezdxf.addons.drawing import layout
+    from ezdxf.addons.drawing.config import BackgroundPolicy, ColorPolicy, Configuration
+    from ezdxf.addons.drawing.frontend import Frontend
+    from ezdxf.addons.drawing.properties import RenderContext
+    from ezdxf.addons.drawing.svg import SVGBackend
+
+    backend = SVGBackend()
+    config = Configuration(background_policy=BackgroundPolicy.WHITE, color_policy=ColorPolicy.BLACK)
+    Frontend(RenderContext(drawing), backend, config=config).draw_layout(drawing.modelspace())
+    page = layout.Page(0, 0, layout.Units.mm, margins=layout.Margins.all(5))
+    return str(backend.get_string(page, settings=layout.Settings(scale=3.0)))

@@ -1,0 +1,102 @@
+"""How often faults of whiskers and bench are named, false alarms, and what is read with a dead whisker.
+
+    python -m tests.benchmarks.bench_faults --parts 120 --faulty 40 --read 20 --start 20
+
+Parts are those of a named exam edition, all its soils and severities, in contact; faults as
+`tests.support.bench_faults` makes them, on whiskers 1 and 3 by turns. What was named goes to standard output.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+
+import numpy as np
+
+from pipeline.benchmark.exam.designed_parts import DesignedParts
+from pipeline.benchmark.exam.editions import design_named
+from pipeline.benchmark.exam.specimens import Specimen
+from pipeline.common.shares import share
+from recognition.senses.settings import ReaderSettings
+from recognition.senses.step_timer import StepTimer
+from recognition.senses.touch import TactileReader
+from recognition.views.levelling import level
+from tests.support.bench_faults import recorded, with_whisker_of, worn
+from whisker_array.estimation.faults import FaultKind, find_faults
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import Touch, default_touch
+
+WORN_RADII = 6.0
+"""Radius of a worn tip over a new one's, which is 0.06 mm at characters of 5 mm."""
+
+
+def felt(part: Specimen, touch: Touch) -> Scan:
+    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=part.height_mm or 5.0)
+    return trace_scan(level(part.height_map), touch=touch, plan=plan, soil=part.soil)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name, default in (("parts", 60), ("faulty", 20), ("read", 10), ("start", 20)):
+        parser.add_argument(f"--{name}", type=int, default=default)
+    parser.add_argument("--sizes", type=float, nargs="+", default=[1.0, 0.5])
+    asked = parser.parse_args()
+    parts = DesignedParts(design_named("marks-exam-1"))
+    items = [one for one in parts.items() if int(one.part[-4:]) >= asked.start]
+    items = items[:: max(1, len(items) // asked.parts)][: asked.parts]
+    alarms: Counter[str] = Counter()
+    named: Counter[tuple[float, FaultKind]] = Counter()
+    besides: dict[tuple[float, FaultKind], Counter[str]] = {}
+    right: Counter[str] = Counter()
+    faulty = set(range(0, len(items), max(1, len(items) // asked.faulty)))
+    n_read = 0
+    for i, item in enumerate(items):
+        part = parts.make(item)
+        touch = default_touch(part.height_mm or 5.0)
+        sound = felt(part, touch)
+        found = find_faults(recorded(sound, rng=np.random.default_rng(i)))
+        alarms.update({"any": bool(found), **dict.fromkeys({f.kind.value for f in found}, 1)})
+        if i not in faulty:
+            continue
+        whisker = 1 + 2 * (i % 2)
+        for size in asked.sizes:
+            for kind in FaultKind:
+                ideal, fault = sound, kind
+                if kind is FaultKind.WORN:
+                    radius = touch.tip_radius_mm * (1.0 + (WORN_RADII - 1.0) * size)
+                    ideal = with_whisker_of(
+                        sound,
+                        felt(part, worn(touch, radius_mm=radius, shorter_mm=0.02 * touch.preload_mm)),
+                        whisker,
+                    )
+                scan = recorded(ideal, rng=np.random.default_rng(i), fault=fault, whisker=whisker, size=size)
+                told = find_faults(scan)
+                hit = [f for f in told if f.kind is kind and f.whisker in (None, whisker)]
+                named[size, kind] += bool(hit)
+                besides.setdefault((size, kind), Counter()).update(
+                    {f.kind.value for f in told if f not in hit}
+                )
+        if n_read < asked.read and item.condition.severity <= 0.3:
+            n_read += 1
+            reader = TactileReader(ReaderSettings(format=item.condition.format))
+            dead = recorded(sound, rng=np.random.default_rng(i), fault=FaultKind.DEAD, whisker=whisker)
+            whole = recorded(sound, rng=np.random.default_rng(i))
+            right["sound"] += reader.read_scan(whole).text == part.truth
+            right["dead, left out"] += reader.read_scan(dead).text == part.truth
+            right["dead, as felt"] += reader._read(dead, StepTimer()).text == part.truth
+    print(f"sound recordings with an alarm: {_said(alarms['any'], len(items))} {dict(alarms)}")
+    for (size, kind), n in named.items():
+        print(
+            f"{kind.value:14s} x {size:g}: named {_said(n, len(faulty))}; besides {dict(besides[size, kind])}"
+        )
+    print(f"serials right of {n_read} at dirt 0 and 0.3: {dict(right)}")
+
+
+def _said(count: int, total: int) -> str:
+    found = share(count, total)
+    return f"{count} of {total} ({100.0 * found.low:.0f} to {100.0 * found.high:.0f} %)"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,108 @@
+"""The drawing for the workshop: what its dimensions say is the whisker, in either format."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from glyphs.errors import FileError
+from pipeline.cli.main import main
+from pipeline.files.whisker_file import WhiskerFile
+from whisker_array.whisker.sections import Rectangle, Round
+from whisker_array.whisker.shapes import LShaped, Straight
+from whisker_array.whisker.touch import Touch
+
+ezdxf = pytest.importorskip("ezdxf")
+ASKED = [
+    "design",
+    "--alpha",
+    "30:60",
+    "--mu",
+    "0.1:0.5",
+    "--depth-mm",
+    "0.2",
+    "--height-mm",
+    "5",
+    "--no-trade-offs",
+]
+
+
+def used(shape: LShaped | Straight) -> WhiskerFile:
+    touch = Touch(tip=shape.tip_model(), preload_mm=0.6, tip_radius_mm=0.05, friction=0.2)
+    return WhiskerFile(shape, touch, 5.0, 0.125, 0.0625, 50.0)
+
+
+L = LShaped(30.0, 2.5, 2.0, math.radians(20.0), Rectangle(0.2, 1.0))
+RISE = 30.0 * math.sin(math.radians(20.0))
+
+
+@pytest.mark.parametrize(
+    ("shape", "lengths", "angles"),
+    [
+        (L, {30.0 * math.cos(math.radians(20.0)), 2.5, 2.0, 30.0, 2.5 - 0.6 + RISE, 0.6, 0.2, 1.0}, {20.0}),
+        (LShaped(30.0, 2.5, 0.0, 0.0, Round(0.3)), {30.0, 2.5, 1.9, 0.6, 0.3}, set()),
+        (
+            Straight(40.0, math.radians(30.0), Round(0.3)),
+            {40.0 * math.cos(math.pi / 6), 40.0, 19.4, 0.6, 0.3},
+            {30.0},
+        ),
+    ],
+)
+def test_the_dimensions_are_the_whiskers(
+    tmp_path: Path, shape: LShaped | Straight, lengths: set[float], angles: set[float]
+) -> None:
+    from pipeline.plots.whisker_drawing import save_drawing
+
+    path = tmp_path / "whisker.dxf"
+    save_drawing(used(shape), path)
+    drawing = ezdxf.readfile(path)
+    assert not drawing.audit().errors
+    assert drawing.units == ezdxf.units.MM
+    found: dict[bool, list[float]] = {False: [], True: []}
+    for dimension in drawing.modelspace().query("DIMENSION"):
+        factor = dimension.override().get("dimlfac", 1.0)
+        angular = dimension.dimtype == 5
+        found[angular].append(dimension.get_measurement() * (1.0 if angular else factor))
+    assert sorted(found[False]) == pytest.approx(sorted(lengths), abs=1e-9)
+    assert sorted(found[True]) == pytest.approx(sorted(angles), abs=1e-9)
+    # the whisker itself, from free tip to clamp, is drawn in millimetres
+    (line,) = [
+        p for p in drawing.modelspace().query("LWPOLYLINE") if p.dxf.hasattr("const_width") and not p.closed
+    ]
+    drawn = [(p[0], p[1]) for p in line.get_points()]
+    assert sum(math.dist(a, b) for a, b in itertools.pairwise(drawn)) == pytest.approx(
+        sum(math.dist(s.start_mm, s.end_mm) for s in shape.segments())
+    )
+
+
+def test_the_command_draws_both_and_refuses_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "whisker.svg"
+    assert main([*ASKED, "--drawing", str(path)]) == 0
+    assert f"wrote {path}" in capsys.readouterr().out
+    text = path.read_text(encoding="utf-8")
+    assert re.search(r"<svg [^>]*width=\"[\d.]+mm\"", text)
+    assert text.count("<path") > 20
+    assert main([*ASKED, "--drawing", str(tmp_path / "whisker.png")]) == 1
+    assert "is not a drawing that can be made; end it in .dxf or .svg" in capsys.readouterr().err
+
+
+def test_without_the_library_the_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    assert main([*ASKED, "--drawing", str(tmp_path / "whisker.dxf")]) == 2
+    assert "pip install 'tactile-marks[drawing]'" in capsys.readouterr().err
+
+
+def test_a_folder_that_is_not_there_is_said_before_the_work(tmp_path: Path) -> None:
+    from pipeline.plots.whisker_drawing import check_drawing
+
+    with pytest.raises(FileError):
+        check_drawing(tmp_path / "none" / "whisker.dxf")

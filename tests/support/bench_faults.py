@@ -1,0 +1,148 @@
+"""Recordings of a bench on which something is wrong, made from sound ones: what each fault does to the true moment.
+
+A change of height by s, d0 the preload, adds s / d0 of the land's moment, as eq. (7) has it on land and floors. A worn
+tip is felt anew: a ball of a larger radius, on an arm that is shorter by what was worn off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whisker_array.estimation.faults import FaultKind
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.scan import Scan
+from whisker_array.scan.sensor import draw_sensor_chain, measure
+from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.touch import Touch
+
+Floats = NDArray[np.float64]
+AIR = 16
+RANGE_LAND_MOMENTS = 3.0
+
+
+def worn(touch: Touch, *, radius_mm: float, shorter_mm: float) -> Touch:
+    """A whisker whose tip is worn: rounder, and by so much shorter that it presses less."""
+    return replace(touch, tip_radius_mm=radius_mm, preload_mm=touch.preload_mm - shorter_mm)
+
+
+def with_whisker_of(scan: Scan, other: Scan, whisker: int) -> Scan:
+    """The scan, one of its whiskers from another scan of the same plan."""
+    sweeps = []
+    for own, new in zip(scan.sweeps, other.sweeps, strict=True):
+        moment, flags = own.moment_n_mm.copy(), own.flags.copy()
+        moment[:, whisker], flags[:, whisker] = new.moment_n_mm[:, whisker], new.flags[:, whisker]
+        sweeps.append(replace(own, moment_n_mm=moment, flags=flags))
+    return replace(scan, sweeps=tuple(sweeps))
+
+
+def recorded(
+    ideal: Scan,
+    *,
+    rng: np.random.Generator,
+    fault: FaultKind | None = None,
+    whisker: int = 2,
+    size: float = 1.0,
+) -> Scan:
+    """What sensors as from the bench make of an ideal scan, with a fault of a usual size or of that times `size`."""
+    land = ideal.touch.land_moment_n_mm()
+    chain = draw_sensor_chain(ideal.n_whiskers, rng=rng, full_scale_n_mm=RANGE_LAND_MOMENTS * abs(land))
+    sweeps, at_s = [], 0.0
+    for sweep in ideal.sweeps:
+        behind = _time_s(sweep, ideal.sample_rate_hz, at_s, rng)
+        at_s = float(behind[-1, -1])
+        moment = np.concatenate(
+            [np.zeros((*sweep.moment_n_mm.shape[:2], AIR)), np.nan_to_num(sweep.moment_n_mm)], axis=2
+        )
+        touching = np.arange(moment.shape[2]) >= AIR
+        if fault in _BEFORE:
+            moment = _BEFORE[fault](moment, sweep, behind, land, whisker, size, rng) * touching
+            # less than none is lost contact
+            moment = np.where(moment * land > 0.0, moment, 0.0)
+        raw, clipped = measure(moment, chain=chain, sample_rate_hz=ideal.sample_rate_hz, rng=rng)
+        if fault in _AFTER:
+            raw = _AFTER[fault](raw.astype(np.float64), sweep, behind, land, whisker, size, rng).astype(
+                np.float32
+            )
+        flags = sweep.flags | np.where(clipped[..., AIR:], np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
+        sweeps.append(replace(sweep, moment_n_mm=raw[..., AIR:], air_n_mm=raw[..., :AIR], flags=flags))
+    return replace(ideal, sweeps=tuple(sweeps))
+
+
+def _time_s(sweep: Sweep, rate_hz: float, start_s: float, rng: np.random.Generator) -> Floats:
+    """(passes, air and touching samples): a pass takes its samples, and a turnaround of a quarter second or so."""
+    passes, n = sweep.moment_n_mm.shape[0], sweep.plan.n_samples + AIR
+    begin = start_s + np.cumsum(n / rate_hz + rng.uniform(0.2, 0.3, passes))
+    return begin[:, None] + np.arange(n) / rate_hz
+
+
+Change = Callable[[Floats, Sweep, Floats, float, int, float, np.random.Generator], Floats]
+
+
+def _of_one(change: Change) -> Change:
+    def changed(
+        m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
+    ) -> Floats:
+        m = m.copy()
+        m[:, w] = change(m[:, w], sweep, t, land, w, size, rng)
+        return m
+
+    return changed
+
+
+def _places(sweep: Sweep) -> tuple[Floats, Floats]:
+    """(passes, whiskers, samples) along and across, each from -1 to 1 over what was felt; air stands at the start."""
+    along = np.r_[np.full(AIR, -1.0), np.linspace(-1.0, 1.0, sweep.plan.n_samples)]
+    along = -along if sweep.plan.direction.backward else along
+    line = sweep.plan.line_mm
+    felt = (sweep.flags == 0).mean(axis=2) > 0.5
+    low, high = line[felt].min(), line[felt].max()
+    across = 2.0 * (line - low) / (high - low) - 1.0
+    shape = (*line.shape, along.size)
+    return np.broadcast_to(along, shape), np.broadcast_to(across[..., None], shape)
+
+
+def _tilted(
+    m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
+) -> Floats:
+    along, across = _places(sweep)
+    return m + 0.3 * size * land * (along if sweep.plan.direction.along_x else across)
+
+
+def _bowed(
+    m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
+) -> Floats:
+    along, across = _places(sweep)
+    return m + 0.3 * size * land * (0.5 - (along if sweep.plan.direction.along_x else across) ** 2)
+
+
+def _spiked(
+    m: Floats, sweep: Sweep, t: Floats, land: float, w: int, size: float, rng: np.random.Generator
+) -> Floats:
+    """On a whisker at a time, one sample in a thousand, of either sign."""
+    hit = rng.random(m.shape) < 1e-3
+    return m + hit * rng.choice([-1.0, 1.0], m.shape) * rng.uniform(0.2, 0.8, m.shape) * size * abs(land)
+
+
+_BEFORE: dict[FaultKind | None, Change] = {
+    FaultKind.DEAD: _of_one(lambda m, *_: 0.0 * m),
+    FaultKind.BENT: _of_one(lambda m, s, t, land, w, size, rng: m - 0.3 * size * land),
+    FaultKind.LOOSE: _of_one(
+        lambda m, s, t, land, w, size, rng: m + 0.1 * size * land * rng.standard_normal((m.shape[0], 1))
+    ),
+    FaultKind.HEIGHT: lambda m, s, t, land, w, size, rng: m - 0.5 * size * land,
+    FaultKind.TILTED: _tilted,
+    FaultKind.BOWED: _bowed,
+    FaultKind.VIBRATION: lambda m, s, t, land, w, size, rng: (
+        m * (1.0 + 0.03 * size * np.sin(2.0 * np.pi * 50.0 * t))[:, None]
+    ),
+}
+_AFTER: dict[FaultKind | None, Change] = {
+    FaultKind.NOISY: _of_one(
+        lambda m, s, t, land, w, size, rng: m + 0.05 * size * abs(land) * rng.standard_normal(m.shape)
+    ),
+    FaultKind.SPIKES: _spiked,
+}

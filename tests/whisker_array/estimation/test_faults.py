@@ -1,0 +1,140 @@
+"""Faults of whiskers and bench: each is named, sound recordings are left alone, lines left out are felt crosswise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from glyphs.fonts.outlines import load_font
+from glyphs.stamping.die import default_die
+from glyphs.stamping.stamp import stamp_line
+from glyphs.surface.maps import TraceDirection
+from tests.factories import extruded
+from tests.support.bench_faults import recorded, with_whisker_of, worn
+from whisker_array.estimation.edges import edge_map
+from whisker_array.estimation.faults import Fault, FaultKind, find_faults
+from whisker_array.estimation.left_out import without_faulty
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.simulation.traces import Fidelity, SampleFlag
+from whisker_array.whisker.array import default_plan
+from whisker_array.whisker.touch import Touch, default_touch
+
+TOUCH = default_touch(5.0)
+OF_ONE = (FaultKind.DEAD, FaultKind.NOISY, FaultKind.LOOSE, FaultKind.BENT, FaultKind.WORN)
+
+
+def felt(touch: Touch) -> Scan:
+    font = load_font("gothic")
+    die, rng = default_die(5.0, font=font), np.random.default_rng(0)
+    surface = stamp_line("AB47", font, die, height_mm=5.0, rng=rng).height_map
+    plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=5.0)
+    return trace_scan(surface, touch=touch, plan=plan, fidelity=Fidelity.POINTWISE)
+
+
+@pytest.fixture(scope="module")
+def ideal() -> Scan:
+    return felt(TOUCH)
+
+
+def faulty(ideal: Scan, kind: FaultKind | None, *, whisker: int = 1, seed: int = 0) -> Scan:
+    return recorded(ideal, rng=np.random.default_rng(seed), fault=kind, whisker=whisker)
+
+
+@pytest.mark.parametrize("kind", [k for k in FaultKind if k is not FaultKind.WORN])
+def test_each_fault_is_named_with_its_whisker_and_nothing_else_is(ideal: Scan, kind: FaultKind) -> None:
+    found = find_faults(faulty(ideal, kind))
+    assert [(f.kind, f.whisker) for f in found] == [(kind, 1 if kind in OF_ONE else None)]
+    assert kind.value in found[0].text
+    assert found[0].text.endswith(f"({kind.hint})")
+
+
+def on_grooves(touch: Touch) -> Scan:
+    """A test piece: grooves 0.6 mm wide and 0.3 deep, across all whiskers."""
+    x = np.arange(0.0, 20.0, 0.03)
+    groove = -0.3 * np.clip(2.0 - np.abs((x % 5.0) - 2.5) / 0.15, 0.0, 1.0)
+    surface = extruded(groove, rows=667, pitch_mm=0.03)
+    plan = default_plan((0.0, 0.0, *surface.size_mm), character_height_mm=5.0)
+    plan = replace(plan, directions=(TraceDirection.FORWARD_X, TraceDirection.BACK_X))
+    return trace_scan(surface, touch=touch, plan=plan, fidelity=Fidelity.POINTWISE)
+
+
+def test_a_worn_tip_is_named_on_a_test_piece_that_is_alike_under_all_whiskers() -> None:
+    new = on_grooves(TOUCH)
+    assert find_faults(faulty(new, None)) == ()
+    blunt = on_grooves(worn(TOUCH, radius_mm=0.3, shorter_mm=0.02))
+    (fault,) = find_faults(faulty(with_whisker_of(new, blunt, 2), None))
+    assert (fault.kind, fault.whisker) == (FaultKind.WORN, 2)
+    assert "look at its tip" in fault.text
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sound_recordings_are_left_alone(ideal: Scan, seed: int) -> None:
+    scan = faulty(ideal, None, seed=seed)
+    assert find_faults(scan) == ()
+    assert without_faulty(scan, ()) is scan
+
+
+def test_a_stage_too_high_is_not_eight_dead_whiskers(ideal: Scan) -> None:
+    silent = recorded(ideal, rng=np.random.default_rng(0), fault=FaultKind.HEIGHT, size=1.9)
+    (fault,) = find_faults(silent)
+    assert fault.kind is FaultKind.HEIGHT
+    assert "hardly touch" in fault.text
+
+
+def test_the_vibration_is_named_by_its_frequency(ideal: Scan) -> None:
+    (fault,) = find_faults(faulty(ideal, FaultKind.VIBRATION))
+    hz = float(fault.text.partition(" at ")[2].partition(" Hz")[0])
+    # a pass of half a second tells frequencies 2 Hz apart
+    assert hz == pytest.approx(50.0, abs=2.0)
+
+
+def test_the_height_that_is_wrong_is_told_in_millimetres(ideal: Scan) -> None:
+    (fault,) = find_faults(faulty(ideal, FaultKind.HEIGHT))
+    off = float(fault.text.partition("about ")[2].partition(" mm")[0])
+    assert off == pytest.approx(0.5 * TOUCH.preload_mm, rel=0.1)  # gains of the whiskers are 3 % wrong
+    assert "too high" in fault.text
+
+
+def test_what_a_dead_whisker_would_have_felt_is_taken_from_crossing_passes(ideal: Scan) -> None:
+    """Against the same recording with all whiskers alive, under the dead one's lines and where no lines cross."""
+    dead = faulty(ideal, FaultKind.DEAD)
+    usable = without_faulty(dead, find_faults(dead))
+    for sweep in usable.sweeps:
+        assert (sweep.flags[:, 1] & SampleFlag.FAULTY == SampleFlag.FAULTY).all()
+        assert not (np.delete(sweep.flags, 1, axis=1) & SampleFlag.FAULTY).any()
+    whole, left, hurt = edge_map(faulty(ideal, None)), edge_map(usable), edge_map(dead)
+    assert left.shape == whole.shape
+    assert left.origin_mm == pytest.approx(whole.origin_mm)
+    # known is all but where the dead whisker's own lines cross one another, 5 mm each way
+    rows, cols = whole.shape
+    lost = (5.0 / whole.pitch_mm + 1) ** 2
+    assert whole.valid.mean() - left.valid.mean() < 1.1 * lost / (rows * cols)
+    under = np.zeros(whole.shape, dtype=bool)
+    under[round(5.2 / whole.pitch_mm) : round(9.8 / whole.pitch_mm)] = True
+    under &= left.valid & whole.valid
+    ahead = whole.directions.index(TraceDirection.FORWARD_X)
+    truth = whole.enhancement[ahead][under]
+    assert np.corrcoef(truth, left.enhancement[ahead][under])[0, 1] > 0.9
+    assert abs(np.corrcoef(truth, hurt.enhancement[ahead][under])[0, 1]) < 0.5
+
+
+def test_spikes_are_left_out_sample_by_sample(ideal: Scan) -> None:
+    spiked = faulty(ideal, FaultKind.SPIKES)
+    usable = without_faulty(spiked, find_faults(spiked))
+    flagged = np.concatenate([(s.flags & SampleFlag.FAULTY != 0).ravel() for s in usable.sweeps])
+    assert 3e-4 < flagged.mean() < 3e-3  # one in a thousand was made
+    sound = edge_map(faulty(ideal, None)).enhancement
+    far = [np.abs(edge_map(one).enhancement - sound).max() for one in (spiked, usable)]
+    assert far[1] < 0.5 * far[0]
+
+
+def test_few_directions_leave_lines_out_without_inventing_them(ideal: Scan) -> None:
+    dead = faulty(ideal, FaultKind.DEAD)
+    along = replace(dead, sweeps=tuple(s for s in dead.sweeps if s.plan.direction.along_x))
+    usable = without_faulty(along, [Fault(FaultKind.DEAD, "", 1)])
+    left = edge_map(usable)
+    unknown = ~left.valid.any(axis=1)
+    assert unknown.sum() * left.pitch_mm == pytest.approx(5.0, abs=0.5)  # the lines of one whisker
+    assert (left.enhancement[:, unknown] == 0.0).all()

@@ -1,0 +1,91 @@
+"""Where a whisker is left out: what it would have felt, from the passes that cross its lines.
+
+x passes  -->  ====xxxxxxx====    xxxx: under the faulty whisker
+y passes   |   height h from both ways of y, which other whiskers felt there
+           v   slope along x = dh/dx, and (16) says m / m_land = (1 + h/d0) F(slope, mu)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.errors import MarksError
+from glyphs.surface.maps import EdgeMap, TraceDirection
+from whisker_array.estimation.estimate import is_profiler, moment_per_lift
+from whisker_array.estimation.relief import relief_from_edges
+from whisker_array.whisker.touch import Touch
+
+Layer = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+_PAIRS = (
+    (TraceDirection.FORWARD_X, TraceDirection.BACK_X),
+    (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y),
+)
+
+
+def filled_from_crossed(
+    layers: Sequence[Layer],
+    known: Sequence[Mask],
+    directions: tuple[TraceDirection, ...],
+    *,
+    touch: Touch,
+    pitch_mm: float,
+) -> tuple[list[Layer], list[Mask]]:
+    """The layers with what is not known of one pair of directions taken from the pair that crosses it.
+
+    Where neither is known, or the other pair was not felt, all stays as it is.
+
+    Args:
+        layers: (rows, cols) enhancement of each direction.
+        known: where.
+        directions: of the layers.
+        touch: how they were felt; a profiler's passes say nothing that the crossing ones do not.
+        pitch_mm: of the grid.
+    """
+    layers, known = list(layers), list(known)
+    at = {direction: k for k, direction in enumerate(directions)}
+    felt = [one.copy() for one in known]
+    for axis, pair in enumerate(_PAIRS):
+        other = _PAIRS[1 - axis]
+        if not all(d in at for d in (*pair, *other)):
+            continue
+        crossing = [at[d] for d in other]
+        sure = felt[crossing[0]] & felt[crossing[1]]
+        try:
+            height = _height_mm([layers[k] for k in crossing], other, sure, touch, pitch_mm)
+        except MarksError:
+            continue
+        slope = np.gradient(height, pitch_mm, axis=1 - axis)
+        for direction in pair:
+            k = at[direction]
+            expected = _expected(height, -slope if direction.backward else slope, touch)
+            take = sure & ~felt[k] & np.isfinite(expected)
+            layers[k] = np.where(take, expected, layers[k])
+            known[k] = known[k] | take
+    return layers, known
+
+
+def _height_mm(
+    layers: list[Layer], directions: tuple[TraceDirection, ...], sure: Mask, touch: Touch, pitch_mm: float
+) -> Layer:
+    """Height as the crossing passes felt it, NaN where they did not."""
+    edges = EdgeMap(
+        enhancement=np.stack([np.where(sure, layer, 0.0) for layer in layers]).astype(np.float32),
+        directions=directions,
+        valid=sure,
+        pitch_mm=pitch_mm,
+    )
+    return relief_from_edges(edges, touch).height_mm.astype(np.float64)
+
+
+def _expected(height_mm: Layer, slope: Layer, touch: Touch) -> Layer:
+    """Enhancement of a pass that meets this height and slope: eq. (16), at the nominal friction."""
+    lift = 1.0 + height_mm / touch.preload_mm
+    if is_profiler(touch.tip):
+        return lift - 1.0
+    phi = np.arctan(touch.friction)
+    land = float(moment_per_lift(phi, touch.tip))
+    return np.asarray(lift * moment_per_lift(np.arctan(slope) + phi, touch.tip) / land - 1.0)

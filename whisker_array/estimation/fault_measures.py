@@ -1,0 +1,288 @@
+"""What a recording says of each whisker and of the bench: levels, noise, steps, sharpness, form, lines of a spectrum.
+
+    moment |      air | lead-in |   marks    | lead-out       level     land over what the whisker model expects
+           |          |_____ ___|__   __   __|_______         noise     what does not repeat from sample to sample
+           |__________|     '      \\_/  \\_/                  wander    steps of the lead-in from pass to pass
+           +---------------------------------------> t        gain, edges of a whisker over those of its neighbour
+
+All are shares of the land's moment, lengths aside. Marks hardly differ from one pass to the next beside it; what does
+is the bench's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
+from whisker_array.estimation.land import whisker_gain
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.scan import Scan
+
+Floats = NDArray[np.float64]
+MAD = 1.4826
+"""From a median of deviations to a standard deviation."""
+_FEW = 200
+"""Samples below which a whisker says nothing."""
+_BESIDE = 2
+"""Lines on either side of a border between whiskers."""
+_LEAST_STEPS = 0.3
+"""Root sum of squares of the steps along such lines, share of the land: less is no mark."""
+_LEAST_DEPTH = 0.02
+"""Share of the land: a line that is less deep runs beside the strokes that the other meets."""
+_LEAST_HZ = 10.0
+_LOCKED = 0.5
+"""Agreement of phases from pass to pass, above which a wave stands on the plate."""
+
+
+@dataclass(frozen=True, eq=False)
+class Felt:
+    """The dragged passes of one direction as shares of the land's moment, NaN where not usable.
+
+    Attributes:
+        sweep: as recorded.
+        share: (passes, whiskers, samples).
+        air: (passes, whiskers, air samples), each pass about its median.
+    """
+
+    sweep: Sweep
+    share: Floats
+    air: Floats
+
+    __repr__ = one_line
+
+
+def felt_shares(scan: Scan) -> list[Felt]:
+    """The dragged sweeps of a scan of one kind of whisker."""
+    land, found = scan.touch.land_moment_n_mm(), []
+    for sweep in (s for s in scan.sweeps if not s.plan.pushed):
+        share = calibrated_moments(scan, sweep) / land
+        share[(sweep.flags & UNUSABLE) != 0] = np.nan
+        air = sweep.air_n_mm.astype(np.float64) / land
+        if scan.calibration is not None:
+            air /= scan.calibration.gain[:, None]
+        if air.shape[2]:
+            air -= np.median(air, axis=2, keepdims=True)
+        found.append(Felt(sweep, share, air))
+    return found
+
+
+def levels(felt: list[Felt]) -> Floats:
+    """(whiskers,) median of all that a whisker felt; NaN where it was hardly on the part."""
+    return np.array([_median(values) for values in _of_whiskers([f.share for f in felt])])
+
+
+def _of_whiskers(stacks: list[Floats]) -> list[Floats]:
+    return [np.concatenate([s[:, w].ravel() for s in stacks]) for w in range(stacks[0].shape[1])]
+
+
+def _median(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size >= _FEW else float("nan")
+
+
+def noises(felt: list[Felt]) -> tuple[Floats, Floats]:
+    """(whiskers,) rms of what is new in each sample, lifted and touching; NaN where there are too few samples."""
+    return tuple(  # type: ignore[return-value]  # two of them
+        np.array(
+            [
+                MAD * _median(np.abs(v)) / np.sqrt(6.0)
+                for v in _of_whiskers([np.diff(s, n=2, axis=2) for s in stacks])
+            ]
+        )
+        if stacks[0].shape[2] > 2
+        else np.full(stacks[0].shape[1], np.nan)
+        for stacks in ([f.air for f in felt], [f.share for f in felt])
+    )
+
+
+def wander(felt: list[Felt]) -> Floats:
+    """(whiskers,) rms step of the lead-in's level from a pass to the one beside it."""
+    steps: list[Floats] = []
+    for f in felt:
+        n = f.sweep.plan.n_lead or f.share.shape[2] // 8
+        lead = f.share[:, :, :n]
+        known = np.isfinite(lead).sum(axis=2) > n // 2
+        level = np.full(known.shape, np.nan)
+        level[known] = np.nanmedian(lead[known], axis=1)
+        order = np.argsort(f.sweep.plan.line_mm[:, 0], kind="stable")
+        steps.append(np.diff(level[order], axis=0))
+    joined = np.concatenate(steps)
+    found = np.full(joined.shape[1], np.nan)
+    for w, own in enumerate(joined.T):
+        known = own[np.isfinite(own)]
+        if known.size >= 8:
+            found[w] = MAD * np.median(np.abs(known)) / np.sqrt(2.0)
+    return found
+
+
+def edges_kept(felt: list[Felt]) -> Floats:
+    """(whiskers,) depth and steps of marks over what the others feel of them where they meet; NaN if unknown.
+
+    Lines on either side of where two whiskers meet run over the same marks; a worn tip does not reach their floors, and
+    rounds their edges. All borders are reconciled by least squares, as gains are.
+    """
+    n = felt[0].share.shape[1]
+    rows, target = [np.full(n, 1.0 / n)], [0.0]
+    for f in felt:
+        lines, whisker, place = _lines(f)
+        marks = lines / np.nanmedian(lines, axis=1, keepdims=True) - 1.0
+        gaps = np.diff(place)
+        # over the gap that a whisker leaves which is out of use, neighbours do not meet
+        for i in np.flatnonzero((whisker[1:] != whisker[:-1]) & (gaps < 2.0 * np.median(gaps))):
+            before, after = slice(i + 1 - _BESIDE, i + 1), slice(i + 1, i + 1 + _BESIDE)
+            if i + 1 < _BESIDE or np.ptp(whisker[before]) or np.ptp(whisker[after]):
+                continue
+            (depth0, steps0), (depth1, steps1) = _contrast(marks[before]), _contrast(marks[after])
+            if min(steps0, steps1) < _LEAST_STEPS or min(depth0, depth1) < _LEAST_DEPTH:
+                continue
+            row = np.zeros(n)
+            row[whisker[i + 1]] += 1.0
+            row[whisker[i]] -= 1.0
+            rows.append(row)
+            target.append(0.5 * float(np.log(depth1 / depth0) + np.log(steps1 / steps0)))
+    solution = np.linalg.lstsq(np.array(rows), np.array(target), rcond=None)[0]
+    solution[np.abs(rows[1:]).sum(axis=0) < 2.0 if len(rows) > 1 else np.ones(n, dtype=np.bool_)] = np.nan
+    return np.asarray(np.exp(solution))
+
+
+def _contrast(marks: Floats) -> tuple[float, float]:
+    """How deep marks are and how much goes on in them, shares of the land."""
+    steps = float(np.sqrt(np.nansum(np.diff(marks, axis=1) ** 2)))
+    return -float(np.nanquantile(marks, 0.02)), steps
+
+
+def gains(felt: list[Felt]) -> Floats:
+    """(whiskers,) gain of each over the others' where they meet, whatever the plate's form; NaN where not known."""
+    n = felt[0].share.shape[1]
+    logs: list[list[float]] = [[] for _ in range(n)]
+    for f in felt:
+        lines, whisker, _ = _lines(f)
+        if np.unique(whisker).size < 2:
+            continue
+        found = whisker_gain(lines, whisker)
+        for w in np.unique(whisker):
+            logs[w].append(float(np.log(found[whisker == w][0])))
+    return np.array([np.exp(np.median(one)) if one else np.nan for one in logs])
+
+
+def _lines(f: Felt) -> tuple[Floats, NDArray[np.intp], Floats]:
+    """Lines that were felt, without lead-in and -out, in their order across; the whisker and the place of each."""
+    passes, n, samples = f.share.shape
+    lead = f.sweep.plan.n_lead
+    order = np.argsort(f.sweep.plan.line_mm, axis=None, kind="stable")
+    lines = f.share.reshape(-1, samples)[order, lead : samples - lead]
+    keep = np.isfinite(lines).mean(axis=1) > 0.5
+    return lines[keep], np.tile(np.arange(n), passes)[order][keep], f.sweep.plan.line_mm.ravel()[order][keep]
+
+
+@dataclass(frozen=True)
+class Form:
+    """How the plate lies, mm over the length and width that were felt: a plane's rise, a parabola's sag."""
+
+    rise_x_mm: float
+    rise_y_mm: float
+    sag_x_mm: float
+    sag_y_mm: float
+
+
+def plate_form(felt: list[Felt], preload_mm: float) -> Form:
+    """Rise and sag of the land along the travel of the sweeps; zero where none ran.
+
+    The middle of all lines at each place is land, and has no gain of one whisker in it; a parabola is laid through
+    most of them. (The estimator's own land may settle on another form where a plate is far off.)
+    """
+    found: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
+    for f in felt:
+        lines, _, _ = _lines(f)
+        if lines.shape[0] < 8 or lines.shape[1] < 16:
+            continue
+        middle = np.nanmedian(lines, axis=0)
+        u = np.linspace(-1.0, 1.0, middle.size)
+        keep = np.isfinite(middle)
+        for _ in range(4):
+            if keep.sum() < 16:
+                break
+            bend, slope, level = np.polyfit(u[keep], middle[keep], 2)
+            off = np.abs(middle - (level + u * (slope + u * bend)))
+            keep = off <= 2.5 * MAD * float(np.median(off[keep])) + 1e-9
+        else:
+            forward = -1.0 if f.sweep.plan.direction.backward else 1.0
+            scale = preload_mm / level if level else 0.0
+            found[f.sweep.plan.direction.along_x].append((2.0 * forward * slope * scale, bend * scale))
+    (rise_x, sag_x), (rise_y, sag_y) = (
+        np.median(found[axis], axis=0) if found[axis] else (0.0, 0.0) for axis in (True, False)
+    )
+    return Form(float(rise_x), float(rise_y), float(sag_x), float(sag_y))
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A line in the spectrum that all whiskers share: frequency, amplitude, and its power over that beside it."""
+
+    hz: float
+    amplitude: float
+    ratio: float
+
+
+def tone(felt: list[Felt], sample_rate_hz: float) -> Tone:
+    """The strongest line in what changes from pass to pass: marks stand still, a vibration does not.
+
+    Neighbouring passes of a whisker differ by noise and by the phase of a vibration; the mean over whiskers leaves what
+    they share.
+    """
+    best = Tone(0.0, 0.0, 0.0)
+    for f in felt:
+        order = np.argsort(f.sweep.plan.line_mm[:, 0], kind="stable")
+        known = np.isfinite(f.share).mean(axis=2) > 0.9
+        change = np.nan_to_num(np.diff(f.share[order], axis=0))
+        both = (known[order][1:] & known[order][:-1]).astype(np.float64)
+        rows = both.sum(axis=1) > 0
+        if rows.sum() < 4 or change.shape[2] < 64:
+            continue
+        # beyond what a vibration changes is a mark that the one pass met and the other did not
+        cut = 4.0 * MAD * np.median(np.abs(change[both > 0.0]))
+        shared = (np.clip(change, -cut, cut) * both[..., None]).sum(axis=1)[rows] / both.sum(axis=1)[
+            rows, None
+        ]
+        window = np.hanning(shared.shape[1])
+        spectrum = np.fft.rfft((shared - shared.mean(axis=1, keepdims=True)) * window)
+        power = (np.abs(spectrum) ** 2).mean(axis=0)
+        hz = np.fft.rfftfreq(shared.shape[1], 1.0 / sample_rate_hz)
+        for k in np.flatnonzero((hz >= _LEAST_HZ) & (hz < 0.4 * sample_rate_hz)):
+            beside = np.r_[power[max(1, k - 8) : max(1, k - 2)], power[k + 3 : k + 9]]
+            if not beside.size or power[k] < power[max(0, k - 1) : k + 2].max():
+                continue
+            ratio = float(power[k] / max(float(np.median(beside)), 1e-30))
+            # of a sine of amplitude a, differences between passes of any phase have 2 a^2 on average
+            amplitude = float(np.sqrt(0.5 * power[k]) * 2.0 / window.sum())
+            if ratio > best.ratio and abs(np.mean(np.exp(2j * np.angle(spectrum[:, k])))) < _LOCKED:
+                best = Tone(float(hz[k]), amplitude, ratio)
+    return best
+
+
+def spikes(f: Felt, *, least: float) -> NDArray[np.bool_]:
+    """(passes, whiskers, samples) single samples that stand out alone: neither their neighbours nor the pass beside do.
+
+    Args:
+        f: of one direction.
+        least: how far they stand out, share of the land.
+    """
+    x = f.share
+    out = np.zeros(x.shape)
+    middle = np.median(np.stack([x[..., k : x.shape[2] - 4 + k] for k in range(5)]), axis=0)
+    out[..., 2:-2] = np.abs(np.nan_to_num(x[..., 2:-2] - middle))
+    order = np.argsort(f.sweep.plan.line_mm[:, 0], kind="stable")
+    seen = out[order]
+    widest = np.max([np.roll(seen, k, axis=2) for k in (-2, -1, 0, 1, 2)], axis=0)
+    beside = (
+        np.maximum(np.r_[widest[1:2], widest[:-1]], np.r_[widest[1:], widest[-2:-1]])
+        if len(x) > 1
+        else 0.0 * seen
+    )
+    found = np.empty(x.shape, dtype=np.bool_)
+    found[order] = (seen > least) & (seen > 4.0 * beside)
+    return found
