@@ -3,8 +3,8 @@
 fault_measures --limits, and the other whiskers--> faults --left_out--> the recording without what cannot be used
 
 A whisker is compared with the others of its array: they meet the same part. What all of them share is the bench's.
-Limits stand well above what sound sensors, dies, plates and dirt do; they were set on one half of simulated sound
-recordings and hold on the other.
+Limits stand well above what sound sensors, dies, plates and dirt do in simulated recordings of an exam's parts; that of
+a worn tip was set on the same recordings on which its false alarms are counted.
 """
 
 from __future__ import annotations
