@@ -13,15 +13,15 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from glyphs.errors import FileError, require_file
+from glyphs.errors import FileError
 from pipeline.common.atomic import check_writable, replacing
+from pipeline.files.toml_file import toml_table, wrong_key
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, Straight
@@ -158,13 +158,7 @@ def read_whisker_file(path: Path) -> WhiskerFile:
         FileError: no file, no TOML, unknown or missing keys, numbers that cannot be, a whisker that jams on
             the land.
     """
-    require_file(path, most_bytes=_MOST_BYTES)
-    try:
-        written = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
-    except OSError as error:
-        raise FileError(path, f"cannot be read ({error.strerror})", "check its permissions") from error
+    written = toml_table(path, most_bytes=_MOST_BYTES)
     version = written.pop("format_version", FORMAT_VERSION)
     if version != FORMAT_VERSION:
         says = f"has format version {version!r}; this program reads {FORMAT_VERSION}"
@@ -176,24 +170,13 @@ def read_whisker_file(path: Path) -> WhiskerFile:
     try:
         built = _KINDS[kind].model_validate(written).build()
     except ValidationError as error:
-        raise FileError(path, *_first(error)) from error
+        raise FileError(path, *wrong_key(error, hidden=("ribbon", "round", "_Material"))) from error
     except WhiskerError as error:
         raise FileError(path, f"does not describe a whisker: {error.what}", error.hint) from error
     row, mu = built.touch.tip.compliance_mm_per_n[1], built.touch.friction
     if not row[1] - mu * row[0] > 0.0:
         raise FileError(path, "describes a whisker that jams on the land", "take another setting angle")
     return built
-
-
-def _first(error: ValidationError) -> tuple[str, str]:
-    """What is wrong with the first key, and the mend."""
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"] if part not in ("ribbon", "round", "_Material"))
-    if first["type"] == "extra_forbidden":
-        return f"has the unknown key {key}", "take it out, or check how it is written"
-    if first["type"] == "missing":
-        return f"lacks the key {key}", "add it"
-    return f"says {key} = {first.get('input')!r}", f"correct it: {first['msg'].lower()}"
 
 
 def write_whisker_file(path: Path, content: WhiskerFile) -> None:

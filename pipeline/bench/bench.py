@@ -1,0 +1,262 @@
+"""A bench that is open, and the part on it, felt pass by pass.
+
+    with Bench(read_bench(path)) as bench:
+        bench.home()
+        session = bench.session("plate 7")
+        session.feel(pass) -> Sweep
+
+* Sampled positions come from the converter's own clock: the stage sets an output while it drags, and how it speeds up
+  is known; no host's clock is in between.
+* However the block ends, the last that is done is to lift: at rest, or after an emergency stop where a pass was cut.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.bench.controller import Controller
+from pipeline.bench.daq import Record, open_daq
+from pipeline.bench.grbl import Grbl
+from pipeline.bench.marlin import Marlin
+from pipeline.bench.moves import Moves, check_limits, moves_of
+from pipeline.bench.settings import BenchSettings
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.sensor import Calibration, calibrate_lead_in
+from whisker_array.scan.session import Fitting
+from whisker_array.scan.stage_error import StageError
+from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.passes import Pass
+
+_CONTROLLERS: dict[str, type[Controller]] = {"grbl": Grbl, "marlin": Marlin}
+_LATE_S = 0.03
+"""By which the output may be set longer than the move takes: planning in the firmware, and a sample or two."""
+_LONGER = 0.02
+"""Of the move's time, likewise."""
+
+
+class Bench:
+    """Stage and converter, open."""
+
+    def __init__(self, settings: BenchSettings) -> None:
+        """Open both ports; nothing moves.
+
+        Raises:
+            MissingExtraError: a library is not installed.
+            StageError: a port cannot be opened, or what hangs on it does not answer.
+        """
+        self.settings = settings
+        self._in_pass = False
+        self.daq = open_daq(settings.daq, whiskers=settings.comb.n_whiskers)
+        try:
+            self.stage = _CONTROLLERS[settings.stage.firmware](settings.stage)
+        except BaseException:
+            self.daq.close()
+            raise
+        try:
+            self.greeting = self.stage.connect()
+        except BaseException:
+            self.stage.close()
+            self.daq.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def home(self) -> None:
+        """Lift, find the axes' ends, lift to where tips are carried.
+
+        Raises:
+            StageError: it cannot.
+        """
+        self.stage.home()
+        check_limits(self.stage.place_mm(), self.settings.stage)
+        self.stage.lift()
+
+    def session(self, part_id: str = "", *, x_mm: float = 0.0, y_mm: float = 0.0) -> BenchSession:
+        """The part under the whiskers; homes first where that is needed.
+
+        Args:
+            part_id: what it is called.
+            x_mm, y_mm: by which the plate's coordinates are greater than those of the session.
+
+        Raises:
+            StageError: homing failed.
+        """
+        if self.stage.lost:
+            self.home()
+        return BenchSession(self, part_id, x_mm=x_mm, y_mm=y_mm)
+
+    def run(self, moves: Moves) -> Record:
+        """Feel one pass; the tips end lifted.
+
+        Raises:
+            StageError: it could not be felt; the stage is stopped and lifted as far as it lets.
+        """
+        self.stage.travel(moves)
+        self.daq.start()
+        self._in_pass = True
+        try:
+            self.stage.touch(moves)
+            self._in_pass = False
+        except StageError:
+            self._stop()
+            with contextlib.suppress(StageError):
+                self.daq.stop()
+            raise
+        return self.daq.stop()
+
+    def close(self) -> None:
+        """Lift, and let both ports go; closing again does nothing."""
+        try:
+            if self._in_pass:  # cut short by an interrupt
+                self._stop()
+            elif not self.stage.lost:
+                with contextlib.suppress(StageError):
+                    self.stage.lift()
+        finally:
+            self.stage.close()
+            self.daq.close()
+
+    def _stop(self) -> None:
+        self._in_pass = False
+        with contextlib.suppress(StageError):  # what went wrong first is told
+            self.stage.stop()
+
+    def calibrated(self, order: Pass) -> Calibration:
+        """Gains, V per N mm as if `volt_per_n_mm` were 1, and offsets in V, from a pass over bare land.
+
+        Raises:
+            StageError: as `run`.
+            SensorError: too few samples, or a whisker that does not feel the land.
+        """
+        touch = self.settings.touch()
+        moves = moves_of(order, self.settings, preload_mm=touch.preload_mm)
+        air, land, _ = _samples(self.run(moves), order, moves)
+        by_whisker = np.argsort(moves.whisker)
+        return calibrate_lead_in(
+            air[by_whisker], land[by_whisker], expected_land_moment_n_mm=touch.land_moment_n_mm()
+        )
+
+
+class BenchSession:
+    """A `StageSession` over a bench.
+
+    Attributes:
+        fitting: whiskers and field, in the session's frame; with known gains, samples come with them taken out.
+    """
+
+    def __init__(self, bench: Bench, part_id: str, *, x_mm: float, y_mm: float) -> None:
+        self._bench: Bench | None = bench
+        self._x_mm, self._y_mm = x_mm, y_mm
+        fitting = bench.settings.fitting(part_id)
+        x0, y0, x1, y1 = fitting.field_mm
+        n = fitting.array.n_whiskers
+        self.fitting: Fitting = replace(
+            fitting,
+            field_mm=(x0 - x_mm, y0 - y_mm, x1 - x_mm, y1 - y_mm),
+            calibration=Calibration(np.ones(n), np.zeros(n)) if bench.settings.daq.gains_known else None,
+        )
+
+    def feel(self, order: Pass) -> Sweep:
+        """Feel one pass. A whisker's line is the line's, whichever whisker ran on it.
+
+        Raises:
+            StageError: it could not be felt.
+        """
+        if self._bench is None:
+            raise StageError("the part is no longer on the stage", "open a session of its own for every part")
+        settings = self._bench.settings
+        along, across = (self._x_mm, self._y_mm) if order.direction.along_x else (self._y_mm, self._x_mm)
+        on_plate = replace(
+            order,
+            line_mm=tuple(v + across for v in order.line_mm),
+            along_mm=(order.along_mm[0] + along, order.along_mm[1] + along),
+        )
+        moves = moves_of(on_plate, settings, preload_mm=self.fitting.touch.preload_mm)
+        air, felt, clipped = _samples(self._bench.run(moves), order, moves)
+        gain = np.asarray(settings.gains_v_per_n_mm)[list(moves.whisker)][:, None]
+        flags = np.where(clipped, np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
+        flags |= np.where(_beyond(on_plate, settings.plate.field_mm), np.uint8(SampleFlag.OUTSIDE), np.uint8(0))
+        # the offset too, so that a whisker's is not another's when the comb has turned
+        zero = air.mean(axis=1, keepdims=True) if air.size else 0.0
+        return Sweep(
+            plan=order.sweep_plan(),
+            moment_n_mm=((felt - zero) / gain).astype(np.float32)[None],
+            flags=flags[None],
+            air_n_mm=((air - zero) / gain).astype(np.float32)[None],
+        )
+
+    def close(self) -> None:
+        """Lift, and let the part go."""
+        if self._bench is not None and not self._bench.stage.lost:
+            with contextlib.suppress(StageError):
+                self._bench.stage.lift()
+        self._bench = None
+
+
+def _beyond(order: Pass, field_mm: tuple[float, float, float, float]) -> NDArray[np.bool_]:
+    """(lines, samples) what lies beyond the field; run-in and run-out may."""
+    x0, y0, x1, y1 = field_mm
+    along, across = ((x0, x1), (y0, y1)) if order.direction.along_x else ((y0, y1), (x0, x1))
+    plan, tolerance = order.sweep_plan(), 0.5 * order.sample_pitch_mm
+    place, lines = plan.position_mm(), np.asarray(order.line_mm)[:, None]
+    off = (place < along[0] - tolerance) | (place > along[1] + tolerance)
+    off[: plan.n_lead] = off[plan.n_samples - plan.n_lead :] = False
+    return np.asarray((lines < across[0] - tolerance) | (lines > across[1] + tolerance) | off)
+
+
+def _samples(
+    record: Record, order: Pass, moves: Moves
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """(lines, samples) volts lifted and touching, and where touching ones are clipped; line by line of the order.
+
+    Raises:
+        StageError: the stage's output does not tell the pass.
+    """
+    stretches, wanted = record.stretches(), 2 if moves.air_s > 0.0 else 1
+    if len(stretches) != wanted:
+        raise StageError(
+            f"the converter saw the stage's output set {len(stretches)} times, not {wanted}",
+            "see the wire from the stage's spare output to the converter",
+        )
+    air_at, felt_at = stretches[0], stretches[-1]
+    took_s, should_s = (felt_at.stop - felt_at.start) / record.rate_hz, moves.ramp.duration_s
+    if abs(took_s - should_s) > _LATE_S + 2.0 / record.rate_hz + _LONGER * should_s:
+        raise StageError(
+            f"the pass took {took_s:.3f} s and not {should_s:.3f} s",
+            "set acceleration_mm_s2 as in the firmware, and leave its feed override at 100 %",
+        )
+    lines = record.volts[:, list(moves.whisker)]
+    time_s = (np.arange(felt_at.stop - felt_at.start) + 0.5) / record.rate_hz
+    run_mm = moves.ramp.at_mm(time_s)
+    at_mm = moves.first_mm + order.sample_pitch_mm * np.arange(order.n_samples)
+    felt = _averaged(run_mm, lines[felt_at], at_mm, order.sample_pitch_mm)
+    nearest = np.clip(np.searchsorted(run_mm, at_mm), 0, run_mm.size - 1)
+    clipped = record.clipped[felt_at][:, list(moves.whisker)][nearest].T
+    rate_hz = moves.speed_mm_s / order.sample_pitch_mm
+    air = np.empty((len(order.line_mm), 0))
+    if moves.air_s > 0.0:
+        time_s = np.arange(air_at.stop - air_at.start) / record.rate_hz
+        air = _averaged(time_s, lines[air_at], (np.arange(order.air_samples) + 2.0) / rate_hz, 1.0 / rate_hz)
+    return air, felt, clipped
+
+
+def _averaged(
+    x: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray[np.float64], width: float
+) -> NDArray[np.float64]:
+    """(channels, at) means of (samples, channels) over a width about each place: no faster wiggle is folded back."""
+    steps = np.diff(x)[:, None]
+    whole = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(0.5 * (rows[1:] + rows[:-1]) * steps, axis=0)])
+    ends = [[np.interp(at + s * width, x, c) for c in whole.T] for s in (-0.5, 0.5)]
+    return np.asarray((np.array(ends[1]) - np.array(ends[0])) / width)

@@ -1,0 +1,59 @@
+"""A TOML file as settings of a pydantic model; what is wrong with it is told by its first key."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from glyphs.errors import FileError, require_file
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def toml_table(path: Path, *, most_bytes: int) -> dict[str, Any]:
+    """What stands in a TOML file.
+
+    Raises:
+        FileError: no file, too long a one, no TOML.
+    """
+    require_file(path, most_bytes=most_bytes)
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
+    except OSError as error:
+        raise FileError(path, f"cannot be read ({error.strerror})", "check its permissions") from error
+
+
+def read_toml(path: Path, model: type[Model], *, most_bytes: int) -> Model:
+    """A TOML file as a model.
+
+    Raises:
+        FileError: as `toml_table`, and unknown or missing keys, and values that cannot be.
+    """
+    try:
+        return model.model_validate(toml_table(path, most_bytes=most_bytes))
+    except ValidationError as error:
+        raise FileError(path, *wrong_key(error)) from error
+
+
+def wrong_key(error: ValidationError, *, hidden: tuple[str, ...] = ()) -> tuple[str, str]:
+    """What is wrong with the first key, and the mend.
+
+    Args:
+        error: of the model.
+        hidden: names of the model's own kinds, which are no keys.
+    """
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"] if part not in hidden)
+    if first["type"] == "extra_forbidden":
+        return f"has the unknown key {key}", "take it out, or check how it is written"
+    if first["type"] == "missing":
+        return f"lacks the key {key}", "add it"
+    mend = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "value_error":  # of a whole table: its text is long, and the message names the keys
+        return f"cannot be{f' in [{key}]' if key else ''}: {mend}", "correct it"
+    return f"says {key} = {first.get('input')!r}", f"correct it: {mend.lower()}"
