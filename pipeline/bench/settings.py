@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from pipeline.common.atomic import check_writable, replacing
 from pipeline.files.toml_file import read_toml
 from pipeline.files.whisker_file import read_whisker_file
 from whisker_array.scan.session import Fitting
@@ -197,5 +199,25 @@ def read_bench(path: Path) -> BenchSettings:
     settings = read_toml(path, BenchSettings, most_bytes=_MOST_BYTES)
     if settings.comb.whisker is None:
         return settings
-    comb = settings.comb.model_copy(update={"whisker": path.parent / settings.comb.whisker})
+    comb = settings.comb.model_copy(update={"whisker": path.resolve().parent / settings.comb.whisker})
     return settings.model_copy(update={"comb": comb})
+
+
+def write_bench(path: Path, settings: BenchSettings) -> None:
+    """Write a bench file; it appears whole or not at all.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    tables = settings.model_dump(mode="json", exclude_none=True)
+    lines = []
+    for name, table in tables.items():
+        lines += [f"[{name}]", *(f"{key} = {_written(value)}" for key, value in table.items()), ""]
+    check_writable(path)
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines), encoding="utf-8")
+
+
+def _written(value: object) -> str:
+    # numbers, lists of them, true and false are the same in both; a JSON string is a TOML string
+    return json.dumps(value, ensure_ascii=False)

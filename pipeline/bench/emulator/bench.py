@@ -16,6 +16,8 @@ from pipeline.bench.emulator.marlin import EmulatedMarlin
 from pipeline.bench.emulator.world import Amplifier, World
 from pipeline.bench.settings import BenchSettings
 
+_RANGE_LAND_MOMENTS = 3.0
+"""Over what the converter's range reaches, whatever the bench file says of gains: these are for the driver to find."""
 _GAIN_SD, _OFFSET_SD, _NOISE = 0.03, 0.01, 1e-4
 """Of gains, of offsets and noise as shares of the converter's range: as `draw_sensor_chain` has them."""
 
@@ -51,8 +53,9 @@ class EmulatedBench:
         """
         rng = np.random.default_rng(seed)
         n, daq = settings.comb.n_whiskers, settings.daq
+        nominal = daq.range_v / (_RANGE_LAND_MOMENTS * abs(settings.touch().land_moment_n_mm()))
         amplifier = Amplifier(
-            gain_v_per_n_mm=np.asarray(settings.gains_v_per_n_mm) * (1.0 + _GAIN_SD * np.clip(rng.standard_normal(n), -3, 3)),
+            gain_v_per_n_mm=nominal * (1.0 + _GAIN_SD * np.clip(rng.standard_normal(n), -3.0, 3.0)),
             offset_v=_OFFSET_SD * daq.range_v * rng.standard_normal(n),
         )
         self.world = World(part, settings, amplifier, soil=soil, pace=pace)

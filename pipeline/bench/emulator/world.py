@@ -71,8 +71,9 @@ class World:
         self._bench, self._amplifier, self._pace = bench, amplifier, pace
         self._touch = bench.touch()
         self._step_mm = bench.comb.character_height_mm / (LINES_PER_HEIGHT * SAMPLES_PER_LINE_PITCH)
+        surface, soil = on_plate(level(part), soil, bench)
         self._part = mounted(
-            level(part),
+            surface,
             touches=(self._touch,),
             sample_pitch_mm=self._step_mm,
             beyond_mm=_BEYOND_HEIGHTS * bench.comb.character_height_mm + bench.run_up_mm(50.0),
@@ -169,6 +170,18 @@ class World:
             sample_rate_hz=1.0,
         )
         return np.nan_to_num(felt.moment_n_mm[0].astype(np.float64))
+
+
+def on_plate(part: HeightMap, soil: Soil | None, bench: BenchSettings) -> tuple[HeightMap, Soil | None]:
+    """A part in the middle of a plate as large as the bench's field, its rim gone on; a larger one stays as it is."""
+    _, _, width, height = bench.plate.field_mm
+    rows, cols = part.shape
+    lacking = [max(0, math.ceil(size / part.pitch_mm) - n) for size, n in ((height, rows), (width, cols))]
+    around = [(one // 2, one - one // 2) for one in lacking]
+    if soil is not None:
+        wider = (np.pad(a, around, mode="edge") for a in (soil.thickness_mm, soil.hardness_mpa, soil.friction))
+        soil = Soil(*wider)
+    return HeightMap(np.pad(part.z_mm, around, mode="edge"), part.pitch_mm), soil
 
 
 def ramp_to(place: Place, to: Place, *, speed_mm_s: float, acceleration_mm_s2: float) -> Ramp:
