@@ -21,11 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.bench.controller import Controller
-from pipeline.bench.daq import Record, open_daq
+from pipeline.bench.daq import Daq, Record
 from pipeline.bench.grbl import Grbl
+from pipeline.bench.line_daq import LineDaq
 from pipeline.bench.marlin import Marlin
 from pipeline.bench.moves import Moves, check_limits, moves_of
-from pipeline.bench.settings import BenchSettings
+from pipeline.bench.ni_daq import NiDaq
+from pipeline.bench.settings import BenchSettings, DaqSettings
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.sensor import Calibration, calibrate_lead_in
 from whisker_array.scan.session import Fitting
@@ -52,7 +54,7 @@ class Bench:
         """
         self.settings = settings
         self._in_pass = False
-        self.daq = open_daq(settings.daq, whiskers=settings.comb.n_whiskers)
+        self.daq = _open_daq(settings.daq, whiskers=settings.comb.n_whiskers)
         try:
             self.stage = _CONTROLLERS[settings.stage.firmware](settings.stage)
         except BaseException:
@@ -83,19 +85,43 @@ class Bench:
         check_limits(self.stage.place_mm(), self.settings.stage)
         self.stage.lift()
 
-    def session(self, part_id: str = "", *, x_mm: float = 0.0, y_mm: float = 0.0) -> BenchSession:
+    def session(
+        self,
+        part_id: str = "",
+        *,
+        x_mm: float = 0.0,
+        y_mm: float = 0.0,
+        region_mm: tuple[float, float, float, float] | None = None,
+    ) -> BenchSession:
         """The part under the whiskers; homes first where that is needed.
 
         Args:
             part_id: what it is called.
             x_mm, y_mm: by which the plate's coordinates are greater than those of the session.
+            region_mm: of the field what may be felt, in the session's frame; all of it unless given.
 
         Raises:
-            StageError: homing failed.
+            StageError: homing failed, or a region off the field.
         """
+        fitting = self.settings.fitting(part_id)
+        x0, y0, x1, y1 = (
+            v - shift for v, shift in zip(fitting.field_mm, (x_mm, y_mm, x_mm, y_mm), strict=True)
+        )
+        if region_mm is not None:
+            x0, y0, x1, y1 = (
+                max(x0, region_mm[0]),
+                max(y0, region_mm[1]),
+                min(x1, region_mm[2]),
+                min(y1, region_mm[3]),
+            )
+        if min(x1 - x0, y1 - y0) < fitting.height_mm:
+            raise StageError(
+                f"the region {region_mm} mm is not on the bench's field",
+                "check camera_mm and field_mm of [plate]",
+            )
         if self.stage.lost:
             self.home()
-        return BenchSession(self, part_id, x_mm=x_mm, y_mm=y_mm)
+        return BenchSession(self, replace(fitting, field_mm=(x0, y0, x1, y1)), x_mm=x_mm, y_mm=y_mm)
 
     def run(self, moves: Moves) -> Record:
         """Feel one pass; the tips end lifted.
@@ -156,17 +182,13 @@ class BenchSession:
         fitting: whiskers and field, in the session's frame; with known gains, samples come with them taken out.
     """
 
-    def __init__(self, bench: Bench, part_id: str, *, x_mm: float, y_mm: float) -> None:
+    def __init__(self, bench: Bench, fitting: Fitting, *, x_mm: float, y_mm: float) -> None:
+        """Take the bench; see `Bench.session`."""
         self._bench: Bench | None = bench
         self._x_mm, self._y_mm = x_mm, y_mm
-        fitting = bench.settings.fitting(part_id)
-        x0, y0, x1, y1 = fitting.field_mm
         n = fitting.array.n_whiskers
-        self.fitting: Fitting = replace(
-            fitting,
-            field_mm=(x0 - x_mm, y0 - y_mm, x1 - x_mm, y1 - y_mm),
-            calibration=Calibration(np.ones(n), np.zeros(n)) if bench.settings.daq.gains_known else None,
-        )
+        known = Calibration(np.ones(n), np.zeros(n)) if bench.settings.daq.gains_known else None
+        self.fitting: Fitting = replace(fitting, calibration=known)
 
     def feel(self, order: Pass) -> Sweep:
         """Feel one pass. A whisker's line is the line's, whichever whisker ran on it.
@@ -187,7 +209,9 @@ class BenchSession:
         air, felt, clipped = _samples(self._bench.run(moves), order, moves)
         gain = np.asarray(settings.gains_v_per_n_mm)[list(moves.whisker)][:, None]
         flags = np.where(clipped, np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
-        flags |= np.where(_beyond(on_plate, settings.plate.field_mm), np.uint8(SampleFlag.OUTSIDE), np.uint8(0))
+        flags |= np.where(
+            _beyond(on_plate, settings.plate.field_mm), np.uint8(SampleFlag.OUTSIDE), np.uint8(0)
+        )
         # the offset too, so that a whisker's is not another's when the comb has turned
         zero = air.mean(axis=1, keepdims=True) if air.size else 0.0
         return Sweep(
@@ -203,6 +227,23 @@ class BenchSession:
             with contextlib.suppress(StageError):
                 self._bench.stage.lift()
         self._bench = None
+
+
+def _open_daq(settings: DaqSettings, *, whiskers: int) -> Daq:
+    """The converter of a bench.
+
+    Raises:
+        MissingExtraError: its library is not installed.
+        StageError: it cannot be opened, or has another number of channels than there are whiskers.
+    """
+    daq: Daq = LineDaq(settings) if settings.kind == "line" else NiDaq(settings)
+    if daq.whiskers != whiskers:
+        found = daq.whiskers
+        daq.close()
+        raise StageError(
+            f"the converter has {found} channels for {whiskers} whiskers", "see [comb] and [daq] of the bench"
+        )
+    return daq
 
 
 def _beyond(order: Pass, field_mm: tuple[float, float, float, float]) -> NDArray[np.bool_]:
@@ -240,7 +281,7 @@ def _samples(
     lines = record.volts[:, list(moves.whisker)]
     time_s = (np.arange(felt_at.stop - felt_at.start) + 0.5) / record.rate_hz
     run_mm = moves.ramp.at_mm(time_s)
-    at_mm = moves.first_mm + order.sample_pitch_mm * np.arange(order.n_samples)
+    at_mm = moves.first_mm + order.sample_pitch_mm * np.arange(order.n_samples, dtype=np.float64)
     felt = _averaged(run_mm, lines[felt_at], at_mm, order.sample_pitch_mm)
     nearest = np.clip(np.searchsorted(run_mm, at_mm), 0, run_mm.size - 1)
     clipped = record.clipped[felt_at][:, list(moves.whisker)][nearest].T
@@ -248,7 +289,12 @@ def _samples(
     air = np.empty((len(order.line_mm), 0))
     if moves.air_s > 0.0:
         time_s = np.arange(air_at.stop - air_at.start) / record.rate_hz
-        air = _averaged(time_s, lines[air_at], (np.arange(order.air_samples) + 2.0) / rate_hz, 1.0 / rate_hz)
+        air = _averaged(
+            time_s,
+            lines[air_at],
+            (np.arange(order.air_samples, dtype=np.float64) + 2.0) / rate_hz,
+            1.0 / rate_hz,
+        )
     return air, felt, clipped
 
 
@@ -257,6 +303,8 @@ def _averaged(
 ) -> NDArray[np.float64]:
     """(channels, at) means of (samples, channels) over a width about each place: no faster wiggle is folded back."""
     steps = np.diff(x)[:, None]
-    whole = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(0.5 * (rows[1:] + rows[:-1]) * steps, axis=0)])
+    whole = np.concatenate(
+        [np.zeros((1, rows.shape[1])), np.cumsum(0.5 * (rows[1:] + rows[:-1]) * steps, axis=0)]
+    )
     ends = [[np.interp(at + s * width, x, c) for c in whole.T] for s in (-0.5, 0.5)]
     return np.asarray((np.array(ends[1]) - np.array(ends[0])) / width)

@@ -146,7 +146,8 @@ class Controller(ABC):
         if math.dist(stands, (x, y, moves.lift_z_mm)) > PLACE_TOLERANCE_MM:
             self.lost = True
             raise StageError(
-                f"the stage stands at {_spoken(stands)} mm and not at {_spoken((x, y, moves.lift_z_mm))} mm", _HOME_HINT
+                f"the stage stands at {_spoken(stands)} mm and not at {_spoken((x, y, moves.lift_z_mm))} mm",
+                _HOME_HINT,
             )
 
     def lift(self) -> None:
@@ -190,5 +191,3 @@ class Controller(ABC):
 
 def _spoken(place_mm: Sequence[float]) -> str:
     return "(" + ", ".join(f"{v:.2f}" for v in place_mm) + ")"
-
-

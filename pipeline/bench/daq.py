@@ -1,7 +1,7 @@
 """A converter that samples all whiskers, and beside them whether the stage says that it touches.
 
-    sync   ____|^^^^^^|________|^^^^^^^^^^^^^^^^^|____      high: the stage's spare output
-                 air     lower      the pass       lift
+sync   ____|^^^^^^|________|^^^^^^^^^^^^^^^^^|____      high: the stage's spare output
+             air     lower      the pass       lift
 """
 
 from __future__ import annotations
@@ -11,9 +11,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
-from pipeline.bench.settings import DaqSettings
-from whisker_array.scan.stage_error import StageError
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,23 +61,3 @@ class Daq(Protocol):
 
     def close(self) -> None:
         """Let it go; closing again does nothing."""
-
-
-def open_daq(settings: DaqSettings, *, whiskers: int) -> Daq:
-    """The converter of a bench.
-
-    Raises:
-        MissingExtraError: its library is not installed.
-        StageError: it cannot be opened, or has another number of channels than there are whiskers.
-    """
-    from pipeline.bench.line_daq import LineDaq
-    from pipeline.bench.ni_daq import NiDaq
-
-    daq: Daq = LineDaq(settings) if settings.kind == "line" else NiDaq(settings)
-    if daq.whiskers != whiskers:
-        found = daq.whiskers
-        daq.close()
-        raise StageError(
-            f"the converter has {found} channels for {whiskers} whiskers", "see [comb] and [daq] of the bench"
-        )
-    return daq

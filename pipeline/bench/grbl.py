@@ -171,5 +171,3 @@ class Grbl(Controller):
             raise self.failed("the stage's controller was reset in the middle")
         if (found := _STATUS.match(line)) and found[1] in _BAD:
             raise self.failed(f"the stage stands still in the state {found[1]}")
-
-

@@ -49,10 +49,17 @@ class LineDaq:
             self._port.write(b"stop\n")  # a dead host's may still run
             # a board that boots when its port is opened says hello by itself, or answers late
             hello = self._hello()
-            version, channels, bits, self._range_v = int(hello[1]), int(hello[2]), int(hello[3]), float(hello[4])
+            version, channels, bits, self._range_v = (
+                int(hello[1]),
+                int(hello[2]),
+                int(hello[3]),
+                float(hello[4]),
+            )
             self.whiskers, self._full, self._name = channels, 2 ** (bits - 1), " ".join(hello[5:])
             if version != _VERSION:
-                raise StageError(f"the converter speaks version {version}, not {_VERSION}", "update its sketch")
+                raise StageError(
+                    f"the converter speaks version {version}, not {_VERSION}", "update its sketch"
+                )
             rate = float(self._asked(f"rate {settings.rate_hz:g}").removeprefix("ok"))
             if abs(rate - settings.rate_hz) > _RATE_TOLERANCE * settings.rate_hz:
                 raise StageError(

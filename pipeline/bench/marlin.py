@@ -117,7 +117,10 @@ class Marlin(Controller):
         numbered = [self._numbered(line, first + k) for k, line in enumerate(lines)]
         self._number = first + len(lines) - 1
         if lines and lines[0] == "M110N0":  # numbering begins with it
-            numbered = [_checked("N0 M110N0"), *(self._numbered(line, k) for k, line in enumerate(lines[1:], start=1))]
+            numbered = [
+                _checked("N0 M110N0"),
+                *(self._numbered(line, k) for k, line in enumerate(lines[1:], start=1)),
+            ]
             first, self._number = 0, len(lines) - 1
         sent = len(numbered)
         self.port.write(b"".join(numbered))

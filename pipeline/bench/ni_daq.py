@@ -76,7 +76,9 @@ class NiDaq:
         from nidaqmx.constants import READ_ALL_AVAILABLE
 
         with self._told():
-            rows = np.asarray(self._task.read(READ_ALL_AVAILABLE, timeout=self._settings.answer_s), dtype=np.float64)
+            rows = np.asarray(
+                self._task.read(READ_ALL_AVAILABLE, timeout=self._settings.answer_s), dtype=np.float64
+            )
             self._task.stop()
         volts = rows[:-1].T
         return Record(

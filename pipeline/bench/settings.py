@@ -72,7 +72,9 @@ class StageSettings(_Strict):
     def _heights(self) -> StageSettings:
         low, high = self.travel_mm[2]
         if not low < self.land_z_mm - self.most_preload_mm < self.land_z_mm + self.lift_mm <= high:
-            raise ValueError("land_z_mm less most_preload_mm and land_z_mm + lift_mm must lie within travel_mm's z")
+            raise ValueError(
+                "land_z_mm less most_preload_mm and land_z_mm + lift_mm must lie within travel_mm's z"
+            )
         return self
 
 

@@ -6,7 +6,6 @@ import contextlib
 import signal
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -79,7 +78,10 @@ def calibrate(bench: Path) -> int:
         reach = min(0.5 * _CALIBRATED_HEIGHTS * height, 0.4 * (x1 - x0))
         order = Pass(
             TraceDirection.FORWARD_X,
-            tuple(0.5 * (y0 + y1) + comb.pitch_mm * (i - 0.5 * (comb.n_whiskers - 1)) for i in range(comb.n_whiskers)),
+            tuple(
+                0.5 * (y0 + y1) + comb.pitch_mm * (i - 0.5 * (comb.n_whiskers - 1))
+                for i in range(comb.n_whiskers)
+            ),
             (0.5 * (x0 + x1) - reach, 0.5 * (x0 + x1) + reach),
             sample_pitch_mm=height / 80.0,
             speed_mm_s=5.0 * height,
@@ -160,24 +162,25 @@ def scan(
             with Bench(settings) as opened:
                 session = opened.session(part_id)
                 return scan_actively(
-                    session, out, height_mm=settings.comb.character_height_mm, budget_s=budget_s, format=format
+                    session,
+                    out,
+                    height_mm=settings.comb.character_height_mm,
+                    budget_s=budget_s,
+                    format=format,
                 )
-        from datetime import UTC, datetime
-
-        from recognition.active.active_reader import scan_of
+        from pipeline.bench.raster import feel_all
         from whisker_array.scan.recording import save_scan
 
         passes = _raster(settings, region, directions)
-        began = datetime.now(UTC).isoformat(timespec="seconds")
         with Bench(settings) as opened:
             session = opened.session(part_id)
-            felt = []
-            for k, order in enumerate(passes, start=1):
-                felt.append(session.feel(order))
-                print(f"pass {k} of {len(passes)}: {order.describe()}", flush=True)
+            made = feel_all(
+                session,
+                passes,
+                told=lambda k, order: print(f"pass {k} of {len(passes)}: {order.describe()}", flush=True),
+            )
             session.close()
-        # neighbouring passes of a raster share their comb's gaps
-        save_scan(replace(scan_of(session.fitting, felt), start_time=began), out)
+        save_scan(made, out)
         print(f"wrote {out}")
     return 0
 
@@ -219,7 +222,10 @@ def emulate(
             surface = read_height_map(part)
             soil = read_soil(part) if part.suffix.lower() == ".npz" else None
         else:
-            surface, soil = HeightMap(np.zeros((8, 8)), settings.comb.character_height_mm / 40.0), None
+            surface, soil = (
+                HeightMap(np.zeros((8, 8), np.float32), settings.comb.character_height_mm / 40.0),
+                None,
+            )
         with EmulatedBench(surface, settings, seed=seed, soil=soil, pace=pace) as emulated:
             write_bench(out, emulated.settings)
             print(
@@ -235,19 +241,15 @@ def _raster(
     settings: BenchSettings, region: Region | None, directions: tuple[Literal[0, 90, 180, 270], ...]
 ) -> tuple[Pass, ...]:
     """The whole plan for the bench's comb."""
-    import math
-
     from glyphs.surface.maps import TraceDirection
-    from whisker_array.whisker.array import ALL_DIRECTIONS, default_plan
+    from pipeline.bench.raster import raster_passes
+    from whisker_array.whisker.array import ALL_DIRECTIONS
 
-    fitting = settings.fitting()
-    usual = default_plan(region or fitting.field_mm, character_height_mm=fitting.height_mm)
     ways = tuple(TraceDirection(d) for d in directions)
     if not ways:
         ways = ALL_DIRECTIONS if settings.stage.turn_axis else ALL_DIRECTIONS[:1]
-    between = math.ceil(fitting.array.pitch_mm / usual.line_pitch_mm - 1e-9)
-    line_pitch = fitting.array.pitch_mm / between
-    return replace(usual, array=fitting.array, line_pitch_mm=line_pitch, directions=ways).passes()
+    fitting = settings.fitting()
+    return raster_passes(fitting, region or fitting.field_mm, ways)
 
 
 def _drawn(passes: tuple[Pass, ...], settings: BenchSettings, picture: Path) -> int:

@@ -27,7 +27,7 @@ def moves_figure(moves: Sequence[Moves], bench: BenchSettings) -> Figure:
         _from_above(axes, moves, bench)
     (x0, x1), (y0, y1), _ = bench.stage.travel_mm
     whole.set(title="within its travel (dashed)", xlim=(x0 - 5.0, x1 + 5.0), ylim=(y0 - 5.0, y1 + 5.0))
-    near.set(title=f"{len(moves)} passes over the plate's field: where the turning axis goes")
+    near.set(title=f"{len(moves)} passes: way of the turning axis")
     figure.legend(*near.get_legend_handles_labels(), fontsize=8, loc="outside upper center", ncols=6)
     _height(figure.add_subplot(grid[1, :]), moves[:_PROFILED], bench)
     return figure
@@ -39,7 +39,9 @@ def _from_above(axes: Axes, moves: Sequence[Moves], bench: BenchSettings) -> Non
     left, top, right, bottom = bench.plate.field_mm
     xs = [stage.origin_mm[0] + v * (-1.0 if stage.flip_x else 1.0) for v in (left, right)]
     ys = [stage.origin_mm[1] + v * (-1.0 if stage.flip_y else 1.0) for v in (top, bottom)]
-    axes.add_patch(Box((min(xs), min(ys)), abs(xs[1] - xs[0]), abs(ys[1] - ys[0]), color="#eef2f6", label="field"))
+    axes.add_patch(
+        Box((min(xs), min(ys)), abs(xs[1] - xs[0]), abs(ys[1] - ys[0]), color="#eef2f6", label="field")
+    )
     ends = np.array([[m.begin_mm, m.end_mm] for m in moves])
     lifted = np.stack([ends[:-1, 1], ends[1:, 0]], axis=1)
     axes.plot(*lifted.transpose(2, 1, 0), color=_PALE, lw=0.5, ls=":")
@@ -57,11 +59,16 @@ def _height(axes: Axes, moves: Sequence[Moves], bench: BenchSettings) -> None:
     for one in moves:
         down = (one.lift_z_mm - one.touch_z_mm) / stage.lower_mm_s
         up = (one.lift_z_mm - one.touch_z_mm) / stage.rapid_mm_s
-        for took, z in ((one.air_s, one.lift_z_mm), (down, one.touch_z_mm), (one.ramp.duration_s, one.touch_z_mm), (up, one.lift_z_mm)):
+        took_s = (one.air_s, down, one.ramp.duration_s, up)
+        for took, z in zip(
+            took_s, (one.lift_z_mm, one.touch_z_mm, one.touch_z_mm, one.lift_z_mm), strict=True
+        ):
             now += took
             time_s.append(now)
             z_mm.append(z)
     axes.axhline(stage.land_z_mm, color="0.4", lw=0.8, ls="--", label="land")
     axes.plot(time_s, z_mm, color=_COLOURS[0], lw=1.2, label="tips without load")
-    axes.set(xlabel=f"s, of the first {len(moves)} passes without the way between them", ylabel="machine z, mm")
+    axes.set(
+        xlabel=f"s, of the first {len(moves)} passes without the way between them", ylabel="machine z, mm"
+    )
     axes.legend(fontsize=7, loc="center right")

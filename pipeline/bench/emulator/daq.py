@@ -21,7 +21,14 @@ class EmulatedDaq:
     """
 
     def __init__(
-        self, world: World, *, whiskers: int, noise_v: float = 0.0, bits: int = 16, range_v: float = 10.0, seed: int = 0
+        self,
+        world: World,
+        *,
+        whiskers: int,
+        noise_v: float = 0.0,
+        bits: int = 16,
+        range_v: float = 10.0,
+        seed: int = 0,
     ) -> None:
         self.terminal, self.lose = Terminal(), 0
         self._world, self._whiskers, self._noise_v = world, whiskers, noise_v
@@ -60,7 +67,9 @@ class EmulatedDaq:
         times = self._begun_s + np.arange(first, last) / self._rate_hz - begin_s
         rows = volts(times)
         full = 2 ** (self._bits - 1)
-        counts = np.rint((rows + self._noise_v * self._rng.standard_normal(rows.shape)) * (full / self._range_v))
+        counts = np.rint(
+            (rows + self._noise_v * self._rng.standard_normal(rows.shape)) * (full / self._range_v)
+        )
         lines = []
         for row in np.clip(counts, -full, full - 1).astype(int).tolist():
             body = f"{self._sent} {int(touching)} {' '.join(map(str, row))}"

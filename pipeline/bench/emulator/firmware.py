@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.bench.emulator.world import AXES, SLICE_S, Place, World, ramp_to
+from pipeline.bench.emulator.world import AXES, SLICE_S, Place, Volts, World, ramp_to
 
 WORD = re.compile(r"([A-Z])([-+]?[\d.]+)")
 _PLANNER = 15
@@ -96,7 +96,7 @@ class Firmware(ABC):
         self.world, self.terminal = world, Terminal()
         self._acceleration = acceleration_mm_s2
         self.planner: deque[Block] = deque()
-        self._moving: tuple[Block, float, float, Callable[..., object], Place] | None = None
+        self._moving: tuple[Block, float, float, Volts, Place] | None = None
         self.received = b""
         self.holding, self.taken = False, 0
         self.relative, self.feed_mm_s = False, 10.0
@@ -184,7 +184,9 @@ class Firmware(ABC):
             if not self.planner:
                 return
             block, at = self.planner.popleft(), dict(self.world.place_mm)
-            ramp = ramp_to(at, block.to, speed_mm_s=max(block.speed_mm_s, 1e-3), acceleration_mm_s2=self._acceleration)
+            ramp = ramp_to(
+                at, block.to, speed_mm_s=max(block.speed_mm_s, 1e-3), acceleration_mm_s2=self._acceleration
+            )
             felt = self.world.felt_along(block.to) if block.to else self.world.standing()
             self._moving = (block, 0.0, block.dwell_s or ramp.duration_s, felt, at)
             self._ramp = ramp
@@ -192,11 +194,15 @@ class Firmware(ABC):
         slice_s = min(SLICE_S, total_s - run_s)
         if slice_s > 0.0:
             end = run_s + slice_s
-            share = float(self._ramp.at_mm(np.array([end]))[0]) / self._ramp.distance_mm if self._ramp.distance_mm else 1.0
+            share = (
+                float(self._ramp.at_mm(np.array([end]))[0]) / self._ramp.distance_mm
+                if self._ramp.distance_mm
+                else 1.0
+            )
             self.world.place_mm |= {k: at[k] + share * (v - at[k]) for k, v in block.to.items()}
             ramp = self._ramp
             self._moving = (block, end, total_s, felt, at)
-            self.world.pass_time(slice_s, lambda since: felt(ramp.at_mm(run_s + since)))  # type: ignore[return-value]
+            self.world.pass_time(slice_s, lambda since: felt(ramp.at_mm(run_s + since)))
         if self._moving is not None and self._moving[1] >= total_s - 1e-12:
             self.world.place_mm |= block.to
             self._moving = None

@@ -61,7 +61,13 @@ class World:
     """
 
     def __init__(
-        self, part: HeightMap, bench: BenchSettings, amplifier: Amplifier, *, soil: Soil | None = None, pace: float = 0.0
+        self,
+        part: HeightMap,
+        bench: BenchSettings,
+        amplifier: Amplifier,
+        *,
+        soil: Soil | None = None,
+        pace: float = 0.0,
     ) -> None:
         """Put the part on the plate.
 
@@ -81,7 +87,9 @@ class World:
             soil=soil,
         )
         low = [span[0] for span in bench.stage.travel_mm]
-        self.place_mm: Place = dict(zip(AXES, (low[0], low[1], bench.stage.land_z_mm + 1.0, 0.0), strict=True))
+        self.place_mm: Place = dict(
+            zip(AXES, (low[0], low[1], bench.stage.land_z_mm + 1.0, 0.0), strict=True)
+        )
         self.touching, self.now_s, self.lock = False, 0.0, threading.RLock()
         self.sampler: Callable[[float, float, bool, Volts], None] | None = None
         self.watch: Callable[[World], None] | None = None
@@ -92,10 +100,13 @@ class World:
         """Whether tips are on the plate."""
         return self.place_mm["Z"] < self._bench.stage.land_z_mm
 
-    def felt_along(self, to: Place) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    def felt_along(self, to: Place) -> Volts:
         """What the whiskers feel on the way to a place: distances run (n,) to volts (n, whiskers)."""
         begin, x, y = dict(self.place_mm), to.get("X"), to.get("Y")
-        start, end = self._plate(begin), self._plate({**begin, **{k: v for k, v in (("X", x), ("Y", y)) if v is not None}})
+        start, end = (
+            self._plate(begin),
+            self._plate({**begin, **{k: v for k, v in (("X", x), ("Y", y)) if v is not None}}),
+        )
         preload = self._bench.stage.land_z_mm - begin["Z"]
         length = math.dist(start, end)
         if preload <= 0.0 or length < self._step_mm or to.get("Z", begin["Z"]) != begin["Z"]:
@@ -104,7 +115,7 @@ class World:
         grid = self._step_mm * np.arange(moment.shape[1])
         return lambda run_mm: self._volts(np.column_stack([np.interp(run_mm, grid, m) for m in moment]))
 
-    def standing(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    def standing(self) -> Volts:
         """What they feel at rest, likewise."""
         still = self._still(self._bench.stage.land_z_mm - self.place_mm["Z"])
         return lambda run_mm: self._volts(np.full((run_mm.size, self._n), still))
@@ -169,7 +180,7 @@ class World:
             air_samples=0,
             sample_rate_hz=1.0,
         )
-        return np.nan_to_num(felt.moment_n_mm[0].astype(np.float64))
+        return np.asarray(np.nan_to_num(felt.moment_n_mm[0].astype(np.float64)))
 
 
 def on_plate(part: HeightMap, soil: Soil | None, bench: BenchSettings) -> tuple[HeightMap, Soil | None]:
@@ -179,13 +190,13 @@ def on_plate(part: HeightMap, soil: Soil | None, bench: BenchSettings) -> tuple[
     lacking = [max(0, math.ceil(size / part.pitch_mm) - n) for size, n in ((height, rows), (width, cols))]
     around = [(one // 2, one - one // 2) for one in lacking]
     if soil is not None:
-        wider = (np.pad(a, around, mode="edge") for a in (soil.thickness_mm, soil.hardness_mpa, soil.friction))
+        wider = (
+            np.pad(a, around, mode="edge") for a in (soil.thickness_mm, soil.hardness_mpa, soil.friction)
+        )
         soil = Soil(*wider)
     return HeightMap(np.pad(part.z_mm, around, mode="edge"), part.pitch_mm), soil
 
 
 def ramp_to(place: Place, to: Place, *, speed_mm_s: float, acceleration_mm_s2: float) -> Ramp:
     """A straight move from one place to another."""
-    return Ramp(
-        math.sqrt(sum((v - place[k]) ** 2 for k, v in to.items())), speed_mm_s, acceleration_mm_s2
-    )
+    return Ramp(math.sqrt(sum((v - place[k]) ** 2 for k, v in to.items())), speed_mm_s, acceleration_mm_s2)
