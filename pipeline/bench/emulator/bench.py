@@ -1,4 +1,4 @@
-"""A whole emulated bench: a part on its plate, a controller, a converter, and the settings by which a driver finds them."""
+"""A whole emulated bench: a part on its plate, a controller, a converter, and settings that lead a driver to them."""
 
 from __future__ import annotations
 

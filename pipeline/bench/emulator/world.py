@@ -1,7 +1,7 @@
 """The world in which an emulated bench works: a clock of its own, the stage's place, the plate and its moments.
 
-The clock goes on only while the stage is at work, so that nothing depends on how busy this machine is; `pace` seconds of
-ours pass for one of the world's.
+The clock goes on only while the stage is at work, so that nothing depends on how busy this machine is; `pace`
+seconds of ours pass for one of the world's.
 """
 
 from __future__ import annotations
