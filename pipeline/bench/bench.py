@@ -18,7 +18,6 @@ from types import TracebackType
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.bench.controller import Controller
 from pipeline.bench.daq import Daq, Record

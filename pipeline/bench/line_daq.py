@@ -92,16 +92,19 @@ class LineDaq:
             StageError: it was reset, is silent, or samples are lost or spoilt.
         """
         self._port.write(b"stop\n")
-        lines, until = [], time.monotonic() + self._settings.answer_s
+        lines, was_reset, until = [], False, time.monotonic() + self._settings.answer_s
         while not (line := self._next(until)).startswith("ok"):
-            if line.startswith(_HELLO):
-                raise StageError("the converter was reset in the middle", "see to its power, then scan again")
+            was_reset = was_reset or line.startswith(_HELLO)
             lines.append(line)
             until = time.monotonic() + self._settings.answer_s
+        if was_reset:
+            raise StageError("the converter was reset in the middle", "see to its power, then scan again")
         good = [body for one in lines if _whole(one, body := one[:-5])]
         sent = int(line.split()[1])
         if len(good) != sent:
-            raise StageError(f"{sent - len(good)} of {sent} samples were lost on the way", _CABLE_HINT)
+            raise StageError(
+                f"{sent - len(good)} of {sent} samples are missing: lost on the way, or left out", _CABLE_HINT
+            )
         table = np.array([one.split() for one in good], dtype=np.int64).reshape(len(good), self.whiskers + 2)
         if (table[:, 0] != np.arange(len(good))).any():
             raise StageError("the converter left samples out: it is too slow", "lower rate_hz of [daq]")

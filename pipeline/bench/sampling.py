@@ -1,7 +1,8 @@
 """From a converter's record to the samples of a pass, each at its place.
 
-The stage sets an output while it drags and the converter samples that too, so both go by one clock; how the stage speeds
-up and slows down is known (`Ramp`). A pass that took longer or shorter than it should is refused: its places are not known.
+The stage sets an output while it drags and the converter samples that too, so both go by one clock; how the stage
+speeds up and slows down is known (`Ramp`). A pass that took longer or shorter than it should is refused: its places are
+not known.
 """
 
 from __future__ import annotations

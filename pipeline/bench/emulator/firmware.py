@@ -36,7 +36,7 @@ class Terminal:
         tty.setraw(self._other)  # kept open: a driver that closes its end is no hang-up
         os.set_blocking(self._fd, False)
         self.name = os.ttyname(self._other)
-        self.silent = False
+        self.silent = self._unheard = False
 
     def read(self, *, wait_s: float) -> bytes:
         """What has come; empty where nothing has."""
@@ -44,14 +44,18 @@ class Terminal:
         return os.read(self._fd, 4096) if ready else b""
 
     def write(self, data: bytes) -> None:
-        """Send; what nobody takes for a second is lost, as on a wire."""
+        """Send; what nobody takes for a second is lost, as on a wire, and all after it until somebody does."""
         if self.silent:
             return
-        until = time.monotonic() + _FULL_S
-        while data and time.monotonic() < until:
+        until = time.monotonic() + (0.0 if self._unheard else _FULL_S)
+        while data:
             try:
                 data = data[os.write(self._fd, data) :]
+                self._unheard = False
             except BlockingIOError:
+                self._unheard = time.monotonic() >= until
+                if self._unheard:
+                    return
                 select.select([], [self._fd], [], 0.05)
 
     def say(self, line: str) -> None:
@@ -172,7 +176,8 @@ class Firmware(ABC):
                 self._reset_asked.clear()
                 self.boot()
             idle = self._moving is None and not self.planner and b"\n" not in self.received
-            self.received += self.at_once(self.terminal.read(wait_s=_IDLE_S if idle or self.holding else 0.0))
+            come = self.at_once(self.terminal.read(wait_s=_IDLE_S if idle or self.holding else 0.0))
+            self.received += come  # what stood there before may be forgotten meanwhile
             while self.take_line():
                 pass
             if not self.holding:

@@ -54,6 +54,8 @@ class World:
         place_mm: machine coordinates; A in degrees.
         touching: the stage's spare output.
         now_s: of the world's clock.
+        amplifier: of the whiskers.
+        pace: seconds of ours for one of the world's; 0: as fast as may be.
         lock: held while the world goes on.
         sampler: told of every slice of time: begin, end, volts at times since the begin.
         watch: called after every slice, for faults to be made; may raise nothing.
@@ -74,7 +76,7 @@ class World:
         Raises:
             MapError: a map that cannot be felt.
         """
-        self._bench, self._amplifier, self._pace = bench, amplifier, pace
+        self._bench, self.amplifier, self.pace = bench, amplifier, pace
         self._touch = bench.touch()
         self._step_mm = bench.comb.character_height_mm / (LINES_PER_HEIGHT * SAMPLES_PER_LINE_PITCH)
         surface, soil = on_plate(level(part), soil, bench)
@@ -93,7 +95,6 @@ class World:
         self.touching, self.now_s, self.lock = False, 0.0, threading.RLock()
         self.sampler: Callable[[float, float, bool, Volts], None] | None = None
         self.watch: Callable[[World], None] | None = None
-        self.lowest_z_mm = math.inf
 
     @property
     def touched(self) -> bool:
@@ -126,9 +127,8 @@ class World:
             if self.sampler is not None:
                 self.sampler(self.now_s, self.now_s + seconds, self.touching, volts)
             self.now_s += seconds
-            self.lowest_z_mm = min(self.lowest_z_mm, self.place_mm["Z"])
-        if self._pace:
-            time.sleep(self._pace * seconds)
+        if self.pace:
+            time.sleep(self.pace * seconds)
         if self.watch is not None:
             self.watch(self)
 
@@ -140,7 +140,7 @@ class World:
         return self._touch.land_moment_n_mm() * max(0.0, preload_mm) / self._touch.preload_mm
 
     def _volts(self, moment: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(moment * self._amplifier.gain_v_per_n_mm + self._amplifier.offset_v)
+        return np.asarray(moment * self.amplifier.gain_v_per_n_mm + self.amplifier.offset_v)
 
     def _plate(self, place: Place) -> tuple[float, float]:
         """Plate x, y of the middle tip."""
