@@ -47,17 +47,18 @@ _EXTRAS = {
 
 @contextlib.contextmanager
 def failures_reported() -> Iterator[None]:
-    """Turn expected failures into a CommandError: files (status 1), settings, arguments and extras (2).
+    """Turn expected failures into a CommandError: files, stages (status 1), settings, arguments and extras (2).
 
     Whatever else is raised is a fault of the program and goes on to `pipeline.cli.main`.
     """
     from pipeline.files.parts import NothingFoundError
+    from whisker_array.scan.stage_error import StageError
 
     try:
         yield
     except CommandError:
         raise
-    except (FileError, NothingFoundError) as error:
+    except (FileError, NothingFoundError, StageError) as error:
         raise CommandError(str(error), status=FAILED) from error
     except ModuleNotFoundError as error:
         raise CommandError(_missing(error), status=USAGE) from error

@@ -80,6 +80,19 @@ app.command(
     name="import",
     help="Make a scan of traces recorded by others.",
 )
+_BENCH = App(name="bench", help="Drive a bench of iron: stage by G-code, converter, and emulators of both.")
+_BENCH.command("pipeline.cli.bench:check", name="check", help="Ask stage and converter who they are.")
+_BENCH.command("pipeline.cli.bench:home", name="home", help="Lift the comb and find the axes' ends.")
+_BENCH.command(
+    "pipeline.cli.bench:calibrate", name="calibrate", help="Find the whiskers' gains on a bare plate."
+)
+_BENCH.command(
+    "pipeline.cli.bench:scan", name="scan", help="Scan the part under the comb, or draw the moves."
+)
+_BENCH.command(
+    "pipeline.cli.bench:emulate", name="emulate", help="Stand in for a bench, at pseudo-terminals."
+)
+app.command(_BENCH)
 app.command("pipeline.cli.demo:demo", name="demo", help="Make, scan and read a few parts; start here.")
 app.command("pipeline.cli.figures:figures", name="figures", help="Compute and draw the results of the paper.")
 app.command(

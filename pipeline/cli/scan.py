@@ -13,7 +13,7 @@ from pipeline.cli.choices import FidelityName
 from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 
 if TYPE_CHECKING:
-    from whisker_array.scan.simulated_session import SimulatedSession
+    from whisker_array.scan.session import StageSession
 
 UnitName = Literal["um", "mm", "m", "in"]
 
@@ -125,7 +125,7 @@ def scan(
                 friction=friction,
                 soil=soil,
             )
-            return _scan_actively(session, out, height_mm=height, budget_s=budget_s, format=format)
+            return scan_actively(session, out, height_mm=height, budget_s=budget_s, format=format)
         plan = default_plan(
             (0.0, 0.0, *surface.size_mm),
             character_height_mm=height,
@@ -165,8 +165,8 @@ def scan(
     return 0
 
 
-def _scan_actively(
-    session: SimulatedSession, out: Path, *, height_mm: float, budget_s: float, format: str | None
+def scan_actively(
+    session: StageSession, out: Path, *, height_mm: float, budget_s: float, format: str | None
 ) -> int:
     """Record the passes that a reader chooses, and say why it stopped.
 

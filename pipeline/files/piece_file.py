@@ -6,21 +6,20 @@ angle_deg = [30, 45, 60]       walls; lengths in mm: depth_mm, floor_mm, width_m
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
-from glyphs.errors import FileError, require_file
+from glyphs.errors import FileError
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.pieces import Piece, PieceKind
+from pipeline.files.toml_file import read_toml
 from pipeline.files.touch_file import read_height_map
 
 if TYPE_CHECKING:
     from whisker_array.identification.forward import Heights
 
-_MOST_BYTES = 100_000
 PITCH_MM = 0.02
 """Of the map of a piece."""
 
@@ -45,19 +44,8 @@ def read_piece(path: Path) -> Piece | HeightMap:
     """
     if path.suffix.lower() != ".toml":
         return read_height_map(path)
-    require_file(path, most_bytes=_MOST_BYTES)
     try:
-        return Piece(**_Written(**tomllib.loads(path.read_text(encoding="utf-8"))).model_dump())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise FileError(
-            path,
-            f"{where}: {first['msg'].lower()}",
-            "keys are kind, angle_deg, depth_mm, floor_mm, width_mm, radius_mm, land_mm",
-        ) from error
+        return Piece(**read_toml(path, _Written).model_dump())
     except MapError as error:
         raise FileError(path, error.what, error.hint) from error
 

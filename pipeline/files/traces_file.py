@@ -19,7 +19,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from glyphs.errors import FileError
-from pipeline.files.toml_file import first_problem, read_toml
+from pipeline.files.toml_file import toml_table, wrong_key
 from pipeline.files.units import Unit
 
 _FORMAT_VERSION = 1
@@ -140,10 +140,8 @@ def read_traces_file(path: Path) -> TracesFile:
     Raises:
         FileError: no file, no TOML, unknown or missing keys, numbers that cannot be.
     """
-    written = read_toml(path, format_version=_FORMAT_VERSION)
+    written = toml_table(path, format_version=_FORMAT_VERSION)
     try:
         return TracesFile.model_validate(written)
     except ValidationError as error:
-        raise FileError(
-            path, *first_problem(error, unnamed=("constrained-str", "constrained-int"))
-        ) from error
+        raise FileError(path, *wrong_key(error, hidden=("constrained-str", "constrained-int"))) from error

@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from glyphs.errors import FileError
 from pipeline.common.atomic import check_writable, replacing
-from pipeline.files.toml_file import first_problem, read_toml
+from pipeline.files.toml_file import toml_table, wrong_key
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, Straight
@@ -157,7 +157,7 @@ def read_whisker_file(path: Path) -> WhiskerFile:
         FileError: no file, no TOML, unknown or missing keys, numbers that cannot be, a whisker that jams on
             the land.
     """
-    written = read_toml(path, format_version=FORMAT_VERSION)
+    written = toml_table(path, format_version=FORMAT_VERSION)
     kind = written.get("kind")
     if not isinstance(kind, str) or kind not in _KINDS:
         says = "has no kind" if kind is None else f"has the kind {kind!r}"
@@ -165,7 +165,7 @@ def read_whisker_file(path: Path) -> WhiskerFile:
     try:
         built = _KINDS[kind].model_validate(written).build()
     except ValidationError as error:
-        raise FileError(path, *first_problem(error, unnamed=("ribbon", "round", "_Material"))) from error
+        raise FileError(path, *wrong_key(error, hidden=("ribbon", "round", "_Material"))) from error
     except WhiskerError as error:
         raise FileError(path, f"does not describe a whisker: {error.what}", error.hint) from error
     row, mu = built.touch.tip.compliance_mm_per_n[1], built.touch.friction

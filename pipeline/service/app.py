@@ -367,6 +367,11 @@ def _stage(settings: ServiceSettings) -> Stage:
             settings.stage_driver, verbs=("open", "feel") if settings.active_stage else ("feel",)
         )
         return driver
+    if settings.bench is not None:
+        from pipeline.bench.settings import read_bench
+        from pipeline.service.stage.bench_stage import BenchStage
+
+        return BenchStage(read_bench(settings.bench))
     return SimulatedStage(settings.stage) if settings.stage is not None else NoStage()
 
 

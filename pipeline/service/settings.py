@@ -104,6 +104,8 @@ class ServiceSettings(Settings):
     no stage."""
     stage_driver: str = ""
     """module:callable that makes the driver of a real stage instead (pipeline.service.stage.Stage)."""
+    bench: Path | None = None
+    """Bench file (bench.toml) of a real stage that is moved by G-code, instead; it feels pass by pass."""
     active_stage: bool = True
     """Feel parts pass by pass until the serial is sure, for at most budget_s, by a stage that has sessions (open); off,
     and by other stages, the whole plan is scanned (feel)."""

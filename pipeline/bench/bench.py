@@ -1,0 +1,242 @@
+"""A bench that is open, and the part on it, felt pass by pass.
+
+    with Bench(read_bench(path)) as bench:
+        bench.home()
+        session = bench.session("plate 7")
+        session.feel(pass) -> Sweep
+
+* Sampled positions come from the converter's own clock: the stage sets an output while it drags, and how it speeds up
+  is known; no host's clock is in between.
+* However the block ends, the last that is done is to lift: at rest, or after an emergency stop where a pass was cut.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from pipeline.bench.controller import Controller
+from pipeline.bench.daq import Daq, Record
+from pipeline.bench.grbl import Grbl
+from pipeline.bench.line_daq import LineDaq
+from pipeline.bench.marlin import Marlin
+from pipeline.bench.moves import Moves, check_limits, moves_of
+from pipeline.bench.ni_daq import NiDaq
+from pipeline.bench.sampling import beyond, samples
+from pipeline.bench.settings import BenchSettings, DaqSettings
+from whisker_array.scan.calibration import Calibration, calibrate_lead_in
+from whisker_array.scan.felt_sweep import Sweep
+from whisker_array.scan.session import Fitting
+from whisker_array.scan.stage_error import StageError
+from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.passes import Pass
+
+_CONTROLLERS: dict[str, type[Controller]] = {"grbl": Grbl, "marlin": Marlin}
+
+
+class Bench:
+    """Stage and converter, open."""
+
+    def __init__(self, settings: BenchSettings) -> None:
+        """Open both ports; nothing moves.
+
+        Raises:
+            MissingExtraError: a library is not installed.
+            StageError: a port cannot be opened, or what hangs on it does not answer.
+        """
+        self.settings = settings
+        self._in_pass = False
+        self.daq = _open_daq(settings.daq, whiskers=settings.comb.n_whiskers)
+        try:
+            self.stage = _CONTROLLERS[settings.stage.firmware](settings.stage)
+        except BaseException:
+            self.daq.close()
+            raise
+        try:
+            self.greeting = self.stage.connect()
+        except BaseException:
+            self.stage.close()
+            self.daq.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def home(self) -> None:
+        """Lift, find the axes' ends, lift to where tips are carried.
+
+        Raises:
+            StageError: it cannot.
+        """
+        self.stage.home()
+        check_limits(self.stage.place_mm(), self.settings.stage)
+        self.stage.lift()
+
+    def session(
+        self,
+        part_id: str = "",
+        *,
+        x_mm: float = 0.0,
+        y_mm: float = 0.0,
+        region_mm: tuple[float, float, float, float] | None = None,
+    ) -> BenchSession:
+        """The part under the whiskers; homes first where that is needed.
+
+        Args:
+            part_id: what it is called.
+            x_mm, y_mm: by which the plate's coordinates are greater than those of the session.
+            region_mm: of the field what may be felt, in the session's frame; all of it unless given.
+
+        Raises:
+            StageError: homing failed, or a region off the field.
+        """
+        fitting = self.settings.fitting(part_id)
+        x0, y0, x1, y1 = (
+            v - shift for v, shift in zip(fitting.field_mm, (x_mm, y_mm, x_mm, y_mm), strict=True)
+        )
+        if region_mm is not None:
+            x0, y0, x1, y1 = (
+                max(x0, region_mm[0]),
+                max(y0, region_mm[1]),
+                min(x1, region_mm[2]),
+                min(y1, region_mm[3]),
+            )
+        if min(x1 - x0, y1 - y0) < fitting.height_mm:
+            raise StageError(
+                f"the region {region_mm} mm is not on the bench's field",
+                "check camera_mm and field_mm of [plate]",
+            )
+        if self.stage.lost:
+            self.home()
+        return BenchSession(self, replace(fitting, field_mm=(x0, y0, x1, y1)), x_mm=x_mm, y_mm=y_mm)
+
+    def run(self, moves: Moves) -> Record:
+        """Feel one pass; the tips end lifted.
+
+        Raises:
+            StageError: it could not be felt; the stage is stopped and lifted as far as it lets.
+        """
+        self.stage.travel(moves)
+        self.daq.start()
+        self._in_pass = True
+        try:
+            self.stage.touch(moves)
+            self._in_pass = False
+        except StageError:
+            self._stop()
+            with contextlib.suppress(StageError):
+                self.daq.stop()
+            raise
+        return self.daq.stop()
+
+    def close(self) -> None:
+        """Lift, and let both ports go; closing again does nothing."""
+        try:
+            if self._in_pass:  # cut short by an interrupt
+                self._stop()
+            elif not self.stage.lost:
+                with contextlib.suppress(StageError):
+                    self.stage.lift()
+        finally:
+            self.stage.close()
+            self.daq.close()
+
+    def _stop(self) -> None:
+        self._in_pass = False
+        with contextlib.suppress(StageError):  # what went wrong first is told
+            self.stage.stop()
+
+    def calibrated(self, order: Pass) -> Calibration:
+        """Gains, V per N mm as if `volt_per_n_mm` were 1, and offsets in V, from a pass over bare land.
+
+        Raises:
+            StageError: as `run`.
+            SensorError: too few samples, or a whisker that does not feel the land.
+        """
+        touch = self.settings.touch()
+        moves = moves_of(order, self.settings, preload_mm=touch.preload_mm)
+        air, land, _ = samples(self.run(moves), order, moves)
+        by_whisker = np.argsort(moves.whisker)
+        return calibrate_lead_in(
+            air[by_whisker], land[by_whisker], expected_land_moment_n_mm=touch.land_moment_n_mm()
+        )
+
+
+class BenchSession:
+    """A `StageSession` over a bench.
+
+    Attributes:
+        fitting: whiskers and field, in the session's frame; with known gains, samples come with them taken out.
+    """
+
+    def __init__(self, bench: Bench, fitting: Fitting, *, x_mm: float, y_mm: float) -> None:
+        """Take the bench; see `Bench.session`."""
+        self._bench: Bench | None = bench
+        self._x_mm, self._y_mm = x_mm, y_mm
+        n = fitting.array.n_whiskers
+        known = Calibration(np.ones(n), np.zeros(n)) if bench.settings.daq.gains_known else None
+        self.fitting: Fitting = replace(fitting, calibration=known)
+
+    def feel(self, order: Pass) -> Sweep:
+        """Feel one pass. A whisker's line is the line's, whichever whisker ran on it.
+
+        Raises:
+            StageError: it could not be felt.
+        """
+        if self._bench is None:
+            raise StageError("the part is no longer on the stage", "open a session of its own for every part")
+        settings = self._bench.settings
+        along, across = (self._x_mm, self._y_mm) if order.direction.along_x else (self._y_mm, self._x_mm)
+        on_plate = replace(
+            order,
+            line_mm=tuple(v + across for v in order.line_mm),
+            along_mm=(order.along_mm[0] + along, order.along_mm[1] + along),
+        )
+        moves = moves_of(on_plate, settings, preload_mm=self.fitting.touch.preload_mm)
+        air, felt, clipped = samples(self._bench.run(moves), order, moves)
+        gain = np.asarray(settings.gains_v_per_n_mm)[list(moves.whisker)][:, None]
+        flags = np.where(clipped, np.uint8(SampleFlag.OUT_OF_RANGE), np.uint8(0))
+        flags |= np.where(
+            beyond(on_plate, settings.plate.field_mm), np.uint8(SampleFlag.OUTSIDE), np.uint8(0)
+        )
+        # the offset too, so that a whisker's is not another's when the comb has turned
+        zero = air.mean(axis=1, keepdims=True) if air.size else 0.0
+        return Sweep(
+            plan=order.sweep_plan(),
+            moment_n_mm=((felt - zero) / gain).astype(np.float32)[None],
+            flags=flags[None],
+            air_n_mm=((air - zero) / gain).astype(np.float32)[None],
+        )
+
+    def close(self) -> None:
+        """Lift, and let the part go."""
+        if self._bench is not None and not self._bench.stage.lost:
+            with contextlib.suppress(StageError):
+                self._bench.stage.lift()
+        self._bench = None
+
+
+def _open_daq(settings: DaqSettings, *, whiskers: int) -> Daq:
+    """The converter of a bench.
+
+    Raises:
+        MissingExtraError: its library is not installed.
+        StageError: it cannot be opened, or has another number of channels than there are whiskers.
+    """
+    daq: Daq = LineDaq(settings) if settings.kind == "line" else NiDaq(settings)
+    if daq.whiskers != whiskers:
+        found = daq.whiskers
+        daq.close()
+        raise StageError(
+            f"the converter has {found} channels for {whiskers} whiskers", "see [comb] and [daq] of the bench"
+        )
+    return daq

@@ -1,0 +1,84 @@
+"""A whole emulated bench: a part on its plate, a controller, a converter, and settings that lead a driver to them."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from glyphs.soiling.soil import Soil
+from glyphs.surface.maps import HeightMap
+from pipeline.bench.emulator.daq import EmulatedDaq
+from pipeline.bench.emulator.firmware import Firmware
+from pipeline.bench.emulator.grbl import EmulatedGrbl
+from pipeline.bench.emulator.marlin import EmulatedMarlin
+from pipeline.bench.emulator.world import Amplifier, World
+from pipeline.bench.settings import BenchSettings
+
+_RANGE_LAND_MOMENTS = 3.0
+"""Over what the converter's range reaches, whatever the bench file says of gains: these are for the driver to find."""
+_GAIN_SD, _OFFSET_SD, _NOISE = 0.03, 0.01, 1e-4
+"""Of gains, of offsets and noise as shares of the converter's range: as `draw_sensor_chain` has them."""
+
+
+class EmulatedBench:
+    """Switched on within its block.
+
+    Attributes:
+        settings: those given, at the pseudo-terminals' names.
+        world, stage, daq: what it is made of.
+    """
+
+    def __init__(
+        self,
+        part: HeightMap,
+        settings: BenchSettings,
+        *,
+        seed: int,
+        soil: Soil | None = None,
+        pace: float = 0.0,
+    ) -> None:
+        """Put it together.
+
+        Args:
+            part: on the plate, its corner at (0, 0).
+            settings: of the bench that it stands for.
+            seed: of gains, offsets and noise.
+            soil: dirt on the part.
+            pace: seconds of ours for one of the bench; 0: as fast as may be.
+
+        Raises:
+            MapError: a part that cannot be felt.
+        """
+        rng = np.random.default_rng(seed)
+        n, daq = settings.comb.n_whiskers, settings.daq
+        nominal = daq.range_v / (_RANGE_LAND_MOMENTS * abs(settings.touch().land_moment_n_mm()))
+        amplifier = Amplifier(
+            gain_v_per_n_mm=nominal * (1.0 + _GAIN_SD * np.clip(rng.standard_normal(n), -3.0, 3.0)),
+            offset_v=_OFFSET_SD * daq.range_v * rng.standard_normal(n),
+        )
+        self.world = World(part, settings, amplifier, soil=soil, pace=pace)
+        made = {"grbl": EmulatedGrbl, "marlin": EmulatedMarlin}[settings.stage.firmware]
+        self.stage: Firmware = made(self.world, settings.stage)
+        self.daq = EmulatedDaq(
+            self.world, whiskers=n, noise_v=_NOISE * daq.range_v, range_v=daq.range_v, seed=seed + 1
+        )
+        at = {"stage": self.stage.terminal.name, "daq": self.daq.terminal.name}
+        self.settings = settings.model_copy(
+            update={
+                "stage": settings.stage.model_copy(update={"port": at["stage"]}),
+                "daq": settings.daq.model_copy(update={"kind": "line", "port": at["daq"]}),
+            }
+        )
+
+    def __enter__(self) -> Self:
+        self.daq.start()
+        self.stage.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stage.close()
+        self.daq.close()

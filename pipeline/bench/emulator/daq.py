@@ -1,0 +1,105 @@
+"""A microcontroller with the line protocol, sampling an emulated world by that world's clock."""
+
+from __future__ import annotations
+
+import math
+import threading
+
+import numpy as np
+
+from pipeline.bench.emulator.firmware import Terminal
+from pipeline.bench.emulator.world import Volts, World
+from pipeline.bench.line_daq import crc16
+
+
+class EmulatedDaq:
+    """The converter.
+
+    Attributes:
+        terminal: to be opened by a driver.
+        lose: the next so many samples are lost on the way.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        *,
+        whiskers: int,
+        noise_v: float = 0.0,
+        bits: int = 16,
+        range_v: float = 10.0,
+        seed: int = 0,
+    ) -> None:
+        self.terminal, self.lose = Terminal(), 0
+        self._world, self._whiskers, self._noise_v = world, whiskers, noise_v
+        self._bits, self._range_v, self._rng = bits, range_v, np.random.default_rng(seed)
+        self._rate_hz, self._sent, self._begun_s, self._on = 1000.0, 0, 0.0, False
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="emulated converter", daemon=True)
+        world.sampler = self._sample
+
+    def start(self) -> None:
+        """Switch it on."""
+        self._hello()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Switch it off."""
+        self._ended.set()
+        self._thread.join(5.0)
+        self.terminal.close()
+
+    def reset_button(self) -> None:
+        """It forgets what it was at."""
+        with self._world.lock:
+            self._on = False
+            self._hello()
+
+    def _hello(self) -> None:
+        self.terminal.say(f"tactile-daq 1 {self._whiskers} {self._bits} {self._range_v:g} emulated")
+
+    def _sample(self, begin_s: float, end_s: float, touching: bool, volts: Volts) -> None:
+        if not self._on:
+            return
+        first, last = (math.ceil((t - self._begun_s) * self._rate_hz - 1e-9) for t in (begin_s, end_s))
+        if last <= first:
+            return
+        times = self._begun_s + np.arange(first, last) / self._rate_hz - begin_s
+        rows = volts(times)
+        full = 2 ** (self._bits - 1)
+        counts = np.rint(
+            (rows + self._noise_v * self._rng.standard_normal(rows.shape)) * (full / self._range_v)
+        )
+        lines = []
+        for row in np.clip(counts, -full, full - 1).astype(int).tolist():
+            body = f"{self._sent} {int(touching)} {' '.join(map(str, row))}"
+            self._sent += 1
+            if self.lose:
+                self.lose -= 1
+            else:
+                lines.append(f"{body} {crc16(body):04X}\n")
+        self.terminal.write("".join(lines).encode())
+
+    def _work(self) -> None:
+        received = b""
+        while not self._ended.is_set():
+            *lines, received = (received + self.terminal.read(wait_s=0.05)).split(b"\n")
+            for line in lines:
+                with self._world.lock:
+                    self._answer(line.decode("latin-1").strip())
+
+    def _answer(self, line: str) -> None:
+        word, _, value = line.partition(" ")
+        if word == "id":
+            self._hello()
+        elif word == "rate":
+            self._rate_hz = float(value)
+            self.terminal.say(f"ok {self._rate_hz:.2f}")
+        elif word == "start":
+            self._sent, self._begun_s, self._on = 0, self._world.now_s, True
+            self.terminal.say("ok")
+        elif word == "stop":
+            self._on = False
+            self.terminal.say(f"ok {self._sent}")
+        else:
+            self.terminal.say(f"error no such command: {word}")

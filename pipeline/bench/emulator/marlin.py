@@ -1,0 +1,116 @@
+"""Marlin 2.1 as a driver meets it: checksums, `busy`, resends, and a halt that nothing ends but the reset button."""
+
+from __future__ import annotations
+
+import re
+import time
+from functools import reduce
+from operator import xor
+
+from pipeline.bench.emulator.firmware import WORD, Block, Firmware
+from pipeline.bench.emulator.world import World
+from pipeline.bench.settings import StageSettings
+
+_BUSY_S = 2.0
+_NUMBERED = re.compile(r"N(\d+) ?(.*)\*(\d+)$")
+_NAME = "FIRMWARE_NAME:Marlin 2.1.2 SOURCE_CODE_URL:github.com/MarlinFirmware/Marlin PROTOCOL_VERSION:1.0"
+
+
+class EmulatedMarlin(Firmware):
+    """A board with Marlin and EMERGENCY_PARSER, z homing upwards.
+
+    Attributes:
+        spoil: the next so many lines come in with a wrong checksum.
+        halted: after M112.
+    """
+
+    def __init__(self, world: World, stage: StageSettings) -> None:
+        super().__init__(world, acceleration_mm_s2=stage.acceleration_mm_s2)
+        self._stage, self._last, self.spoil, self.halted = stage, 0, 0, False
+        self._busy_at = time.monotonic()
+
+    def boot(self) -> None:
+        """As after the reset button."""
+        self.forget()
+        self._last, self.halted = 0, False
+        self.terminal.say("start")
+        self.terminal.say("echo:Marlin 2.1.2")
+
+    def at_once(self, data: bytes) -> bytes:
+        """M410 and M112 are heard in the stream; says `busy` while a line waits."""
+        if self.busy and b"\n" in self.received and time.monotonic() - self._busy_at > _BUSY_S:
+            self._busy_at = time.monotonic()
+            self.terminal.say("echo:busy: processing")
+        if self.halted:
+            return b""
+        if b"M112" in data:
+            self.forget()
+            self.halted = True
+            self.terminal.say("Error:Printer halted. kill() called!")
+            return b""
+        if b"M410" in data:
+            self.planner.clear()
+            self._moving = None  # lines that it has taken in go on after it
+            data = data.replace(b"M410\n", b"")
+        return data
+
+    def take_line(self) -> bool:
+        """One line; those that wait for moves to end stay until they have."""
+        line = self.first_line()
+        if line is None or self.full:
+            return False
+        found = _NUMBERED.match(line)
+        body = found[2] if found else line
+        if self.busy and body.startswith(("M400", "G4", "G28", "M114")):
+            return False
+        self.drop_line()
+        if found is None:
+            self._asks_again("No Line Number with checksum") if "*" in line else self._do(line)
+            return True
+        number, checked = int(found[1]), line.rpartition("*")[0]
+        right = reduce(xor, checked.encode("latin-1"), 0) == int(found[3])
+        if self.spoil:
+            self.spoil, right = self.spoil - 1, False
+        if not right:
+            self._asks_again("checksum mismatch")
+        elif number != self._last + 1 and not body.startswith("M110"):
+            self._asks_again("Line Number is not Last Line Number+1")
+        else:
+            self._last = number
+            self._do(body)
+        return True
+
+    def _asks_again(self, why: str) -> None:
+        self.terminal.say(f"Error:{why}, Last Line: {self._last}")
+        self.terminal.say(f"Resend: {self._last + 1}")
+        self.terminal.say("ok")
+
+    def _do(self, line: str) -> None:
+        words = WORD.findall(line)
+        code, values = "".join(words[0]) if words else "", {k: float(v) for k, v in words[1:]}
+        if code in ("G90", "G91"):
+            self.relative = code == "G91"
+        elif code in ("M106", "M107"):
+            self.world.touching = code == "M106"
+        elif code == "M115":
+            self.terminal.say(_NAME)
+        elif code == "M114":
+            at = self.world.place_mm
+            self.terminal.say(f"X:{at['X']:.2f} Y:{at['Y']:.2f} Z:{at['Z']:.2f} E:0.00 Count X:0 Y:0 Z:0")
+        elif code == "G4":
+            self.planner.append(Block({}, dwell_s=values["P"] / 1000.0, done=lambda: self.terminal.say("ok")))
+            return
+        elif code == "G28":
+            (x, _), (y, _), (_, z) = self._stage.travel_mm
+            self.planner.append(Block({"Z": z}, 25.0))
+            self.planner.append(Block({"X": x, "Y": y, "A": 0.0}, 25.0, done=lambda: self.terminal.say("ok")))
+            return
+        elif code in ("G0", "G1"):
+            spans = dict(zip("XYZ", self._stage.travel_mm, strict=True))
+            to = self.target(values)
+            # software end stops: it goes no further, and says nothing of it
+            to = {k: min(max(v, spans[k][0]), spans[k][1]) if k in spans else v for k, v in to.items()}
+            self.planner.append(Block(to, self.feed_mm_s))
+        elif code not in ("G21", "M110", "M400"):
+            self.terminal.say(f'echo:Unknown command: "{line}"')
+        self.terminal.say("ok")

@@ -1,0 +1,150 @@
+"""From a pass on the plate to moves of the machine, all within its limits.
+
+::
+
+    machine y                       plate (0, 0) ---> x                 a pass along 0 degrees, from above
+        ^                            |                                  run-up |lead| felt |lead| run-out
+        |      origin_mm = machine   v y                                 o---->|====|======|====|---->o
+        +---> x        x, y here                                         down                         up
+
+The comb turns with the trace: at 0 and 270 degrees its first whisker has the least coordinate across, at 90 and 180 the
+greatest; `Moves.whisker` tells which one felt which line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.bench.ramp import Ramp
+from pipeline.bench.settings import BenchSettings, StageSettings
+from whisker_array.scan.stage_error import StageError
+from whisker_array.whisker.passes import Pass
+
+_COMB_TOLERANCE_MM = 0.01
+_AXES = "XYZ"
+
+
+@dataclass(frozen=True)
+class Moves:
+    """One pass as the machine makes it.
+
+    Attributes:
+        begin_mm, end_mm: machine x, y of the move that touches.
+        touch_z_mm, lift_z_mm: machine z.
+        turn_deg: of the turning axis.
+        ramp: of the move that touches.
+        first_mm: how far into that move the pass's first sample lies.
+        whisker: the whisker that runs on each line of the pass.
+        speed_mm_s: while touching.
+        air_s: time lifted, for the air samples.
+    """
+
+    begin_mm: tuple[float, float]
+    end_mm: tuple[float, float]
+    touch_z_mm: float
+    lift_z_mm: float
+    turn_deg: float
+    ramp: Ramp
+    first_mm: float
+    whisker: tuple[int, ...]
+    speed_mm_s: float
+    air_s: float
+
+
+def moves_of(order: Pass, bench: BenchSettings, *, preload_mm: float) -> Moves:
+    """What the machine does for a pass.
+
+    Args:
+        order: in the plate's frame.
+        bench: the bench.
+        preload_mm: where the pass says none.
+
+    Raises:
+        StageError: a pass that this comb or stage cannot run, or one beyond a limit.
+    """
+    stage = bench.stage
+    turn = (int(order.direction) + (180 if order.pushed else 0)) % 360
+    if turn and not stage.turn_axis:
+        raise StageError(
+            f"a pass along {int(order.direction)} degrees needs a comb that turns, and the stage has no turn_axis",
+            "scan with --directions 0",
+        )
+    preload = order.preload_mm if order.preload_mm is not None else preload_mm
+    if preload > stage.most_preload_mm:
+        raise StageError(
+            f"a preload of {preload:.2f} mm is more than the most, {stage.most_preload_mm:.2f} mm",
+            "see most_preload_mm of [stage]",
+        )
+    whisker, across = _comb(order, bench, turn)
+    # a converter that is too slow for the pass has it run slower
+    speed = min(order.speed_mm_s, bench.daq.rate_hz * order.sample_pitch_mm)
+    up = bench.run_up_mm(speed) + order.sample_pitch_mm
+    sign = -1.0 if order.direction.backward else 1.0
+    felt = (order.n_samples - 1) * order.sample_pitch_mm + order.stagger_mm
+    ends = (order.start_mm - sign * up, order.start_mm + sign * (felt + up))
+    tips = [(e, across) if order.direction.along_x else (across, e) for e in ends]
+    begin, end = (_machine(tip, stage, turn) for tip in tips)
+    moves = Moves(
+        begin_mm=begin,
+        end_mm=end,
+        touch_z_mm=stage.land_z_mm - preload,
+        lift_z_mm=stage.land_z_mm + stage.lift_mm,
+        turn_deg=float(-turn if stage.flip_turn else turn),
+        ramp=Ramp(felt + 2.0 * up, speed, stage.acceleration_mm_s2),
+        first_mm=up,
+        whisker=whisker,
+        speed_mm_s=speed,
+        air_s=(order.air_samples + 4) / (speed / order.sample_pitch_mm) if order.air_samples else 0.0,
+    )
+    for x, y in (begin, end):
+        check_limits((x, y, moves.touch_z_mm), stage)
+        check_limits((x, y, moves.lift_z_mm), stage)
+    return moves
+
+
+def _comb(order: Pass, bench: BenchSettings, turn: int) -> tuple[tuple[int, ...], float]:
+    """The whisker on each line, and the comb's middle across the trace."""
+    n, pitch = bench.comb.n_whiskers, bench.comb.pitch_mm
+    lines = np.asarray(order.line_mm)
+    middle = float(lines.mean())
+    way = 1.0 if turn in (0, 270) else -1.0
+    stands = middle + way * pitch * (np.arange(n) - 0.5 * (n - 1))
+    if lines.size == n:
+        whisker = np.abs(lines[:, None] - stands).argmin(axis=1)
+        if (
+            np.abs(lines - stands[whisker]).max() < _COMB_TOLERANCE_MM
+            and np.unique(whisker).size == n
+            and not any(order.offset_mm)
+        ):
+            return tuple(int(w) for w in whisker), middle
+    raise StageError(f"a pass for another comb than {n} whiskers {pitch:g} mm apart", "plan it for this comb")
+
+
+def _machine(tip_mm: tuple[float, float], stage: StageSettings, turn: int) -> tuple[float, float]:
+    """Machine x, y of the turning axis while the middle tip is over a place of the plate."""
+    cos, sin = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    along, across = stage.tip_mm
+    x = tip_mm[0] - (cos * along - sin * across)
+    y = tip_mm[1] - (sin * along + cos * across)
+    return (
+        stage.origin_mm[0] + (-x if stage.flip_x else x),
+        stage.origin_mm[1] + (-y if stage.flip_y else y),
+    )
+
+
+def check_limits(place_mm: Sequence[float], stage: StageSettings) -> None:
+    """Refuse a place beyond the stage's travel.
+
+    Raises:
+        StageError: it is.
+    """
+    for name, value, (low, high) in zip(_AXES, place_mm, stage.travel_mm, strict=True):
+        if not low <= value <= high:
+            raise StageError(
+                f"{name} {value:.2f} mm lies beyond the stage's travel, {low:g} to {high:g} mm",
+                "feel a smaller region, or see origin_mm and travel_mm of [stage]",
+            )

@@ -1,0 +1,85 @@
+"""From a converter's record to the samples of a pass, each at its place.
+
+The stage sets an output while it drags and the converter samples that too, so both go by one clock; how the stage
+speeds up and slows down is known (`Ramp`). A pass that took longer or shorter than it should is refused: its places are
+not known.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.bench.daq import Record
+from pipeline.bench.moves import Moves
+from whisker_array.scan.stage_error import StageError
+from whisker_array.whisker.passes import Pass
+
+_LATE_S = 0.03
+"""By which the output may be set longer than the move takes: planning in the firmware, and a sample or two."""
+_LONGER = 0.02
+"""Of the move's time, likewise."""
+
+
+def beyond(order: Pass, field_mm: tuple[float, float, float, float]) -> NDArray[np.bool_]:
+    """(lines, samples) what lies beyond the field; run-in and run-out may."""
+    x0, y0, x1, y1 = field_mm
+    along, across = ((x0, x1), (y0, y1)) if order.direction.along_x else ((y0, y1), (x0, x1))
+    plan, tolerance = order.sweep_plan(), 0.5 * order.sample_pitch_mm
+    place, lines = plan.position_mm(), np.asarray(order.line_mm)[:, None]
+    off = (place < along[0] - tolerance) | (place > along[1] + tolerance)
+    off[: plan.n_lead] = off[plan.n_samples - plan.n_lead :] = False
+    return np.asarray((lines < across[0] - tolerance) | (lines > across[1] + tolerance) | off)
+
+
+def samples(
+    record: Record, order: Pass, moves: Moves
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """(lines, samples) volts lifted and touching, and where touching ones are clipped; line by line of the order.
+
+    Raises:
+        StageError: the stage's output does not tell the pass.
+    """
+    stretches, wanted = record.stretches(), 2 if moves.air_s > 0.0 else 1
+    if len(stretches) != wanted:
+        raise StageError(
+            f"the converter saw the stage's output set {len(stretches)} times, not {wanted}",
+            "see the wire from the stage's spare output to the converter",
+        )
+    air_at, felt_at = stretches[0], stretches[-1]
+    took_s, should_s = (felt_at.stop - felt_at.start) / record.rate_hz, moves.ramp.duration_s
+    if abs(took_s - should_s) > _LATE_S + 2.0 / record.rate_hz + _LONGER * should_s:
+        raise StageError(
+            f"the pass took {took_s:.3f} s and not {should_s:.3f} s",
+            "set acceleration_mm_s2 as in the firmware, and leave its feed override at 100 %",
+        )
+    lines = record.volts[:, list(moves.whisker)]
+    time_s = (np.arange(felt_at.stop - felt_at.start) + 0.5) / record.rate_hz
+    run_mm = moves.ramp.at_mm(time_s)
+    at_mm = moves.first_mm + order.sample_pitch_mm * np.arange(order.n_samples, dtype=np.float64)
+    felt = _averaged(run_mm, lines[felt_at], at_mm, order.sample_pitch_mm)
+    nearest = np.clip(np.searchsorted(run_mm, at_mm), 0, run_mm.size - 1)
+    clipped = record.clipped[felt_at][:, list(moves.whisker)][nearest].T
+    rate_hz = moves.speed_mm_s / order.sample_pitch_mm
+    air = np.empty((len(order.line_mm), 0))
+    if moves.air_s > 0.0:
+        time_s = np.arange(air_at.stop - air_at.start) / record.rate_hz
+        air = _averaged(
+            time_s,
+            lines[air_at],
+            (np.arange(order.air_samples, dtype=np.float64) + 2.0) / rate_hz,
+            1.0 / rate_hz,
+        )
+    return air, felt, clipped
+
+
+def _averaged(
+    x: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray[np.float64], width: float
+) -> NDArray[np.float64]:
+    """(channels, at) means of (samples, channels) over a width about each place: no faster wiggle is folded back."""
+    steps = np.diff(x)[:, None]
+    whole = np.concatenate(
+        [np.zeros((1, rows.shape[1])), np.cumsum(0.5 * (rows[1:] + rows[:-1]) * steps, axis=0)]
+    )
+    ends = [[np.interp(at + s * width, x, c) for c in whole.T] for s in (-0.5, 0.5)]
+    return np.asarray((np.array(ends[1]) - np.array(ends[0])) / width)

@@ -1,0 +1,224 @@
+"""What a bench is made of, as bench.toml tells it; lengths in mm, positions in the machine's own coordinates."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from pipeline.common.atomic import check_writable, replacing
+from pipeline.files.toml_file import read_toml
+from pipeline.files.whisker_file import read_whisker_file
+from whisker_array.scan.session import Fitting
+from whisker_array.whisker.array import WhiskerArray
+from whisker_array.whisker.touch import Touch, default_touch
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, le=1e6, allow_inf_nan=False)]
+Span = tuple[Finite, Finite]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class StageSettings(_Strict):
+    """The stage and its controller.
+
+    Attributes:
+        firmware: what the controller runs.
+        port: serial port, or socket://HOST:PORT.
+        baud: of a serial port.
+        origin_mm: machine x, y at which the turning axis (the middle of the comb, without one) is over the plate's
+            (0, 0), its upper left corner.
+        flip_x, flip_y: the machine's axis runs against the plate's, whose y points down.
+        flip_turn: the turning axis turns the other way than from the plate's x to its y.
+        turn_axis: letter of the axis that turns the comb; without one only passes along +x can be felt.
+        tip_mm: from the turning axis to the middle tip, along the trace and across, at 0 degrees.
+        land_z_mm: machine z at which tips without load just reach the land; greater z is higher.
+        lift_mm: how far above the land the tips are carried.
+        travel_mm: least and greatest x, y, z: nothing is ever sent beyond.
+        most_preload_mm: nothing is pressed on harder.
+        acceleration_mm_s2: of x and y, as the firmware is set.
+        rapid_mm_s, lower_mm_s: speeds of moves without touch, and down to the land.
+        answer_s: longest silence of the controller.
+        home_s: longest time of homing.
+    """
+
+    firmware: Literal["grbl", "marlin"]
+    port: str = Field(min_length=1)
+    baud: int = Field(default=115_200, gt=0)
+    origin_mm: Span
+    flip_x: bool = False
+    flip_y: bool = True
+    flip_turn: bool = False
+    turn_axis: Literal["", "A", "B", "C"] = ""
+    tip_mm: Span = (0.0, 0.0)
+    land_z_mm: Finite
+    lift_mm: Positive = 5.0
+    travel_mm: tuple[Span, Span, Span]
+    most_preload_mm: Positive = 2.0
+    acceleration_mm_s2: Positive = 500.0
+    rapid_mm_s: Positive = 50.0
+    lower_mm_s: Positive = 5.0
+    answer_s: Positive = 5.0
+    home_s: Positive = 60.0
+
+    @model_validator(mode="after")
+    def _heights(self) -> StageSettings:
+        low, high = self.travel_mm[2]
+        if not low < self.land_z_mm - self.most_preload_mm < self.land_z_mm + self.lift_mm <= high:
+            raise ValueError(
+                "land_z_mm less most_preload_mm and land_z_mm + lift_mm must lie within travel_mm's z"
+            )
+        return self
+
+
+class CombSettings(_Strict):
+    """The whiskers.
+
+    Attributes:
+        n_whiskers: of one row.
+        pitch_mm: from one to the next.
+        character_height_mm: that they are built for.
+        whisker: file as `design --out` writes it, beside this one; the usual whisker for the height without.
+    """
+
+    n_whiskers: int = Field(default=8, ge=1, le=256)
+    pitch_mm: Positive
+    character_height_mm: Positive
+    whisker: Path | None = None
+
+
+class PlateSettings(_Strict):
+    """What is felt: the field from the plate's corner, and where a camera's axis meets it."""
+
+    field_mm: tuple[Finite, Finite, Finite, Finite]
+    camera_mm: Span | None = None
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> PlateSettings:
+        x0, y0, x1, y1 = self.field_mm
+        if not (x1 > x0 and y1 > y0):
+            raise ValueError("field_mm is (x0, y0, x1, y1) with x1 > x0 and y1 > y0")
+        return self
+
+
+class DaqSettings(_Strict):
+    """The converter.
+
+    Attributes:
+        kind: "line": a microcontroller with the line protocol; "nidaqmx": a card of NI.
+        port, baud: of "line".
+        channels: of "nidaqmx", such as Dev1/ai0:7.
+        sync_channel: of "nidaqmx": the analogue input that is wired to the stage's spare output.
+        rate_hz: samples a second.
+        range_v: to either side.
+        volt_per_n_mm: one number, or one a whisker: what `bench calibrate` prints.
+        gains_known: the numbers are from `bench calibrate`, not from a data sheet.
+        answer_s: longest silence.
+    """
+
+    kind: Literal["line", "nidaqmx"]
+    port: str = ""
+    baud: int = Field(default=2_000_000, gt=0)
+    channels: str = ""
+    sync_channel: str = ""
+    rate_hz: Positive = 2000.0
+    range_v: Positive = 10.0
+    volt_per_n_mm: Finite | tuple[Finite, ...] = 1.0
+    gains_known: bool = False
+    answer_s: Positive = 3.0
+
+    @model_validator(mode="after")
+    def _wired(self) -> DaqSettings:
+        if self.kind == "line" and not self.port:
+            raise ValueError('a "line" converter needs its port')
+        if self.kind == "nidaqmx" and not (self.channels and self.sync_channel):
+            raise ValueError('a "nidaqmx" converter needs channels and sync_channel')
+        volts = self.volt_per_n_mm if isinstance(self.volt_per_n_mm, tuple) else (self.volt_per_n_mm,)
+        if not volts or not all(v != 0.0 for v in volts):
+            raise ValueError("volt_per_n_mm cannot be 0")
+        return self
+
+
+class BenchSettings(_Strict):
+    """The whole bench."""
+
+    stage: StageSettings
+    comb: CombSettings
+    plate: PlateSettings
+    daq: DaqSettings
+
+    @model_validator(mode="after")
+    def _gain_each(self) -> BenchSettings:
+        gains = self.daq.volt_per_n_mm
+        if isinstance(gains, tuple) and len(gains) != self.comb.n_whiskers:
+            raise ValueError(f"{len(gains)} gains in volt_per_n_mm for {self.comb.n_whiskers} whiskers")
+        return self
+
+    @property
+    def gains_v_per_n_mm(self) -> tuple[float, ...]:
+        """Of every whisker."""
+        gains = self.daq.volt_per_n_mm
+        return gains if isinstance(gains, tuple) else (gains,) * self.comb.n_whiskers
+
+    def touch(self) -> Touch:
+        """The whiskers that are mounted.
+
+        Raises:
+            FileError: their file cannot be used.
+        """
+        if self.comb.whisker is not None:
+            return read_whisker_file(self.comb.whisker).touch
+        return default_touch(self.comb.character_height_mm)
+
+    def fitting(self, part_id: str = "") -> Fitting:
+        """What is mounted, its field in the plate's frame; the gains are told by the session."""
+        return Fitting(
+            touch=self.touch(),
+            array=WhiskerArray(self.comb.n_whiskers, self.comb.pitch_mm),
+            height_mm=self.comb.character_height_mm,
+            field_mm=self.plate.field_mm,
+            part_id=part_id,
+        )
+
+    def run_up_mm(self, speed_mm_s: float) -> float:
+        """Within which the stage reaches a speed."""
+        return 1.05 * speed_mm_s**2 / (2.0 * self.stage.acceleration_mm_s2) + math.ulp(1.0)
+
+
+def read_bench(path: Path) -> BenchSettings:
+    """Read bench.toml; a whisker's file is looked for beside it.
+
+    Raises:
+        FileError: no file, no TOML, unknown or missing keys, numbers that cannot be.
+    """
+    settings = read_toml(path, BenchSettings)
+    if settings.comb.whisker is None:
+        return settings
+    comb = settings.comb.model_copy(update={"whisker": path.resolve().parent / settings.comb.whisker})
+    return settings.model_copy(update={"comb": comb})
+
+
+def write_bench(path: Path, settings: BenchSettings) -> None:
+    """Write a bench file; it appears whole or not at all.
+
+    Raises:
+        FileError: it cannot be written.
+    """
+    tables = settings.model_dump(mode="json", exclude_none=True)
+    lines = []
+    for name, table in tables.items():
+        lines += [f"[{name}]", *(f"{key} = {_written(value)}" for key, value in table.items()), ""]
+    check_writable(path)
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines), encoding="utf-8")
+
+
+def _written(value: object) -> str:
+    # numbers, lists of them, true and false are the same in both; a JSON string is a TOML string
+    return json.dumps(value, ensure_ascii=False)

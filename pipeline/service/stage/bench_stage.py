@@ -1,0 +1,56 @@
+"""A bench of iron as the service's stage: opened with the first part, homed when it must be, lifted after each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from glyphs.surface.maps import TraceDirection
+from pipeline.bench.bench import Bench, BenchSession
+from pipeline.bench.raster import feel_all, raster_passes
+from pipeline.bench.settings import BenchSettings
+from pipeline.service.stage.devices import ScanOrder
+from whisker_array.scan.recording import save_scan
+
+
+class BenchStage:
+    """A `SessionStage` over a bench, and a `Stage`."""
+
+    def __init__(self, settings: BenchSettings) -> None:
+        """Take the settings; nothing is opened before there is a part."""
+        self._settings = settings
+        self._bench: Bench | None = None
+
+    def open(self, order: ScanOrder) -> BenchSession:
+        """The part under the comb, in the frame of the order's region.
+
+        The camera's axis meets the plate at `camera_mm`, the middle of the field unless given.
+
+        Raises:
+            StageError: the bench cannot be opened or homed, or the region is off its field.
+        """
+        x_mm = y_mm = 0.0
+        if order.plan.middle_mm is not None:
+            x0, y0, x1, y1 = self._settings.plate.field_mm
+            x, y = self._settings.plate.camera_mm or (0.5 * (x0 + x1), 0.5 * (y0 + y1))
+            x_mm, y_mm = x - order.plan.middle_mm[0], y - order.plan.middle_mm[1]
+        if self._bench is not None and self._bench.stage.lost:
+            self._bench.close()  # a port that was pulled out opens anew
+            self._bench = None
+        if self._bench is None:
+            self._bench = Bench(self._settings)
+        return self._bench.session(order.part_name, x_mm=x_mm, y_mm=y_mm, region_mm=order.plan.region_mm)
+
+    def feel(self, order: ScanOrder, into: Path) -> Path:
+        """The whole plan, by the comb that is mounted.
+
+        Raises:
+            StageError: as `open`, or a pass could not be felt.
+        """
+        session = self.open(order)
+        try:
+            ways = tuple(TraceDirection(d) for d in order.plan.directions_deg)
+            scan = feel_all(session, raster_passes(session.fitting, session.fitting.field_mm, ways))
+        finally:
+            session.close()
+        save_scan(scan, into / "scan.h5")
+        return into / "scan.h5"

@@ -1,0 +1,111 @@
+"""The bring-up guide on an emulated bench, command by command, and hosts that die in the middle of a pass."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pipeline.bench.bench import Bench
+from pipeline.bench.emulator.bench import EmulatedBench
+from pipeline.bench.emulator.world import World
+from pipeline.bench.settings import read_bench, write_bench
+from pipeline.cli.main import main
+from pipeline.files.synth import SynthSpec, make_part
+from tests.support.bench import a_pass, bench_settings, stamped
+
+GUIDE = Path(__file__).parents[2] / "docs" / "pages" / "guides" / "bench.md"
+PROGRAM = (sys.executable, "-m", "pipeline")
+COME_S = 60.0
+
+
+def until(true: Callable[[], bool]) -> None:
+    latest = time.monotonic() + COME_S
+    while not true():
+        assert time.monotonic() < latest, "it has not come"
+        time.sleep(0.01)
+
+
+def blocks(kind: str) -> list[str]:
+    return re.findall(rf"^```{kind}\n(.*?)^```", GUIDE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+def test_the_guide_leads_from_bench_toml_to_the_serial(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (toml,), bench = blocks("toml"), tmp_path / "bench.toml"
+    bench.write_text(toml, encoding="utf-8")
+    commands = [
+        line for block in blocks("bash") for line in block.splitlines() if line.startswith("tactile-marks")
+    ]
+    assert [c.split()[1:3] for c in commands[:5]] == [
+        ["bench", word] for word in ("emulate", "scan", "check", "home", "calibrate")
+    ]
+    part = make_part(SynthSpec("AA99", seed=4, height_mm=3.0), 0)
+
+    def said(command: str) -> str:
+        words = shlex.split(command)[1:]
+        at = [w.replace("bench.toml", "emulated.toml") if w == "bench.toml" else w for w in words]
+        assert main(at) == 0
+        return capsys.readouterr().out
+
+    bare = subprocess.Popen([*PROGRAM, *shlex.split(commands[0])[1:]], stdout=subprocess.DEVNULL)
+    until(Path("emulated.toml").exists)
+    try:
+        assert "all within the stage's travel" in said(commands[1])
+        assert "<svg" in Path("moves.svg").read_text()
+        assert "Grbl 1.1" in said(commands[2])
+        assert "homed" in said(commands[3])
+        gains = said(commands[4])
+    finally:
+        bare.terminate()
+        bare.wait(COME_S)
+    assert re.fullmatch(r"gains_known = true\nvolt_per_n_mm = \[.*\]\n", gains)
+    bench.write_text(toml + gains, encoding="utf-8")  # [daq] is the last table
+    with EmulatedBench(part.height_map, read_bench(bench), seed=0) as marked:
+        write_bench(Path("emulated.toml"), marked.settings)
+        for command in commands[5:-1]:
+            told = said(command)
+    assert f"{part.text}, accepted" in told
+    assert re.search(rf"{part.text} +accept", said(commands[-1]))
+
+
+@pytest.mark.parametrize(
+    ("firmware", "ended_by"), [("grbl", signal.SIGKILL), ("marlin", signal.SIGKILL), ("grbl", signal.SIGTERM)]
+)
+def test_a_host_that_dies_in_a_pass_leaves_the_tips_lifted(
+    tmp_path: Path, firmware: str, ended_by: signal.Signals
+) -> None:
+    with EmulatedBench(stamped(), bench_settings(firmware), seed=1) as emulated:
+        write_bench(tmp_path / "bench.toml", emulated.settings)
+        world = emulated.world
+
+        def slow(now: World) -> None:
+            now.pace = 0.5 if now.touching and now.touched else 0.0
+
+        world.watch = slow
+        scan = [*PROGRAM, "bench", "scan", str(tmp_path / "bench.toml"), "--out", str(tmp_path / "scan.h5")]
+        host = subprocess.Popen(scan, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            until(lambda: world.touching and world.touched)
+            host.send_signal(ended_by)
+            host.wait(COME_S)
+        finally:
+            host.kill()
+        if ended_by is signal.SIGTERM:
+            assert host.returncode == 130
+            assert not world.touched  # before it has ended
+        until(lambda: not emulated.stage.busy and not world.touched)
+        assert not (tmp_path / "scan.h5").exists()
+        # the next start: home, and feel
+        with Bench(read_bench(tmp_path / "bench.toml")) as bench:
+            assert bench.stage.lost
+            assert not bench.session().feel(a_pass()).flags.any()
