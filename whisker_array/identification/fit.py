@@ -3,13 +3,7 @@ r"""The bench that a recording speaks of: least squares on the contact simulatio
     minimise  sum over samples ((felt - predicted(p)) / sigma)^2  +  sum over numbers ((p - nominal) / sd)^2
 
 The second sum is what the workshop knew before (`bench.known_before`), without which many numbers could not be told
-apart. The covariance is that of White and Huber, passes being the clusters, for what shakes the base reaches all
-whiskers of a pass and drift goes on through it:
-
-    C = H^-1 (sum over passes g g^T + P) H^-1,     H = J^T J + P,   g = J_pass^T r_pass,   P = diag(1 / sd^2)
-
-so that neither needs a model of its own. Source: A. C. Cameron, D. L. Miller, A practitioner's guide to
-cluster-robust inference, J. Human Resources 50 (2015), with their correction n / (n - 1) for few clusters.
+apart; how sure they are, `certainty` says.
 """
 
 from __future__ import annotations
@@ -32,6 +26,7 @@ from whisker_array.identification.bench import (
     known_before,
     nominal_bench,
 )
+from whisker_array.identification.certainty import COARSER, of_grid, scattered
 from whisker_array.identification.forward import GRID_MM, Forward, Heights, Trace, traces_of
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.sections import WhiskerError
@@ -52,7 +47,6 @@ SETTLED_SDS = 0.01
 STEP_SDS = 0.3
 """Of a difference by which the derivative is taken, in standard deviations of what was known before."""
 FEWEST_CLUSTERS = 6
-COARSER = 1.5
 HUBER = 4.0
 """Residuals beyond so many sigma count in proportion, not squared: tips slip around steep edges as they like."""
 
@@ -184,12 +178,12 @@ def identify(
     data = np.zeros((before.size, before.size))
     for j, w in zip(jacobian, weight, strict=True):
         data += j.T @ (w[:, None] * j) / sigma**2
-    repeated = _robust(jacobian, residual, traces, data, before, free, sigma)
+    repeated = scattered(jacobian, residual, traces, data, before, free, sigma)
     wide = Forward(
         heights, traces, nominal=whisker, about=found, setup_friction=scan.touch.friction,
         grid_mm=COARSER * grid_mm,
     ).moments(found)  # fmt: skip
-    covariance = repeated + _of_grid(jacobian, weight, predicted, wide, data, before, free, sigma)
+    covariance = repeated + of_grid(jacobian, weight, predicted, wide, data, before, free, sigma)
     return Identified(
         found,
         nominal,
@@ -226,36 +220,6 @@ def _sigma_n_mm(traces: tuple[Trace, ...]) -> float:
 def _residuals(traces: tuple[Trace, ...], predicted: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     """(samples,) of every trace, 0 where it is not to be used."""
     return [np.nan_to_num(t.felt_n_mm - p, nan=0.0) for t, p in zip(traces, predicted, strict=True)]
-
-
-def _at_least(matrix: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The matrix, in no direction less than the other: with few clusters some would come out far too sure."""
-    root = np.linalg.cholesky(least)
-    inverse = np.linalg.inv(root)
-    values, vectors = np.linalg.eigh(inverse @ matrix @ inverse.T)
-    return np.asarray(root @ (vectors * np.maximum(values, 1.0)) @ vectors.T @ root.T)
-
-
-def _of_grid(
-    jacobian: list[NDArray[np.float64]],
-    weight: list[NDArray[np.float64]],
-    predicted: list[NDArray[np.float64]],
-    coarser: list[NDArray[np.float64]],
-    data: NDArray[np.float64],
-    before: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    sigma: float,
-) -> NDArray[np.float64]:
-    """(n, n): what the strips' grid does to the numbers, its error being of first order at steep edges.
-
-    A grid `COARSER` times as wide moves the solution by (COARSER - 1) times what this grid has moved it.
-    """
-    pull = np.zeros(before.size)
-    for j, w, fine, wide in zip(jacobian, weight, predicted, coarser, strict=True):
-        pull += j.T @ (w * (fine - wide)) / sigma**2
-    moved = np.linalg.solve(data + np.diag(1.0 / before**2), pull) / (COARSER - 1.0)
-    moved[~free] = 0.0
-    return np.outer(moved, moved)
 
 
 def _huber(misses: NDArray[np.float64]) -> float:
@@ -358,28 +322,3 @@ def _fitted(
         if gone < SETTLED_SDS:
             return at, True
     return at, False
-
-
-def _robust(
-    jacobian: list[NDArray[np.float64]],
-    residual: list[NDArray[np.float64]],
-    traces: tuple[Trace, ...],
-    data: NDArray[np.float64],
-    before: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    sigma: float,
-) -> NDArray[np.float64]:
-    """(n, n): the covariance of the module's docstring; of numbers that are not found it is that of before."""
-    prior = np.diag(1.0 / before**2)
-    bread = np.linalg.inv(data + prior)
-    gradients: dict[int, NDArray[np.float64]] = {}
-    for trace, j, r in zip(traces, jacobian, residual, strict=True):
-        gradients[trace.cluster] = gradients.get(trace.cluster, np.zeros(before.size)) + j.T @ r / sigma**2
-    n = len(gradients)
-    shaken = sum((np.outer(g, g) for g in gradients.values()), np.zeros_like(prior)) * (n / (n - 1))
-    meat = _at_least(shaken, data + 1e-9 * prior) + prior
-    covariance = bread @ meat @ bread
-    fixed = ~free
-    covariance[fixed], covariance[:, fixed] = 0.0, 0.0
-    covariance[fixed, fixed] = before[fixed] ** 2
-    return np.asarray(0.5 * (covariance + covariance.T))
