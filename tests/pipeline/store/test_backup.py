@@ -17,6 +17,7 @@ import sqlalchemy as sa
 
 from glyphs.errors import FileError
 from pipeline.cli.main import main
+from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.common.records import EvidenceRecord, PartState, ReviewAction, Scope
 from pipeline.store import tables
 from pipeline.store.backup import SKIPPED_DELIVERIES, back_up, read_manifest, restore
@@ -59,6 +60,7 @@ def _filled(store: Store, folder: EvidenceFolder) -> None:
     store.add_readings(part.id, readings=(reading("KX9", "fused", "review"),), state=PartState.REVIEW)
     store.review(part.id, action=ReviewAction.CORRECT, text="KX8", who="Ada", targets=("webhook",))
     store.add_token("line-3", [Scope.WRITE])
+    store.add_golden({GoldenMeasure.GAIN: Measured(1.01, 0.001)}, line="press", reference=False)
     about = {"part_id": part.id, "holder": "Ada", "who": "Ada", "name": "drift", "message": "drifts"}
     with store.database.writing() as tx:
         for table in (tables.claims, tables.audits, tables.alerts):
