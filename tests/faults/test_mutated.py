@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.faults.mutated import KINDS, READ_OR_REFUSED, campaign
 
-EACH = 8
+EACH = 5
 
 
 def test_a_damaged_file_is_read_or_refused_by_its_name(tmp_path: Path) -> None:
@@ -17,4 +17,4 @@ def test_a_damaged_file_is_read_or_refused_by_its_name(tmp_path: Path) -> None:
     assert all(sum(tally.values()) == EACH for tally in found.values())
     # the changes are neither harmless nor all beyond recognition
     total = sum((tally for tally in found.values()), start=type(found["map.npz"])())
-    assert all(total[came] > len(KINDS) for came in READ_OR_REFUSED)
+    assert all(total[came] > len(KINDS) // 2 for came in READ_OR_REFUSED)

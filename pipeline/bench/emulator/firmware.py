@@ -12,7 +12,6 @@ import re
 import select
 import threading
 import time
-import tty
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
@@ -32,6 +31,8 @@ class Terminal:
     """A pseudo-terminal whose other end a driver opens by `name`."""
 
     def __init__(self) -> None:
+        import tty  # of Unix alone
+
         self._fd, self._other = os.openpty()
         tty.setraw(self._other)  # kept open: a driver that closes its end is no hang-up
         os.set_blocking(self._fd, False)
