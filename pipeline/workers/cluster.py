@@ -69,11 +69,9 @@ class ClusterExecutor:
         connect: Any = partial(
             distributed.Client, self.address, timeout=self._connect_s, set_as_default=False
         )
+        until = time.monotonic() + self.patience_s
         try:
-            try:
-                self._client = connect()
-            except AssertionError:  # its thread has ten seconds to start, too few where all cores are busy
-                self._client = connect()
+            self._client = _connected(connect, until)
         except AssertionError as error:
             raise ClusterError(
                 "the connection to the scheduler does not start: this machine is too busy",
@@ -226,6 +224,16 @@ class ClusterExecutor:
     def _close(self) -> None:
         with contextlib.suppress(Exception):
             self._client.close(timeout=5)
+
+
+def _connected(connect: Callable[[], Any], until: float) -> Any:
+    """What `connect` gives: its thread has ten seconds to start, too few where all cores are busy."""
+    while True:
+        try:
+            return connect()
+        except AssertionError:
+            if time.monotonic() >= until:
+                raise
 
 
 def _same(order: Any) -> Any:

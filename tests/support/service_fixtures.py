@@ -10,6 +10,7 @@ from typing import Any
 
 from starlette.testclient import TestClient
 
+from pipeline.common.records import PartRecord
 from pipeline.common.settings import ReadSettings
 from pipeline.service import app as service_module
 from pipeline.service.app import Service, create_app
@@ -63,3 +64,10 @@ def inline_service(
             yield service, client
     finally:
         service_module.WorkPool = kept  # type: ignore[misc]
+
+
+def triggered(served: tuple[Service, TestClient], name: str, job: str = "") -> PartRecord:
+    """The part that a trigger of the TCP port or of OPC UA gives, on the service's own loop."""
+    service, client = served
+    assert client.portal is not None
+    return client.portal.call(service.parts.trigger, name, job)

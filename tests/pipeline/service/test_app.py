@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import asyncio
 import io
 import shutil
 from collections.abc import Iterator
@@ -20,7 +19,7 @@ from pipeline.files.synth import SynthSpec, write_part
 from pipeline.service.app import Service
 from pipeline.service.stage import ScanOrder, SimulatedStage
 from pipeline.service.stage.stage_driver import load_driver
-from tests.support.service_fixtures import FORMAT, inline_service
+from tests.support.service_fixtures import FORMAT, inline_service, triggered
 
 CLEAN, FILTHY = "clean", "filthy"
 
@@ -133,7 +132,7 @@ def test_the_stage_settles_what_the_camera_could_not(
 def test_a_trigger_has_the_stage_feel_what_the_camera_is_unsure_of(
     served: tuple[Service, TestClient],
 ) -> None:
-    part = asyncio.run(served[0].parts.trigger(FILTHY))  # what the TCP port and OPC UA call
+    part = triggered(served, FILTHY)
     assert part.reading is not None
     assert part.reading.source == "fused"
     assert part.reading.passes

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import html
 import os
 import re
@@ -28,7 +27,7 @@ from pipeline.service.teaching import Taught, name_like, teach
 from pipeline.service.web.problem import Problem
 from recognition.reader import Reader
 from tests.support import certificates
-from tests.support.service_fixtures import FORMAT, inline_service
+from tests.support.service_fixtures import FORMAT, inline_service, triggered
 
 PNG = {"photo": ("a.png", b"\x89PNG\r\n\x1a\n" + bytes(100))}
 BOX = (0.1, 0.2, 0.9, 0.6)
@@ -75,8 +74,8 @@ def test_a_part_is_read_by_the_job_that_it_names(served: tuple[Service, TestClie
     assert service.pool.jobs[-1][2].format == ("A9",)  # type: ignore[attr-defined]
     (tmp_path / "camera").mkdir()
     (tmp_path / "camera" / "P-1.png").write_bytes(PNG["photo"][1])
-    triggered = asyncio.run(service.parts.trigger("P-1", "left"))
-    assert (triggered.text, triggered.job, triggered.state) == ("A9", "left", PartState.ACCEPTED)
+    felt = triggered(served, "P-1", "left")
+    assert (felt.text, felt.job, felt.state) == ("A9", "left", PartState.ACCEPTED)
 
 
 def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(

@@ -26,7 +26,7 @@ from pipeline.service.web.problem import Problem
 from pipeline.service.web.web_server import DrainingServer
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey
 from pipeline.workers.slot import WorkerLostError
-from tests.support.service_fixtures import FORMAT, inline_service
+from tests.support.service_fixtures import FORMAT, inline_service, triggered
 from tests.support.store_samples import PLAN
 from whisker_array.scan.stage_error import StageError
 
@@ -151,7 +151,7 @@ def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(
         with inline_service(tmp_path, **camera) as (service, client):
             for _ in range(3):
                 with pytest.raises(Problem, match="the camera has not answered") as caught:
-                    asyncio.run(service.parts.trigger("part"))
+                    triggered((service, client), "part")
                 assert (caught.value.status, caught.value.headers["Retry-After"]) == (503, "30")
             ready = client.get("/readyz")
             assert (ready.status_code, "the camera has not answered" in ready.json()["detail"]) == (503, True)

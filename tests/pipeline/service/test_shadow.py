@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from pipeline.common.records import PartState
 from pipeline.reading.part_orders import Done, PartOrder
 from pipeline.service.app import Service
 from pipeline.service.line.trigger import LineDecision, decision_of
-from tests.support.service_fixtures import InlinePool, inline_service
+from tests.support.service_fixtures import InlinePool, inline_service, triggered
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)
 HOOK = {"webhook": "http://127.0.0.1:9/none"}
@@ -89,8 +88,7 @@ def test_what_no_serial_can_be_is_compared_all_the_same(served: tuple[Service, T
 
 
 def test_a_trigger_is_answered_without_a_decision(served: tuple[Service, TestClient]) -> None:
-    service, _ = served
-    part = asyncio.run(service.parts.trigger("KX40"))
+    part = triggered(served, "KX40")
     assert (part.state, decision_of(part)) == (PartState.SHADOW, LineDecision.SHADOW)
 
 

@@ -157,7 +157,8 @@ def test_a_connection_whose_thread_does_not_start_in_time_is_tried_again(
     monkeypatch.setattr(distributed, "Client", LateOnce)
     with ClusterExecutor(cluster.address) as executor:
         assert [o.result for o in executor.calls(doubled, 1, [20])] == [41]
-    assert tried == [cluster.address] * 2
+    assert len(tried) > 1
+    assert set(tried) == {cluster.address}
 
 
 def test_a_machine_too_busy_to_connect_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,7 +166,10 @@ def test_a_machine_too_busy_to_connect_is_told(monkeypatch: pytest.MonkeyPatch) 
         raise AssertionError
 
     monkeypatch.setattr(distributed, "Client", never)
-    with pytest.raises(ClusterError, match="this machine is too busy"), ClusterExecutor("tcp://localhost:1"):
+    with (
+        pytest.raises(ClusterError, match="this machine is too busy"),
+        ClusterExecutor("tcp://localhost:1", patience_s=0.0),
+    ):
         pass
 
 
