@@ -12,6 +12,7 @@ from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
 if TYPE_CHECKING:
     from pipeline.files.whisker_file import WhiskerFile
     from whisker_array.design.design import Design
+    from whisker_array.design.limits import Request
     from whisker_array.design.trade import TradeOff
     from whisker_array.design.tuned import Tuned
 
@@ -34,6 +35,7 @@ def design(
     out: Path | None = None,
     picture: Path | None = None,
     drawing: Path | None = None,
+    whisker: Path | None = None,
     array: Annotated[bool, Parameter(negative="")] = False,
     accuracy: float = 0.98,
     dirt: float = 0.3,
@@ -73,6 +75,9 @@ def design(
         Picture to write, .png or .pdf.
     drawing
         Drawing with dimensions for the workshop to write, .dxf or .svg; needs the extra drawing.
+    whisker
+        Whisker file that `identify` has written: say what that whisker does for the job, and by how much it may be
+        off, in place of a design.
     array
         Choose whiskers, rows, stagger, pitch, speed and plan instead.
     accuracy
@@ -122,6 +127,14 @@ def design(
             character_height_mm=height_mm,
             speed_mm_s=speed_mm_s,
         )
+        if whisker is not None:
+            if out is not None or picture is not None or drawing is not None or sensitive_to is not None:
+                raise CommandError(
+                    "design: --whisker tells of a whisker that is built",
+                    hint="leave out --out, --picture, --drawing and --sensitive-to",
+                    status=USAGE,
+                )
+            return _built(whisker, request)
         limits = Limits(beta_rad=(math.radians(flat), math.radians(steep)))
         if out is not None:
             check_whisker_file(out)
@@ -159,6 +172,23 @@ def design(
 
             save_figure(design_figure(made, trades=trades, tuned=tuned), picture)
             print(f"wrote {picture}")
+    return 0
+
+
+def _built(path: Path, request: Request) -> int:
+    """What an identified whisker does for a request, and by how much it may be off."""
+    from pipeline.files.whisker_file import read_whisker_file
+    from pipeline.reading.identified import promise_lines
+    from whisker_array.design.built import fitness
+    from whisker_array.identification.promises import promises
+    from whisker_array.whisker.shapes import LShaped
+
+    built = read_whisker_file(path)
+    if built.known is None or not isinstance(built.whisker, LShaped):
+        raise CommandError(
+            f"{path} does not say how well its whisker is known", hint="let identify --out write it"
+        )
+    print("\n".join(promise_lines(promises(built.whisker, built.touch, built.known, more=fitness(request)))))
     return 0
 
 

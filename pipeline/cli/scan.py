@@ -81,11 +81,14 @@ def scan(
         from pipeline.files.touch_file import is_scan, read_height_map
         from pipeline.files.units import Unit
         from pipeline.files.whisker_file import read_whisker_file
+        from pipeline.reading.identified import promise_lines
         from pipeline.reading.simulated_scan import feel, find_height_mm
+        from whisker_array.identification.promises import promises
         from whisker_array.scan.recording import save_scan
         from whisker_array.simulation.traces import Fidelity
         from whisker_array.whisker.array import default_plan
         from whisker_array.whisker.defaults import default_whisker
+        from whisker_array.whisker.shapes import LShaped
         from whisker_array.whisker.touch import default_touch
         from whisker_array.whisker.validity import linear_beam_messages
 
@@ -162,6 +165,8 @@ def scan(
         f"wrote {out}: characters {height:.2f} mm, preload {felt.touch.preload_mm:.2f} mm, "
         f"{plan.n_samples:,} samples at {plan.sample_rate_hz:,.0f} Hz, scan time {plan.scan_time_s:.0f} s"
     )
+    if built is not None and built.known is not None and isinstance(built.whisker, LShaped):
+        print("\n".join(promise_lines(promises(built.whisker, built.touch, built.known))))
     return 0
 
 

@@ -7,6 +7,8 @@ l1_mm = 35.04                  lengths in mm, angles in degrees
 material = "music wire"        or a table with name, e_mpa, poisson, density_g_cm3, yield_mpa
 [section]
 kind = "ribbon"                thickness_mm, width_mm; "round": diameter_mm
+[identified]                   of a whisker that `identify` has found: how well
+names = ["l1_mm", ...]         sd: standard deviations; correlation: a row for each name
 """
 
 from __future__ import annotations
@@ -17,11 +19,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from glyphs.errors import FileError
 from pipeline.common.atomic import check_writable, replacing
 from pipeline.files.toml_file import toml_table, wrong_key
+from whisker_array.identification.bench import Unknown
+from whisker_array.identification.promises import Knowledge
 from whisker_array.whisker.array import LINES_PER_HEIGHT, SAFE_SPEED_MM_S, SAMPLES_PER_LINE_PITCH
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, WhiskerError
 from whisker_array.whisker.shapes import LShaped, Straight
@@ -46,6 +51,7 @@ class WhiskerFile:
         line_pitch_mm: distance of traced lines.
         sample_pitch_mm: distance of samples.
         speed_mm_s: scan speed.
+        known: how well the whisker is known, where it was identified.
     """
 
     whisker: LShaped | Straight
@@ -54,6 +60,7 @@ class WhiskerFile:
     line_pitch_mm: float
     sample_pitch_mm: float
     speed_mm_s: float
+    known: Knowledge | None = None
 
 
 class _Strict(BaseModel):
@@ -79,6 +86,21 @@ class _Material(_Strict):
     yield_mpa: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
+class _Identified(_Strict):
+    names: tuple[Unknown, ...]
+    sd: tuple[Annotated[float, Field(ge=0.0, allow_inf_nan=False)], ...]
+    correlation: tuple[tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...], ...]
+
+    def knowledge(self) -> Knowledge:
+        """How well the whisker is known."""
+        sd, n = np.array(self.sd), len(self.names)
+        if len(self.sd) != n or [len(row) for row in self.correlation] != [n] * n:
+            raise WhiskerError(
+                f"identified has {n} names, and not as many of sd and of each side of correlation"
+            )
+        return Knowledge(self.names, np.array(self.correlation).reshape(n, n) * np.outer(sd, sd))
+
+
 class _Use(_Strict):
     beta_deg: float = Field(default=0.0, gt=-90.0, lt=90.0)
     section: _Ribbon | _Wire = Field(discriminator="kind")
@@ -90,6 +112,7 @@ class _Use(_Strict):
     line_pitch_mm: Length | None = None
     sample_pitch_mm: Length | None = None
     speed_mm_s: Length | None = None
+    identified: _Identified | None = None
 
     def _section(self) -> Rectangle | Round:
         if isinstance(self.section, _Ribbon):
@@ -122,6 +145,7 @@ class _Use(_Strict):
             line_pitch_mm=lines,
             sample_pitch_mm=self.sample_pitch_mm or lines / SAMPLES_PER_LINE_PITCH,
             speed_mm_s=self.speed_mm_s or min(10.0 * height, SAFE_SPEED_MM_S),
+            known=self.identified.knowledge() if self.identified is not None else None,
         )
 
 
@@ -231,7 +255,21 @@ def _lines(path: Path, content: WhiskerFile) -> list[str]:
     else:
         constants = ("e_mpa", "poisson", "density_g_cm3", "yield_mpa")
         lines += ["[material]", *_pairs({"name": m.name} | {key: getattr(m, key) for key in constants})]
-    return [*lines, "[section]", *_pairs(section)]
+    return [*lines, "[section]", *_pairs(section), *_known(content.known)]
+
+
+def _known(known: Knowledge | None) -> list[str]:
+    if known is None:
+        return []
+    sd = np.where(known.sd > 0.0, known.sd, 1.0)
+    correlation = np.clip(known.covariance / np.outer(sd, sd), -1.0, 1.0)
+    rows = (f"[{', '.join(f'{value:.6g}' for value in row)}]" for row in correlation)
+    return [
+        "[identified]",
+        f"names = [{', '.join(_written(name.value) for name in known.names)}]",
+        f"sd = [{', '.join(_written(float(value)) for value in known.sd)}]",
+        f"correlation = [{', '.join(rows)}]",
+    ]
 
 
 def _pairs(table: dict[str, str | float]) -> list[str]:

@@ -39,7 +39,7 @@ def draw_identified(found: Identified, path: Path) -> None:
         axes.set_ylabel("signal, N mm")
     panels[0].legend(loc="upper right", fontsize=8, ncols=3)
     left = np.concatenate([t.felt_n_mm - p for t, p in zip(found.traces, found.predicted, strict=True)])
-    left = left[np.isfinite(left)] / found.sigma_n_mm
+    left = left[np.isfinite(left)] / found.scatter_n_mm
     panels[-1].hist(np.clip(left, -8.0, 8.0), bins=120, color=_LEFT, log=True)
     panels[-1].set_title("left over, in standard deviations of a sample", fontsize=10, loc="left")
     panels[-1].set_ylabel("samples")

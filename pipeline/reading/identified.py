@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +13,7 @@ from pipeline.files.touch_file import read_scan
 from pipeline.files.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
 from whisker_array.identification.bench import DRAWN, Bench, Unknown
 from whisker_array.identification.fit import Identified, identify
+from whisker_array.identification.promises import Promise, knowledge_of
 from whisker_array.identification.telling import not_apart, remedies, untold
 from whisker_array.whisker.shapes import LShaped
 
@@ -60,7 +63,7 @@ def table_of(found: Identified) -> list[str]:
         lines.append(f"{f'gain {whisker}':15}{gain:10.4g}{f'+-{_WIDE * sd:.2g}':>12}{1.0:11.4g}")
     if with_drawing:
         lines.append(_tip_line(found))
-    lines.append(f"{len(found.traces)} lines fitted, {1000.0 * found.sigma_n_mm:.3g} mN mm of scatter")
+    lines.append(f"{len(found.traces)} lines fitted, {1000.0 * found.scatter_n_mm:.3g} mN mm of scatter")
     if found.misfit > _MISFIT:
         lines.append(
             f"warning: {found.misfit:.1f} times the scatter is left over: the piece, the drawing or a flaw of the bench"
@@ -101,4 +104,17 @@ def write_found(path: Path, found: Identified, drawn: WhiskerFile) -> None:
     if not isinstance(drawn.whisker, LShaped):
         raise FileError(path, "holds only an L-shaped whisker that was identified", "give the drawing of one")
     whisker = found.bench.whisker(drawn.whisker)
-    write_whisker_file(path, replace(drawn, whisker=whisker, touch=found.bench.touch(drawn.whisker)))
+    touch = found.bench.touch(drawn.whisker)
+    write_whisker_file(path, replace(drawn, whisker=whisker, touch=touch, known=knowledge_of(found)))
+
+
+def promise_lines(told: Sequence[Promise]) -> list[str]:
+    """Lines for a person: figures, and by how much they change within what is known of the whisker."""
+    lines = [f"{'as identified':32}{'':>10}{'95 %':>12}"]
+    for one in told:
+        if math.isnan(one.value):
+            lines.append(f"{one.what:32}{'jams':>10}")
+            continue
+        within = "may jam" if math.isnan(one.sd) else f"+-{_WIDE * one.sd:.2g}"
+        lines.append(f"{one.what:32}{one.value:10.4g}{within:>12}")
+    return lines

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 
-from glyphs.surface.pieces import Piece
+import numpy as np
+
+from glyphs.surface.maps import HeightMap
+from glyphs.surface.pieces import Piece, PieceKind
 from pipeline.reading.simulated_scan import feel
-from whisker_array.scan.scan import Scan
+from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, known_before, nominal_bench
+from whisker_array.identification.forward import Heights
+from whisker_array.scan.calibration import Calibration
+from whisker_array.scan.scan import Scan, trace_scan
+from whisker_array.scan.sensor import draw_sensor_chain
+from whisker_array.scan.stage_play import draw_stage_play
 from whisker_array.whisker.array import RasterPlan, default_comb
+from whisker_array.whisker.defaults import default_whisker
+from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch, default_touch
 
 HEIGHT_MM = 5.0
 FINE_MM = 0.01
+_BESIDE_MM = 3.0
+_FINER = 4
+_MOST_SDS = 2.5
 
 
 def recorded(
@@ -54,3 +68,119 @@ def recorded(
 def worn(radius_mm: float = 0.1, preload_mm: float = 1.0) -> Touch:
     """The default touch with another tip or height."""
     return replace(default_touch(HEIGHT_MM), tip_radius_mm=radius_mm, preload_mm=preload_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class HiddenBench:
+    """A bench drawn by chance, and what it recorded.
+
+    Attributes:
+        scan: which says that all is as drawn.
+        heights: of the piece.
+        drawn: the whisker.
+        truth: what is to be found.
+        stage_s: how long the recording took.
+    """
+
+    scan: Scan
+    heights: Heights
+    drawn: LShaped
+    truth: Bench
+    stage_s: float
+
+
+def hidden_bench(
+    seed: int,
+    *,
+    whiskers: int = 3,
+    lines_a_pitch: int = 28,
+    memory: bool = True,
+    gains_shown: bool = False,
+    piece: Piece | None = None,
+) -> HiddenBench:
+    """A bench whose every number is drawn as a workshop knows it before, and its recording of a piece.
+
+    The tip slides through places `_FINER` times as close as the samples, as on iron.
+
+    Args:
+        seed: of all numbers, and of the noise.
+        whiskers: of the comb.
+        lines_a_pitch: that the comb is moved by between two tips.
+        memory: whether gauges creep and lag, and the stage's screw is as it is bought.
+        gains_shown: whether a weight on each tip has shown the gains, as well as it does.
+        piece: under the whiskers; pits unless given.
+    """
+    rng = np.random.default_rng(seed)
+    piece = piece or Piece(PieceKind.PITS)
+    drawn, touch = default_whisker(HEIGHT_MM), default_touch(HEIGHT_MM)
+    comb = default_comb(HEIGHT_MM, n_whiskers=whiskers)
+    nominal = nominal_bench(drawn, touch, n_whiskers=whiskers)
+    before = known_before(nominal)
+    off = np.clip(rng.standard_normal(before.size), -_MOST_SDS, _MOST_SDS)
+    stage = draw_stage_play(rng=rng)
+    play_mm = abs(float(off[list(Unknown).index(Unknown.PLAY)])) * before[list(Unknown).index(Unknown.PLAY)]
+    stage = replace(stage, play_mm=play_mm)
+    if not memory:
+        stage = replace(stage, rate=0.0, wave_mm=0.0, return_mm=0.0)
+    truth = Bench.of_vector(nominal.vector() + before * off).with_values(play_mm=play_mm)
+    step_mm = 0.03125
+    size = [round(value / step_mm) * step_mm for value in piece.size_mm]
+    region = (_BESIDE_MM, _BESIDE_MM, _BESIDE_MM + size[0], _BESIDE_MM + size[1])
+    plan = RasterPlan(
+        comb, region, comb.pitch_mm / lines_a_pitch, step_mm, speed_mm_s=50.0, lead_mm=1.5, two_way=True
+    )
+    chain = draw_sensor_chain(
+        whiskers, rng=rng, full_scale_n_mm=3.0 * abs(touch.land_moment_n_mm()), memory=memory
+    )
+    if chain.memory is not None:
+        quick, lag = chain.memory.creep[:, :2].sum(axis=1), chain.memory.play_weight @ chain.memory.play_n_mm
+        truth = replace(truth, memory=np.stack([quick, lag / chain.memory.largest_n_mm]))
+    else:
+        truth = replace(truth, memory=np.zeros_like(truth.memory))
+    fine = trace_scan(
+        _lain(piece, truth),
+        # the stage is set up by what the friction is taken for
+        touch=replace(truth.touch(drawn), friction=touch.friction),
+        friction=truth[Unknown.FRICTION],
+        plan=replace(plan, sample_pitch_mm=step_mm / _FINER, air_samples=plan.air_samples * _FINER),
+        sensor=replace(chain, gain=truth.gain),
+        stage=stage,
+        rng=rng,
+    )
+    sweeps = tuple(
+        replace(
+            sweep,
+            plan=asked,
+            moment_n_mm=sweep.moment_n_mm[..., ::_FINER],
+            flags=sweep.flags[..., ::_FINER],
+            air_n_mm=sweep.air_n_mm[..., ::_FINER],
+        )
+        for asked, sweep in zip(plan.sweeps(), fine.sweeps, strict=True)
+    )
+    shown = truth.gain * (1.0 + BENCH_GAIN * rng.standard_normal(whiskers))
+    scan = replace(
+        fine,
+        sweeps=sweeps,
+        touch=touch,
+        sample_rate_hz=plan.sample_rate_hz,
+        calibration=Calibration(shown, np.zeros(whiskers)) if gains_shown else None,
+    )
+    if gains_shown:
+        truth = replace(truth, gain=truth.gain / shown)  # what is left of them
+    return HiddenBench(
+        scan, lambda x, y: piece.height_mm(x - _BESIDE_MM, y - _BESIDE_MM), drawn, truth, plan.scan_time_s
+    )
+
+
+def _lain(piece: Piece, bench: Bench) -> HeightMap:
+    """The piece as it lies on the plate, land all around."""
+    width, height = (int((size + 2.0 * _BESIDE_MM) / FINE_MM) + 1 for size in piece.size_mm)
+    x, y = np.arange(width)[None, :] * FINE_MM, np.arange(height)[:, None] * FINE_MM
+    off_x, off_y = x - bench[Unknown.SHIFT_X], y - bench[Unknown.SHIFT_Y]
+    yaw = math.radians(bench[Unknown.YAW])
+    of_x = math.cos(yaw) * off_x + math.sin(yaw) * off_y
+    of_y = math.cos(yaw) * off_y - math.sin(yaw) * off_x
+    tilt = 1e-3 * (bench[Unknown.TILT_X] * x + bench[Unknown.TILT_Y] * y)
+    return HeightMap(
+        (piece.height_mm(of_x - _BESIDE_MM, of_y - _BESIDE_MM) + tilt).astype(np.float32), FINE_MM
+    )

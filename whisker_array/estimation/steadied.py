@@ -17,10 +17,13 @@ import numpy as np
 
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor_memory import SensorMemory, SensorState, reading_of
+from whisker_array.scan.sensor_memory import SensorMemory, SensorState, lifted, reading_of
 from whisker_array.simulation.traces import SampleFlag
+from whisker_array.whisker.array import RasterPlan
 
 NEVER_RUN = np.uint8(SampleFlag.OUTSIDE)
+BETWEEN_S = RasterPlan.turnaround_s
+"""How long whiskers hang in air before the samples of it: a recording does not tell, so as plans have it."""
 
 
 def steadied(scan: Scan) -> Scan:
@@ -54,6 +57,7 @@ def _steadied(
     moment, air = np.empty_like(sweep.moment_n_mm), np.empty_like(sweep.air_n_mm)
     scale = gain[:, None]
     for i in range(moment.shape[0]):
+        lifted(memory, state, seconds=BETWEEN_S)
         zero = np.median(sweep.air_n_mm[i], axis=1).astype(np.float64)
         load = (sweep.moment_n_mm[i] - zero[:, None]) / scale
         # where a pass did not run at all, among longer ones

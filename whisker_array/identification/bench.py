@@ -1,6 +1,6 @@
 """What is found of a whisker and its bench: names, units, nominal values, and how well a workshop knows them before.
 
-A `Bench` holds numbers by name, gains apart: every whisker of a comb has one, all else is the comb's.
+A `Bench` holds numbers by name, but for those that every whisker of a comb has of its own: gain, creep and lag.
 """
 
 from __future__ import annotations
@@ -63,6 +63,10 @@ POSE = (Unknown.SHIFT_X, Unknown.SHIFT_Y, Unknown.YAW, Unknown.TILT_X, Unknown.T
 """Of the piece under the whiskers: found each time, and no property of whisker or bench."""
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
 """Of the whisker alone, and settled when it is made."""
+MEMORIES = 2
+"""Creep and lag."""
+MEMORY_SD = 0.02
+"""Standard deviation of either before: gauges of whiskers were seen at up to 0.027."""
 LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 """Standard deviation of a gain as it comes, and of one that a weight on the tip has shown."""
 
@@ -74,6 +78,7 @@ class Bench:
     Attributes:
         values: of every `Unknown`.
         gain: (whiskers,) raw signal per moment.
+        memory: (2, whiskers) creep within seconds and lag, as shares of a load (`remembered`).
 
     Raises:
         WhiskerError: one missing, or not finite.
@@ -81,6 +86,7 @@ class Bench:
 
     values: Mapping[Unknown, float]
     gain: NDArray[np.float64]
+    memory: NDArray[np.float64]
 
     __repr__ = one_line
 
@@ -90,6 +96,7 @@ class Bench:
             raise WhiskerError(f"a bench needs a finite number for each of {', '.join(Unknown)}")
         object.__setattr__(self, "values", {name: float(self.values[name]) for name in Unknown})
         object.__setattr__(self, "gain", np.array(self.gain, dtype=np.float64))
+        object.__setattr__(self, "memory", np.array(self.memory, dtype=np.float64))
 
     def __getitem__(self, name: Unknown) -> float:
         return self.values[name]
@@ -99,13 +106,14 @@ class Bench:
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
     def vector(self) -> NDArray[np.float64]:
-        """All numbers in the order of `Unknown`, then the gains."""
-        return np.array([*(self.values[name] for name in Unknown), *self.gain])
+        """All numbers in the order of `Unknown`, then the gains, creeps and lags of the whiskers."""
+        return np.array([*(self.values[name] for name in Unknown), *self.gain, *self.memory.ravel()])
 
     @classmethod
     def of_vector(cls, numbers: NDArray[np.float64]) -> Bench:
         """As `vector` gives them."""
-        return cls(dict(zip(Unknown, map(float, numbers), strict=False)), numbers[len(Unknown) :])
+        gain, *memory = numbers[len(Unknown) :].reshape(1 + MEMORIES, -1)
+        return cls(dict(zip(Unknown, map(float, numbers), strict=False)), gain, np.array(memory))
 
     def touch(self, nominal: LShaped | Touch) -> Touch:
         """How the whisker meets the surface, by the drawing with these numbers in place of its own.
@@ -175,7 +183,12 @@ def nominal_bench(whisker: LShaped | Straight | Touch, touch: Touch, *, n_whiske
         Unknown.PRELOAD: touch.preload_mm,
         Unknown.FRICTION: touch.friction,
     }
-    return Bench(values, np.ones(n_whiskers))
+    return Bench(values, np.ones(n_whiskers), np.zeros((MEMORIES, n_whiskers)))
+
+
+def of_whisker(whisker: int, *, n_whiskers: int) -> list[int]:
+    """Where a whisker's own numbers stand in `Bench.vector`: gain, creep, lag."""
+    return [len(Unknown) + block * n_whiskers + whisker for block in range(1 + MEMORIES)]
 
 
 def known_before(nominal: Bench, *, gain_sd: float = LOOSE_GAIN) -> NDArray[np.float64]:
@@ -183,7 +196,7 @@ def known_before(nominal: Bench, *, gain_sd: float = LOOSE_GAIN) -> NDArray[np.f
 
     Lengths as a caliper tells them (0.1 mm), an angle as a jig does (1.5 degrees), wire as sold (5 % of stiffness), a
     tip as ground (20 %), a preload as set by a feeler gauge (5 %), a friction of steel on steel (0.1), a stage's play
-    (0.03 mm), and a piece put down by hand.
+    (0.03 mm), gauges as good as whiskers' were seen, and a piece put down by hand.
     """
     sd = {
         Unknown.L1: 0.1,
@@ -201,4 +214,7 @@ def known_before(nominal: Bench, *, gain_sd: float = LOOSE_GAIN) -> NDArray[np.f
         Unknown.TILT_X: 2.0,
         Unknown.TILT_Y: 2.0,
     }
-    return np.array([*(sd[name] for name in Unknown), *np.full(nominal.gain.size, gain_sd)])
+    n = nominal.gain.size
+    return np.array(
+        [*(sd[name] for name in Unknown), *np.full(n, gain_sd), *np.full(MEMORIES * n, MEMORY_SD)]
+    )

@@ -7,43 +7,111 @@ and drift goes on through it, so that neither needs a model of its own. sd is wh
 the scatter taken for less than that of independent samples. Source: A. C. Cameron, D. L. Miller, A practitioner's guide
 to cluster-robust inference, J. Human Resources 50 (2015), with their correction n / (n - 1) for few clusters.
 
-What the grid of the fit's strips does comes on top.
+What the grid of the fit's strips does, and the stage's screw, comes on top.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
+from whisker_array.identification.bench import Unknown
+from whisker_array.identification.descent import PLACE_MM
 from whisker_array.identification.forward import Trace
 
+LEADS_MM = (1.0, 2.0, 5.0)
+"""Of screws as they are bought."""
 COARSER = 1.5
 """A grid so much wider shows what the fit's own does."""
 
 
-def scattered(
-    jacobian: list[NDArray[np.float64]],
-    residual: list[NDArray[np.float64]],
-    traces: tuple[Trace, ...],
-    data: NDArray[np.float64],
-    before: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    sigma: float,
-) -> NDArray[np.float64]:
-    """(n, n): the covariance of the module's docstring; of numbers that are not found it is that of before."""
-    prior = np.diag(1.0 / before**2)
-    bread = np.linalg.inv(data + prior)
-    gradients: dict[int, NDArray[np.float64]] = {}
-    for trace, j, r in zip(traces, jacobian, residual, strict=True):
-        gradients[trace.cluster] = gradients.get(trace.cluster, np.zeros(before.size)) + j.T @ r / sigma**2
-    n = len(gradients)
-    shaken = sum((np.outer(g, g) for g in gradients.values()), np.zeros_like(prior)) * (n / (n - 1))
-    meat = _at_least(shaken, data + 1e-9 * prior) + prior
-    covariance = bread @ meat @ bread
-    fixed = ~free
-    covariance[fixed], covariance[:, fixed] = 0.0, 0.0
-    covariance[fixed, fixed] = before[fixed] ** 2
-    return np.asarray(0.5 * (covariance + covariance.T))
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit as it stands, in parts of each sample's sigma.
+
+    Attributes:
+        traces: that were fitted.
+        jacobian: of each (samples, n), what each number does to the prediction.
+        missed: of each (samples,), felt less predicted.
+        weight: of each (samples,), Huber's.
+        by_grid: of each (samples,), predicted less what a grid `COARSER` times as wide predicts.
+        before: (n,) standard deviations of the numbers before.
+        free: (n,) which were to be found.
+    """
+
+    traces: tuple[Trace, ...]
+    jacobian: tuple[NDArray[np.float64], ...]
+    missed: tuple[NDArray[np.float64], ...]
+    weight: tuple[NDArray[np.float64], ...]
+    by_grid: tuple[NDArray[np.float64], ...]
+    before: NDArray[np.float64]
+    free: NDArray[np.bool_]
+
+    __repr__ = one_line
+
+    @property
+    def data(self) -> NDArray[np.float64]:
+        """(n, n) J^T J: what the samples alone tell."""
+        return np.asarray(
+            sum(j.T @ (w[:, None] * j) for j, w in zip(self.jacobian, self.weight, strict=True))
+        )
+
+    @property
+    def _prior(self) -> NDArray[np.float64]:
+        return np.diag(1.0 / self.before**2)
+
+    def scattered(self) -> NDArray[np.float64]:
+        """(n, n): the covariance of the module's docstring; of numbers that are not found it is that of before."""
+        data, prior = self.data, self._prior
+        bread = np.linalg.inv(data + prior)
+        gradients: dict[int, NDArray[np.float64]] = {}
+        for trace, j, w, r in zip(self.traces, self.jacobian, self.weight, self.missed, strict=True):
+            gradients[trace.cluster] = gradients.get(trace.cluster, np.zeros(self.before.size)) + j.T @ (
+                w * r
+            )
+        n = len(gradients)
+        shaken = sum((np.outer(g, g) for g in gradients.values()), np.zeros_like(prior)) * (n / (n - 1))
+        meat = _at_least(shaken, data + 1e-3 * prior) + prior
+        covariance = bread @ meat @ bread
+        fixed = ~self.free
+        covariance[fixed], covariance[:, fixed] = 0.0, 0.0
+        covariance[fixed, fixed] = self.before[fixed] ** 2
+        return np.asarray(0.5 * (covariance + covariance.T))
+
+    def of_grid(self) -> NDArray[np.float64]:
+        """(n, n): what the strips' grid does to the numbers, its error being of first order at steep edges.
+
+        A grid `COARSER` times as wide moves the solution by (COARSER - 1) times what this grid has moved it.
+        """
+        pull = sum(
+            (j.T @ (w * g) for j, w, g in zip(self.jacobian, self.weight, self.by_grid, strict=True)),
+            np.zeros(self.before.size),
+        )
+        moved = np.linalg.solve(self.data + self._prior, pull) / (COARSER - 1.0)
+        moved[~self.free] = 0.0
+        return np.outer(moved, moved)
+
+    def of_screw(self) -> NDArray[np.float64]:
+        """(n, n): what waves of the stage's screws do to the numbers: every pass meets them at the same places."""
+        total = np.zeros((self.before.size, self.before.size))
+        names = list(Unknown)
+        for shift, of_x in ((Unknown.SHIFT_X, True), (Unknown.SHIFT_Y, False)):
+            for lead_mm in LEADS_MM:
+                for wave in (np.cos, np.sin):
+                    pull = np.zeros(self.before.size)
+                    for trace, j, w in zip(self.traces, self.jacobian, self.weight, strict=True):
+                        plan = trace.plan
+                        along = plan.direction.along_x == of_x
+                        at = plan.position_mm() if along else np.full(w.size, trace.line_mm)
+                        off = PLACE_MM * wave(2.0 * np.pi * at / lead_mm)
+                        pull += j.T @ (w * off * j[:, names.index(shift)])
+                    moved = np.linalg.solve(self.data + self._prior, pull)
+                    moved[~self.free] = 0.0
+                    total += np.outer(moved, moved) / len(LEADS_MM)
+        return total
 
 
 def _at_least(matrix: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -52,25 +120,3 @@ def _at_least(matrix: NDArray[np.float64], least: NDArray[np.float64]) -> NDArra
     inverse = np.linalg.inv(root)
     values, vectors = np.linalg.eigh(inverse @ matrix @ inverse.T)
     return np.asarray(root @ (vectors * np.maximum(values, 1.0)) @ vectors.T @ root.T)
-
-
-def of_grid(
-    jacobian: list[NDArray[np.float64]],
-    weight: list[NDArray[np.float64]],
-    predicted: list[NDArray[np.float64]],
-    coarser: list[NDArray[np.float64]],
-    data: NDArray[np.float64],
-    before: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    sigma: float,
-) -> NDArray[np.float64]:
-    """(n, n): what the strips' grid does to the numbers, its error being of first order at steep edges.
-
-    A grid `COARSER` times as wide moves the solution by (COARSER - 1) times what this grid has moved it.
-    """
-    pull = np.zeros(before.size)
-    for j, w, fine, wide in zip(jacobian, weight, predicted, coarser, strict=True):
-        pull += j.T @ (w * (fine - wide)) / sigma**2
-    moved = np.linalg.solve(data + np.diag(1.0 / before**2), pull) / (COARSER - 1.0)
-    moved[~free] = 0.0
-    return np.outer(moved, moved)

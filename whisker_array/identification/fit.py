@@ -2,8 +2,10 @@ r"""The bench that a recording speaks of: least squares on the contact simulatio
 
     minimise  sum over samples ((felt - predicted(p)) / sigma)^2  +  sum over numbers ((p - nominal) / sd)^2
 
+    sigma^2 = scatter of a sample^2 + (PLACE_MM dm/du)^2
+
 The second sum is what the workshop knew before (`bench.known_before`), without which many numbers could not be told
-apart; how sure they are, `certainty` says.
+apart; how sure they are, `certainty` says. At edges a sample is as uncertain as its place: no screw is even.
 """
 
 from __future__ import annotations
@@ -25,30 +27,33 @@ from whisker_array.identification.bench import (
     Unknown,
     known_before,
     nominal_bench,
+    of_whisker,
 )
-from whisker_array.identification.certainty import COARSER, of_grid, scattered
+from whisker_array.identification.certainty import COARSER, Fitted
+from whisker_array.identification.descent import (
+    STEP_SDS,
+    Loss,
+    descended,
+    jacobian_of,
+    residuals,
+    sample_sigma_n_mm,
+)
 from whisker_array.identification.forward import GRID_MM, Forward, Heights, Trace, traces_of
 from whisker_array.scan.scan import Scan
-from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
 STAGES = (
-    (1.5, 2.0, (*POSE, Unknown.PRELOAD)),
-    (0.4, 2.0, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
-    (0.0, 2.0, tuple(Unknown)),
-    (0.0, 1.0, tuple(Unknown)),
+    (1.5, 2.0, Loss.HUBER, (*POSE, Unknown.PRELOAD)),
+    (0.4, 2.0, Loss.HUBER, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
+    (0.0, 2.0, Loss.HUBER, tuple(Unknown)),
+    (0.0, 1.0, Loss.BOUNDED, tuple(Unknown)),
+    (0.0, 1.0, Loss.BOUNDED, tuple(Unknown)),
 )
-"""What is fitted one after the other: mm over which the signal is averaged, how much coarser strips are, and numbers
-beside the gains. A piece that lies a wall's width off would else be explained by anything. Strips are cut for the pose
-found so far."""
-MOST_STEPS = 25
-SETTLED_SDS = 0.01
-STEP_SDS = 0.3
-"""Of a difference by which the derivative is taken, in standard deviations of what was known before."""
+"""What is fitted one after the other: mm over which the signal is averaged, how much coarser strips are, the loss, and
+numbers beside those of each whisker. A piece that lies a wall's width off would else be explained by anything. Strips
+are cut for the pose found so far."""
 FEWEST_CLUSTERS = 6
-HUBER = 4.0
-"""Residuals beyond so many sigma count in proportion, not squared: tips slip around steep edges as they like."""
 
 
 class IdentifyError(MarksError):
@@ -69,7 +74,7 @@ class Identified:
         whiskers: those that were felt; the gains of others are as before.
         traces: that were fitted.
         predicted: of each trace, (samples,), N mm.
-        sigma_n_mm: scatter of a sample.
+        scatter_n_mm: of a sample.
         settled: whether the fit has come to rest.
         drawn: the whisker as drawn, if it was given.
     """
@@ -83,7 +88,7 @@ class Identified:
     whiskers: tuple[int, ...]
     traces: tuple[Trace, ...]
     predicted: tuple[NDArray[np.float64], ...]
-    sigma_n_mm: float
+    scatter_n_mm: float
     settled: bool
     drawn: LShaped | None = None
 
@@ -96,9 +101,12 @@ class Identified:
 
     @property
     def misfit(self) -> float:
-        """What is left over, rms in parts of the scatter of a sample: 1 where the model explains all."""
-        left = [np.nan_to_num(t.felt_n_mm - p) for t, p in zip(self.traces, self.predicted, strict=True)]
-        return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) / self.sigma_n_mm
+        """What is left over, rms in parts of the uncertainty of a sample: 1 where the model explains all."""
+        left = [
+            np.nan_to_num(t.felt_n_mm - p) / sample_sigma_n_mm(t, self.scatter_n_mm)
+            for t, p in zip(self.traces, self.predicted, strict=True)
+        ]
+        return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
 
     def of(self, name: Unknown) -> tuple[float, float]:
         """A number and its standard deviation."""
@@ -152,13 +160,15 @@ def identify(
         )
     before = known_before(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN)
     felt_by = tuple(sorted({trace.whisker for trace in traces}))
-    free = np.array(
-        [name in only for name in Unknown] + [w in felt_by for w in range(scan.n_whiskers)], dtype=np.bool_
-    )
-    sigma = _sigma_n_mm(traces)
+    free = np.zeros(before.size, dtype=np.bool_)
+    free[: len(Unknown)] = [name in only for name in Unknown]
+    for whisker_number in felt_by:
+        free[of_whisker(whisker_number, n_whiskers=scan.n_whiskers)] = True
+    scatter = _scatter_n_mm(traces)
     found, settled = nominal, False
-    for blur_mm, coarser, names in STAGES:
-        stage = free & np.array([name in names for name in Unknown] + [True] * scan.n_whiskers)
+    for blur_mm, coarser, loss, names in STAGES:
+        stage = free.copy()
+        stage[: len(Unknown)] &= [name in names for name in Unknown]
         forward = Forward(
             heights,
             traces,
@@ -168,33 +178,39 @@ def identify(
             grid_mm=coarser * grid_mm,
         )
         forward.spare_jams(found)
-        found, settled = _fitted(forward, found, nominal, before, stage, sigma, blur_mm)
+        found, settled = descended(forward, found, nominal, before, stage, scatter, blur_mm, loss)
     traces = forward.traces
     predicted = forward.moments(found)
-    residual = _residuals(traces, predicted)
-    jacobian = _jacobian(forward, found, before, free, predicted)
-    weight = [_weight(r, sigma) for r in residual]
-    residual = [w * r for w, r in zip(weight, residual, strict=True)]
-    data = np.zeros((before.size, before.size))
-    for j, w in zip(jacobian, weight, strict=True):
-        data += j.T @ (w[:, None] * j) / sigma**2
-    repeated = scattered(jacobian, residual, traces, data, before, free, sigma)
+    sigma = [sample_sigma_n_mm(trace, scatter) for trace in traces]
+    missed = [r / s for r, s in zip(residuals(traces, predicted), sigma, strict=True)]
     wide = Forward(
         heights, traces, nominal=whisker, about=found, setup_friction=scan.touch.friction,
         grid_mm=COARSER * grid_mm,
     ).moments(found)  # fmt: skip
-    covariance = repeated + of_grid(jacobian, weight, predicted, wide, data, before, free, sigma)
+    fitted = Fitted(
+        traces=traces,
+        jacobian=tuple(
+            j / s[:, None]
+            for j, s in zip(jacobian_of(forward, found, before, free, predicted, sigma), sigma, strict=True)
+        ),
+        missed=tuple(missed),
+        weight=tuple(loss.weight(r) for r in missed),
+        by_grid=tuple((p - w) / s for p, w, s in zip(predicted, wide, sigma, strict=True)),
+        before=before,
+        free=free,
+    )
+    repeated = fitted.scattered()
     return Identified(
         found,
         nominal,
         before,
-        covariance,
+        repeated + fitted.of_grid() + fitted.of_screw(),
         repeated,
-        data,
+        fitted.data,
         felt_by,
         traces,
         tuple(predicted),
-        sigma,
+        scatter,
         settled,
         whisker if isinstance(whisker, LShaped) else None,
     )
@@ -206,7 +222,7 @@ def _bare(scan: Scan) -> Scan:
     return replace(scan, calibration=None)
 
 
-def _sigma_n_mm(traces: tuple[Trace, ...]) -> float:
+def _scatter_n_mm(traces: tuple[Trace, ...]) -> float:
     """Scatter of a sample, by the differences of neighbours: robust, for at edges they are no scatter."""
     steps = np.concatenate([np.diff(trace.felt_n_mm) for trace in traces])
     steps = steps[np.isfinite(steps)]
@@ -215,110 +231,3 @@ def _sigma_n_mm(traces: tuple[Trace, ...]) -> float:
     spread = float(1.4826 * np.median(np.abs(steps - np.median(steps))) / np.sqrt(2.0))
     level = float(np.nanmedian(np.abs(np.concatenate([t.felt_n_mm for t in traces]))))
     return max(spread, 1e-5 * level)
-
-
-def _residuals(traces: tuple[Trace, ...], predicted: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-    """(samples,) of every trace, 0 where it is not to be used."""
-    return [np.nan_to_num(t.felt_n_mm - p, nan=0.0) for t, p in zip(traces, predicted, strict=True)]
-
-
-def _huber(misses: NDArray[np.float64]) -> float:
-    """Twice Huber's loss of residuals in sigmas."""
-    size = np.abs(misses)
-    return float(np.where(size <= HUBER, size**2, 2.0 * HUBER * size - HUBER**2).sum())
-
-
-def _weight(residual: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    return np.asarray(np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(residual), 1e-12)))
-
-
-def _averaged(samples: NDArray[np.float64], width: int) -> NDArray[np.float64]:
-    """Each sample the mean of so many about it, along the first axis."""
-    if width < 2:
-        return samples
-    from scipy.ndimage import uniform_filter1d
-
-    return np.asarray(uniform_filter1d(samples, width, axis=0, mode="nearest"))
-
-
-def _jacobian(
-    forward: Forward,
-    at: Bench,
-    before: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    here: list[NDArray[np.float64]],
-) -> list[NDArray[np.float64]]:
-    """(samples, n) of every trace: what each number does to the prediction."""
-    vector, n_shared = at.vector(), len(Unknown)
-    out = [np.zeros((p.size, vector.size)) for p in here]
-    for i in np.flatnonzero(free[:n_shared]):
-        step = np.zeros(vector.size)
-        # a tip's radius is felt through the grid: a difference across several of its samples
-        step[i] = (0.5 if list(Unknown)[i] is Unknown.RADIUS else STEP_SDS) * before[i]
-        for k, (there, p) in enumerate(
-            zip(forward.moments(Bench.of_vector(vector + step)), here, strict=True)
-        ):
-            out[k][:, i] = (there - p) / step[i]
-    for k, (trace, p) in enumerate(zip(forward.traces, here, strict=True)):
-        out[k][:, n_shared + trace.whisker] = p / at.gain[trace.whisker]
-        out[k][np.isnan(trace.felt_n_mm)] = 0.0
-    return out
-
-
-def _fitted(
-    forward: Forward,
-    start: Bench,
-    nominal: Bench,
-    before: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    sigma: float,
-    blur_mm: float,
-) -> tuple[Bench, bool]:
-    """Levenberg and Marquardt's descent, in units of what was known before."""
-    p0, at, damping = nominal.vector(), start, 1e-3
-    widths = [max(1, round(blur_mm / trace.plan.step_mm)) for trace in forward.traces]
-
-    def missed(predicted: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-        return [_averaged(r, w) for r, w in zip(_residuals(forward.traces, predicted), widths, strict=True)]
-
-    def cost(bench: Bench, predicted: list[NDArray[np.float64]]) -> float:
-        misses = sum(_huber(r / sigma) for r in missed(predicted))
-        return misses + float((((bench.vector() - p0) / before)[free] ** 2).sum())
-
-    here = forward.moments(at)
-    now = cost(at, here)
-    for _ in range(MOST_STEPS):
-        jacobian = _jacobian(forward, at, before, free, here)
-        residual = missed(here)
-        scaled = [
-            _averaged(j[:, free], width) * before[free] / sigma
-            for j, width in zip(jacobian, widths, strict=True)
-        ]
-        weight = [_weight(r, sigma) for r in residual]
-        curvature = np.eye(int(free.sum()))
-        downhill = np.zeros(int(free.sum()))
-        for j, r, w in zip(scaled, residual, weight, strict=True):
-            curvature += j.T @ (w[:, None] * j)
-            downhill += j.T @ (w * r) / sigma
-        downhill -= ((at.vector() - p0) / before)[free]
-        for _ in range(8):
-            damped = curvature + damping * np.diag(np.diag(curvature))
-            step = np.clip(np.linalg.solve(damped, downhill), -2.0, 2.0)
-            moved = at.vector()
-            moved[free] += step * before[free]
-            try:
-                tried = Bench.of_vector(moved)
-                there = forward.moments(tried)
-                then = cost(tried, there)
-            except WhiskerError:
-                then = np.inf
-            if then < now:
-                break
-            damping *= 8.0
-        else:
-            return at, True  # no way leads further down
-        gone = float(np.abs(step).max())
-        at, here, now, damping = tried, there, then, damping / 4.0
-        if gone < SETTLED_SDS:
-            return at, True
-    return at, False

@@ -1,7 +1,7 @@
 r"""What a bench would have recorded over a piece: the contact simulation along the lines that were felt.
 
     piece --turned, shifted--> strip around each line --dilated by the tip--> heights and slopes   (once a radius)
-    strip --tilt, play--> contact along its middle --gain--> raw signal less that of the air
+    strip --tilt, play--> contact along its middle --gain, creep, lag--> raw signal less that of the air
 
 A strip is a grid in the frame of its trace: u the way the whisker goes, v across, in the order of the plate::
 
@@ -10,8 +10,7 @@ A strip is a grid in the frame of its trace: u the way the whisker goes, v acros
       |  +----------------------------------------------+
       +-----> u
 
-Small changes of the pose move the line in its strip; a strip is not cut anew for them. What yaw moves a line sideways
-from its one end to the other is left out: 0.2 degrees over 20 mm are 0.07 mm.
+Small changes of the pose move the line in its strip, and shear it; a strip is not cut anew for them.
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ from glyphs.surface.maps import HeightMap, MapError
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
 from whisker_array.estimation.steadied import steadied
 from whisker_array.identification.bench import Bench, Unknown
+from whisker_array.identification.remembered import remembered
 from whisker_array.scan.scan import Scan
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.surface import TouchSurface, dilate_by_ball
@@ -39,7 +39,7 @@ Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float6
 """Height over the land, mm, at places of the piece, x and y in mm."""
 HALF_MM = 0.3
 GRID_MM = 0.0125
-MOST_TRACES = 64
+MOST_TRACES = 96
 JAM_LANDS = 1.7
 """A moment so many times that of the land is felt just before a tip jams, by luck of the sampling: not used."""
 _BESIDE = 3
@@ -55,6 +55,7 @@ class Trace:
         whisker: number of the whisker.
         line_mm: plate coordinate across the trace.
         felt_n_mm: (samples,) signal less that in the air, NaN where it is not to be used.
+        remembered_n_mm: (2, samples) what a creep of 1 would add to it, and a lag of 1.
     """
 
     plan: SweepPlan
@@ -62,6 +63,7 @@ class Trace:
     whisker: int
     line_mm: float
     felt_n_mm: NDArray[np.float64]
+    remembered_n_mm: NDArray[np.float64]
 
     __repr__ = one_line
 
@@ -75,7 +77,7 @@ def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
     scan = steadied(scan)
     groups: list[list[Trace]] = []
     cluster = 0
-    for sweep in scan.sweeps:
+    for sweep, added in zip(scan.sweeps, remembered(scan), strict=True):
         moment = calibrated_moments(scan, sweep)
         moment[(sweep.flags & UNUSABLE) != 0] = np.nan
         for whisker in range(moment.shape[1]):
@@ -86,6 +88,7 @@ def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
                     whisker,
                     float(sweep.plan.line_mm[p, whisker]),
                     without_jams(moment[p, whisker]),
+                    added[:, p, whisker],
                 )
                 for p in range(moment.shape[0])
                 if np.isfinite(moment[p, whisker]).mean() > 0.5
@@ -166,7 +169,7 @@ class Forward:
         self._surfaces: dict[tuple[float, ...], list[TouchSurface]] = {}
 
     def moments(self, bench: Bench, *, harder: float = 1.0) -> list[NDArray[np.float64]]:
-        """(samples,) of every trace: gain times moment, N mm; where the tip jams, what a jam begins with.
+        """(samples,) of every trace: gain times moment, creep, lag, N mm; where the tip jams, what a jam begins with.
 
         Args:
             bench: whose.
@@ -194,7 +197,8 @@ class Forward:
             )
             moment = bench.gain[trace.whisker] * traced.moment_n_mm[0].astype(np.float64)
             most = JAM_LANDS * abs(float(np.median(moment)))
-            found.append(np.clip(moment, -most, most))
+            added = bench.memory[:, trace.whisker] @ trace.remembered_n_mm
+            found.append(np.clip(moment, -most, most) + added)
         return found
 
     def spare_jams(self, bench: Bench) -> None:
@@ -208,7 +212,7 @@ class Forward:
         )
 
     def _surfaces_of(self, bench: Bench) -> list[TouchSurface]:
-        names = (Unknown.RADIUS, Unknown.TILT_X, Unknown.TILT_Y, Unknown.FRICTION)
+        names = (Unknown.RADIUS, Unknown.TILT_X, Unknown.TILT_Y, Unknown.FRICTION, Unknown.YAW)
         key = tuple(bench[name] for name in names)
         if key not in self._surfaces:
             if len(self._surfaces) > 1:  # that of the bench from which differences are taken, and one more
@@ -248,13 +252,30 @@ class Forward:
         sign = -1.0 if trace.plan.direction.backward else 1.0
         u_mm = trace.plan.position_mm()[0] + sign * (np.arange(z.shape[1]) * self._grid - MARGIN_MM)
         v_mm = trace.line_mm + np.arange(z.shape[0]) * self._grid - HALF_MM
-        tilted = z + (along * u_mm[None, :] + across * v_mm[:, None]).astype(np.float32)
+        tilted = self._sheared(z, trace, bench, u_mm) + (
+            along * u_mm[None, :] + across * v_mm[:, None]
+        ).astype(np.float32)
         fields = np.empty((*z.shape, 4), dtype=np.float32)
         fields[..., 0] = tilted
         fields[..., 1] = np.gradient(tilted, self._grid, axis=1)
         fields[..., 2] = np.gradient(tilted, self._grid, axis=0)
         fields[..., 3] = bench[Unknown.FRICTION]
         return TouchSurface(fields, np.zeros(z.shape, dtype=np.bool_), self._grid)
+
+    def _sheared(
+        self, z: NDArray[np.float32], trace: Trace, bench: Bench, u_mm: NDArray[np.float64]
+    ) -> NDArray[np.float32]:
+        """The strip with what yaw moves it sideways from its one end to the other, about the line's middle."""
+        turned = math.radians(bench[Unknown.YAW] - self._about[Unknown.YAW])
+        if turned == 0.0:
+            return z
+        off = turned * (u_mm - float(trace.plan.position_mm().mean())) / self._grid
+        off = -off if trace.plan.direction.along_x else off
+        row = np.clip(np.arange(z.shape[0])[:, None] + off, 0.0, z.shape[0] - 1.001)
+        below = row.astype(np.intp)
+        share = (row - below).astype(np.float32)
+        columns = np.arange(z.shape[1])
+        return (1.0 - share) * z[below, columns] + share * z[below + 1, columns]
 
 
 MARGIN_MM = 1.0

@@ -1,0 +1,139 @@
+"""What a whisker promises, and by how much that changes within what is known of it: first order, one number at a time.
+
+sd^2 = g^T C g,     g_i = (f(p + sd_i) - f(p - sd_i)) / (2 sd_i)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from whisker_array.identification.bench import DRAWN, Unknown, nominal_bench
+from whisker_array.identification.fit import Identified
+from whisker_array.whisker.enhancement import moment_ratio
+from whisker_array.whisker.sections import WhiskerError
+from whisker_array.whisker.shapes import LShaped
+from whisker_array.whisker.touch import Touch
+
+OF_WHISKER = (*DRAWN, Unknown.RADIUS, Unknown.PRELOAD, Unknown.FRICTION)
+"""Numbers that a whisker takes from one part to the next."""
+Quantity = Callable[[LShaped, Touch], float]
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """How well a whisker is known.
+
+    Attributes:
+        names: numbers, of `OF_WHISKER`; others count as known. The stiffness is in parts of the whisker's own.
+        covariance: (n, n) of them.
+
+    Raises:
+        WhiskerError: other numbers, one twice, or no covariance of as many.
+    """
+
+    names: tuple[Unknown, ...]
+    covariance: NDArray[np.float64]
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        covariance, n = np.array(self.covariance, dtype=np.float64), len(self.names)
+        if not set(self.names) <= set(OF_WHISKER) or len(set(self.names)) != n:
+            raise WhiskerError(
+                "names of an identified whisker are given once each, of " + ", ".join(OF_WHISKER)
+            )
+        if (
+            covariance.shape != (n, n)
+            or not np.isfinite(covariance).all()
+            or (np.diag(covariance) < 0.0).any()
+        ):
+            raise WhiskerError(f"an identified whisker of {n} numbers needs a finite ({n}, {n}) covariance")
+        object.__setattr__(self, "covariance", covariance)
+
+    @property
+    def sd(self) -> NDArray[np.float64]:
+        """(n,) standard deviations."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A figure that is told of a whisker.
+
+    Attributes:
+        what: in words.
+        value: of the whisker as it is taken to be; NaN where it jams.
+        sd: by how much it changes within what is known.
+    """
+
+    what: str
+    value: float
+    sd: float
+
+
+def knowledge_of(found: Identified) -> Knowledge:
+    """How well an identification leaves the whisker known."""
+    names = OF_WHISKER if found.drawn is not None else tuple(n for n in OF_WHISKER if n not in DRAWN)
+    at = [list(Unknown).index(name) for name in names]
+    scale = np.array([found.bench[name] if name is Unknown.STIFFNESS else 1.0 for name in names])
+    return Knowledge(names, found.covariance[np.ix_(at, at)] / np.outer(scale, scale))
+
+
+def promises(
+    whisker: LShaped, touch: Touch, known: Knowledge, *, more: Mapping[str, Quantity] | None = None
+) -> tuple[Promise, ...]:
+    """What the whisker promises: land, edges, the steepest wall; and whatever else is asked.
+
+    Args:
+        whisker: as identified.
+        touch: as identified.
+        known: how well.
+        more: further figures, by what they are called; NaN where the whisker has none.
+    """
+    bench = nominal_bench(whisker, touch, n_whiskers=1)
+
+    def of(quantity: Quantity, name: Unknown | None = None, off: float = 0.0) -> float:
+        moved = bench if name is None else bench.with_values(**{name.value: bench[name] + off})
+        try:
+            return quantity(moved.whisker(whisker), moved.touch(whisker))
+        except WhiskerError:
+            return math.nan
+
+    told = []
+    for what, quantity in {**_ALWAYS, **(more or {})}.items():
+        slope = np.array(
+            [
+                (of(quantity, name, sd) - of(quantity, name, -sd)) / (2.0 * sd) if sd > 0.0 else 0.0
+                for name, sd in zip(known.names, known.sd, strict=True)
+            ]
+        )
+        told.append(Promise(what, of(quantity), float(np.sqrt(slope @ known.covariance @ slope))))
+    return tuple(told)
+
+
+def _factor(alpha_deg: float) -> Quantity:
+    """F of (16) at a wall; positive falls."""
+    slope = -math.tan(math.radians(alpha_deg))
+    return lambda _, touch: float(moment_ratio(slope, touch.friction, touch.tip))
+
+
+def _steepest_deg(_: LShaped, touch: Touch) -> float:
+    """The steepest rising wall that does not jam: where e_y.D11 R'a of (16) vanishes."""
+    row, mu = touch.tip.compliance_mm_per_n[1], touch.friction
+    against = float(row[0] + mu * row[1])
+    return math.degrees(math.atan2(float(row[1] - mu * row[0]), against)) if against > 0.0 else 90.0
+
+
+_ALWAYS: dict[str, Quantity] = {
+    "moment of the land, N mm": lambda _, touch: abs(touch.land_moment_n_mm()),
+    "of it a mm of depth, N mm": lambda _, touch: abs(touch.land_moment_n_mm()) / touch.preload_mm,
+    "F of a wall falling at 45 deg": _factor(45.0),
+    "F of a wall rising at 45 deg": _factor(-45.0),
+    "steepest wall it climbs, deg": _steepest_deg,
+}
