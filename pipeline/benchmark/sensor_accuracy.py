@@ -13,10 +13,9 @@ benches and read by touch, with the format of its serials; fonts are not named::
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from pipeline.benchmark.paired import Trial, table, trial_of
 from pipeline.benchmark.plan_accuracy import trial_parts
 
 SEVERITIES = (0.0, 0.3, 0.6)
@@ -24,41 +23,12 @@ BENCHES = {"ideal": (False, False), "steady": (True, False), "real": (True, True
 """Noise and memory of each."""
 
 
-@dataclass(frozen=True)
-class SensorTrial:
-    """One part read with one bench.
-
-    Attributes:
-        part: its name.
-        severity: of its dirt.
-        bench: of `BENCHES`.
-        characters: of its serial.
-        right: of them.
-        accepted: by the decision.
-    """
-
-    part: str
-    severity: float
-    bench: str
-    characters: int
-    right: int
-    accepted: bool
-
-    @property
-    def wrong_accepted(self) -> bool:
-        """Whether a serial that is not the part's was accepted."""
-        return self.accepted and self.right < self.characters
-
-
-def tried(parts: int, seed: int, severity: float) -> Iterator[SensorTrial]:
+def tried(parts: int, seed: int, severity: float) -> Iterator[Trial]:
     """Part after part, each with every bench in turn."""
-    from rapidfuzz.distance import Levenshtein
-
     from glyphs.errors import MarksError
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.reading.simulated_scan import feel
     from recognition import Reader
-    from recognition.decision.reading import Decision
     from whisker_array.whisker.array import default_plan
 
     made = DesignedParts(trial_parts(parts, seed, severities=(severity,)))
@@ -81,52 +51,9 @@ def tried(parts: int, seed: int, severity: float) -> Iterator[SensorTrial]:
             )
             try:
                 reading = reader.touch.read_scan(scan)
-                text, accepted = "".join(reading.text.split()), reading.decision is Decision.ACCEPT
             except MarksError:
-                text, accepted = "", False
-            right = max(0, len(part.truth) - int(Levenshtein.distance(text, part.truth)))
-            yield SensorTrial(part.part, severity, bench, len(part.truth), right, accepted)
-
-
-def table(trials: Sequence[SensorTrial]) -> list[str]:
-    """A line for each dirt and bench: characters right, what was lost against `steady`, serials.
-
-    Intervals hold 95 %: of a share, exact (Clopper and Pearson); of what was lost, by the parts' differences (Student).
-    """
-    from scipy.stats import binomtest
-
-    lines = [
-        "dirt  bench   parts  characters, %             lost to steady, points   parts that differ"
-        "  accepted  wrong"
-    ]
-    for severity in sorted({t.severity for t in trials}):
-        of = {b: [t for t in trials if t.severity == severity and t.bench == b] for b in BENCHES}
-        for bench, own in of.items():
-            right, all_ = sum(t.right for t in own), sum(t.characters for t in own)
-            share = binomtest(right, all_).proportion_ci(0.95, "exact")
-            pairs = list(zip(of["steady"], own, strict=True))
-            lost, half = _lost([100.0 * (a.right - b.right) / a.characters for a, b in pairs])
-            lines.append(
-                f"{severity:<5g} {bench:<7} {len(own):>5}  {100.0 * right / all_:5.1f} "
-                f"({100.0 * share.low:5.1f} to {100.0 * share.high:5.1f})  "
-                f"{lost:6.2f} ({lost - half:5.2f} to {lost + half:5.2f})   "
-                f"{sum(a.right != b.right for a, b in pairs):>8}            "
-                f"{sum(t.accepted for t in own):>6}  {sum(t.wrong_accepted for t in own):>5}"
-            )
-    return lines
-
-
-def _lost(points: Sequence[float]) -> tuple[float, float]:
-    """Mean of the parts' differences, and half its 95 % interval."""
-    import numpy as np
-    from scipy.stats import t
-
-    values = np.asarray(points)
-    if values.size < 2:
-        return float(values.mean()), math.inf
-    return float(values.mean()), float(
-        t.ppf(0.975, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size)
-    )
+                reading = None
+            yield trial_of(reading, part=part.part, severity=severity, way=bench, truth=part.truth)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -136,10 +63,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked.add_argument("--seed", type=int, default=1700)
     asked.add_argument("--dirt", type=float, nargs="+", default=SEVERITIES, help="0 to 1")
     given = asked.parse_args(arguments)
-    trials: list[SensorTrial] = []
+    trials: list[Trial] = []
     for severity in given.dirt:
         trials += tried(given.parts, given.seed, severity)
-    print("\n".join(table(trials)))
+    print("\n".join(table(trials, against="steady")))
 
 
 if __name__ == "__main__":

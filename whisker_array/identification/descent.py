@@ -22,6 +22,7 @@ FEW = 4.0
 """Sigmas beyond which a residual is no scatter."""
 MOST_STEPS = 25
 SETTLED_SDS = 0.01
+"""A step so small ends the descent."""
 DAMPED_TRIES = 6
 SOFT = 100.0
 """Curvature of a direction that the recording hardly tells, in units of what was known before."""
@@ -52,6 +53,10 @@ class Loss(Enum):
         if self is Loss.HUBER:
             return np.asarray(np.minimum(1.0, FEW / np.maximum(size, 1e-12)))
         return np.asarray((1.0 + (size / FEW) ** 2) ** -2.0)
+
+
+SETTLED_COST = {Loss.HUBER: 10.0, Loss.BOUNDED: 0.3}
+"""One that gains so little (in squares of a sigma) ends it, too."""
 
 
 def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float) -> NDArray[np.float64]:
@@ -149,7 +154,7 @@ def descended(
             curvature += j.T @ (w[:, None] * j)
             downhill += j.T @ (w * r)
         downhill -= ((at.vector() - p0) / before)[free]
-        gone = 0.0
+        was, gone = now, 0.0
         for _ in range(DAMPED_TRIES):
             damped = curvature + damping * np.diag(np.diag(curvature))
             step = np.clip(np.linalg.solve(damped, downhill), -2.0, 2.0)
@@ -166,7 +171,7 @@ def descended(
         if then is not None and then[2] < now:
             at, here, now = then
             gone = max(gone, float(np.abs(step).max()))
-        if gone < SETTLED_SDS:
+        if gone < SETTLED_SDS or was - now < SETTLED_COST[loss]:
             return at, True
     return at, False
 
