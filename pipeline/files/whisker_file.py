@@ -96,7 +96,8 @@ class _Identified(_Strict):
         sd, n = np.array(self.sd), len(self.names)
         if len(self.sd) != n or [len(row) for row in self.correlation] != [n] * n:
             raise WhiskerError(
-                f"identified has {n} names, and not as many of sd and of each side of correlation"
+                f"identified has {n} names, and not as many of sd and of each side of correlation",
+                hint="let identify --out write it anew",
             )
         return Knowledge(self.names, np.array(self.correlation).reshape(n, n) * np.outer(sd, sd))
 

@@ -11,7 +11,7 @@ from glyphs.errors import FileError, MarksError
 from pipeline.files.piece_file import heights_of_piece, read_piece
 from pipeline.files.touch_file import read_scan
 from pipeline.files.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
-from whisker_array.identification.bench import DRAWN, Bench, Unknown
+from whisker_array.identification.bench import DRAWN, Bench, Unknown, of_whisker
 from whisker_array.identification.fit import Identified, identify
 from whisker_array.identification.promises import Promise, knowledge_of
 from whisker_array.identification.telling import not_apart, remedies, untold
@@ -58,9 +58,14 @@ def table_of(found: Identified) -> list[str]:
             f"{name.value:15}{value:10.4g}{f'+-{_WIDE * sd:.2g}':>12}{found.nominal[name]:11.4g}   {name.meaning}"
         )
     for whisker in found.whiskers:
-        sd = float(found.sd[len(Unknown) + whisker])
-        gain = float(found.bench.gain[whisker])
-        lines.append(f"{f'gain {whisker}':15}{gain:10.4g}{f'+-{_WIDE * sd:.2g}':>12}{1.0:11.4g}")
+        for what, drawn, i in zip(
+            ("gain", "creep", "lag"),
+            (1.0, 0.0, 0.0),
+            of_whisker(whisker, n_whiskers=found.bench.gain.size),
+            strict=True,
+        ):
+            value, sd = float(found.bench.vector()[i]), float(found.sd[i])
+            lines.append(f"{f'{what} {whisker}':15}{value:10.4f}{f'+-{_WIDE * sd:.2g}':>12}{drawn:11.4g}")
     if with_drawing:
         lines.append(_tip_line(found))
     lines.append(f"{len(found.traces)} lines fitted, {1000.0 * found.scatter_n_mm:.3g} mN mm of scatter")

@@ -18,7 +18,7 @@ from pipeline.files.synth import SynthSpec, write_part
 pytest.importorskip("distributed")
 from tests.support.cluster_process import ClusterProcess, cluster_process, environment
 
-PARTS = 30
+PARTS = 20
 WAIT_S = 120.0
 
 

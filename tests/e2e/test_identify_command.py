@@ -16,7 +16,7 @@ def test_a_whisker_is_identified_and_scanned_with(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("piece.toml").write_text('kind = "pits"\nangle_deg = [45]\nfloor_mm = 1.0\n')
+    Path("piece.toml").write_text('kind = "pits"\nangle_deg = [45]\nfloor_mm = 0.6\nland_mm = 1.2\n')
     drawn = WhiskerFile(default_whisker(5.0), default_touch(5.0), 5.0, 0.125, 0.03125, 50.0)
     write_whisker_file(Path("drawn.toml"), drawn)
     scan = ["scan", "piece.toml", "--out", "piece.h5", "--height-mm", "5", "--friction", "0.3"]
@@ -31,7 +31,20 @@ def test_a_whisker_is_identified_and_scanned_with(
     assert "known only together: stiffness, gains" in said
     assert "<svg" in Path("found.svg").read_text()
     assert read_whisker_file(Path("found.toml")).touch.friction == pytest.approx(float(friction[1]), rel=1e-3)
+    capsys.readouterr()
     assert main(["scan", "piece.toml", "--out", "again.h5", "--whisker", "found.toml"]) == 0
+    promised = capsys.readouterr().out.splitlines()
+    assert promised[-5].startswith("moment of the land, N mm")
+    assert "+-" in promised[-1]
+    job = ["design", "--height-mm", "5", "--alpha", "20:45", "--mu", "0.1:0.3", "--depth-mm", "0.3"]
+    assert main([*job, "--whisker", "found.toml"]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[:6] == promised[-6:]
+    assert told[6].startswith("worst edge contrast")
+    assert main([*job, "--whisker", "drawn.toml"]) == 1
+    assert "let identify --out write it" in capsys.readouterr().err
+    assert main([*job, "--whisker", "found.toml", "--out", "other.toml"]) == 2
+    assert "leave out --out" in capsys.readouterr().err
     assert main([*found, "--out", "found.toml"]) == 2
     assert "add --whisker" in capsys.readouterr().err
     assert main(["identify", "piece.toml", "--piece", "piece.toml"]) == 1

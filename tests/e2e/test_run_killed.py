@@ -19,7 +19,7 @@ from glyphs.surface.maps import HeightMap
 from pipeline.files.npz import read_npz, write_npz
 from pipeline.files.synth import SynthSpec, write_part
 
-PARTS = 24
+PARTS = 18
 WAIT_S = 90.0
 TREE = Path(__file__).parents[2]
 READ = ("read", "parts", "--font", "gothic", "--format", "A9", "--height-mm", "4", "--jobs", "2")
@@ -88,7 +88,7 @@ def alive(pid: int) -> bool:
 def test_a_killed_run_goes_on_where_it_ended(parts: Path, tmp_path: Path, out: str) -> None:
     table = tmp_path / (out + (".rows.jsonl" if out.endswith("parquet") else ""))
     before: dict[str, float] = {}
-    for rows in (5, 12):
+    for rows in (4, 9):
         killed_after(started(parts, tmp_path, out), table, rows + (out == "rows.csv"))
         kept = read_lines(table)
         assert len(kept) >= rows

@@ -24,7 +24,7 @@ from glyphs.surface.maps import HeightMap
 from pipeline.files.npz import write_npz
 from tests.support.service_fixtures import inline_service
 
-EXAMPLES = 40
+EXAMPLES = 25
 CHECKS = [
     not_a_server_error,
     status_code_conformance,

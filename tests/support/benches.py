@@ -12,6 +12,7 @@ from glyphs.surface.pieces import Piece, PieceKind
 from pipeline.reading.simulated_scan import feel
 from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, known_before, nominal_bench
 from whisker_array.identification.forward import Heights
+from whisker_array.identification.promises import Knowledge
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain
@@ -68,6 +69,18 @@ def recorded(
 def worn(radius_mm: float = 0.1, preload_mm: float = 1.0) -> Touch:
     """The default touch with another tip or height."""
     return replace(default_touch(HEIGHT_MM), tip_radius_mm=radius_mm, preload_mm=preload_mm)
+
+
+def known_whisker() -> tuple[LShaped, Touch, Knowledge]:
+    """The default whisker, known as an identification leaves one."""
+    sd = {
+        Unknown.L1: 0.1, Unknown.L2: 0.1, Unknown.L3: 0.08, Unknown.BETA: 0.4, Unknown.STIFFNESS: 0.016,
+        Unknown.RADIUS: 0.006, Unknown.PRELOAD: 0.001, Unknown.FRICTION: 0.002,
+    }  # fmt: skip
+    covariance = np.diag(np.array(list(sd.values())) ** 2)
+    # a longer tip arm is made up for by a smaller setting angle
+    covariance[1, 3] = covariance[3, 1] = -0.8 * sd[Unknown.L2] * sd[Unknown.BETA]
+    return default_whisker(HEIGHT_MM), default_touch(HEIGHT_MM), Knowledge(tuple(sd), covariance)
 
 
 @dataclass(frozen=True, eq=False)

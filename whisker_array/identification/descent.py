@@ -93,10 +93,9 @@ def jacobian_of(
         ):
             jumps = np.abs(there - p) > MOST_SIGMAS * step[i] / before[i] * sigma[k]
             out[k][:, i] = np.where(jumps, 0.0, there - p) / step[i]
-    for k, (trace, p) in enumerate(zip(forward.traces, here, strict=True)):
+    for k, (trace, pressed) in enumerate(zip(forward.traces, forward.pressed(at), strict=True)):
         own = of_whisker(trace.whisker, n_whiskers=at.gain.size)
-        pressed = p - at.memory[:, trace.whisker] @ trace.remembered_n_mm
-        out[k][:, own] = np.stack([pressed / at.gain[trace.whisker], *trace.remembered_n_mm], axis=1)
+        out[k][:, own] = np.stack([pressed / at.gain[trace.whisker], *forward.units(trace, pressed)], axis=1)
         if free[stiffness]:
             out[k][:, stiffness] = pressed / at[Unknown.STIFFNESS]
         out[k][np.isnan(trace.felt_n_mm)] = 0.0

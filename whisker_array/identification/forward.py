@@ -27,7 +27,7 @@ from glyphs.surface.maps import HeightMap, MapError
 from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
 from whisker_array.estimation.steadied import steadied
 from whisker_array.identification.bench import Bench, Unknown
-from whisker_array.identification.remembered import remembered
+from whisker_array.identification.remembered import LARGEST_LANDS, crept, lagged
 from whisker_array.scan.scan import Scan
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.simulation.surface import TouchSurface, dilate_by_ball
@@ -55,7 +55,7 @@ class Trace:
         whisker: number of the whisker.
         line_mm: plate coordinate across the trace.
         felt_n_mm: (samples,) signal less that in the air, NaN where it is not to be used.
-        remembered_n_mm: (2, samples) what a creep of 1 would add to it, and a lag of 1.
+        crept_n_mm: (samples,) what a creep of 1 within seconds would have added.
     """
 
     plan: SweepPlan
@@ -63,7 +63,7 @@ class Trace:
     whisker: int
     line_mm: float
     felt_n_mm: NDArray[np.float64]
-    remembered_n_mm: NDArray[np.float64]
+    crept_n_mm: NDArray[np.float64]
 
     __repr__ = one_line
 
@@ -77,7 +77,7 @@ def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
     scan = steadied(scan)
     groups: list[list[Trace]] = []
     cluster = 0
-    for sweep, added in zip(scan.sweeps, remembered(scan), strict=True):
+    for sweep, added in zip(scan.sweeps, crept(scan), strict=True):
         moment = calibrated_moments(scan, sweep)
         moment[(sweep.flags & UNUSABLE) != 0] = np.nan
         for whisker in range(moment.shape[1]):
@@ -88,7 +88,7 @@ def traces_of(scan: Scan, *, most: int = MOST_TRACES) -> tuple[Trace, ...]:
                     whisker,
                     float(sweep.plan.line_mm[p, whisker]),
                     without_jams(moment[p, whisker]),
-                    added[:, p, whisker],
+                    added[p, whisker],
                 )
                 for p in range(moment.shape[0])
                 if np.isfinite(moment[p, whisker]).mean() > 0.5
@@ -164,16 +164,28 @@ class Forward:
         """
         self.traces = tuple(traces)
         self._nominal, self._about, self._setup, self._grid = nominal, about, setup_friction, grid_mm
+        self._largest = LARGEST_LANDS * abs(about.touch(nominal).land_moment_n_mm())
         self._bare = [_strip(heights, trace, about, grid_mm) for trace in self.traces]
         self._by_radius: dict[float, list[NDArray[np.float32]]] = {}
         self._surfaces: dict[tuple[float, ...], list[TouchSurface]] = {}
 
-    def moments(self, bench: Bench, *, harder: float = 1.0) -> list[NDArray[np.float64]]:
-        """(samples,) of every trace: gain times moment, creep, lag, N mm; where the tip jams, what a jam begins with.
+    def moments(self, bench: Bench) -> list[NDArray[np.float64]]:
+        """(samples,) of every trace, N mm: what the tip presses, and what its gauge makes of that.
 
-        Args:
-            bench: whose.
-            harder: times the preload.
+        Raises:
+            WhiskerError: a number that no whisker has.
+        """
+        return [
+            pressed + bench.memory[:, trace.whisker] @ self.units(trace, pressed)
+            for trace, pressed in zip(self.traces, self.pressed(bench), strict=True)
+        ]
+
+    def units(self, trace: Trace, pressed: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(2, samples) what a creep of 1 adds to a trace, and a lag of 1."""
+        return np.stack([trace.crept_n_mm, lagged(pressed, largest_n_mm=self._largest)])
+
+    def pressed(self, bench: Bench) -> list[NDArray[np.float64]]:
+        """(samples,) of every trace: gain times moment, N mm; where the tip jams, what a jam begins with.
 
         Raises:
             WhiskerError: a number that no whisker has.
@@ -192,13 +204,12 @@ class Forward:
                 start_mm=start,
                 step_mm=trace.plan.step_mm,
                 n_samples=trace.plan.n_samples,
-                preload_mm=touch.preload_mm * harder,
+                preload_mm=touch.preload_mm,
                 nominal_friction=self._setup,
             )
             moment = bench.gain[trace.whisker] * traced.moment_n_mm[0].astype(np.float64)
             most = JAM_LANDS * abs(float(np.median(moment)))
-            added = bench.memory[:, trace.whisker] @ trace.remembered_n_mm
-            found.append(np.clip(moment, -most, most) + added)
+            found.append(np.clip(moment, -most, most))
         return found
 
     def spare_jams(self, bench: Bench) -> None:

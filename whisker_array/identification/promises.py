@@ -46,14 +46,18 @@ class Knowledge:
         covariance, n = np.array(self.covariance, dtype=np.float64), len(self.names)
         if not set(self.names) <= set(OF_WHISKER) or len(set(self.names)) != n:
             raise WhiskerError(
-                "names of an identified whisker are given once each, of " + ", ".join(OF_WHISKER)
+                "an identified whisker has a number that none has, or one twice",
+                hint=f"name each of {', '.join(OF_WHISKER)} once at most",
             )
         if (
             covariance.shape != (n, n)
             or not np.isfinite(covariance).all()
             or (np.diag(covariance) < 0.0).any()
         ):
-            raise WhiskerError(f"an identified whisker of {n} numbers needs a finite ({n}, {n}) covariance")
+            raise WhiskerError(
+                f"an identified whisker of {n} numbers has no covariance of them",
+                hint=f"give a finite ({n}, {n}) one",
+            )
         object.__setattr__(self, "covariance", covariance)
 
     @property

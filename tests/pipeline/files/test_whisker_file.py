@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from glyphs.errors import FileError
 from pipeline.files.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
+from tests.support.benches import known_whisker
 from whisker_array.whisker.sections import MUSIC_WIRE, Material, Rectangle, Round, Taper, Tube
 from whisker_array.whisker.shapes import LShaped, Straight
 from whisker_array.whisker.touch import Touch
@@ -102,6 +103,16 @@ def test_what_is_left_out_is_scaled_to_the_height(tmp_path: Path) -> None:
     assert read.touch.whisker == read.whisker.describe()
 
 
+def test_how_well_a_whisker_is_known_comes_back(tmp_path: Path) -> None:
+    whisker, touch, known = known_whisker()
+    path = tmp_path / "w.toml"
+    write_whisker_file(path, WhiskerFile(whisker, touch, 5.0, 0.125, 0.03125, 50.0, known))
+    read = read_whisker_file(path).known
+    assert read is not None
+    assert read.names == known.names
+    np.testing.assert_allclose(read.covariance, known.covariance, rtol=1e-5, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
@@ -121,6 +132,17 @@ def test_what_is_left_out_is_scaled_to_the_height(tmp_path: Path) -> None:
         ("friction = 0.2", 'friction = 0.2\nmaterial = "cheese"', "material"),
         ("friction = 0.2", "friction = ", "is not TOML"),
         ("beta_deg = 10.0", "beta_deg = -80.0", "jams on the land"),
+        ("[section]", '[identified]\nnames = ["l1_mm"]\nsd = [0.1]\ncorrelation = []\n[section]', "1 names"),
+        (
+            "[section]",
+            '[identified]\nnames = ["l9"]\nsd = [0.1]\ncorrelation = [[1]]\n[section]',
+            "identified.names",
+        ),
+        (
+            "[section]",
+            '[identified]\nnames = ["play_mm"]\nsd = [0.1]\ncorrelation = [[1]]\n[section]',
+            "a number that none has",
+        ),
     ],
 )
 def test_a_wrong_file_says_what_and_where(tmp_path: Path, old: str, new: str, says: str) -> None:

@@ -19,6 +19,8 @@ from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.touch import default_touch
 
 PIECE = Piece(angle_deg=(45.0, 30.0), floor_mm=1.0, land_mm=1.5)
+COARSE_MM = 0.02
+"""For what does not ask how near the numbers are."""
 
 
 def test_what_the_recording_tells_is_found_and_the_rest_is_named() -> None:
@@ -54,10 +56,12 @@ def test_a_bench_that_creeps_and_has_play_is_found_all_the_same() -> None:
 
 def test_gains_that_a_bench_has_shown_tell_the_stiffness() -> None:
     scan = recorded(PIECE)
-    loose = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0))
+    loose = identify(scan, PIECE.height_mm, whisker=default_whisker(5.0), grid_mm=COARSE_MM)
     n = scan.n_whiskers
     shown = Calibration(loose.bench.gain, np.zeros(n))
-    known = identify(replace(scan, calibration=shown), PIECE.height_mm, whisker=default_whisker(5.0))
+    known = identify(
+        replace(scan, calibration=shown), PIECE.height_mm, whisker=default_whisker(5.0), grid_mm=COARSE_MM
+    )
     assert known.before[len(Unknown)] == BENCH_GAIN
     k = list(Unknown).index(Unknown.STIFFNESS)
     # a variance; what the fit's grid does to either is not the gains' fault
@@ -66,8 +70,8 @@ def test_gains_that_a_bench_has_shown_tell_the_stiffness() -> None:
 
 def test_a_height_map_is_as_good_as_the_piece_it_is_of() -> None:
     scan, touch = recorded(PIECE, friction=0.25), default_touch(5.0)
-    drawn = identify(scan, PIECE.height_mm, whisker=touch)
-    mapped = identify(scan, heights_of(PIECE.height_map(0.02)), whisker=touch)
+    drawn = identify(scan, PIECE.height_mm, whisker=touch, grid_mm=COARSE_MM)
+    mapped = identify(scan, heights_of(PIECE.height_map(0.02)), whisker=touch, grid_mm=COARSE_MM)
     for name in (Unknown.RADIUS, Unknown.FRICTION, Unknown.PRELOAD):
         (one, sd), (other, _) = drawn.of(name), mapped.of(name)
         assert one == pytest.approx(other, abs=2.0 * sd + 1e-3)
