@@ -7,6 +7,7 @@ recording hardly tells is moved by steps of its own, for a whole one is stopped 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from enum import Enum
 
 import numpy as np
@@ -120,6 +121,12 @@ def descended(
         for trace in forward.traces
     ]
 
+    # moments are linear in these, or as good as
+    linear = np.arange(before.size) >= len(Unknown)
+    linear[list(Unknown).index(Unknown.STIFFNESS)] = True
+    smooth = linear[free]
+    factor = linear & (np.arange(before.size) < len(Unknown) + start.gain.size)
+
     def missed(predicted: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
         residual = residuals(forward.traces, predicted)
         return [_averaged(r, w) / s for r, w, s in zip(residual, widths, sigma, strict=True)]
@@ -129,8 +136,10 @@ def descended(
         return misses + float((((bench.vector() - p0) / before)[free] ** 2).sum())
 
     def tried(at: Bench, step: NDArray[np.float64]) -> tuple[Bench, list[NDArray[np.float64]], float] | None:
-        moved = at.vector()
-        moved[free] += step * before[free]
+        moved, off = at.vector(), np.zeros(before.size)
+        off[free] = step * before[free]
+        # factors of one product are changed as factors, so that what one gains the other loses to all orders
+        moved = np.where(factor, moved * np.exp(off / np.where(factor, moved, 1.0)), moved + off)
         try:
             there = Bench.of_vector(moved)
             predicted = forward.moments(there)
@@ -165,24 +174,30 @@ def descended(
                 downhill = downhill - curvature @ step
                 break
             damping *= 8.0
-        step = np.clip(_soft(curvature, downhill), -1.0, 1.0)
-        then = tried(at, step)
-        if then is not None and then[2] < now:
-            at, here, now = then
-            gone = max(gone, float(np.abs(step).max()))
+        for ways in _of_their_own(curvature, smooth):
+            # Newton's step along these ways alone
+            step = ways @ np.linalg.solve(ways.T @ curvature @ ways, ways.T @ downhill)
+            step *= min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-12))
+            then = tried(at, step)
+            if then is not None and then[2] < now:
+                at, here, now = then
+                gone = max(gone, float(np.abs(step).max()))
+                downhill = downhill - curvature @ step
         if gone < SETTLED_SDS or was - now < SETTLED_COST[loss]:
             return at, True
     return at, False
 
 
-def _soft(curvature: NDArray[np.float64], downhill: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The step along what the recording hardly tells, alone.
+def _of_their_own(curvature: NDArray[np.float64], smooth: NDArray[np.bool_]) -> Iterator[NDArray[np.float64]]:
+    """(n, ways) along which steps are tried alone.
 
-    A whole step is stopped by the roughness of contact along what it tells well, and then nothing else moves either.
+    A whole step is stopped by the roughness of contact, and then nothing else moves either: neither what only scales
+    and adds, nor what the recording hardly tells, way by way.
     """
+    yield np.eye(smooth.size)[:, smooth]
     values, vectors = np.linalg.eigh(curvature)
-    soft = vectors[:, values < SOFT]
-    return np.asarray(soft @ ((soft.T @ downhill) / values[values < SOFT]))
+    for k in np.flatnonzero(values < SOFT):
+        yield vectors[:, k : k + 1]
 
 
 def _averaged(samples: NDArray[np.float64], width: int) -> NDArray[np.float64]:
