@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.benchmark.paired import Trial, lost, table, trial_of
-from pipeline.benchmark.plan_accuracy import trial_parts
+from pipeline.benchmark.paired import Trial, lost, table, tried
 from whisker_array.identification.bench import Unknown, known_before, nominal_bench
 from whisker_array.scan.calibration import Calibration
 from whisker_array.whisker.defaults import default_whisker
@@ -49,27 +48,10 @@ IDENTIFIED = {GAIN: 0.005, Unknown.BETA: 0.5, Unknown.FRICTION: 0.002, Unknown.R
 """Standard deviations that identify leaves, of `tests.benchmarks.identify_benches`."""
 
 
-def tried(parts: int, seed: int, severity: float) -> Iterator[Trial]:
-    """Part after part, felt once, and read in every way."""
-    from glyphs.errors import MarksError
-    from pipeline.benchmark.exam.designed_parts import DesignedParts
-    from recognition import Reader
-
-    made = DesignedParts(trial_parts(parts, seed, severities=(severity,)))
-    readers: dict[str, Reader] = {}
-    for number, item in enumerate(made.items()):
-        part = made.make(item)
-        if part.height_mm is None:
-            continue
-        reader = readers.setdefault(item.condition.format, Reader(format=item.condition.format))
-        rng = np.random.default_rng(seed + number)
-        scan = _felt(part, rng)
-        for way, taken in _ways(scan, part.height_mm, rng):
-            try:
-                reading = reader.touch.read_scan(taken)
-            except MarksError:
-                reading = None
-            yield trial_of(reading, part=part.part, severity=severity, way=way, truth=part.truth)
+def taken_for_others(part: Specimen, seed: int) -> Iterator[tuple[str, Scan]]:
+    """The part felt once, and the scan as if the whisker were known, and others."""
+    rng = np.random.default_rng(seed)
+    return _ways(_felt(part, rng), part.height_mm or 5.0, rng)
 
 
 def _felt(part: Specimen, rng: np.random.Generator) -> Scan:
@@ -168,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked.add_argument("--dirt", type=float, default=0.3, help="0 to 1")
     asked.add_argument("--out", type=Path, default=Path("known.svg"), help="picture")
     given = asked.parse_args(arguments)
-    trials = list(tried(given.parts, given.seed, given.dirt))
+    trials = list(tried(given.parts, given.seed, given.dirt, taken_for_others))
     print("\n".join(table(trials, against=KNOWN)))
     draw(trials, given.out)
 

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from pipeline.benchmark.plan_accuracy import trial_parts
 from recognition.decision.reading import Decision, Reading
+
+if TYPE_CHECKING:
+    from pipeline.benchmark.exam.specimens import Specimen
+    from whisker_array.scan.scan import Scan
+
+    Ways = Callable[[Specimen, int], Iterator[tuple[str, Scan]]]
 
 
 @dataclass(frozen=True)
@@ -33,6 +41,34 @@ class Trial:
     def wrong_accepted(self) -> bool:
         """Whether a serial that is not the part's was accepted."""
         return self.accepted and self.right < self.characters
+
+
+def tried(parts: int, seed: int, severity: float, ways: Ways) -> Iterator[Trial]:
+    """Part after part, drawn as those of the exam but of no font or dirt that it keeps out, read in every way.
+
+    Args:
+        parts: how many.
+        seed: of the parts; a part's own is that plus its number.
+        severity: of their dirt.
+        ways: of a part and its seed, what each way is called and the scan that is read, with the serial's format.
+    """
+    from glyphs.errors import MarksError
+    from pipeline.benchmark.exam.designed_parts import DesignedParts
+    from recognition import Reader
+
+    made = DesignedParts(trial_parts(parts, seed, severities=(severity,)))
+    readers: dict[str, Reader] = {}
+    for number, item in enumerate(made.items()):
+        part = made.make(item)
+        if part.height_mm is None:
+            continue
+        reader = readers.setdefault(item.condition.format, Reader(format=item.condition.format))
+        for way, scan in ways(part, seed + number):
+            try:
+                reading = reader.touch.read_scan(scan)
+            except MarksError:
+                reading = None
+            yield trial_of(reading, part=part.part, severity=severity, way=way, truth=part.truth)
 
 
 def trial_of(reading: Reading | None, *, part: str, severity: float, way: str, truth: str) -> Trial:

@@ -14,46 +14,31 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
-from pipeline.benchmark.paired import Trial, table, trial_of
-from pipeline.benchmark.plan_accuracy import trial_parts
+from pipeline.benchmark.paired import Trial, table, tried
+
+if TYPE_CHECKING:
+    from pipeline.benchmark.exam.specimens import Specimen
+    from whisker_array.scan.scan import Scan
 
 SEVERITIES = (0.0, 0.3, 0.6)
 BENCHES = {"ideal": (False, False), "steady": (True, False), "real": (True, True)}
 """Noise and memory of each."""
 
 
-def tried(parts: int, seed: int, severity: float) -> Iterator[Trial]:
-    """Part after part, each with every bench in turn."""
-    from glyphs.errors import MarksError
-    from pipeline.benchmark.exam.designed_parts import DesignedParts
+def felt_by_benches(part: Specimen, seed: int) -> Iterator[tuple[str, Scan]]:
+    """The part as every bench feels it."""
     from pipeline.reading.simulated_scan import feel
-    from recognition import Reader
     from whisker_array.whisker.array import default_plan
 
-    made = DesignedParts(trial_parts(parts, seed, severities=(severity,)))
-    readers: dict[str, Reader] = {}
-    for number, item in enumerate(made.items()):
-        part = made.make(item)
-        if part.height_mm is None:
-            continue
-        reader = readers.setdefault(item.condition.format, Reader(format=item.condition.format))
-        plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=part.height_mm)
-        for bench, (noise, memory) in BENCHES.items():
-            scan = feel(
-                part.height_map,
-                plan=plan,
-                height_mm=part.height_mm,
-                noise=noise,
-                memory=memory,
-                sensor_seed=seed + number,
-                soil=part.soil,
-            )
-            try:
-                reading = reader.touch.read_scan(scan)
-            except MarksError:
-                reading = None
-            yield trial_of(reading, part=part.part, severity=severity, way=bench, truth=part.truth)
+    height_mm = part.height_mm or 5.0
+    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=height_mm)
+    for bench, (noise, memory) in BENCHES.items():
+        yield bench, feel(
+            part.height_map, plan=plan, height_mm=height_mm, noise=noise, memory=memory, sensor_seed=seed,
+            soil=part.soil,
+        )  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -65,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = asked.parse_args(arguments)
     trials: list[Trial] = []
     for severity in given.dirt:
-        trials += tried(given.parts, given.seed, severity)
+        trials += tried(given.parts, given.seed, severity, felt_by_benches)
     print("\n".join(table(trials, against="steady")))
 
 
