@@ -22,6 +22,8 @@ from pipeline.workers.executors import O, Outcome, R, T
 from pipeline.workers.interrupts import raise_interrupt
 
 _CONNECT_S = 10.0
+_START_S = 120.0
+"""How long the connection's thread may take to start: the library allows ten seconds a try, a frozen machine more."""
 _LOOK_S = 2.0
 _AHEAD = 3
 _LEAST_AHEAD = 8
@@ -69,9 +71,8 @@ class ClusterExecutor:
         connect: Any = partial(
             distributed.Client, self.address, timeout=self._connect_s, set_as_default=False
         )
-        until = time.monotonic() + self.patience_s
         try:
-            self._client = _connected(connect, until)
+            self._client = _connected(connect)
         except AssertionError as error:
             raise ClusterError(
                 "the connection to the scheduler does not start: this machine is too busy",
@@ -226,8 +227,9 @@ class ClusterExecutor:
             self._client.close(timeout=5)
 
 
-def _connected(connect: Callable[[], Any], until: float) -> Any:
+def _connected(connect: Callable[[], Any]) -> Any:
     """What `connect` gives: its thread has ten seconds to start, too few where all cores are busy."""
+    until = time.monotonic() + _START_S
     while True:
         try:
             return connect()

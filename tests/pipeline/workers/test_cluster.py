@@ -166,9 +166,10 @@ def test_a_machine_too_busy_to_connect_is_told(monkeypatch: pytest.MonkeyPatch) 
         raise AssertionError
 
     monkeypatch.setattr(distributed, "Client", never)
+    monkeypatch.setattr("pipeline.workers.cluster._START_S", 0.0)
     with (
         pytest.raises(ClusterError, match="this machine is too busy"),
-        ClusterExecutor("tcp://localhost:1", patience_s=0.0),
+        ClusterExecutor("tcp://localhost:1"),
     ):
         pass
 
