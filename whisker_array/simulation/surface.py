@@ -1,14 +1,4 @@
-"""The surface as a ball tip feels it: dropouts filled, dilated by the tip, with slopes and friction beside.
-
-A ball of radius r resting on z(x) has its lowest point at the *dilated* height (ISO 16610-41, the tip's
-morphological closing of valleys)::
-
-            ___                h_d(x) = max over |u| <= r of  z(x + u) + sqrt(r^2 - u^2) - r
-           /   \\
-    ------(  r  )------        a groove narrower than the ball is felt shallower than it is,
-          .\\_._/.              a ridge wider by the ball.
-    _____/  h_d  \\____
-"""
+"""The surface as a ball tip feels it: dropouts filled, dilated by the tip (`dilation`), slopes and friction beside."""
 
 from __future__ import annotations
 
@@ -22,9 +12,9 @@ from glyphs.compiled import FAST, kernel, read_only
 from glyphs.soiling.soil import Soil
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.soft import carrying_stiffness_n_per_mm
 from whisker_array.simulation.threads import in_threads
-from whisker_array.whisker.sections import WhiskerError
 
 Friction: TypeAlias = float | NDArray[np.float32]
 """Coulomb coefficient of a surface: one number, or a (rows, cols) map."""
@@ -72,38 +62,6 @@ def fill_dropouts(z_mm: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArr
         smooth = ndimage.uniform_filter(filled, size=5, mode="nearest")
         filled = np.where(dropout, smooth, filled)
     return np.ascontiguousarray(filled, dtype=np.float32), dropout
-
-
-def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
-    """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
-
-    The ball is evaluated at the grid's own offsets, so its bottom is exact and its flank is sampled; a radius
-    below one pitch therefore leaves the surface as it is.
-
-    Raises:
-        WhiskerError: a radius negative, or of more than 60 samples.
-    """
-    if radius_mm < 0.0 or not np.isfinite(radius_mm):
-        raise WhiskerError(f"tip radius_mm is {radius_mm}", hint="it must be zero or positive")
-    reach = int(np.floor(radius_mm / pitch_mm))
-    if reach < 1:
-        return z_mm
-    if reach > 60:
-        raise WhiskerError(
-            f"a tip of {radius_mm} mm spans {reach} samples of {pitch_mm} mm",
-            hint="thin the map or use a finer tip",
-        )
-    from scipy import ndimage
-
-    offsets = np.arange(-reach, reach + 1)
-    square = radius_mm**2 - (offsets[:, None] ** 2 + offsets**2) * pitch_mm**2
-    lift = np.sqrt(np.maximum(square, 0.0)) - radius_mm
-    return np.asarray(
-        ndimage.grey_dilation(
-            z_mm, footprint=square >= 0.0, structure=lift.astype(np.float32), mode="nearest"
-        ),
-        dtype=np.float32,
-    )
 
 
 @kernel(allow=FAST)
@@ -189,8 +147,15 @@ def _dilated_fields(
     z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float, radius_mm: float
 ) -> NDArray[np.float32]:
     dilated = dilate_by_ball(z_mm, pitch_mm=pitch_mm, radius_mm=radius_mm)
+    return fields_of(dilated, beside, pitch_mm=pitch_mm)
+
+
+def fields_of(
+    z_mm: NDArray[np.float32], beside: NDArray[np.float32], *, pitch_mm: float
+) -> NDArray[np.float32]:
+    """(rows, cols, 4) of heights: the heights, their slopes along columns and rows, and a map or (1, 1) beside."""
     fields = np.empty((*z_mm.shape, 4), dtype=np.float32)
-    given = read_only(dilated), read_only(beside), np.float32(0.5 / pitch_mm), fields
+    given = read_only(z_mm), read_only(beside), np.float32(0.5 / pitch_mm), fields
     in_threads(lambda first, last: _interleave(first, last, *given), z_mm.shape[0])
     return fields
 

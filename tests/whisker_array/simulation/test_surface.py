@@ -11,10 +11,10 @@ from scipy import ndimage
 
 import whisker_array.simulation.regrid
 from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.regrid import fit_pitch
 from whisker_array.simulation.surface import (
     TouchSurface,
-    dilate_by_ball,
     fill_dropouts,
     orient,
     prepare_surface,
@@ -36,6 +36,17 @@ def dilate(z: NDArray[np.float32], radius_mm: float) -> NDArray[np.float32]:
 
 
 # --- dilation
+
+
+def test_land_around_a_pit_is_left_and_the_rest_dilated() -> None:
+    z = np.zeros((40, 300), dtype=np.float32)
+    z[15:25, 100:110] = -0.1
+    z[20, 200] = 0.03
+    v, u = np.mgrid[-4:5, -4:5] * PITCH
+    square = 0.2**2 - u**2 - v**2
+    lift = np.where(square >= 0.0, np.sqrt(np.maximum(square, 0.0)) - 0.2, 0.0)
+    expected = ndimage.grey_dilation(z.astype(float), footprint=square >= 0.0, structure=lift, mode="nearest")
+    np.testing.assert_allclose(dilate(z, 0.2), expected, atol=FLOAT32)
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.12, 0.21])

@@ -1,0 +1,73 @@
+"""Heights at which a ball tip rests.
+
+A ball of radius r resting on z(x) has its lowest point at the *dilated* height (ISO 16610-41, the tip's
+morphological closing of valleys)::
+
+            ___                h_d(x) = max over |u| <= r of  z(x + u) + sqrt(r^2 - u^2) - r
+           /   \\
+    ------(  r  )------        a groove narrower than the ball is felt shallower than it is,
+          .\\_._/.              a ridge wider by the ball.
+    _____/  h_d  \\____
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.compiled import FAST, kernel, read_only
+from whisker_array.simulation.threads import in_threads
+from whisker_array.whisker.sections import WhiskerError
+
+_MOST_REACH = 60
+_BLOCK = 64
+"""Columns that are dilated together, or left where nothing around is higher."""
+
+
+def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
+    """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
+
+    The ball is evaluated at the grid's own offsets, so its bottom is exact and its flank is sampled; a radius
+    below one pitch therefore leaves the surface as it is. Beyond the rim the surface goes on as it is there.
+
+    Raises:
+        WhiskerError: a radius negative, or of more than 60 samples.
+    """
+    if radius_mm < 0.0 or not np.isfinite(radius_mm):
+        raise WhiskerError(f"tip radius_mm is {radius_mm}", hint="it must be zero or positive")
+    reach = int(np.floor(radius_mm / pitch_mm))
+    if reach < 1:
+        return z_mm
+    if reach > _MOST_REACH:
+        raise WhiskerError(
+            f"a tip of {radius_mm} mm spans {reach} samples of {pitch_mm} mm",
+            hint="thin the map or use a finer tip",
+        )
+    from scipy import ndimage
+
+    offsets = np.arange(-reach, reach + 1)
+    square = radius_mm**2 - (offsets[:, None] ** 2 + offsets**2) * pitch_mm**2
+    lift = (np.sqrt(np.maximum(square, 0.0)) - radius_mm).astype(np.float32)
+    half = (square >= 0.0).sum(axis=1) // 2
+    # on top of all around it the ball stands on the very place
+    lower = ndimage.maximum_filter(z_mm, size=2 * reach + 1, mode="nearest") > z_mm
+    padded = np.pad(np.ascontiguousarray(z_mm, dtype=np.float32), reach, mode="edge")
+    out = np.array(z_mm, dtype=np.float32)
+    given = read_only(padded), read_only(lift), read_only(half), read_only(lower), reach, out
+    in_threads(lambda first, last: _dilate(first, last, *given), z_mm.shape[0])
+    return out
+
+
+@kernel(allow=FAST)
+def _dilate(first, last, padded, lift, half, lower, reach, out):  # type: ignore[no-untyped-def]
+    for r in range(first, last):
+        for left in range(0, out.shape[1], _BLOCK):
+            right = min(left + _BLOCK, out.shape[1])
+            if not lower[r, left:right].any():
+                continue
+            here = out[r, left:right]
+            for i in range(2 * reach + 1):
+                for j in range(reach - half[i], reach + half[i] + 1):
+                    up, there = lift[i, j], padded[r + i, left + j : right + j]
+                    for c in range(here.size):
+                        here[c] = max(here[c], there[c] + up)
