@@ -11,7 +11,7 @@ from glyphs.errors import FileError, MarksError
 from pipeline.files.piece_file import heights_of_piece, read_piece
 from pipeline.files.touch_file import read_scan
 from pipeline.files.whisker_file import WhiskerFile, read_whisker_file, write_whisker_file
-from whisker_array.identification.bench import DRAWN, Bench, Unknown, of_whisker
+from whisker_array.identification.bench import DRAWN, OF_GAUGE, Bench, Unknown, of_whisker
 from whisker_array.identification.fit import Identified, identify
 from whisker_array.identification.promises import Promise, knowledge_of
 from whisker_array.identification.telling import not_apart, remedies, untold
@@ -59,7 +59,7 @@ def table_of(found: Identified) -> list[str]:
         )
     for whisker in found.whiskers:
         for what, drawn, i in zip(
-            ("gain", "creep", "lag"),
+            OF_GAUGE,
             (1.0, 0.0, 0.0),
             of_whisker(whisker, n_whiskers=found.bench.gain.size),
             strict=True,

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from tests.support.benches import HiddenBench, hidden_bench
-from whisker_array.identification.bench import Bench, Unknown, of_whisker
+from whisker_array.identification.bench import OF_GAUGE, Bench, Unknown, of_whisker
 from whisker_array.identification.fit import IdentifyError, identify
 from whisker_array.identification.forward import GRID_MM
 
@@ -52,10 +52,12 @@ def tried(seed: int, *, grid_mm: float, memory: bool) -> dict[str, Any]:
     }
     for i, name in enumerate(Unknown):
         row[name] = (hidden.truth[name], found.bench[name], float(found.sd[i]))
-    for name, i in zip(
-        ("gain 0", "creep 0", "lag 0"), of_whisker(0, n_whiskers=hidden.truth.gain.size), strict=True
-    ):
-        row[name] = (float(hidden.truth.vector()[i]), float(found.bench.vector()[i]), float(found.sd[i]))
+    for name, i in zip(OF_GAUGE, of_whisker(0, n_whiskers=hidden.truth.gain.size), strict=True):
+        row[f"{name} 0"] = (
+            float(hidden.truth.vector()[i]),
+            float(found.bench.vector()[i]),
+            float(found.sd[i]),
+        )
     stiffness = partial(tip_stiffness, of=hidden)
     row["tip"] = (stiffness(hidden.truth), stiffness(found.bench), found.sd_of(stiffness))
     return row
@@ -69,7 +71,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
         f"{np.median([r['stage_s'] for r in done]):.0f} s, fit {np.median([r['fit_s'] for r in done]):.0f} s (median)",
         f"{'':16}{'covered':>9}{'bias':>10}{'rms off':>10}{'worst':>10}{'sd told':>10}   within what is asked",
     ]
-    for name in (*Unknown, "gain 0", "creep 0", "lag 0", "tip"):
+    for name in (*Unknown, *(f"{name} 0" for name in OF_GAUGE), "tip"):
         true, value, sd = np.array([row[name] for row in done]).T
         scale = true if name in ASKED_SHARE else 1.0
         off = (value - true) / scale

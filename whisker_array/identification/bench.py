@@ -1,6 +1,6 @@
 """What is found of a whisker and its bench: names, units, nominal values, and how well a workshop knows them before.
 
-A `Bench` holds numbers by name, but for those that every whisker of a comb has of its own: gain, creep and lag.
+A `Bench` holds numbers by name, but for those that every whisker of a comb has of its own (`OF_GAUGE`).
 """
 
 from __future__ import annotations
@@ -63,10 +63,11 @@ POSE = (Unknown.SHIFT_X, Unknown.SHIFT_Y, Unknown.YAW, Unknown.TILT_X, Unknown.T
 """Of the piece under the whiskers: found each time, and no property of whisker or bench."""
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
 """Of the whisker alone, and settled when it is made."""
-MEMORIES = 2
-"""Creep and lag."""
+OF_GAUGE = ("gain", "creep", "lag")
+"""Numbers that every whisker has of its own."""
+MEMORIES = len(OF_GAUGE) - 1
 MEMORY_SD = 0.02
-"""Standard deviation of either before: gauges of whiskers were seen at up to 0.027."""
+"""Standard deviation of each before: gauges of whiskers were seen at up to 0.027."""
 LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 """Standard deviation of a gain as it comes, and of one that a weight on the tip has shown."""
 
@@ -106,7 +107,7 @@ class Bench:
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
     def vector(self) -> NDArray[np.float64]:
-        """All numbers in the order of `Unknown`, then the gains, creeps and lags of the whiskers."""
+        """All numbers in the order of `Unknown`, then those `OF_GAUGE`, each of all whiskers."""
         return np.array([*(self.values[name] for name in Unknown), *self.gain, *self.memory.ravel()])
 
     @classmethod
@@ -187,7 +188,7 @@ def nominal_bench(whisker: LShaped | Straight | Touch, touch: Touch, *, n_whiske
 
 
 def of_whisker(whisker: int, *, n_whiskers: int) -> list[int]:
-    """Where a whisker's own numbers stand in `Bench.vector`: gain, creep, lag."""
+    """Where a whisker's own numbers stand in `Bench.vector`, as `OF_GAUGE` has them."""
     return [len(Unknown) + block * n_whiskers + whisker for block in range(1 + MEMORIES)]
 
 

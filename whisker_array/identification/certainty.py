@@ -1,11 +1,12 @@
 """How sure the numbers of a bench are.
 
-    C = H^-1 (sum over passes g g^T + P) H^-1,     H = J^T J + P,   g = J_pass^T r_pass,   P = diag(1 / sd^2)
+    C = (G - 1) / G sum over passes d d^T + H^-1 P H^-1
+    d = (H - J_pass^T J_pass)^-1 g,     H = J^T J + P,   g = J_pass^T r_pass,   P = diag(1 / sd^2)
 
-is the covariance of White and Huber, passes being the clusters: what shakes the base reaches all whiskers of a pass,
-and drift goes on through it, so that neither needs a model of its own. sd is what was known before. In no direction is
-the scatter taken for less than that of independent samples. Source: A. C. Cameron, D. L. Miller, A practitioner's guide
-to cluster-robust inference, J. Human Resources 50 (2015), with their correction n / (n - 1) for few clusters.
+is what a fit without one of its G passes differs by: the jackknife, passes being the clusters (CV3 of J. G. MacKinnon,
+M. O. Nielsen, M. D. Webb, Cluster-robust inference, J. Econometrics 232 (2023)), which does not come out too sure of
+few. What shakes the base reaches all whiskers of a pass, and drift goes on through it, so that neither needs a model of
+its own. sd is what was known before. In no direction is the scatter taken for less than that of independent samples.
 
 What the grid of the fit's strips does, and the stage's screw, comes on top.
 """
@@ -19,12 +20,12 @@ from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
 from whisker_array.identification.bench import Unknown
-from whisker_array.identification.descent import PLACE_MM
-from whisker_array.identification.forward import Trace
+from whisker_array.identification.misses import PLACE_MM
+from whisker_array.identification.traces import Trace
 
 LEADS_MM = (1.0, 2.0, 5.0)
 """Of screws as they are bought."""
-COARSER = 1.5
+COARSER = 2.0
 """A grid so much wider shows what the fit's own does."""
 
 
@@ -36,7 +37,7 @@ class Fitted:
         traces: that were fitted.
         jacobian: of each (samples, n), what each number does to the prediction.
         missed: of each (samples,), felt less predicted.
-        weight: of each (samples,), Huber's.
+        weight: of each (samples,), its loss's.
         by_grid: of each (samples,), predicted less what a grid `COARSER` times as wide predicts.
         before: (n,) standard deviations of the numbers before.
         free: (n,) which were to be found.
@@ -65,17 +66,17 @@ class Fitted:
 
     def scattered(self) -> NDArray[np.float64]:
         """(n, n): the covariance of the module's docstring; of numbers that are not found it is that of before."""
-        data, prior = self.data, self._prior
-        bread = np.linalg.inv(data + prior)
-        gradients: dict[int, NDArray[np.float64]] = {}
+        whole = self.data + self._prior
+        of_pass: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
         for trace, j, w, r in zip(self.traces, self.jacobian, self.weight, self.missed, strict=True):
-            gradients[trace.cluster] = gradients.get(trace.cluster, np.zeros(self.before.size)) + j.T @ (
-                w * r
-            )
-        n = len(gradients)
-        shaken = sum((np.outer(g, g) for g in gradients.values()), np.zeros_like(prior)) * (n / (n - 1))
-        meat = _at_least(shaken, data + 1e-3 * prior) + prior
-        covariance = bread @ meat @ bread
+            g, h = of_pass.get(trace.cluster, (np.zeros(self.before.size), np.zeros_like(whole)))
+            of_pass[trace.cluster] = g + j.T @ (w * r), h + j.T @ (w[:, None] * j)
+        n = len(of_pass)
+        without = [np.linalg.solve(whole - h, g) for g, h in of_pass.values()]
+        jackknife = sum((np.outer(d, d) for d in without), np.zeros_like(whole)) * ((n - 1) / n)
+        bread = np.linalg.inv(whole)
+        least = bread @ (self.data + 1e-3 * self._prior) @ bread
+        covariance = _at_least(jackknife, least) + bread @ self._prior @ bread
         fixed = ~self.free
         covariance[fixed], covariance[:, fixed] = 0.0, 0.0
         covariance[fixed, fixed] = self.before[fixed] ** 2
@@ -110,7 +111,8 @@ class Fitted:
                         pull += j.T @ (w * off * j[:, names.index(shift)])
                     moved = np.linalg.solve(self.data + self._prior, pull)
                     moved[~self.free] = 0.0
-                    total += np.outer(moved, moved) / len(LEADS_MM)
+                    # half a wave's square, as its phase may be any
+                    total += 0.5 * np.outer(moved, moved) / len(LEADS_MM)
         return total
 
 

@@ -7,100 +7,25 @@ recording hardly tells is moved by steps of its own, for a whole one is stopped 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from enum import Enum
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.identification.bench import Bench, Unknown, of_whisker
-from whisker_array.identification.forward import Forward, Trace
+from whisker_array.identification.bench import Bench, Unknown
+from whisker_array.identification.forward import Forward
+from whisker_array.identification.misses import Loss, residuals
+from whisker_array.identification.tangents import jacobian_of
 from whisker_array.whisker.sections import WhiskerError
 
-PLACE_MM = 0.005
-"""By how much a stage's place is off: screws that are bought wave by as much with every turn."""
-FEW = 4.0
-"""Sigmas beyond which a residual is no scatter."""
 MOST_STEPS = 25
 SETTLED_SDS = 0.01
 """A step so small ends the descent."""
 DAMPED_TRIES = 6
 SOFT = 100.0
 """Curvature of a direction that the recording hardly tells, in units of what was known before."""
-STEP_SDS = 0.3
-"""Of a difference by which the derivative is taken, in standard deviations of what was known before."""
-MOST_SIGMAS = 150.0
-"""What a number may do to a sample, in sigmas for each standard deviation before: more, and the tip has jumped."""
-
-
-class Loss(Enum):
-    """What a residual costs beyond some sigmas, where tips slip around steep edges as they like."""
-
-    HUBER = "in proportion"
-    """Far from the answer too it tells the way."""
-    BOUNDED = "no more than a few sigmas do"
-    """Geman and McClure's: what jumps does not drown what the rest tells."""
-
-    def of(self, misses: NDArray[np.float64]) -> float:
-        """Twice the loss of residuals in sigmas."""
-        size = np.abs(misses)
-        if self is Loss.HUBER:
-            return float(np.where(size <= FEW, size**2, 2.0 * FEW * size - FEW**2).sum())
-        return float((size**2 / (1.0 + (size / FEW) ** 2)).sum())
-
-    def weight(self, misses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of each residual in a sum of squares whose slope is the loss's."""
-        size = np.abs(misses)
-        if self is Loss.HUBER:
-            return np.asarray(np.minimum(1.0, FEW / np.maximum(size, 1e-12)))
-        return np.asarray((1.0 + (size / FEW) ** 2) ** -2.0)
-
-
 SETTLED_COST = {Loss.HUBER: 10.0, Loss.BOUNDED: 0.3}
 """One that gains so little (in squares of a sigma) ends it, too."""
-
-
-def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float) -> NDArray[np.float64]:
-    """(samples,) uncertainty of each sample: its scatter, and what a place a little off makes of it."""
-    step = np.abs(np.diff(np.nan_to_num(trace.felt_n_mm, nan=0.0), prepend=np.nan, append=np.nan))
-    steepest = np.fmax(step[1:], step[:-1]) / trace.plan.step_mm
-    return np.asarray(np.hypot(scatter_n_mm, PLACE_MM * np.nan_to_num(steepest)))
-
-
-def residuals(traces: tuple[Trace, ...], predicted: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-    """(samples,) of every trace, 0 where it is not to be used."""
-    return [np.nan_to_num(t.felt_n_mm - p, nan=0.0) for t, p in zip(traces, predicted, strict=True)]
-
-
-def jacobian_of(
-    forward: Forward,
-    at: Bench,
-    before: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    here: list[NDArray[np.float64]],
-    sigma: list[NDArray[np.float64]],
-) -> list[NDArray[np.float64]]:
-    """(samples, n) of every trace: what each number does to the prediction; nothing where the tip jumps by it."""
-    vector, n_shared, stiffness = at.vector(), len(Unknown), list(Unknown).index(Unknown.STIFFNESS)
-    out = [np.zeros((p.size, vector.size)) for p in here]
-    for i in np.flatnonzero(free[:n_shared]):
-        if i == stiffness:
-            continue
-        step = np.zeros(vector.size)
-        # a tip's radius is felt through the grid: a difference across several of its samples
-        step[i] = (0.5 if list(Unknown)[i] is Unknown.RADIUS else STEP_SDS) * before[i]
-        for k, (there, p) in enumerate(
-            zip(forward.moments(Bench.of_vector(vector + step)), here, strict=True)
-        ):
-            jumps = np.abs(there - p) > MOST_SIGMAS * step[i] / before[i] * sigma[k]
-            out[k][:, i] = np.where(jumps, 0.0, there - p) / step[i]
-    for k, (trace, pressed) in enumerate(zip(forward.traces, forward.pressed(at), strict=True)):
-        own = of_whisker(trace.whisker, n_whiskers=at.gain.size)
-        out[k][:, own] = np.stack([pressed / at.gain[trace.whisker], *forward.units(trace, pressed)], axis=1)
-        if free[stiffness]:
-            out[k][:, stiffness] = pressed / at[Unknown.STIFFNESS]
-        out[k][np.isnan(trace.felt_n_mm)] = 0.0
-    return out
 
 
 def descended(
@@ -109,17 +34,30 @@ def descended(
     nominal: Bench,
     before: NDArray[np.float64],
     free: NDArray[np.bool_],
-    scatter_n_mm: float,
-    blur_mm: float,
+    sigma: Sequence[NDArray[np.float64]],
+    *,
     loss: Loss,
+    reach: float,
+    blur_mm: float = 0.0,
 ) -> tuple[Bench, bool]:
-    """Levenberg and Marquardt's descent, in units of what was known before."""
+    """Levenberg and Marquardt's descent, in units of what was known before.
+
+    Args:
+        forward: predicts.
+        start: the bench to begin with.
+        nominal: as drawn.
+        before: (n,) standard deviations of the numbers before.
+        free: (n,) those to be found.
+        sigma: (samples,) of every trace.
+        loss: of residuals.
+        reach: of differences (`jacobian_of`).
+        blur_mm: over which the signal is averaged.
+
+    Returns:
+        The bench, and whether the descent came to rest.
+    """
     p0, at, damping = nominal.vector(), start, 1e-3
     widths = [max(1, round(blur_mm / trace.plan.step_mm)) for trace in forward.traces]
-    sigma = [
-        np.full(trace.felt_n_mm.size, scatter_n_mm) if blur_mm else sample_sigma_n_mm(trace, scatter_n_mm)
-        for trace in forward.traces
-    ]
 
     # moments are linear in these, or as good as
     linear = np.arange(before.size) >= len(Unknown)
@@ -150,7 +88,7 @@ def descended(
     here = forward.moments(at)
     now = cost(at, here)
     for _ in range(MOST_STEPS):
-        jacobian = jacobian_of(forward, at, before, free, here, sigma)
+        jacobian = jacobian_of(forward, at, before, free, here, sigma, reach=reach)
         scaled = [
             _averaged(j[:, free], width) * before[free] / s[:, None]
             for j, width, s in zip(jacobian, widths, sigma, strict=True)

@@ -2,7 +2,7 @@ r"""The bench that a recording speaks of: least squares on the contact simulatio
 
     minimise  sum over samples ((felt - predicted(p)) / sigma)^2  +  sum over numbers ((p - nominal) / sd)^2
 
-    sigma^2 = scatter of a sample^2 + (PLACE_MM dm/du)^2
+    sigma^2 = scatter of a sample^2 + (PLACE_MM dm/du)^2 + (what a wider grid changes)^2
 
 The second sum is what the workshop knew before (`bench.known_before`), without which many numbers could not be told
 apart; how sure they are, `certainty` says. At edges a sample is as uncertain as its place: no screw is even.
@@ -11,13 +11,14 @@ apart; how sure they are, `certainty` says. At edges a sample is as uncertain as
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.errors import MarksError
 from glyphs.surface.display import one_line
+from whisker_array.estimation.steadied import steadied
 from whisker_array.identification.bench import (
     BENCH_GAIN,
     DRAWN,
@@ -30,29 +31,31 @@ from whisker_array.identification.bench import (
     of_whisker,
 )
 from whisker_array.identification.certainty import COARSER, Fitted
-from whisker_array.identification.descent import (
-    STEP_SDS,
-    Loss,
-    descended,
-    jacobian_of,
-    residuals,
-    sample_sigma_n_mm,
-)
-from whisker_array.identification.forward import GRID_MM, Forward, Heights, Trace, traces_of
+from whisker_array.identification.descent import descended
+from whisker_array.identification.forward import GRID_MM, Forward
+from whisker_array.identification.misses import Loss, residuals, sample_sigma_n_mm
+from whisker_array.identification.remembered import LARGEST_LANDS
+from whisker_array.identification.strips import Heights
+from whisker_array.identification.tangents import jacobian_of
+from whisker_array.identification.traces import Trace, traces_of
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
 STAGES = (
-    (1.5, 2.0, Loss.HUBER, (*POSE, Unknown.PRELOAD)),
-    (0.4, 2.0, Loss.HUBER, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
-    (0.0, 2.0, Loss.HUBER, tuple(Unknown)),
-    (0.0, 1.0, Loss.BOUNDED, tuple(Unknown)),
-    (0.0, 1.0, Loss.BOUNDED, tuple(Unknown)),
+    (1.5, 4.0, Loss.HUBER, (*POSE, Unknown.PRELOAD)),
+    (0.4, 4.0, Loss.HUBER, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
+    (0.0, 4.0, Loss.HUBER, tuple(Unknown)),
+    (0.0, 2.0, Loss.BOUNDED, tuple(Unknown)),
 )
 """What is fitted one after the other: mm over which the signal is averaged, how much coarser strips are, the loss, and
 numbers beside those of each whisker. A piece that lies a wall's width off would else be explained by anything. Strips
-are cut for the pose found so far."""
+are cut for the pose found so far, and what gauges remember is told by the bench found so far."""
+LAST_COARSER = (2.0, 1.0)
+"""How much coarser strips are in the end, where a sample is as uncertain, too, as a grid twice as wide makes it."""
+REACH, SMALL_REACH = 0.3, 0.03
+"""Of differences on the way, across the roughness of contact, and in the end; in standard deviations before."""
+_PROBE_SDS = 0.1
 FEWEST_CLUSTERS = 6
 
 
@@ -117,7 +120,7 @@ class Identified:
         at, gradient = self.bench.vector(), np.empty(self.before.size)
         for i, sd in enumerate(self.sd):
             step = np.zeros(at.size)
-            step[i] = STEP_SDS * sd
+            step[i] = _PROBE_SDS * sd
             up, down = (function(Bench.of_vector(at + s)) for s in (step, -step))
             gradient[i] = 0.0 if sd == 0.0 else (up - down) / (2.0 * step[i])
         return float(np.sqrt(gradient @ self.covariance @ gradient))
@@ -150,8 +153,9 @@ def identify(
         only = tuple(name for name in only if name not in DRAWN)
     known = scan.calibration is not None and not scan.calibration.from_land
     nominal = nominal_bench(whisker, scan.touch, n_whiskers=scan.n_whiskers)
-    scan = scan if known else _bare(scan)
-    traces = traces_of(scan)
+    scan = steadied(scan) if known else replace(scan, calibration=None)
+    largest_n_mm = LARGEST_LANDS * abs(scan.touch.land_moment_n_mm())
+    traces = traces_of(scan, about=nominal, largest_n_mm=largest_n_mm)
     clusters = {trace.cluster for trace in traces}
     if len(clusters) < FEWEST_CLUSTERS:
         raise IdentifyError(
@@ -165,37 +169,60 @@ def identify(
     for whisker_number in felt_by:
         free[of_whisker(whisker_number, n_whiskers=scan.n_whiskers)] = True
     scatter = _scatter_n_mm(traces)
+
+    def cut(about: Bench, coarser: float) -> Forward:
+        forward = Forward(
+            heights,
+            traces_of(scan, about=about, largest_n_mm=largest_n_mm),
+            nominal=whisker,
+            about=about,
+            setup_friction=scan.touch.friction,
+            largest_n_mm=largest_n_mm,
+            grid_mm=coarser * grid_mm,
+        )
+        forward.spare_jams(about)
+        return forward
+
     found, settled = nominal, False
     for blur_mm, coarser, loss, names in STAGES:
         stage = free.copy()
         stage[: len(Unknown)] &= [name in names for name in Unknown]
-        forward = Forward(
-            heights,
-            traces,
-            nominal=whisker,
-            about=found,
-            setup_friction=scan.touch.friction,
-            grid_mm=coarser * grid_mm,
+        if blur_mm:
+            # memory would be made of walls that are not yet in their place
+            stage[len(Unknown) + scan.n_whiskers :] = False
+        forward = cut(found, coarser)
+        sigma = [
+            np.full(t.felt_n_mm.size, scatter) if blur_mm else sample_sigma_n_mm(t, scatter)
+            for t in forward.traces
+        ]
+        found, settled = descended(
+            forward, found, nominal, before, stage, sigma, loss=loss, reach=REACH, blur_mm=blur_mm
         )
-        forward.spare_jams(found)
-        found, settled = descended(forward, found, nominal, before, stage, scatter, blur_mm, loss)
+    for coarser in LAST_COARSER:
+        forward = cut(found, coarser)
+        by_grid = [
+            p - wide
+            for p, wide in zip(
+                forward.moments(found), cut(found, COARSER * coarser).moments(found), strict=True
+            )
+        ]
+        sigma = [
+            np.hypot(sample_sigma_n_mm(t, scatter), off)
+            for t, off in zip(forward.traces, by_grid, strict=True)
+        ]
+        found, settled = descended(
+            forward, found, nominal, before, free, sigma, loss=Loss.BOUNDED, reach=SMALL_REACH
+        )
     traces = forward.traces
     predicted = forward.moments(found)
-    sigma = [sample_sigma_n_mm(trace, scatter) for trace in traces]
     missed = [r / s for r, s in zip(residuals(traces, predicted), sigma, strict=True)]
-    wide = Forward(
-        heights, traces, nominal=whisker, about=found, setup_friction=scan.touch.friction,
-        grid_mm=COARSER * grid_mm,
-    ).moments(found)  # fmt: skip
+    jacobian = jacobian_of(forward, found, before, free, predicted, sigma, reach=SMALL_REACH)
     fitted = Fitted(
         traces=traces,
-        jacobian=tuple(
-            j / s[:, None]
-            for j, s in zip(jacobian_of(forward, found, before, free, predicted, sigma), sigma, strict=True)
-        ),
+        jacobian=tuple(j / s[:, None] for j, s in zip(jacobian, sigma, strict=True)),
         missed=tuple(missed),
-        weight=tuple(loss.weight(r) for r in missed),
-        by_grid=tuple((p - w) / s for p, w, s in zip(predicted, wide, sigma, strict=True)),
+        weight=tuple(Loss.BOUNDED.weight(r) for r in missed),
+        by_grid=tuple(g / s for g, s in zip(by_grid, sigma, strict=True)),
         before=before,
         free=free,
     )
@@ -214,12 +241,6 @@ def identify(
         settled,
         whisker if isinstance(whisker, LShaped) else None,
     )
-
-
-def _bare(scan: Scan) -> Scan:
-    from dataclasses import replace
-
-    return replace(scan, calibration=None)
 
 
 def _scatter_n_mm(traces: tuple[Trace, ...]) -> float:

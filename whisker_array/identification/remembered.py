@@ -2,59 +2,126 @@
 
     felt = gain * moment + creep * crept + lag * lagged
 
-Both are nearly linear in their figures (`whisker_array.scan.sensor_memory`). Creep is slow, so the recording itself
-shows what a unit of it has added. Lag answers every sample, and noise in it would be taken for lag: that of a noiseless
-prediction is taken.
+Creep is slow, so the recording itself shows what a unit of it has added: that of its loads, which are the recording
+less what is known so far. Lag answers every sample, and noise in it would be taken for lag: a noiseless prediction
+tells that, and the recording only where the plays stood when a pass began, and what they met where the tip jammed.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.surface.display import one_line
 from whisker_array.estimation.edges import calibrated_moments
-from whisker_array.estimation.steadied import steadied
+from whisker_array.estimation.steadied import BETWEEN_S, steadied
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan
-from whisker_array.scan.sensor_memory import PLAYS, RELAX_S, SensorMemory, SensorState, reading_of
+from whisker_array.scan.sensor_memory import (
+    PLAYS,
+    RELAX_S,
+    SensorMemory,
+    SensorState,
+    lifted,
+    reading_of,
+)
 
 LARGEST_LANDS = 3.0
 """Largest load of a gauge's life, in moments of the land: plays are shares of it."""
+_WITHIN_SECONDS = RELAX_S[:2]
 _LITTLE = 1e-3
-_QUICK_S = np.array(RELAX_S[:2])
 
 
-def creeping(creep: float, *, n_whiskers: int) -> SensorMemory:
-    """Gauges that creep within seconds, and do not lag."""
-    none = np.zeros((n_whiskers, 1))
-    return SensorMemory(np.full((n_whiskers, 2), creep / 2.0), _QUICK_S, none, np.array([1.0]), 1.0)
+@dataclass(frozen=True, eq=False)
+class Remembered:
+    """What gauges have added to a sweep.
+
+    Attributes:
+        crept_n_mm: (passes, whiskers, samples) by a creep of 1.
+        play_n_mm: (passes, whiskers, plays) where the plays of a lag stood when each pass began.
+        load_n_mm: (passes, whiskers, samples) the recording without all that.
+    """
+
+    crept_n_mm: NDArray[np.float64]
+    play_n_mm: NDArray[np.float64]
+    load_n_mm: NDArray[np.float64]
+
+    __repr__ = one_line
 
 
-def lagging(lag: float, *, largest_n_mm: float) -> SensorMemory:
-    """One gauge that lags, and does not creep: after the largest load its zero is off by that share of it."""
+def gauges(memory: NDArray[np.float64], *, largest_n_mm: float) -> SensorMemory:
+    """Gauges that creep and lag by (2, whiskers) shares: after the largest load a zero is off by the lag's.
+
+    None does by less than nothing. What creeps for a minute and more, no recording of two tells from a drift.
+    """
+    creep, lag = np.maximum(memory, 0.0)
     widths = np.array(PLAYS)
-    weight = np.full((1, widths.size), lag / widths.sum())
-    return SensorMemory(np.zeros((1, 2)), _QUICK_S, weight, largest_n_mm * widths, largest_n_mm)
+    return SensorMemory(
+        np.stack([creep / 2.0, creep / 2.0], axis=1),
+        np.array(_WITHIN_SECONDS),
+        lag[:, None] / widths.sum() * np.ones(widths.size),
+        largest_n_mm * widths,
+        largest_n_mm,
+    )
 
 
-def crept(scan: Scan) -> list[NDArray[np.float64]]:
-    """Of every sweep (passes, whiskers, samples), N mm: what a creep of 1 within seconds has added."""
-    n = scan.n_whiskers
-    known = scan.calibration or Calibration(np.ones(n), np.zeros(n))
-    plain = replace(scan, calibration=replace(known, memory=None), log=None)
-    taken = steadied(replace(plain, calibration=replace(known, memory=creeping(_LITTLE, n_whiskers=n))))
-    return [
-        (calibrated_moments(plain, sweep) - calibrated_moments(taken, less)) / _LITTLE
-        for sweep, less in zip(plain.sweeps, taken.sweeps, strict=True)
-    ]
+def remembered(
+    scan: Scan, *, gain: NDArray[np.float64], memory: NDArray[np.float64], largest_n_mm: float
+) -> list[Remembered]:
+    """What gauges have added to every sweep, by loads that are steadied by what is known of them already.
+
+    Args:
+        scan: the recording.
+        gain: (whiskers,) as known.
+        memory: (2, whiskers) as known.
+        largest_n_mm: load that the plays are shares of.
+    """
+    known = scan.calibration or Calibration(np.ones(scan.n_whiskers), np.zeros(scan.n_whiskers))
+    plain = replace(
+        scan, calibration=replace(known, memory=gauges(memory, largest_n_mm=largest_n_mm)), log=None
+    )
+    plain = steadied(plain)
+    creep, lag = (
+        gauges(_LITTLE * np.repeat(of, scan.n_whiskers, axis=1), largest_n_mm=largest_n_mm)
+        for of in ([[1.0], [0.0]], [[0.0], [1.0]])
+    )
+    taken = steadied(replace(plain, calibration=replace(known, memory=creep)))
+    state = SensorState.at_rest(scan.n_whiskers, lag)
+    found = []
+    for sweep, less in zip(plain.sweeps, taken.sweeps, strict=True):
+        signal = calibrated_moments(plain, sweep)
+        load = np.nan_to_num(signal)
+        begun = _plays(load / gain[:, None], lag, state, scan.sample_rate_hz)
+        found.append(Remembered((signal - calibrated_moments(taken, less)) / _LITTLE, begun, load))
+    return found
 
 
-def lagged(load_n_mm: NDArray[np.float64], *, largest_n_mm: float) -> NDArray[np.float64]:
-    """(samples,) what a lag of 1 adds to a pass, N mm, after one that ended at the load this one begins with."""
-    memory = lagging(_LITTLE, largest_n_mm=largest_n_mm)
-    before = np.array([load_n_mm[0], 0.0])
-    load = np.concatenate([before, load_n_mm])[None, :]
-    read = reading_of(load, memory=memory, state=SensorState.at_rest(1, memory), step_s=1.0)[0]
-    return np.asarray((read[2:] - read[1] - load_n_mm) / _LITTLE)
+def _plays(
+    load_n_mm: NDArray[np.float64], memory: SensorMemory, state: SensorState, sample_rate_hz: float
+) -> NDArray[np.float64]:
+    """(passes, whiskers, plays) where they stand when each pass begins."""
+    begun = []
+    for load in load_n_mm:
+        lifted(memory, state, seconds=BETWEEN_S)
+        begun.append(state.play_n_mm.copy())
+        reading_of(load, memory=memory, state=state, step_s=1.0 / sample_rate_hz)
+    return np.array(begun)
+
+
+def lagged(
+    load_n_mm: NDArray[np.float64], *, play_n_mm: NDArray[np.float64], largest_n_mm: float
+) -> NDArray[np.float64]:
+    """(samples,) what a lag of 1 adds to a pass, N mm, that was lifted before and began with these plays."""
+    memory = _little_lag(largest_n_mm)
+    state = SensorState(play_n_mm[None].copy(), np.zeros((1, len(_WITHIN_SECONDS))), np.zeros(1))
+    load = np.concatenate([[0.0], load_n_mm])[None, :]
+    read = reading_of(load, memory=memory, state=state, step_s=1.0)[0]
+    return np.asarray((read[1:] - read[0] - load_n_mm) / _LITTLE)
+
+
+@lru_cache(maxsize=8)
+def _little_lag(largest_n_mm: float) -> SensorMemory:
+    return gauges(np.array([[0.0], [_LITTLE]]), largest_n_mm=largest_n_mm)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from whisker_array.identification.bench import BENCH_GAIN, Unknown, of_whisker
+from whisker_array.identification.bench import BENCH_GAIN, OF_GAUGE, Unknown, of_whisker
 from whisker_array.identification.fit import Identified
 
 UNTOLD = 0.7
@@ -46,7 +46,7 @@ def not_apart(found: Identified) -> tuple[tuple[str, ...], ...]:
     own = [of_whisker(w, n_whiskers=found.bench.gain.size) for w in found.whiskers]
     felt = [*range(len(Unknown)), *(i for one in own for i in one)]
     values, vectors = np.linalg.eigh(scaled[np.ix_(felt, felt)])
-    names = [*(name.value for name in Unknown), *(name for _ in own for name in (GAINS, "creep", "lag"))]
+    names = [*(name.value for name in Unknown), *(name for _ in own for name in (GAINS, *OF_GAUGE[1:]))]
     groups: list[tuple[str, ...]] = []
     for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
         if value < _SHARED**2:

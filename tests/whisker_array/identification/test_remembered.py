@@ -11,7 +11,7 @@ from glyphs.surface.pieces import Piece
 from tests.support.benches import recorded
 from whisker_array.estimation.edges import calibrated_moments
 from whisker_array.identification.fit import identify
-from whisker_array.identification.remembered import creeping, crept, lagged, lagging
+from whisker_array.identification.remembered import gauges, lagged, remembered
 from whisker_array.scan.scan import Scan
 from whisker_array.scan.sensor_memory import SensorMemory, SensorState, lifted, reading_of
 from whisker_array.whisker.array import RasterPlan
@@ -38,26 +38,37 @@ def with_memory(scan: Scan, memory: SensorMemory) -> Scan:
 
 
 def test_what_memory_adds_is_creep_and_lag_of_what_is_told() -> None:
-    """Left over: a tenth of what was added; half of it noise, to which a lag answers too, then shares of a share.
-
-    But for the very first pass, which follows none.
-    """
+    """Left over: a tenth of what was added; half of it noise, to which a lag answers too, then shares of a share."""
     plain = recorded(PIECE)
     n, largest = plain.n_whiskers, 3.0 * abs(plain.touch.land_moment_n_mm())
-    lag = lagging(LAG, largest_n_mm=largest)
-    memory = replace(
-        creeping(CREEP, n_whiskers=n),
-        play_weight=np.repeat(lag.play_weight, n, axis=0),
-        play_n_mm=lag.play_n_mm,
-        largest_n_mm=largest,
-    )
-    held = with_memory(plain, memory)
-    for sweep, before, creep in zip(held.sweeps, plain.sweeps, crept(held), strict=True):
+    memory = np.repeat([[CREEP], [LAG]], n, axis=1)
+    held = with_memory(plain, gauges(memory, largest_n_mm=largest))
+    told = remembered(held, gain=np.ones(n), memory=memory, largest_n_mm=largest)
+    for sweep, before, found in zip(held.sweeps, plain.sweeps, told, strict=True):
         pressed = calibrated_moments(plain, before)
         added = calibrated_moments(held, sweep) - pressed
-        lags = [lagged(line, largest_n_mm=largest) for line in pressed.reshape(-1, pressed.shape[2])]
-        told = CREEP * creep + LAG * np.reshape(lags, pressed.shape)
-        assert np.sqrt(np.nanmean((added - told)[1:] ** 2)) < 0.1 * np.sqrt(np.nanmean(added**2))
+        lags = [
+            [
+                lagged(line, play_n_mm=plays, largest_n_mm=largest)
+                for line, plays in zip(one, begun, strict=True)
+            ]
+            for one, begun in zip(pressed, found.play_n_mm, strict=True)
+        ]
+        answer = CREEP * found.crept_n_mm + LAG * np.array(lags)
+        assert np.sqrt(np.nanmean((added - answer) ** 2)) < 0.1 * np.sqrt(np.nanmean(added**2))
+
+
+def test_loads_are_the_recording_without_its_memory() -> None:
+    """Left over: a twentieth of what was added."""
+    plain = recorded(PIECE)
+    n, largest = plain.n_whiskers, 3.0 * abs(plain.touch.land_moment_n_mm())
+    memory = np.repeat([[CREEP], [LAG]], n, axis=1)
+    held = with_memory(plain, gauges(memory, largest_n_mm=largest))
+    told = remembered(held, gain=np.ones(n), memory=memory, largest_n_mm=largest)
+    for sweep, before, found in zip(held.sweeps, plain.sweeps, told, strict=True):
+        pressed = calibrated_moments(plain, before)
+        added = calibrated_moments(held, sweep) - pressed
+        assert np.sqrt(np.nanmean((found.load_n_mm - pressed) ** 2)) < 0.05 * np.sqrt(np.nanmean(added**2))
 
 
 def test_a_gauge_without_memory_is_found_to_have_none() -> None:

@@ -1,0 +1,106 @@
+"""The lines of a recording that are fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from glyphs.surface.maps import MapError
+from whisker_array.estimation.edges import UNUSABLE, calibrated_moments
+from whisker_array.identification.bench import Bench
+from whisker_array.identification.remembered import remembered
+from whisker_array.scan.scan import Scan
+from whisker_array.whisker.passes import SweepPlan
+
+MOST_TRACES = 96
+JAM_LANDS = 1.7
+"""A moment so many times that of the land is felt just before a tip jams, by luck of the sampling: not used."""
+_BESIDE = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One line of one whisker, as it was recorded.
+
+    Attributes:
+        plan: of its sweep.
+        cluster: number of its pass: what shakes the base is shared within it, and drift ends with it.
+        whisker: number of the whisker.
+        line_mm: plate coordinate across the trace.
+        felt_n_mm: (samples,) signal less that in the air, NaN where it is not to be used.
+        crept_n_mm: (samples,) what a creep of 1 would have added.
+        play_n_mm: (plays,) where the plays of a lag stood when the pass began.
+        load_n_mm: (samples,) the signal without what gauges have added, jams and all.
+    """
+
+    plan: SweepPlan
+    cluster: int
+    whisker: int
+    line_mm: float
+    felt_n_mm: NDArray[np.float64]
+    crept_n_mm: NDArray[np.float64]
+    play_n_mm: NDArray[np.float64]
+    load_n_mm: NDArray[np.float64]
+
+    __repr__ = one_line
+
+
+def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST_TRACES) -> tuple[Trace, ...]:
+    """The lines of a recording that tell most: of every whisker and sweep those with most relief under them.
+
+    Args:
+        scan: the recording.
+        about: the bench as known so far.
+        largest_n_mm: largest load of a gauge's life.
+        most: of the lines.
+
+    Raises:
+        MapError: none can be used.
+    """
+    groups: list[list[Trace]] = []
+    cluster = 0
+    added = remembered(scan, gain=about.gain, memory=about.memory, largest_n_mm=largest_n_mm)
+    for sweep, of_gauges in zip(scan.sweeps, added, strict=True):
+        moment = calibrated_moments(scan, sweep)
+        moment[(sweep.flags & UNUSABLE) != 0] = np.nan
+        for whisker in range(moment.shape[1]):
+            lines = [
+                Trace(
+                    sweep.plan,
+                    cluster + p,
+                    whisker,
+                    float(sweep.plan.line_mm[p, whisker]),
+                    without_jams(moment[p, whisker]),
+                    of_gauges.crept_n_mm[p, whisker],
+                    of_gauges.play_n_mm[p, whisker],
+                    of_gauges.load_n_mm[p, whisker],
+                )
+                for p in range(moment.shape[0])
+                if np.isfinite(moment[p, whisker]).mean() > 0.5
+            ]
+            if lines:
+                groups.append(sorted(lines, key=lambda one: -float(np.nanstd(one.felt_n_mm))))
+        cluster += moment.shape[0]
+    if not groups:
+        raise MapError("no line of the recording can be used", hint="record passes that run over the piece")
+    each = max(2, most // len(groups))
+    # of the better half, evenly: the very best run all alike
+    chosen = [
+        group[k]
+        for group in groups
+        for k in sorted({int(n) for n in np.linspace(0, max(0, len(group) // 2 - 1), min(each, len(group)))})
+    ]
+    return tuple(chosen)
+
+
+def without_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArray[np.float64]:
+    """A line's moments, NaN where its tip was about to jam, at that share of the limit, and just beside that."""
+    land = np.nanmedian(moment_n_mm)
+    near = np.abs(moment_n_mm) > share * JAM_LANDS * np.abs(land)
+    if not near.any():
+        return moment_n_mm
+    wide = np.convolve(near, np.ones(2 * _BESIDE + 1), mode="same") > 0.5
+    return np.where(wide, np.nan, moment_n_mm)
