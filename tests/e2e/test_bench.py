@@ -11,8 +11,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from glyphs.surface.maps import HeightMap
+from glyphs.surface.pieces import Piece, PieceKind
 from pipeline.bench.bench import Bench
 from pipeline.bench.emulator.bench import EmulatedBench
 from pipeline.bench.emulator.world import World
@@ -37,12 +40,21 @@ def blocks(kind: str) -> list[str]:
     return re.findall(rf"^```{kind}\n(.*?)^```", GUIDE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
+def piece_in_the_field() -> HeightMap:
+    """Three pits in the corner of the guide's field, land around them."""
+    land = np.zeros((960, 960), dtype=np.float32)
+    relief = Piece(PieceKind.PITS).height_map(0.025).z_mm
+    land[: relief.shape[0], : relief.shape[1]] = relief
+    return HeightMap(land, 0.025)
+
+
 def test_the_guide_leads_from_bench_toml_to_the_serial(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (toml,), bench = blocks("toml"), tmp_path / "bench.toml"
+    (toml, piece), bench = blocks("toml"), tmp_path / "bench.toml"
     bench.write_text(toml, encoding="utf-8")
+    Path("piece.toml").write_text(piece, encoding="utf-8")
     commands = [
         line for block in blocks("bash") for line in block.splitlines() if line.startswith("tactile-marks")
     ]
@@ -72,8 +84,16 @@ def test_the_guide_leads_from_bench_toml_to_the_serial(
     bench.write_text(toml + gains, encoding="utf-8")  # [daq] is the last table
     with EmulatedBench(part.height_map, read_bench(bench), seed=0) as marked:
         write_bench(Path("emulated.toml"), marked.settings)
-        for command in commands[5:-1]:
-            told = said(command)
+        for command in commands[5:7]:
+            said(command)
+    with EmulatedBench(piece_in_the_field(), read_bench(bench), seed=0) as known:
+        write_bench(Path("emulated.toml"), known.settings)
+        said(commands[7])
+    found = said(commands[8])
+    print(found)
+    with EmulatedBench(part.height_map, read_bench(bench), seed=0) as marked:
+        write_bench(Path("emulated.toml"), marked.settings)
+        told = said(commands[9])
     assert f"{part.text}, accepted" in told
     assert re.search(rf"{part.text} +accept", said(commands[-1]))
 
