@@ -23,7 +23,7 @@ from pipeline.benchmark.paired import Trial, lost, table, tried
 from whisker_array.identification.bench import Unknown, known_before, nominal_bench
 from whisker_array.scan.calibration import Calibration
 from whisker_array.whisker.defaults import default_whisker
-from whisker_array.whisker.touch import default_touch
+from whisker_array.whisker.touch import Touch, default_touch
 
 if TYPE_CHECKING:
     from pipeline.benchmark.exam.specimens import Specimen
@@ -51,20 +51,19 @@ IDENTIFIED = {GAIN: 0.005, Unknown.BETA: 0.5, Unknown.FRICTION: 0.002, Unknown.R
 def taken_for_others(part: Specimen, seed: int) -> Iterator[tuple[str, Scan]]:
     """The part felt once, and the scan as if the whisker were known, and others."""
     rng = np.random.default_rng(seed)
-    return _ways(_felt(part, rng), part.height_mm or 5.0, rng)
+    height_mm = part.height_mm or 5.0
+    return _ways(felt(part, default_touch(height_mm), rng=rng), height_mm, rng)
 
 
-def _felt(part: Specimen, rng: np.random.Generator) -> Scan:
-    """The part on the default bench, of gains that are known."""
+def felt(part: Specimen, touch: Touch, *, rng: np.random.Generator) -> Scan:
+    """The part as whiskers that meet it so feel it on the usual plan, their gains known."""
     from recognition.views.levelling import level
     from whisker_array.scan.scan import trace_scan
     from whisker_array.scan.sensor import draw_sensor_chain
     from whisker_array.scan.stage_play import draw_stage_play
     from whisker_array.whisker.array import default_plan
 
-    height_mm = part.height_mm or 5.0
-    touch = default_touch(height_mm)
-    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=height_mm)
+    plan = default_plan((0.0, 0.0, *part.height_map.size_mm), character_height_mm=part.height_mm or 5.0)
     n = plan.array.n_whiskers
     chain = draw_sensor_chain(n, rng=rng, full_scale_n_mm=3.0 * abs(touch.land_moment_n_mm()))
     scan = trace_scan(

@@ -49,6 +49,7 @@ def tried(seed: int, *, grid_mm: float, memory: bool) -> dict[str, Any]:
         "stage_s": hidden.stage_s,
         "settled": found.settled,
         "misfit": found.misfit,
+        "numbers": [hidden.truth.vector().tolist(), found.bench.vector().tolist()],
     }
     for i, name in enumerate(Unknown):
         row[name] = (hidden.truth[name], found.bench[name], float(found.sd[i]))
