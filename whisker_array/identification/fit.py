@@ -56,6 +56,7 @@ LAST_COARSER = (2.0, 1.0)
 REACH, SMALL_REACH = 0.3, 0.03
 """Of differences on the way, across the roughness of contact, and in the end; in standard deviations before."""
 _PROBE_SDS = 0.1
+_JUMPED = 0.02
 FEWEST_CLUSTERS = 6
 
 
@@ -73,7 +74,6 @@ class Identified:
         before: (n,) standard deviations of the numbers before, in the order of `Bench.vector`.
         covariance: (n, n) of the numbers after.
         repeated: (n, n) the same of a bench that is compared with itself: what the fit's own grid does is in both.
-        data: (n, n) what the samples alone tell: their share of H.
         whiskers: those that were felt; the gains of others are as before.
         traces: that were fitted.
         predicted: of each trace, (samples,), N mm.
@@ -87,7 +87,6 @@ class Identified:
     before: NDArray[np.float64]
     covariance: NDArray[np.float64]
     repeated: NDArray[np.float64]
-    data: NDArray[np.float64]
     whiskers: tuple[int, ...]
     traces: tuple[Trace, ...]
     predicted: tuple[NDArray[np.float64], ...]
@@ -104,12 +103,18 @@ class Identified:
 
     @property
     def misfit(self) -> float:
-        """What is left over, rms in parts of the uncertainty of a sample: 1 where the model explains all."""
-        left = [
-            np.nan_to_num(t.felt_n_mm - p) / sample_sigma_n_mm(t, self.scatter_n_mm)
-            for t, p in zip(self.traces, self.predicted, strict=True)
-        ]
-        return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
+        """What is left over, rms in parts of the uncertainty of a sample: 1 where the model explains all.
+
+        The worst `_JUMPED` are left out: where a tip slips or jams otherwise than predicted they say no more than that.
+        """
+        left = np.concatenate(
+            [
+                (t.felt_n_mm - p) / sample_sigma_n_mm(t, self.scatter_n_mm)
+                for t, p in zip(self.traces, self.predicted, strict=True)
+            ]
+        )
+        squares = np.sort(left[np.isfinite(left)] ** 2)
+        return float(np.sqrt(np.mean(squares[: int((1.0 - _JUMPED) * squares.size)])))
 
     def of(self, name: Unknown) -> tuple[float, float]:
         """A number and its standard deviation."""
@@ -233,7 +238,6 @@ def identify(
         before,
         repeated + fitted.of_grid() + fitted.of_screw(),
         repeated,
-        fitted.data,
         felt_by,
         traces,
         tuple(predicted),

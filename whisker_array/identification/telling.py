@@ -63,13 +63,12 @@ def not_apart(found: Identified) -> tuple[tuple[str, ...], ...]:
 def remedies(found: Identified) -> tuple[Remedy, ...]:
     """What would tell the numbers that were not told, the best first; nothing that would hardly help."""
     open_ = untold(found)
-    weights = np.zeros_like(found.data)
+    weights = np.zeros_like(found.covariance)
     for whisker in found.whiskers:
         weights[len(Unknown) + whisker, len(Unknown) + whisker] = 1.0 / BENCH_GAIN**2
-    more_passes = found.data.copy()
     ways = [
         ("hang a known weight on each tip, which tells the gains to 0.5 %", weights),
-        ("record the piece once more", more_passes),
+        ("record the piece once more", _told(found)),
     ]
     made = []
     for what, more in ways:
@@ -78,3 +77,10 @@ def remedies(found: Identified) -> tuple[Remedy, ...]:
         if any(value < 0.8 * found.of(name)[1] for name, value in sd.items()):
             made.append(Remedy(what, sd))
     return tuple(sorted(made, key=lambda one: sum(one.sd[n] / found.of(n)[1] for n in one.sd)))
+
+
+def _told(found: Identified) -> np.ndarray:
+    """(n, n) what the recording has added to what was known before: so much another one like it would add again."""
+    scaled = found.covariance / np.outer(found.before, found.before)
+    values, vectors = np.linalg.eigh(np.linalg.inv(scaled) - np.eye(found.before.size))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T / np.outer(found.before, found.before))

@@ -82,7 +82,7 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
                 if np.isfinite(moment[p, whisker]).mean() > 0.5
             ]
             if lines:
-                groups.append(sorted(lines, key=lambda one: -float(np.nanstd(one.felt_n_mm))))
+                groups.append(sorted(lines, key=_walls_n_mm, reverse=True))
         cluster += moment.shape[0]
     if not groups:
         raise MapError("no line of the recording can be used", hint="record passes that run over the piece")
@@ -94,6 +94,11 @@ def traces_of(scan: Scan, *, about: Bench, largest_n_mm: float, most: int = MOST
         for k in sorted({int(n) for n in np.linspace(0, max(0, len(group) // 2 - 1), min(each, len(group)))})
     ]
     return tuple(chosen)
+
+
+def _walls_n_mm(trace: Trace) -> float:
+    """How much a line tells: by its steps alone, for by its whole spread drift would choose what it has bent most."""
+    return float(np.nanstd(np.diff(trace.felt_n_mm)))
 
 
 def without_jams(moment_n_mm: NDArray[np.float64], *, share: float = 1.0) -> NDArray[np.float64]:
