@@ -10,7 +10,14 @@ import numpy as np
 from glyphs.surface.maps import HeightMap
 from glyphs.surface.pieces import Piece, PieceKind
 from pipeline.reading.simulated_scan import feel
-from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, known_before, nominal_bench
+from whisker_array.identification.bench import (
+    BENCH_GAIN,
+    Bench,
+    Unknown,
+    known_before,
+    nominal_bench,
+    of_screw,
+)
 from whisker_array.identification.promises import Knowledge
 from whisker_array.identification.strips import Heights
 from whisker_array.scan.calibration import Calibration
@@ -23,7 +30,7 @@ from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch, default_touch
 
 HEIGHT_MM = 5.0
-FINE_MM = 0.01
+FINE_MM, IRON_MM = 0.01, 0.005
 _BESIDE_MM = 3.0
 _FINER = 4
 _MOST_SDS = 2.5
@@ -129,7 +136,10 @@ def hidden_bench(
     comb = default_comb(HEIGHT_MM, n_whiskers=whiskers)
     nominal = nominal_bench(drawn, touch, n_whiskers=whiskers)
     before = known_before(nominal)
-    off = np.clip(rng.standard_normal(before.size), -_MOST_SDS, _MOST_SDS)
+    for along_x in (True, False):
+        before[of_screw(before.size, along_x=along_x)] = 0.0  # `stage` has its own
+    off = np.zeros(before.size)
+    off[before > 0.0] = np.clip(rng.standard_normal(int((before > 0.0).sum())), -_MOST_SDS, _MOST_SDS)
     stage = draw_stage_play(rng=rng)
     play_mm = abs(float(off[list(Unknown).index(Unknown.PLAY)])) * before[list(Unknown).index(Unknown.PLAY)]
     stage = replace(stage, play_mm=play_mm)
@@ -187,13 +197,13 @@ def hidden_bench(
 
 def _lain(piece: Piece, bench: Bench) -> HeightMap:
     """The piece as it lies on the plate, land all around."""
-    width, height = (int((size + 2.0 * _BESIDE_MM) / FINE_MM) + 1 for size in piece.size_mm)
-    x, y = np.arange(width)[None, :] * FINE_MM, np.arange(height)[:, None] * FINE_MM
+    width, height = (int((size + 2.0 * _BESIDE_MM) / IRON_MM) + 1 for size in piece.size_mm)
+    x, y = np.arange(width)[None, :] * IRON_MM, np.arange(height)[:, None] * IRON_MM
     off_x, off_y = x - bench[Unknown.SHIFT_X], y - bench[Unknown.SHIFT_Y]
     yaw = math.radians(bench[Unknown.YAW])
     of_x = math.cos(yaw) * off_x + math.sin(yaw) * off_y
     of_y = math.cos(yaw) * off_y - math.sin(yaw) * off_x
     tilt = 1e-3 * (bench[Unknown.TILT_X] * x + bench[Unknown.TILT_Y] * y)
     return HeightMap(
-        (piece.height_mm(of_x - _BESIDE_MM, of_y - _BESIDE_MM) + tilt).astype(np.float32), FINE_MM
+        (piece.height_mm(of_x - _BESIDE_MM, of_y - _BESIDE_MM) + tilt).astype(np.float32), IRON_MM
     )

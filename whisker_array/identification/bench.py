@@ -70,6 +70,12 @@ MEMORY_SD = 0.02
 """Standard deviation of each before: gauges of whiskers were seen at up to 0.027."""
 LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 """Standard deviation of a gain as it comes, and of one that a weight on the tip has shown."""
+LEADS_MM = (1.0, 2.0, 2.5, 4.0, 5.0)
+"""Of screws as they are bought (ISO 3408-2, the small ones)."""
+TRAVEL_SD, WAVE_SD_MM = 0.023 / 300.0, 0.0025
+"""Of a screw: share of the travel, and of each wave. Tolerance grade 5 in ISO 3408-3: 23 um over 300 mm, and waves of
+0.004 mm to either side within a turn."""
+_OF_A_SCREW = 1 + 2 * len(LEADS_MM)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +86,8 @@ class Bench:
         values: of every `Unknown`.
         gain: (whiskers,) raw signal per moment.
         memory: (2, whiskers) creep within seconds and lag, as shares of a load (`remembered`).
+        screw: (2, 1 + 2 leads) how far the stage's screws, along x and along y, are ahead: a share of the travel,
+            and waves of `LEADS_MM`, mm (`screw_ways`).
 
     Raises:
         WhiskerError: one missing, or not finite.
@@ -88,6 +96,7 @@ class Bench:
     values: Mapping[Unknown, float]
     gain: NDArray[np.float64]
     memory: NDArray[np.float64]
+    screw: NDArray[np.float64]
 
     __repr__ = one_line
 
@@ -98,6 +107,7 @@ class Bench:
         object.__setattr__(self, "values", {name: float(self.values[name]) for name in Unknown})
         object.__setattr__(self, "gain", np.array(self.gain, dtype=np.float64))
         object.__setattr__(self, "memory", np.array(self.memory, dtype=np.float64))
+        object.__setattr__(self, "screw", np.array(self.screw, dtype=np.float64))
 
     def __getitem__(self, name: Unknown) -> float:
         return self.values[name]
@@ -107,14 +117,16 @@ class Bench:
         return replace(self, values={**self.values, **{Unknown(name): v for name, v in changed.items()}})
 
     def vector(self) -> NDArray[np.float64]:
-        """All numbers in the order of `Unknown`, then those `OF_GAUGE`, each of all whiskers."""
-        return np.array([*(self.values[name] for name in Unknown), *self.gain, *self.memory.ravel()])
+        """All numbers in the order of `Unknown`, then those `OF_GAUGE`, each of all whiskers, then the screws'."""
+        values = [self.values[name] for name in Unknown]
+        return np.concatenate([values, self.gain, self.memory.ravel(), self.screw.ravel()])
 
     @classmethod
     def of_vector(cls, numbers: NDArray[np.float64]) -> Bench:
         """As `vector` gives them."""
-        gain, *memory = numbers[len(Unknown) :].reshape(1 + MEMORIES, -1)
-        return cls(dict(zip(Unknown, map(float, numbers), strict=False)), gain, np.array(memory))
+        gain, *memory = numbers[len(Unknown) : -2 * _OF_A_SCREW].reshape(1 + MEMORIES, -1)
+        values = dict(zip(Unknown, map(float, numbers), strict=False))
+        return cls(values, gain, np.array(memory), numbers[-2 * _OF_A_SCREW :].reshape(2, -1))
 
     def touch(self, nominal: LShaped | Touch) -> Touch:
         """How the whisker meets the surface, by the drawing with these numbers in place of its own.
@@ -184,12 +196,23 @@ def nominal_bench(whisker: LShaped | Straight | Touch, touch: Touch, *, n_whiske
         Unknown.PRELOAD: touch.preload_mm,
         Unknown.FRICTION: touch.friction,
     }
-    return Bench(values, np.ones(n_whiskers), np.zeros((MEMORIES, n_whiskers)))
+    return Bench(values, np.ones(n_whiskers), np.zeros((MEMORIES, n_whiskers)), np.zeros((2, _OF_A_SCREW)))
 
 
 def of_whisker(whisker: int, *, n_whiskers: int) -> list[int]:
     """Where a whisker's own numbers stand in `Bench.vector`, as `OF_GAUGE` has them."""
     return [len(Unknown) + block * n_whiskers + whisker for block in range(1 + MEMORIES)]
+
+
+def of_screw(n: int, *, along_x: bool) -> slice:
+    """Where a screw's numbers stand among the n of `Bench.vector`."""
+    return slice(n - 2 * _OF_A_SCREW, n - _OF_A_SCREW) if along_x else slice(n - _OF_A_SCREW, n)
+
+
+def screw_ways(at_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(places, 1 + 2 leads): by how much each number of a screw puts a place ahead."""
+    turns = 2.0 * np.pi * at_mm[:, None] / np.array(LEADS_MM)
+    return np.concatenate([at_mm[:, None], np.cos(turns), np.sin(turns)], axis=1)
 
 
 def known_before(nominal: Bench, *, gain_sd: float = LOOSE_GAIN) -> NDArray[np.float64]:
@@ -217,5 +240,10 @@ def known_before(nominal: Bench, *, gain_sd: float = LOOSE_GAIN) -> NDArray[np.f
     }
     n = nominal.gain.size
     return np.array(
-        [*(sd[name] for name in Unknown), *np.full(n, gain_sd), *np.full(MEMORIES * n, MEMORY_SD)]
+        [
+            *(sd[name] for name in Unknown),
+            *np.full(n, gain_sd),
+            *np.full(MEMORIES * n, MEMORY_SD),
+            *np.tile([TRAVEL_SD, *np.full(2 * len(LEADS_MM), WAVE_SD_MM)], 2),
+        ]
     )

@@ -8,7 +8,7 @@ M. O. Nielsen, M. D. Webb, Cluster-robust inference, J. Econometrics 232 (2023))
 few. What shakes the base reaches all whiskers of a pass, and drift goes on through it, so that neither needs a model of
 its own. sd is what was known before. In no direction is the scatter taken for less than that of independent samples.
 
-What the grid of the fit's strips does, and the stage's screw, comes on top.
+What the grid of the fit's strips does comes on top.
 """
 
 from __future__ import annotations
@@ -19,12 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
-from whisker_array.identification.bench import Unknown
-from whisker_array.identification.misses import PLACE_MM
 from whisker_array.identification.traces import Trace
 
-LEADS_MM = (1.0, 2.0, 5.0)
-"""Of screws as they are bought."""
 COARSER = 2.0
 """A grid so much wider shows what the fit's own does."""
 
@@ -94,26 +90,6 @@ class Fitted:
         moved = np.linalg.solve(self.data + self._prior, pull) / (COARSER - 1.0)
         moved[~self.free] = 0.0
         return np.outer(moved, moved)
-
-    def of_screw(self) -> NDArray[np.float64]:
-        """(n, n): what waves of the stage's screws do to the numbers: every pass meets them at the same places."""
-        total = np.zeros((self.before.size, self.before.size))
-        names = list(Unknown)
-        for shift, of_x in ((Unknown.SHIFT_X, True), (Unknown.SHIFT_Y, False)):
-            for lead_mm in LEADS_MM:
-                for wave in (np.cos, np.sin):
-                    pull = np.zeros(self.before.size)
-                    for trace, j, w in zip(self.traces, self.jacobian, self.weight, strict=True):
-                        plan = trace.plan
-                        along = plan.direction.along_x == of_x
-                        at = plan.position_mm() if along else np.full(w.size, trace.line_mm)
-                        off = PLACE_MM * wave(2.0 * np.pi * at / lead_mm)
-                        pull += j.T @ (w * off * j[:, names.index(shift)])
-                    moved = np.linalg.solve(self.data + self._prior, pull)
-                    moved[~self.free] = 0.0
-                    # half a wave's square, as its phase may be any
-                    total += 0.5 * np.outer(moved, moved) / len(LEADS_MM)
-        return total
 
 
 def _at_least(matrix: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:

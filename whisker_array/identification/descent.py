@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.identification.bench import Bench, Unknown
+from whisker_array.identification.bench import Bench, Unknown, of_screw
 from whisker_array.identification.forward import Forward
 from whisker_array.identification.misses import Loss, residuals
 from whisker_array.identification.tangents import jacobian_of
@@ -22,8 +22,9 @@ MOST_STEPS = 25
 SETTLED_SDS = 0.01
 """A step so small ends the descent."""
 DAMPED_TRIES = 6
-SOFT = 100.0
-"""Curvature of a direction that the recording hardly tells, in units of what was known before."""
+UNTOLD, SOFT = 1.5, 100.0
+"""Curvatures in units of what was known before: of a way that the recording does not tell, and of one that it hardly
+tells."""
 SETTLED_COST = {Loss.HUBER: 10.0, Loss.BOUNDED: 0.3}
 """One that gains so little (in squares of a sigma) ends it, too."""
 
@@ -63,6 +64,10 @@ def descended(
     linear = np.arange(before.size) >= len(Unknown)
     linear[list(Unknown).index(Unknown.STIFFNESS)] = True
     smooth = linear[free]
+    # of these there are too many to try each
+    screws = np.zeros(before.size, dtype=np.bool_)
+    for along_x in (True, False):
+        screws[of_screw(before.size, along_x=along_x)] = True
     factor = linear & (np.arange(before.size) < len(Unknown) + start.gain.size)
 
     def missed(predicted: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
@@ -112,8 +117,10 @@ def descended(
                 downhill = downhill - curvature @ step
                 break
             damping *= 8.0
-        for ways in _of_their_own(curvature, smooth):
-            # Newton's step along these ways alone
+        # a whole step is stopped by the roughness of contact, and then nothing else moves either: neither what only
+        # scales and adds, nor what the recording hardly tells
+        soft = (way[:, None] for way in _soft_ways(curvature, screws[free]))
+        for ways in (np.eye(smooth.size)[:, smooth], *soft):
             step = ways @ np.linalg.solve(ways.T @ curvature @ ways, ways.T @ downhill)
             step *= min(1.0, 1.0 / max(float(np.abs(step).max()), 1e-12))
             then = tried(at, step)
@@ -126,16 +133,14 @@ def descended(
     return at, False
 
 
-def _of_their_own(curvature: NDArray[np.float64], smooth: NDArray[np.bool_]) -> Iterator[NDArray[np.float64]]:
-    """(n, ways) along which steps are tried alone.
-
-    A whole step is stopped by the roughness of contact, and then nothing else moves either: neither what only scales
-    and adds, nor what the recording hardly tells, way by way.
-    """
-    yield np.eye(smooth.size)[:, smooth]
-    values, vectors = np.linalg.eigh(curvature)
-    for k in np.flatnonzero(values < SOFT):
-        yield vectors[:, k : k + 1]
+def _soft_ways(curvature: NDArray[np.float64], others: NDArray[np.bool_]) -> Iterator[NDArray[np.float64]]:
+    """(n,) ways that the recording hardly tells, if it tells them at all; others give way to whatever is moved."""
+    every = np.eye(others.size)
+    give = np.linalg.solve(curvature[np.ix_(others, others)], curvature[np.ix_(others, ~others)])
+    rest = every[:, ~others] - every[:, others] @ give
+    values, vectors = np.linalg.eigh(rest.T @ curvature @ rest)
+    for k in np.flatnonzero((values > UNTOLD) & (values < SOFT)):
+        yield rest @ vectors[:, k]
 
 
 def _averaged(samples: NDArray[np.float64], width: int) -> NDArray[np.float64]:

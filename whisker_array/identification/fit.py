@@ -5,7 +5,9 @@ r"""The bench that a recording speaks of: least squares on the contact simulatio
     sigma^2 = scatter of a sample^2 + (PLACE_MM dm/du)^2 + (what a wider grid changes)^2
 
 The second sum is what the workshop knew before (`bench.known_before`), without which many numbers could not be told
-apart; how sure they are, `certainty` says. At edges a sample is as uncertain as its place: no screw is even.
+apart; how sure they are, `certainty` says. At edges a sample is as uncertain as its place, for a pass does not come
+back to its line; what a screw does to all passes alike is among the numbers. The sum is rough, as contact is: what is
+told is the mean of where the descent rests on several grids, and their scatter adds to its uncertainty.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from whisker_array.identification.bench import (
     Unknown,
     known_before,
     nominal_bench,
+    of_screw,
     of_whisker,
 )
 from whisker_array.identification.certainty import COARSER, Fitted
@@ -51,8 +54,10 @@ STAGES = (
 """What is fitted one after the other: mm over which the signal is averaged, how much coarser strips are, the loss, and
 numbers beside those of each whisker. A piece that lies a wall's width off would else be explained by anything. Strips
 are cut for the pose found so far, and what gauges remember is told by the bench found so far."""
-LAST_COARSER = (2.0, 1.0)
+LAST_COARSER = (2.0, 1.3, 1.15, 1.0)
 """How much coarser strips are in the end, where a sample is as uncertain, too, as a grid twice as wide makes it."""
+AVERAGED = 3
+"""So many of the last are averaged: contact is rough, and on each grid the descent rests in a dent of its own."""
 REACH, SMALL_REACH = 0.3, 0.03
 """Of differences on the way, across the roughness of contact, and in the end; in standard deviations before."""
 _PROBE_SDS = 0.1
@@ -173,6 +178,8 @@ def identify(
     free[: len(Unknown)] = [name in only for name in Unknown]
     for whisker_number in felt_by:
         free[of_whisker(whisker_number, n_whiskers=scan.n_whiskers)] = True
+    for along_x in {trace.plan.direction.along_x for trace in traces}:
+        free[of_screw(before.size, along_x=along_x)] = True
     scatter = _scatter_n_mm(traces)
 
     def cut(about: Bench, coarser: float) -> Forward:
@@ -193,7 +200,7 @@ def identify(
         stage = free.copy()
         stage[: len(Unknown)] &= [name in names for name in Unknown]
         if blur_mm:
-            # memory would be made of walls that are not yet in their place
+            # memory and screws would be made of walls that are not yet in their place
             stage[len(Unknown) + scan.n_whiskers :] = False
         forward = cut(found, coarser)
         sigma = [
@@ -203,6 +210,7 @@ def identify(
         found, settled = descended(
             forward, found, nominal, before, stage, sigma, loss=loss, reach=REACH, blur_mm=blur_mm
         )
+    rested = []
     for coarser in LAST_COARSER:
         forward = cut(found, coarser)
         by_grid = [
@@ -218,6 +226,9 @@ def identify(
         found, settled = descended(
             forward, found, nominal, before, free, sigma, loss=Loss.BOUNDED, reach=SMALL_REACH
         )
+        rested.append(found.vector())
+    found = Bench.of_vector(np.mean(rested[-AVERAGED:], axis=0))
+    dents = np.cov(rested[-AVERAGED:], rowvar=False) / AVERAGED
     traces = forward.traces
     predicted = forward.moments(found)
     missed = [r / s for r, s in zip(residuals(traces, predicted), sigma, strict=True)]
@@ -231,12 +242,12 @@ def identify(
         before=before,
         free=free,
     )
-    repeated = fitted.scattered()
+    repeated = fitted.scattered() + dents
     return Identified(
         found,
         nominal,
         before,
-        repeated + fitted.of_grid() + fitted.of_screw(),
+        repeated + fitted.of_grid(),
         repeated,
         felt_by,
         traces,

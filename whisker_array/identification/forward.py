@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.identification.bench import Bench, Unknown
+from whisker_array.identification.bench import Bench, Unknown, screw_ways
 from whisker_array.identification.remembered import lagged
 from whisker_array.identification.strips import HALF_MM, MARGIN_MM, Heights, leaned, strip_of
 from whisker_array.identification.traces import JAM_LANDS, Trace, without_jams
@@ -60,6 +60,7 @@ class Forward:
         self.traces = tuple(traces)
         self.nominal = nominal
         self._about, self._setup, self._grid, self._largest = about, setup_friction, grid_mm, largest_n_mm
+        self._ways = [_screw_ways(trace) for trace in self.traces]
         self._bare = [strip_of(heights, trace, about=about, grid_mm=grid_mm) for trace in self.traces]
         self._dilated: tuple[float, list[NDArray[np.float32]]] = (-1.0, [])
         self._tilted: tuple[tuple[float, ...], list[NDArray[np.float32]]] = ((), [])
@@ -96,7 +97,7 @@ class Forward:
         touch = bench.touch(self.nominal)
         tip = touch.tip if tip is None else tip
         pushed, found = tip.pushed(), []
-        for trace, fields in zip(self.traces, self._fields_of(bench), strict=True):
+        for trace, fields, ways in zip(self.traces, self._fields_of(bench), self._ways, strict=True):
             fields[..., 3] = touch.friction
             along, across = self._moved(trace, bench)
             traced = trace_contact(
@@ -110,6 +111,10 @@ class Forward:
                 nominal_friction=self._setup,
             )
             moment = bench.gain[trace.whisker] * traced.moment_n_mm[0].astype(np.float64)
+            screw = bench.screw[0 if trace.plan.direction.along_x else 1]
+            if screw.any():
+                at = np.arange(moment.size)
+                moment = np.interp(at + ways @ screw, at, moment)
             most = JAM_LANDS * abs(float(np.median(moment)))
             found.append(np.clip(moment, -most, most))
         return found
@@ -151,3 +156,10 @@ class Forward:
             along, across = -dy - turned * trace.line_mm, -dx + turned * middle
         sign = -1.0 if direction.backward else 1.0
         return sign * along - 0.5 * bench[Unknown.PLAY], across
+
+
+def _screw_ways(trace: Trace) -> NDArray[np.float64]:
+    """(STEPS (samples - 1) + 1, 1 + 2 leads): by how many steps each number of the screw puts a trace's tip ahead."""
+    sign, step_mm = -1.0 if trace.plan.direction.backward else 1.0, trace.plan.step_mm / STEPS
+    at_mm = sign * step_mm * np.arange(STEPS * (trace.plan.n_samples - 1) + 1)
+    return sign / step_mm * screw_ways(trace.plan.position_mm()[0] + at_mm)

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from whisker_array.identification.bench import DRAWN, Bench, Unknown, of_whisker
+from whisker_array.identification.bench import DRAWN, Bench, Unknown, of_screw, of_whisker, screw_ways
 from whisker_array.identification.forward import STEPS, Forward
 from whisker_array.whisker.shapes import LShaped, TipModel
 
@@ -103,6 +103,11 @@ def jacobian_of(
         units, signal = forward.units(trace, pressed), pressed[::STEPS]
         out[k][:, drawn] += np.outer(signal, by_factor)
         out[k][:, own] = np.stack([signal / at.gain[trace.whisker], *units], axis=1)
+        # a screw that is ahead is a piece that lies as much behind
+        along_x = trace.plan.direction.along_x
+        shift = out[k][:, names.index(Unknown.SHIFT_X if along_x else Unknown.SHIFT_Y)]
+        ways = screw_ways(trace.plan.position_mm())
+        out[k][:, of_screw(vector.size, along_x=along_x)] = -shift[:, None] * ways
         out[k][np.isnan(trace.felt_n_mm)] = 0.0
     return out
 

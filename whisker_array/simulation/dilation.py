@@ -43,29 +43,38 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
             f"a tip of {radius_mm} mm spans {reach} samples of {pitch_mm} mm",
             hint="thin the map or use a finer tip",
         )
-    from scipy import ndimage
-
     offsets = np.arange(-reach, reach + 1)
     square = radius_mm**2 - (offsets[:, None] ** 2 + offsets**2) * pitch_mm**2
     lift = (np.sqrt(np.maximum(square, 0.0)) - radius_mm).astype(np.float32)
     half = (square >= 0.0).sum(axis=1) // 2
-    # on top of all around it the ball stands on the very place
-    lower = ndimage.maximum_filter(z_mm, size=2 * reach + 1, mode="nearest") > z_mm
     padded = np.pad(np.ascontiguousarray(z_mm, dtype=np.float32), reach, mode="edge")
+    highest = _highest(padded, reach, z_mm.shape[1])
     out = np.array(z_mm, dtype=np.float32)
-    given = read_only(padded), read_only(lift), read_only(half), read_only(lower), reach, out
+    given = read_only(padded), read_only(lift), read_only(half), read_only(highest), reach, out
     in_threads(lambda first, last: _dilate(first, last, *given), z_mm.shape[0])
     return out
 
 
+@kernel()
+def _highest(padded, reach, cols):  # type: ignore[no-untyped-def]
+    """(padded rows, blocks): the highest place of each row that a block's balls can meet."""
+    blocks = (cols + _BLOCK - 1) // _BLOCK
+    found = np.empty((padded.shape[0], blocks), dtype=np.float32)
+    for r in range(padded.shape[0]):
+        for b in range(blocks):
+            found[r, b] = padded[r, b * _BLOCK : min((b + 1) * _BLOCK, cols) + 2 * reach].max()
+    return found
+
+
 @kernel(allow=FAST)
-def _dilate(first, last, padded, lift, half, lower, reach, out):  # type: ignore[no-untyped-def]
+def _dilate(first, last, padded, lift, half, highest, reach, out):  # type: ignore[no-untyped-def]
     for r in range(first, last):
         for left in range(0, out.shape[1], _BLOCK):
             right = min(left + _BLOCK, out.shape[1])
-            if not lower[r, left:right].any():
-                continue
             here = out[r, left:right]
+            # on top of all around it the ball stands on the very place
+            if here.min() >= highest[r : r + 2 * reach + 1, left // _BLOCK].max():
+                continue
             for i in range(2 * reach + 1):
                 for j in range(reach - half[i], reach + half[i] + 1):
                     up, there = lift[i, j], padded[r + i, left + j : right + j]
