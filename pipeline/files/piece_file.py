@@ -18,7 +18,7 @@ from pipeline.files.toml_file import read_toml
 from pipeline.files.touch_file import read_height_map
 
 if TYPE_CHECKING:
-    from whisker_array.identification.strips import Heights
+    from whisker_array.identification.piece_map import Heights
 
 PITCH_MM = 0.02
 """Of the map of a piece."""
@@ -67,6 +67,6 @@ def heights_of_piece(piece: Piece | HeightMap) -> Heights:
         MapError: a map with holes.
     """
     from recognition.views.levelling import level
-    from whisker_array.identification.strips import heights_of
+    from whisker_array.identification.piece_map import heights_of
 
     return piece.height_mm if isinstance(piece, Piece) else heights_of(level(piece))

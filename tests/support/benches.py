@@ -19,7 +19,7 @@ from whisker_array.identification.bench import (
     of_screw,
 )
 from whisker_array.identification.promises import Knowledge
-from whisker_array.identification.strips import Heights
+from whisker_array.identification.piece_map import Heights
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain

@@ -8,7 +8,7 @@ M. O. Nielsen, M. D. Webb, Cluster-robust inference, J. Econometrics 232 (2023))
 few. What shakes the base reaches all whiskers of a pass, and drift goes on through it, so that neither needs a model of
 its own. sd is what was known before. In no direction is the scatter taken for less than that of independent samples.
 
-What the grid of the fit's strips does comes on top.
+What the grid of the fit's maps does comes on top.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Fitted:
         return np.asarray(0.5 * (covariance + covariance.T))
 
     def of_grid(self) -> NDArray[np.float64]:
-        """(n, n): what the strips' grid does to the numbers, its error being of first order at steep edges.
+        """(n, n): what the maps' grid does to the numbers, its error being of first order at steep edges.
 
         A grid `COARSER` times as wide moves the solution by (COARSER - 1) times what this grid has moved it.
         """

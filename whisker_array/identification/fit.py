@@ -38,7 +38,7 @@ from whisker_array.identification.descent import descended
 from whisker_array.identification.forward import GRID_MM, Forward
 from whisker_array.identification.misses import Loss, residuals, sample_sigma_n_mm
 from whisker_array.identification.remembered import LARGEST_LANDS
-from whisker_array.identification.strips import Heights
+from whisker_array.identification.piece_map import Heights
 from whisker_array.identification.tangents import jacobian_of
 from whisker_array.identification.traces import Trace, traces_of
 from whisker_array.scan.scan import Scan
@@ -46,16 +46,16 @@ from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
 STAGES = (
-    (1.5, 4.0, Loss.HUBER, (*POSE, Unknown.PRELOAD)),
-    (0.4, 4.0, Loss.HUBER, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
-    (0.0, 4.0, Loss.HUBER, tuple(Unknown)),
-    (0.0, 2.0, Loss.BOUNDED, tuple(Unknown)),
+    (1.5, 4.0, 48, Loss.HUBER, (*POSE, Unknown.PRELOAD)),
+    (0.4, 4.0, 48, Loss.HUBER, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
+    (0.0, 4.0, 96, Loss.HUBER, tuple(Unknown)),
+    (0.0, 2.0, 96, Loss.BOUNDED, tuple(Unknown)),
 )
-"""What is fitted one after the other: mm over which the signal is averaged, how much coarser strips are, the loss, and
+"""What is fitted one after the other: mm over which the signal is averaged, how much coarser maps are, the loss, and
 numbers beside those of each whisker. A piece that lies a wall's width off would else be explained by anything. Strips
 are cut for the pose found so far, and what gauges remember is told by the bench found so far."""
-LAST_COARSER = (2.0, 1.3, 1.15, 1.0)
-"""How much coarser strips are in the end, where a sample is as uncertain, too, as a grid twice as wide makes it."""
+LAST = ((2.0, 96), (1.3, 288), (1.15, 288), (1.0, 288))
+"""How much coarser maps are in the end, where a sample is as uncertain, too, as a grid twice as wide makes it."""
 AVERAGED = 3
 """So many of the last are averaged: contact is rough, and on each grid the descent rests in a dent of its own."""
 REACH, SMALL_REACH = 0.3, 0.03
@@ -152,7 +152,7 @@ def identify(
         heights: of the piece.
         whisker: as drawn; a touch, where there is no drawing: lengths and angle are not found then.
         only: numbers to be found; the others stay as drawn.
-        grid_mm: of the strips.
+        grid_mm: of the maps.
 
     Raises:
         IdentifyError: too few passes over the piece, or a signal that no such bench gives.
@@ -182,10 +182,10 @@ def identify(
         free[of_screw(before.size, along_x=along_x)] = True
     scatter = _scatter_n_mm(traces)
 
-    def cut(about: Bench, coarser: float) -> Forward:
+    def cut(about: Bench, coarser: float, lines: int | tuple[Trace, ...]) -> Forward:
         forward = Forward(
             heights,
-            traces_of(scan, about=about, largest_n_mm=largest_n_mm),
+            traces_of(scan, about=about, largest_n_mm=largest_n_mm, most=lines) if isinstance(lines, int) else lines,
             nominal=whisker,
             about=about,
             setup_friction=scan.touch.friction,
@@ -196,13 +196,13 @@ def identify(
         return forward
 
     found, settled = nominal, False
-    for blur_mm, coarser, loss, names in STAGES:
+    for blur_mm, coarser, lines, loss, names in STAGES:
         stage = free.copy()
         stage[: len(Unknown)] &= [name in names for name in Unknown]
         if blur_mm:
             # memory and screws would be made of walls that are not yet in their place
             stage[len(Unknown) + scan.n_whiskers :] = False
-        forward = cut(found, coarser)
+        forward = cut(found, coarser, lines)
         sigma = [
             np.full(t.felt_n_mm.size, scatter) if blur_mm else sample_sigma_n_mm(t, scatter)
             for t in forward.traces
@@ -211,12 +211,14 @@ def identify(
             forward, found, nominal, before, stage, sigma, loss=loss, reach=REACH, blur_mm=blur_mm
         )
     rested = []
-    for coarser in LAST_COARSER:
-        forward = cut(found, coarser)
+    for coarser, lines in LAST:
+        forward = cut(found, coarser, lines)
         by_grid = [
             p - wide
             for p, wide in zip(
-                forward.moments(found), cut(found, COARSER * coarser).moments(found), strict=True
+                forward.moments(found),
+                cut(found, COARSER * coarser, forward.traces).moments(found),
+                strict=True,
             )
         ]
         sigma = [

@@ -114,14 +114,15 @@ def _plays(
 def lagged(
     load_n_mm: NDArray[np.float64], *, play_n_mm: NDArray[np.float64], largest_n_mm: float
 ) -> NDArray[np.float64]:
-    """(samples,) what a lag of 1 adds to a pass, N mm, that was lifted before and began with these plays."""
-    memory = _little_lag(largest_n_mm)
-    state = SensorState(play_n_mm[None].copy(), np.zeros((1, len(_WITHIN_SECONDS))), np.zeros(1))
-    load = np.concatenate([[0.0], load_n_mm])[None, :]
-    read = reading_of(load, memory=memory, state=state, step_s=1.0)[0]
-    return np.asarray((read[1:] - read[0] - load_n_mm) / _LITTLE)
+    """(lines, samples) what a lag of 1 adds to passes that were lifted before and began with these plays, N mm."""
+    memory = _little_lag(load_n_mm.shape[0], largest_n_mm)
+    state = SensorState.at_rest(load_n_mm.shape[0], memory)
+    state.play_n_mm[...] = play_n_mm
+    load = np.pad(load_n_mm, ((0, 0), (1, 0)))
+    read = reading_of(load, memory=memory, state=state, step_s=1.0)
+    return np.asarray((read[:, 1:] - read[:, :1] - load_n_mm) / _LITTLE)
 
 
 @lru_cache(maxsize=8)
-def _little_lag(largest_n_mm: float) -> SensorMemory:
-    return gauges(np.array([[0.0], [_LITTLE]]), largest_n_mm=largest_n_mm)
+def _little_lag(lines: int, largest_n_mm: float) -> SensorMemory:
+    return gauges(np.repeat([[0.0], [_LITTLE]], lines, axis=1), largest_n_mm=largest_n_mm)

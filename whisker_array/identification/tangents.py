@@ -19,13 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whisker_array.identification.bench import DRAWN, Bench, Unknown, of_screw, of_whisker, screw_ways
-from whisker_array.identification.forward import STEPS, Forward
+from whisker_array.identification.forward import Forward
 from whisker_array.whisker.shapes import LShaped, TipModel
 
 MOST_SIGMAS = 150.0
 """What a number may do to a sample, in sigmas for each standard deviation before: more, and the tip has jumped."""
-LEAST_RADIUS_STEP = 0.5
-"""A tip's radius is felt through the grid: a difference across several of its samples, in standard deviations."""
 _PROBE = 1e-3
 """Of a difference of the tip's own numbers, which are smooth: in standard deviations before."""
 _SHAPE = 4
@@ -72,18 +70,17 @@ def jacobian_of(
     vector, names = at.vector(), list(Unknown)
     out = [np.zeros((p.size, vector.size)) for p in here]
 
-    def differs(there: Sequence[NDArray[np.float64]], sds: float) -> list[NDArray[np.float64]]:
-        """What a step of so many standard deviations does, for each of them."""
-        by = [(t - p) / sds for t, p in zip(there, here, strict=True)]
+    def differs(there: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+        """What a step of `reach` does, for each standard deviation."""
+        by = [(t - p) / reach for t, p in zip(there, here, strict=True)]
         return [np.where(np.abs(b) > MOST_SIGMAS * s, 0.0, b) for b, s in zip(by, sigma, strict=True)]
 
     for i, name in enumerate(names):
         if not free[i] or name in DRAWN:
             continue
-        sds = max(reach, LEAST_RADIUS_STEP) if name is Unknown.RADIUS else reach
         step = np.zeros(vector.size)
-        step[i] = sds * before[i]
-        for k, by in enumerate(differs(forward.moments(Bench.of_vector(vector + step)), sds)):
+        step[i] = reach * before[i]
+        for k, by in enumerate(differs(forward.moments(Bench.of_vector(vector + step)))):
             out[k][:, i] = by / before[i]
     drawn = np.array([i for i, name in enumerate(names) if free[i] and name in DRAWN], dtype=np.intp)
     by_factor = np.zeros(drawn.size)
@@ -95,12 +92,11 @@ def jacobian_of(
                 continue
             moved = q.copy()
             moved[j] += reach * sd[j]
-            for k, by in enumerate(differs(forward.moments(at, tip=tip_of_numbers(moved)), reach)):
+            for k, by in enumerate(differs(forward.moments(at, tip=tip_of_numbers(moved)))):
                 out[k][:, drawn] += np.outer(by / sd[j], by_drawn[j] / before[drawn])
         by_factor = by_drawn[_SHAPE] / (q[_SHAPE] * before[drawn])
-    for k, (trace, pressed) in enumerate(zip(forward.traces, forward.pressed(at), strict=True)):
+    for k, (trace, (signal, units)) in enumerate(zip(forward.traces, forward.pressed(at), strict=True)):
         own = of_whisker(trace.whisker, n_whiskers=at.gain.size)
-        units, signal = forward.units(trace, pressed), pressed[::STEPS]
         out[k][:, drawn] += np.outer(signal, by_factor)
         out[k][:, own] = np.stack([signal / at.gain[trace.whisker], *units], axis=1)
         # a screw that is ahead is a piece that lies as much behind

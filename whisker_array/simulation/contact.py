@@ -25,6 +25,7 @@ sample.
 from __future__ import annotations
 
 import math
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,30 @@ from whisker_array.simulation.threads import in_threads
 from whisker_array.simulation.traces import Traces
 from whisker_array.whisker.sections import WhiskerError
 from whisker_array.whisker.shapes import TipModel
+
+
+@dataclass(frozen=True)
+class Laid:
+    """How a surface lies under traces whose grid is not its own, tilted a little, and changed::
+
+        h(x, z) = H(u, v) + share D(u, v) + rise + along x + across z
+        u, v = column_mm . (1, x, z), row_mm . (1, x, z)
+
+    The fields of such a surface are (rows, cols, 6): height and slopes of H, and those of D.
+
+    Attributes:
+        column_mm: where a place of the trace frame lies along the grid's columns.
+        row_mm: and along its rows.
+        tilt: (rise_mm, along, across), added to the heights.
+        share: of D that is added.
+        friction: Coulomb coefficient.
+    """
+
+    column_mm: tuple[float, float, float]
+    row_mm: tuple[float, float, float]
+    tilt: tuple[float, float, float]
+    share: float
+    friction: float
 
 
 def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
@@ -59,6 +84,7 @@ def trace_contact(
     n_samples: int,
     preload_mm: float,
     nominal_friction: float,
+    laid: Laid | None = None,
 ) -> Traces:
     """Trace parallel lines over an oriented surface (see `surface.orient`), each whisker from rest.
 
@@ -71,6 +97,7 @@ def trace_contact(
         n_samples: samples a line.
         preload_mm: d0, mm.
         nominal_friction: friction at which the stage was set up (for the lag on the land).
+        laid: how the surface lies; in the trace frame unless given.
 
     Raises:
         WhiskerError: preload or step not positive.
@@ -87,13 +114,14 @@ def trace_contact(
     lag = land_lag_mm(tip, preload_mm=preload_mm, friction=nominal_friction)
     top = surface.yielding
     fields, yielding = read_only(surface.fields), None if top is None else read_only(top)
+    lies = None if laid is None else astuple(laid)
     of_tip = [read_only(a) for a in (tip.stiffness_n_per_mm, tip.compliance_mm_per_n, tip.moment_arm_mm)]
 
     def trace(first: int, last: int) -> None:
         for block in range(first, last):
             some = slice(block * ABREAST, (block + 1) * ABREAST)
             trace_abreast(
-                fields, yielding, surface.pitch_mm, lines[some], float(start_mm), float(step_mm), lag,
+                fields, yielding, lies, surface.pitch_mm, lines[some], float(start_mm), float(step_mm), lag,
                 float(preload_mm), *of_tip, moment[some], flags[some],
             )  # fmt: skip
 

@@ -47,6 +47,28 @@ def _look_up(fields, x, z, inv_pitch):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _look_up_laid(fields, x, z, inv_pitch, laid):  # type: ignore[no-untyped-def]
+    """The same of a surface whose grid is not that of the traces (`contact.Laid`)."""
+    (o, ox, oz), (s, sx, sz), (rise, along, across), share, mu = laid
+    rows, cols = fields.shape[0], fields.shape[1]
+    u = min(max((o + ox * x + oz * z) * inv_pitch, 0.0), cols - 1.001)
+    v = min(max((s + sx * x + sz * z) * inv_pitch, 0.0), rows - 1.001)
+    c, r = int(u), int(v)
+    fu, fv = u - c, v - r
+    w00, w01 = (1.0 - fu) * (1.0 - fv), fu * (1.0 - fv)
+    w10, w11 = (1.0 - fu) * fv, fu * fv
+    a, b = fields[r, c], fields[r, c + 1]
+    e, g = fields[r + 1, c], fields[r + 1, c + 1]
+    h = w00 * a[0] + w01 * b[0] + w10 * e[0] + w11 * g[0]
+    p = w00 * a[1] + w01 * b[1] + w10 * e[1] + w11 * g[1]
+    q = w00 * a[2] + w01 * b[2] + w10 * e[2] + w11 * g[2]
+    h += share * (w00 * a[3] + w01 * b[3] + w10 * e[3] + w11 * g[3])
+    p += share * (w00 * a[4] + w01 * b[4] + w10 * e[4] + w11 * g[4])
+    q += share * (w00 * a[5] + w01 * b[5] + w10 * e[5] + w11 * g[5])
+    return h + rise + along * x + across * z, ox * p + sx * q + along, oz * p + sz * q + across, mu
+
+
+@inlined
 def _sink(h, p, q, top, give, last, load, pitch):  # type: ignore[no-untyped-def]
     """Height and slopes of the track between bottom (h, p, q) and top, the thickness, and which part is the track's.
 
@@ -93,11 +115,12 @@ def _sinking_step(K, track, top, kappa, friction, rest, turning):  # type: ignor
 
 
 @kernel(allow=FAST)
-def trace_abreast(fields, top, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
+def trace_abreast(fields, top, laid, pitch, z_free, start, step, lag, d0, K, D, arm, moment, flags):  # type: ignore[no-untyped-def]
     """A few whiskers' lines, sample by sample; the state (previous tips) lives here, so that blocks run in parallel.
 
     An iteration is one long chain of roots and quotients; those of several lines do not wait for each other.
-    `top` is None without yielding dirt: numba then leaves out all that concerns it as it compiles.
+    `top` is None without yielding dirt, `laid` where the grid is that of the traces: numba then leaves out all that
+    concerns them as it compiles.
     """
     inv_pitch = 1.0 / pitch
     cols = fields.shape[1]
@@ -131,7 +154,10 @@ def trace_abreast(fields, top, pitch, z_free, start, step, lag, d0, K, D, arm, m
             for a in range(left):
                 i = active[a]
                 x, z, xp, zp = tip[i, 0], tip[i, 1], before[i, 0], before[i, 1]
-                h, p, q, mu = _look_up(fields, x, z, inv_pitch)
+                if laid is None:
+                    h, p, q, mu = _look_up(fields, x, z, inv_pitch)
+                else:
+                    h, p, q, mu = _look_up_laid(fields, x, z, inv_pitch, laid)
                 if top is not None:
                     load = carried[i, 1]
                     kappa, kappa_x, kappa_z, near = _look_up(top[:, :, 3:], x, z, inv_pitch)
@@ -207,7 +233,7 @@ def trace_abreast(fields, top, pitch, z_free, start, step, lag, d0, K, D, arm, m
             left = still
             if left == 0:
                 break
-        outside = x_command < 0.0 or x_command > (cols - 1) * pitch
+        outside = laid is None and (x_command < 0.0 or x_command > (cols - 1) * pitch)
         for i in range(n):
             flags[i, j] = _OUTSIDE if outside else np.uint8(0)
         for a in range(left):

@@ -12,7 +12,7 @@ from glyphs.surface.pieces import Piece, PieceKind
 from tests.support.benches import recorded, worn
 from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, known_before, nominal_bench
 from whisker_array.identification.fit import IdentifyError, identify
-from whisker_array.identification.strips import heights_of
+from whisker_array.identification.piece_map import heights_of
 from whisker_array.identification.telling import not_apart, remedies, untold
 from whisker_array.scan.calibration import Calibration
 from whisker_array.whisker.defaults import default_whisker

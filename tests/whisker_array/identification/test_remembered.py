@@ -48,10 +48,7 @@ def test_what_memory_adds_is_creep_and_lag_of_what_is_told() -> None:
         pressed = calibrated_moments(plain, before)
         added = calibrated_moments(held, sweep) - pressed
         lags = [
-            [
-                lagged(line, play_n_mm=plays, largest_n_mm=largest)
-                for line, plays in zip(one, begun, strict=True)
-            ]
+            lagged(one, play_n_mm=begun, largest_n_mm=largest)
             for one, begun in zip(pressed, found.play_n_mm, strict=True)
         ]
         answer = CREEP * found.crept_n_mm + LAG * np.array(lags)

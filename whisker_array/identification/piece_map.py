@@ -1,0 +1,136 @@
+r"""The piece as a map, and how it lies under the lines that were felt.
+
+    plate --shift, yaw--> piece --ASKEW_RAD--> map         trace --direction--> plate
+
+The grid lies askew, so that a wall of the piece crosses it at all phases, and its error is another one on every line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.maps import HeightMap, MapError, TraceDirection
+from whisker_array.identification.bench import Bench, Unknown
+from whisker_array.simulation.contact import Laid
+from whisker_array.simulation.dilation import dilate_by_ball
+from whisker_array.simulation.surface import TouchSurface, fields_of
+from whisker_array.simulation.threads import in_threads
+from whisker_array.whisker.passes import SweepPlan
+
+Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+"""Height over the land, mm, at places of the piece, x and y in mm."""
+MARGIN_MM = 1.0
+"""Of a map around its lines: as far as a piece is moved, and a tip slips."""
+ASKEW_RAD = 0.05
+_TOGETHER = 16
+"""Rows whose heights stay in the cache."""
+WIDER = 0.1
+"""Of a tip's radius: across that much what is felt changes as good as in proportion, and the grid has no say."""
+
+
+def heights_of(surface: HeightMap) -> Heights:
+    """Those of a map, between its samples too; beyond it as at its rim.
+
+    Raises:
+        MapError: a map with holes.
+    """
+    if np.isnan(surface.z_mm).any():
+        raise MapError("the piece's map has places that were not measured", hint="fill them, or cut them off")
+    rows, cols = surface.shape
+
+    def at(x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        from scipy.ndimage import map_coordinates
+
+        places = np.broadcast_arrays(
+            np.clip(y_mm / surface.pitch_mm, 0, rows - 1), np.clip(x_mm / surface.pitch_mm, 0, cols - 1)
+        )
+        return np.asarray(map_coordinates(surface.z_mm, places, order=1, mode="nearest"), dtype=np.float64)
+
+    return at
+
+
+class PieceMap:
+    """The piece as the tip feels it, its grid askew.
+
+    Neither pose nor direction asks for another map, and small changes of the tip do not (`contact.Laid`).
+
+    Attributes:
+        surface: heights, and what a tip wider by `WIDER` adds.
+    """
+
+    def __init__(
+        self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float
+    ) -> None:
+        """Lay the map.
+
+        Args:
+            heights: of the piece.
+            plans: whose lines run over it.
+            about: the bench, whose tip the map is for, and near whose pose it is looked at.
+            grid_mm: of the map.
+        """
+        corners = np.array([corner for plan in plans for corner in _corners_mm(plan)])
+        askew = _turn(ASKEW_RAD) @ (_turn(math.radians(about[Unknown.YAW])) @ (corners - _shift_mm(about)).T)
+        self._origin = askew.min(axis=1) - MARGIN_MM
+        self._radius_mm = about[Unknown.RADIUS]
+        u_mm, v_mm = (
+            np.arange(low, high, grid_mm)
+            for low, high in zip(self._origin, askew.max(axis=1) + MARGIN_MM, strict=True)
+        )
+        back = _turn(-ASKEW_RAD)
+        bare = np.empty((v_mm.size, u_mm.size), dtype=np.float32)
+
+        def fill(first: int, last: int) -> None:
+            for few in range(first, last, _TOGETHER):
+                v = v_mm[few : min(few + _TOGETHER, last), None]
+                bare[few : few + v.size] = heights(*(row[0] * u_mm + row[1] * v for row in back))
+
+        in_threads(fill, v_mm.size)
+
+        def felt_by(radius_mm: float) -> NDArray[np.float32]:
+            dilated = dilate_by_ball(bare, pitch_mm=grid_mm, radius_mm=radius_mm)
+            return fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=grid_mm)[..., :3]
+
+        felt = felt_by(self._radius_mm)
+        fields = np.empty((*bare.shape, 6), dtype=np.float32)
+        fields[..., :3] = felt
+        np.subtract(felt_by((1.0 + WIDER) * self._radius_mm), felt, out=fields[..., 3:])
+        self.surface = TouchSurface(fields, np.zeros((1, 1), dtype=np.bool_), grid_mm)
+
+    def laid(self, direction: TraceDirection, bench: Bench) -> Laid:
+        """How the map lies under traces of a direction: x as the plate has it, or against it, z as the plate has it."""
+        way = -1.0 if direction.backward else 1.0
+        plate_from_trace = np.array([[way, 0.0], [0.0, 1.0]] if direction.along_x else [[0.0, 1.0], [way, 0.0]])
+        map_from_plate = _turn(ASKEW_RAD + math.radians(bench[Unknown.YAW]))
+        turn = map_from_plate @ plate_from_trace
+        at = -map_from_plate @ _shift_mm(bench) - self._origin
+        rises = 1e-3 * np.array([bench[Unknown.TILT_X], bench[Unknown.TILT_Y]]) @ plate_from_trace
+        column, row = np.concatenate([at[:, None], turn], axis=1).tolist()
+        return Laid(
+            column_mm=tuple(column),
+            row_mm=tuple(row),
+            tilt=(0.0, *rises.tolist()),
+            share=(bench[Unknown.RADIUS] / self._radius_mm - 1.0) / WIDER,
+            friction=bench[Unknown.FRICTION],
+        )
+
+
+def _turn(by_rad: float) -> NDArray[np.float64]:
+    """(2, 2): places of the plate in the frame of what lies on it turned by so much."""
+    c, s = math.cos(by_rad), math.sin(by_rad)
+    return np.array([[c, s], [-s, c]])
+
+
+def _shift_mm(bench: Bench) -> NDArray[np.float64]:
+    return np.array([bench[Unknown.SHIFT_X], bench[Unknown.SHIFT_Y]])
+
+
+def _corners_mm(plan: SweepPlan) -> list[tuple[float, float]]:
+    """(x, y) on the plate of the ends of its outermost lines."""
+    ends = plan.position_mm()[[0, -1]]
+    sides = float(plan.line_mm.min()), float(plan.line_mm.max())
+    return [(end, side) if plan.direction.along_x else (side, end) for end in ends for side in sides]
