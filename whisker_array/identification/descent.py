@@ -7,14 +7,14 @@ recording hardly tells is moved by steps of its own, for a whole one is stopped 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from whisker_array.identification.bench import Bench, Unknown, of_screw
 from whisker_array.identification.forward import Forward
-from whisker_array.identification.misses import Loss, residuals
+from whisker_array.identification.misses import Loss, innovations, residuals
 from whisker_array.identification.tangents import jacobian_of
 from whisker_array.whisker.sections import WhiskerError
 
@@ -37,6 +37,7 @@ def descended(
     free: NDArray[np.bool_],
     sigma: Sequence[NDArray[np.float64]],
     *,
+    scatter_n_mm: float,
     loss: Loss,
     reach: float,
     blur_mm: float = 0.0,
@@ -50,6 +51,7 @@ def descended(
         before: (n,) standard deviations of the numbers before.
         free: (n,) those to be found.
         sigma: (samples,) of every trace.
+        scatter_n_mm: of a sample.
         loss: of residuals.
         reach: of differences (`jacobian_of`).
         blur_mm: over which the signal is averaged.
@@ -70,9 +72,14 @@ def descended(
         screws[of_screw(before.size, along_x=along_x)] = True
     factor = linear & (np.arange(before.size) < len(Unknown) + start.gain.size)
 
+    def seen(values: Iterable[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+        return [
+            innovations(_averaged(v, width), s, scatter=scatter_n_mm)
+            for v, width, s in zip(values, widths, sigma, strict=True)
+        ]
+
     def missed(predicted: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-        residual = residuals(forward.traces, predicted)
-        return [_averaged(r, w) / s for r, w, s in zip(residual, widths, sigma, strict=True)]
+        return seen(residuals(forward.traces, predicted))
 
     def cost(bench: Bench, predicted: list[NDArray[np.float64]]) -> float:
         misses = sum(loss.of(r) for r in missed(predicted))
@@ -94,10 +101,7 @@ def descended(
     now = cost(at, here)
     for _ in range(MOST_STEPS):
         jacobian = jacobian_of(forward, at, before, free, here, sigma, reach=reach)
-        scaled = [
-            _averaged(j[:, free], width) * before[free] / s[:, None]
-            for j, width, s in zip(jacobian, widths, sigma, strict=True)
-        ]
+        scaled = seen(j[:, free] * before[free] for j in jacobian)
         curvature = np.eye(int(free.sum()))
         downhill = np.zeros(int(free.sum()))
         for j, r in zip(scaled, missed(here), strict=True):

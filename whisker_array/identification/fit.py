@@ -12,7 +12,7 @@ told is the mean of where the descent rests on several grids, and their scatter 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,7 +36,7 @@ from whisker_array.identification.bench import (
 from whisker_array.identification.certainty import COARSER, Fitted
 from whisker_array.identification.descent import descended
 from whisker_array.identification.forward import GRID_MM, Forward
-from whisker_array.identification.misses import Loss, residuals, sample_sigma_n_mm
+from whisker_array.identification.misses import Loss, innovations, residuals, sample_sigma_n_mm
 from whisker_array.identification.remembered import LARGEST_LANDS
 from whisker_array.identification.piece_map import Heights
 from whisker_array.identification.tangents import jacobian_of
@@ -185,7 +185,9 @@ def identify(
     def cut(about: Bench, coarser: float, lines: int | tuple[Trace, ...]) -> Forward:
         forward = Forward(
             heights,
-            traces_of(scan, about=about, largest_n_mm=largest_n_mm, most=lines) if isinstance(lines, int) else lines,
+            traces_of(scan, about=about, largest_n_mm=largest_n_mm, most=lines)
+            if isinstance(lines, int)
+            else lines,
             nominal=whisker,
             about=about,
             setup_friction=scan.touch.friction,
@@ -208,7 +210,16 @@ def identify(
             for t in forward.traces
         ]
         found, settled = descended(
-            forward, found, nominal, before, stage, sigma, loss=loss, reach=REACH, blur_mm=blur_mm
+            forward,
+            found,
+            nominal,
+            before,
+            stage,
+            sigma,
+            scatter_n_mm=scatter,
+            loss=loss,
+            reach=REACH,
+            blur_mm=blur_mm,
         )
     rested = []
     for coarser, lines in LAST:
@@ -226,21 +237,33 @@ def identify(
             for t, off in zip(forward.traces, by_grid, strict=True)
         ]
         found, settled = descended(
-            forward, found, nominal, before, free, sigma, loss=Loss.BOUNDED, reach=SMALL_REACH
+            forward,
+            found,
+            nominal,
+            before,
+            free,
+            sigma,
+            scatter_n_mm=scatter,
+            loss=Loss.BOUNDED,
+            reach=SMALL_REACH,
         )
         rested.append(found.vector())
     found = Bench.of_vector(np.mean(rested[-AVERAGED:], axis=0))
     dents = np.cov(rested[-AVERAGED:], rowvar=False) / AVERAGED
     traces = forward.traces
     predicted = forward.moments(found)
-    missed = [r / s for r, s in zip(residuals(traces, predicted), sigma, strict=True)]
+
+    def seen(values: Iterable[NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
+        return tuple(innovations(v, s, scatter=scatter) for v, s in zip(values, sigma, strict=True))
+
+    missed = seen(residuals(traces, predicted))
     jacobian = jacobian_of(forward, found, before, free, predicted, sigma, reach=SMALL_REACH)
     fitted = Fitted(
         traces=traces,
-        jacobian=tuple(j / s[:, None] for j, s in zip(jacobian, sigma, strict=True)),
-        missed=tuple(missed),
+        jacobian=seen(jacobian),
+        missed=missed,
         weight=tuple(Loss.BOUNDED.weight(r) for r in missed),
-        by_grid=tuple(g / s for g, s in zip(by_grid, sigma, strict=True)),
+        by_grid=seen(by_grid),
         before=before,
         free=free,
     )

@@ -61,9 +61,7 @@ class Forward:
         self._sweeps = [
             _Sweep.of(list(sweep)) for _, sweep in groupby(self.traces, key=lambda trace: id(trace.plan))
         ]
-        self._piece = PieceMap(
-            heights, [sweep.plan for sweep in self._sweeps], about=about, grid_mm=grid_mm
-        )
+        self._piece = PieceMap(heights, [sweep.plan for sweep in self._sweeps], about=about, grid_mm=grid_mm)
 
     def moments(self, bench: Bench, *, tip: TipModel | None = None) -> list[NDArray[np.float64]]:
         """(samples,) of every trace, N mm: what the tip presses, and what its gauge makes of that.

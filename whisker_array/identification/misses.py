@@ -1,17 +1,34 @@
-"""What a fit makes of the difference between what was felt and what is predicted."""
+r"""What a fit makes of the difference between what was felt and what is predicted.
+
+    felt - predicted = level + scatter,     level(n) = level(n - 1) + step,     sd of a step: WALK of the scatter
+
+The level is what a gauge remembers otherwise than predicted: a peak between two samples moves its plays, and all that
+follows in the pass is read a thousandth off. Innovations of the Kalman filter of such a walk scatter independently
+(A. C. Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 1989, 4.1)::
+
+    e = (v - l) / sqrt(P + sigma^2),     g = P / (P + sigma^2),     l += g (v - l),     P = P (1 - g) + step^2
+
+They are linear in v, and what each number does to a prediction is seen through the same filter.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from glyphs.compiled import CONTRACTED, kernel, read_only
 from whisker_array.identification.traces import Trace
 
 PLACE_MM = 0.005
 """By how much a stage's place is off: screws that are bought wave by as much with every turn."""
+WALK = 0.03
+"""What a level walks between two samples, in parts of their scatter: measured on benches whose numbers are known."""
+BEGINS = 0.5
+"""How far a level is off where a pass begins, in parts of the scatter of a sample."""
 FEW = 4.0
 """Sigmas beyond which a residual is no scatter."""
 
@@ -40,12 +57,46 @@ class Loss(Enum):
 
 
 def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float) -> NDArray[np.float64]:
-    """(samples,) uncertainty of each sample: its scatter, and what a place a little off makes of it."""
+    """(samples,) uncertainty of each: its scatter, and what a place a little off makes of it; inf where not used."""
     step = np.abs(np.diff(np.nan_to_num(trace.felt_n_mm, nan=0.0), prepend=np.nan, append=np.nan))
     steepest = np.fmax(step[1:], step[:-1]) / trace.plan.step_mm
-    return np.asarray(np.hypot(scatter_n_mm, PLACE_MM * np.nan_to_num(steepest)))
+    sigma = np.hypot(scatter_n_mm, PLACE_MM * np.nan_to_num(steepest))
+    return np.asarray(np.where(np.isnan(trace.felt_n_mm), np.inf, sigma))
 
 
 def residuals(traces: Sequence[Trace], predicted: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     """(samples,) of every trace, 0 where it is not to be used."""
     return [np.nan_to_num(t.felt_n_mm - p, nan=0.0) for t, p in zip(traces, predicted, strict=True)]
+
+
+def innovations(
+    values: NDArray[np.float64], sigma: NDArray[np.float64], *, scatter: float
+) -> NDArray[np.float64]:
+    """The module's e of a trace's misses, or of what numbers do to it; 0 where a sample is not used.
+
+    Args:
+        values: (samples,) or (samples, n), N mm.
+        sigma: (samples,) uncertainty of each, inf where it is not used.
+        scatter: of a sample, of which a level walks a part.
+    """
+    given = np.ascontiguousarray(values.reshape(sigma.size, -1), dtype=np.float64)
+    found = np.empty_like(given)
+    _innovations(read_only(given), read_only(sigma), (BEGINS * scatter) ** 2, (WALK * scatter) ** 2, found)
+    return found.reshape(values.shape)
+
+
+@kernel(allow=CONTRACTED)
+def _innovations(values, sigma, spread, step, out):  # type: ignore[no-untyped-def]
+    level = np.zeros(values.shape[1])
+    for k in range(values.shape[0]):
+        if math.isinf(sigma[k]):
+            out[k, :] = 0.0
+        else:
+            whole = spread + sigma[k] * sigma[k]
+            root, gain = 1.0 / math.sqrt(whole), spread / whole
+            for c in range(level.size):
+                off = values[k, c] - level[c]
+                out[k, c] = off * root
+                level[c] += gain * off
+            spread *= 1.0 - gain
+        spread += step

@@ -62,9 +62,7 @@ class PieceMap:
         surface: heights, and what a tip wider by `WIDER` adds.
     """
 
-    def __init__(
-        self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float
-    ) -> None:
+    def __init__(self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float) -> None:
         """Lay the map.
 
         Args:
@@ -104,7 +102,9 @@ class PieceMap:
     def laid(self, direction: TraceDirection, bench: Bench) -> Laid:
         """How the map lies under traces of a direction: x as the plate has it, or against it, z as the plate has it."""
         way = -1.0 if direction.backward else 1.0
-        plate_from_trace = np.array([[way, 0.0], [0.0, 1.0]] if direction.along_x else [[0.0, 1.0], [way, 0.0]])
+        plate_from_trace = np.array(
+            [[way, 0.0], [0.0, 1.0]] if direction.along_x else [[0.0, 1.0], [way, 0.0]]
+        )
         map_from_plate = _turn(ASKEW_RAD + math.radians(bench[Unknown.YAW]))
         turn = map_from_plate @ plate_from_trace
         at = -map_from_plate @ _shift_mm(bench) - self._origin
