@@ -18,8 +18,8 @@ from whisker_array.identification.bench import (
     nominal_bench,
     of_screw,
 )
-from whisker_array.identification.promises import Knowledge
 from whisker_array.identification.piece_map import Heights
+from whisker_array.identification.promises import Knowledge
 from whisker_array.scan.calibration import Calibration
 from whisker_array.scan.scan import Scan, trace_scan
 from whisker_array.scan.sensor import draw_sensor_chain

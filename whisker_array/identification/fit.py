@@ -37,8 +37,8 @@ from whisker_array.identification.certainty import COARSER, Fitted
 from whisker_array.identification.descent import descended
 from whisker_array.identification.forward import GRID_MM, Forward
 from whisker_array.identification.misses import Loss, innovations, residuals, sample_sigma_n_mm
-from whisker_array.identification.remembered import LARGEST_LANDS
 from whisker_array.identification.piece_map import Heights
+from whisker_array.identification.remembered import LARGEST_LANDS
 from whisker_array.identification.tangents import jacobian_of
 from whisker_array.identification.traces import Trace, traces_of
 from whisker_array.scan.scan import Scan

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whisker_array.identification.bench import Bench, Unknown, screw_ways
-from whisker_array.identification.remembered import lagged
 from whisker_array.identification.piece_map import Heights, PieceMap
+from whisker_array.identification.remembered import lagged
 from whisker_array.identification.traces import JAM_LANDS, Trace, without_jams
 from whisker_array.simulation.contact import trace_contact
 from whisker_array.whisker.passes import SweepPlan
