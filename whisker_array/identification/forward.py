@@ -91,7 +91,8 @@ class Forward:
         """
         touch = bench.touch(self.nominal)
         tip = touch.tip if tip is None else tip
-        pushed, found = tip.pushed(), []
+        pushed = tip.pushed()
+        found: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
         for sweep in self._sweeps:
             plan = sweep.plan
             traced = trace_contact(
@@ -177,5 +178,5 @@ def _met(traces: Iterable[Trace]) -> NDArray[np.float64]:
 def _screw_ways(plan: SweepPlan) -> NDArray[np.float64]:
     """(STEPS (samples - 1) + 1, 1 + 2 leads): by how many steps each number of the screw puts a sweep's tips ahead."""
     sign, step_mm = -1.0 if plan.direction.backward else 1.0, plan.step_mm / STEPS
-    at_mm = sign * step_mm * np.arange(STEPS * (plan.n_samples - 1) + 1)
+    at_mm = sign * step_mm * np.arange(STEPS * (plan.n_samples - 1) + 1, dtype=np.float64)
     return sign / step_mm * screw_ways(plan.start_mm + at_mm)
