@@ -4,6 +4,7 @@ r"""The bench that a recording speaks of: least squares on the contact simulatio
 
     sigma^2 = scatter of a sample^2 + (PLACE_MM dm/du)^2 + (what a wider grid changes)^2
 
+felt - predicted is what a level that walks on leaves of it (`misses`).
 The second sum is what the workshop knew before (`bench.known_before`), without which many numbers could not be told
 apart; how sure they are, `certainty` says. At edges a sample is as uncertain as its place, for a pass does not come
 back to its line; what a screw does to all passes alike is among the numbers. The sum is rough, as contact is: what is
@@ -51,11 +52,12 @@ STAGES = (
     (0.0, 4.0, 96, Loss.HUBER, tuple(Unknown)),
     (0.0, 2.0, 96, Loss.BOUNDED, tuple(Unknown)),
 )
-"""What is fitted one after the other: mm over which the signal is averaged, how much coarser maps are, the loss, and
-numbers beside those of each whisker. A piece that lies a wall's width off would else be explained by anything. Strips
-are cut for the pose found so far, and what gauges remember is told by the bench found so far."""
+"""What is fitted one after the other: mm over which the signal is averaged, how much coarser the map is, how many lines,
+the loss, and numbers beside those of each whisker. A piece that lies a wall's width off would else be explained by
+anything. Maps are laid for the tip found so far, and what gauges remember is told by the bench found so far."""
 LAST = ((2.0, 96), (1.3, 288), (1.15, 288), (1.0, 288))
-"""How much coarser maps are in the end, where a sample is as uncertain, too, as a grid twice as wide makes it."""
+"""How much coarser the map is in the end, and how many lines; a sample is as uncertain, too, as a grid twice as wide
+makes it. Three times the lines leave angle and radius two thirds as uncertain."""
 AVERAGED = 3
 """So many of the last are averaged: contact is rough, and on each grid the descent rests in a dent of its own."""
 REACH, SMALL_REACH = 0.3, 0.03
@@ -182,12 +184,13 @@ def identify(
         free[of_screw(before.size, along_x=along_x)] = True
     scatter = _scatter_n_mm(traces)
 
-    def cut(about: Bench, coarser: float, lines: int | tuple[Trace, ...]) -> Forward:
+    def lines_of(about: Bench, most: int) -> tuple[Trace, ...]:
+        return traces_of(scan, about=about, largest_n_mm=largest_n_mm, most=most)
+
+    def laid(about: Bench, coarser: float, lines: tuple[Trace, ...]) -> Forward:
         forward = Forward(
             heights,
-            traces_of(scan, about=about, largest_n_mm=largest_n_mm, most=lines)
-            if isinstance(lines, int)
-            else lines,
+            lines,
             nominal=whisker,
             about=about,
             setup_friction=scan.touch.friction,
@@ -198,13 +201,13 @@ def identify(
         return forward
 
     found, settled = nominal, False
-    for blur_mm, coarser, lines, loss, names in STAGES:
+    for blur_mm, coarser, most, loss, names in STAGES:
         stage = free.copy()
         stage[: len(Unknown)] &= [name in names for name in Unknown]
         if blur_mm:
             # memory and screws would be made of walls that are not yet in their place
             stage[len(Unknown) + scan.n_whiskers :] = False
-        forward = cut(found, coarser, lines)
+        forward = laid(found, coarser, lines_of(found, most))
         sigma = [
             np.full(t.felt_n_mm.size, scatter) if blur_mm else sample_sigma_n_mm(t, scatter)
             for t in forward.traces
@@ -222,13 +225,13 @@ def identify(
             blur_mm=blur_mm,
         )
     rested = []
-    for coarser, lines in LAST:
-        forward = cut(found, coarser, lines)
+    for coarser, most in LAST:
+        forward = laid(found, coarser, lines_of(found, most))
         by_grid = [
             p - wide
             for p, wide in zip(
                 forward.moments(found),
-                cut(found, COARSER * coarser, forward.traces).moments(found),
+                laid(found, COARSER * coarser, forward.traces).moments(found),
                 strict=True,
             )
         ]

@@ -25,7 +25,7 @@ _BLOCK = 64
 
 
 def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: float) -> NDArray[np.float32]:
-    """Height of the lowest point of a ball tip resting on the surface, (..., rows, cols) float32, mm.
+    """Height of the lowest point of a ball tip resting on the surface, (rows, cols) float32, mm.
 
     The ball is evaluated at the grid's own offsets, so its bottom is exact and its flank is sampled; a radius
     below one pitch therefore leaves the surface as it is. Beyond the rim the surface goes on as it is there.
@@ -47,14 +47,12 @@ def dilate_by_ball(z_mm: NDArray[np.float32], *, pitch_mm: float, radius_mm: flo
     square = radius_mm**2 - (offsets[:, None] ** 2 + offsets**2) * pitch_mm**2
     lift = (np.sqrt(np.maximum(square, 0.0)) - radius_mm).astype(np.float32)
     half = (square >= 0.0).sum(axis=1) // 2
-    rows, cols = z_mm.shape[-2:]
-    around = [(0, 0)] * (z_mm.ndim - 2) + [(reach, reach)] * 2
-    padded = np.pad(np.asarray(z_mm, dtype=np.float32), around, mode="edge").reshape(-1, cols + 2 * reach)
-    highest = _highest(padded, reach, cols)
-    out = np.array(z_mm, dtype=np.float32).reshape(-1, cols)
-    given = read_only(padded), read_only(lift), read_only(half), read_only(highest), reach, rows, out
-    in_threads(lambda first, last: _dilate(first, last, *given), out.shape[0])
-    return out.reshape(z_mm.shape)
+    padded = np.pad(np.ascontiguousarray(z_mm, dtype=np.float32), reach, mode="edge")
+    highest = _highest(padded, reach, z_mm.shape[1])
+    out = np.array(z_mm, dtype=np.float32)
+    given = read_only(padded), read_only(lift), read_only(half), read_only(highest), reach, out
+    in_threads(lambda first, last: _dilate(first, last, *given), z_mm.shape[0])
+    return out
 
 
 @kernel()
@@ -69,12 +67,11 @@ def _highest(padded, reach, cols):  # type: ignore[no-untyped-def]
 
 
 @kernel(allow=FAST)
-def _dilate(first, last, padded, lift, half, highest, reach, rows, out):  # type: ignore[no-untyped-def]
-    for of_out in range(first, last):
-        r = of_out + 2 * reach * (of_out // rows)  # each map has been padded by itself
+def _dilate(first, last, padded, lift, half, highest, reach, out):  # type: ignore[no-untyped-def]
+    for r in range(first, last):
         for left in range(0, out.shape[1], _BLOCK):
             right = min(left + _BLOCK, out.shape[1])
-            here = out[of_out, left:right]
+            here = out[r, left:right]
             # on top of all around it the ball stands on the very place
             if here.min() >= highest[r : r + 2 * reach + 1, left // _BLOCK].max():
                 continue

@@ -17,7 +17,7 @@ from glyphs.soiling.soil import Soil
 from glyphs.stamping.die import Face
 from glyphs.surface.maps import HeightMap
 from whisker_array.scan.scan import trace_scan
-from whisker_array.simulation.contact import land_lag_mm, trace_contact
+from whisker_array.simulation.contact import Laid, land_lag_mm, trace_contact
 from whisker_array.simulation.contact_kernel import ABREAST
 from whisker_array.simulation.pointwise import trace_pointwise
 from whisker_array.simulation.surface import TouchSurface, prepare_surface, sample_lines
@@ -404,6 +404,40 @@ def test_lines_do_not_know_of_each_other(dirty: bool) -> None:
         alone = trace(surface, RIBBON, lines=lines[i : i + 1], start=0.3, step=0.03, n=110)
         np.testing.assert_array_equal(alone.moment_n_mm[0], together.moment_n_mm[i])
         np.testing.assert_array_equal(alone.flags[0], together.flags[i])
+
+
+@pytest.mark.parametrize("turned_deg", [0.0, 3.0, 90.0, 180.0])
+def test_a_surface_laid_at_an_angle_is_felt_as_one_on_the_grid_of_the_traces(turned_deg: float) -> None:
+    """Left over: a hundredth of the land, two grids of one bump with slopes of 20 degrees."""
+    pitch, start, lines = 0.0125, 0.6, np.array([1.1, 1.4])
+    slope_x, slope_z = 0.004, -0.003
+
+    def bump(x: NDArray[np.float64], z: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(-0.25 * np.exp(-((x - 2.0) ** 2 + (z - 1.3) ** 2) / 0.5))
+
+    own = surface_of(lambda x, z: bump(x, z) + slope_x * x + slope_z * z, pitch=pitch, size=(4.0, 2.6))
+    c, s = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
+    # of the map's places in the trace frame: turned about (2, 1.3), which is (2.5, 2.5) of the map
+    there = surface_of(
+        lambda u, v: bump(2.0 + c * (u - 2.5) + s * (v - 2.5), 1.3 - s * (u - 2.5) + c * (v - 2.5)),
+        pitch=pitch, size=(5.0, 5.0),
+    )  # fmt: skip
+    half = 0.5 * there.fields[..., :3]
+    laid = Laid(
+        column_mm=(2.5 - c * 2.0 + s * 1.3, c, -s),
+        row_mm=(2.5 - s * 2.0 - c * 1.3, s, c),
+        tilt=(0.0, slope_x, slope_z),
+        share=2.0,
+        friction=MU,
+    )
+    step, n = 0.02, 140
+    felt = trace(own, WIRE, lines=lines, start=start, step=step, n=n)
+    told = trace_contact(
+        TouchSurface(np.concatenate([0.0 * half, half], axis=2), there.dropout, pitch), WIRE, lines_mm=lines,
+        start_mm=start, step_mm=step, n_samples=n, preload_mm=D0, nominal_friction=MU, laid=laid,
+    )  # fmt: skip
+    assert not told.flags.any()
+    np.testing.assert_allclose(ratio(told, WIRE), ratio(felt, WIRE), atol=0.01)
 
 
 def test_the_lag_is_that_of_the_sliding_force() -> None:
