@@ -90,7 +90,6 @@ def test_the_guide_leads_from_bench_toml_to_the_serial(
         write_bench(Path("emulated.toml"), known.settings)
         said(commands[7])
     found = said(commands[8])
-    Path("/tmp/found.txt").write_text(found)
     told = {words[0]: words for words in map(str.split, found.splitlines()) if len(words) > 3}
     # the emulated bench is as set, but its plate has samples of 0.025 mm, over whose edges a tip jumps
     assert float(told["friction"][1]) == pytest.approx(float(told["friction"][3]), abs=0.03)
