@@ -49,12 +49,12 @@ from whisker_array.whisker.touch import Touch
 STAGES = (
     (1.5, 4.0, 48, Loss.HUBER, (*POSE, Unknown.PRELOAD)),
     (0.4, 4.0, 48, Loss.HUBER, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
-    (0.0, 4.0, 96, Loss.HUBER, tuple(Unknown)),
-    (0.0, 2.0, 96, Loss.BOUNDED, tuple(Unknown)),
+    (0.0, 1.3, 96, Loss.HUBER, tuple(Unknown)),
+    (0.0, 1.3, 96, Loss.BOUNDED, tuple(Unknown)),
 )
-"""What is fitted one after the other: mm over which the signal is averaged, how much coarser the map is, how many lines,
-the loss, and numbers beside those of each whisker. A piece that lies a wall's width off would else be explained by
-anything. Maps are laid for the tip found so far, and what gauges remember is told by the bench found so far."""
+"""What is fitted one after the other: mm over which the signal is averaged, how much coarser the map is, how many
+lines, the loss, and numbers beside those of each whisker. A piece that lies a wall's width off would else be explained
+by anything. Maps are laid for the tip found so far, and what gauges remember is told by the bench found so far."""
 LAST = ((2.0, 96), (1.3, 288), (1.15, 288), (1.0, 288))
 """How much coarser the map is in the end, and how many lines; a sample is as uncertain, too, as a grid twice as wide
 makes it. Three times the lines leave angle and radius two thirds as uncertain."""

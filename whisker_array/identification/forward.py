@@ -93,10 +93,11 @@ class Forward:
         tip = touch.tip if tip is None else tip
         pushed = tip.pushed()
         found: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+        surface = self._piece.surface(self._piece.at(touch.tip_radius_mm)[0])
         for sweep in self._sweeps:
             plan = sweep.plan
             traced = trace_contact(
-                self._piece.surface,
+                surface,
                 pushed if plan.pushed else tip,
                 lines_mm=sweep.line_mm,
                 start_mm=(-1.0 if plan.direction.backward else 1.0) * plan.start_mm

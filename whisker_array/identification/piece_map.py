@@ -20,6 +20,7 @@ from whisker_array.simulation.dilation import dilate_by_ball
 from whisker_array.simulation.surface import TouchSurface, fields_of
 from whisker_array.simulation.threads import in_threads
 from whisker_array.whisker.passes import SweepPlan
+from whisker_array.whisker.sections import WhiskerError
 
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """Height over the land, mm, at places of the piece, x and y in mm."""
@@ -28,8 +29,8 @@ MARGIN_MM = 1.0
 ASKEW_RAD = 0.05
 _TOGETHER = 16
 """Rows whose heights stay in the cache."""
-WIDER = 0.1
-"""Of a tip's radius: across that much what is felt changes as good as in proportion, and the grid has no say."""
+WIDER = 0.05
+"""Of a tip's radius: across so much what is felt changes as good as in proportion, and the grid has no say."""
 
 
 def heights_of(surface: HeightMap) -> Heights:
@@ -56,10 +57,10 @@ def heights_of(surface: HeightMap) -> Heights:
 class PieceMap:
     """The piece as the tip feels it, its grid askew.
 
-    Neither pose nor direction asks for another map, and small changes of the tip do not (`contact.Laid`).
-
-    Attributes:
-        surface: heights, and what a tip wider by `WIDER` adds.
+    - Neither pose nor direction asks for another map (`contact.Laid`).
+    - Maps are made of tips each `WIDER` than the last; a tip between two feels what lies between the two maps. Beyond
+      them nothing is drawn out: what a smaller tip would feel so has notches in which tips are caught.
+    - The last two maps are kept.
     """
 
     def __init__(self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float) -> None:
@@ -74,30 +75,52 @@ class PieceMap:
         corners = np.array([corner for plan in plans for corner in _corners_mm(plan)])
         askew = _turn(ASKEW_RAD) @ (_turn(math.radians(about[Unknown.YAW])) @ (corners - _shift_mm(about)).T)
         self._origin = askew.min(axis=1) - MARGIN_MM
-        self._radius_mm = about[Unknown.RADIUS]
+        # that the map is for stands in the middle between two
+        self._radius_mm, self._grid = about[Unknown.RADIUS] / math.sqrt(1.0 + WIDER), grid_mm
         u_mm, v_mm = (
             np.arange(low, high, grid_mm)
             for low, high in zip(self._origin, askew.max(axis=1) + MARGIN_MM, strict=True)
         )
         back = _turn(-ASKEW_RAD)
-        bare = np.empty((v_mm.size, u_mm.size), dtype=np.float32)
+        self._bare = np.empty((v_mm.size, u_mm.size), dtype=np.float32)
 
         def fill(first: int, last: int) -> None:
             for few in range(first, last, _TOGETHER):
                 v = v_mm[few : min(few + _TOGETHER, last), None]
-                bare[few : few + v.size] = heights(*(row[0] * u_mm + row[1] * v for row in back))
+                self._bare[few : few + v.size] = heights(*(row[0] * u_mm + row[1] * v for row in back))
 
         in_threads(fill, v_mm.size)
+        self._maps: dict[int, TouchSurface] = {}
 
-        def felt_by(radius_mm: float) -> NDArray[np.float32]:
-            dilated = dilate_by_ball(bare, pitch_mm=grid_mm, radius_mm=radius_mm)
-            return fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=grid_mm)[..., :3]
+    def _felt_by(self, radius_mm: float) -> NDArray[np.float32]:
+        """(rows, cols, 3) height and slopes."""
+        dilated = dilate_by_ball(self._bare, pitch_mm=self._grid, radius_mm=radius_mm)
+        return fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=self._grid)[..., :3]
 
-        felt = felt_by(self._radius_mm)
-        fields = np.empty((*bare.shape, 6), dtype=np.float32)
-        fields[..., :3] = felt
-        np.subtract(felt_by((1.0 + WIDER) * self._radius_mm), felt, out=fields[..., 3:])
-        self.surface = TouchSurface(fields, np.zeros((1, 1), dtype=np.bool_), grid_mm)
+    def surface(self, step: int) -> TouchSurface:
+        """What the tip of a step feels, and what the next adds (`at`)."""
+        if step not in self._maps:
+            while len(self._maps) > 1:
+                self._maps.pop(next(iter(self._maps)))
+            radius_mm = self._radius_mm * (1.0 + WIDER) ** step
+            felt = self._felt_by(radius_mm)
+            fields = np.empty((*self._bare.shape, 6), dtype=np.float32)
+            fields[..., :3] = felt
+            np.subtract(self._felt_by(radius_mm * (1.0 + WIDER)), felt, out=fields[..., 3:])
+            self._maps[step] = TouchSurface(fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
+        return self._maps[step]
+
+    def at(self, radius_mm: float) -> tuple[int, float]:
+        """The step below a radius, and which share of the way to the next it is.
+
+        Raises:
+            WhiskerError: a radius that no tip has.
+        """
+        if not radius_mm > 0.0:
+            raise WhiskerError(f"a tip's radius is {radius_mm} mm", hint="it must be positive")
+        step = math.floor(math.log(radius_mm / self._radius_mm) / math.log1p(WIDER))
+        below_mm = self._radius_mm * (1.0 + WIDER) ** step
+        return step, (radius_mm / below_mm - 1.0) / WIDER
 
     def laid(self, direction: TraceDirection, bench: Bench) -> Laid:
         """How the map lies under traces of a direction: x as the plate has it, or against it, z as the plate has it."""
@@ -114,7 +137,7 @@ class PieceMap:
             column_mm=tuple(column),
             row_mm=tuple(row),
             tilt=(0.0, *rises.tolist()),
-            share=(bench[Unknown.RADIUS] / self._radius_mm - 1.0) / WIDER,
+            share=self.at(bench[Unknown.RADIUS])[1],
             friction=bench[Unknown.FRICTION],
         )
 
