@@ -63,6 +63,8 @@ POSE = (Unknown.SHIFT_X, Unknown.SHIFT_Y, Unknown.YAW, Unknown.TILT_X, Unknown.T
 """Of the piece under the whiskers: found each time, and no property of whisker or bench."""
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
 """Of the whisker alone, and settled when it is made."""
+FACTORS = (Unknown.STIFFNESS, Unknown.RADIUS)
+"""Gains are factors, too."""
 OF_GAUGE = ("gain", "creep", "lag")
 """Numbers that every whisker has of its own."""
 MEMORIES = len(OF_GAUGE) - 1
@@ -127,6 +129,18 @@ class Bench:
         gain, *memory = numbers[len(Unknown) : -2 * _OF_A_SCREW].reshape(1 + MEMORIES, -1)
         values = dict(zip(Unknown, map(float, numbers), strict=False))
         return cls(values, gain, np.array(memory), numbers[-2 * _OF_A_SCREW :].reshape(2, -1))
+
+    def moved(self, step: NDArray[np.float64]) -> Bench:
+        """The bench with (n,) added to its numbers in the order of `vector`; to those that are factors, as factors.
+
+        So none comes out negative, and what one of a product gains another loses to all orders.
+        """
+        numbers = self.vector()
+        factor = [list(Unknown).index(name) for name in FACTORS]
+        factor += range(len(Unknown), len(Unknown) + self.gain.size)
+        there = numbers + step
+        there[factor] = numbers[factor] * np.exp(step[factor] / numbers[factor])
+        return Bench.of_vector(there)
 
     def touch(self, nominal: LShaped | Touch) -> Touch:
         """How the whisker meets the surface, by the drawing with these numbers in place of its own.

@@ -34,7 +34,6 @@ class Fitted:
         jacobian: of each (samples, n), what each number does to the prediction.
         missed: of each (samples,), felt less predicted.
         weight: of each (samples,), its loss's.
-        by_grid: of each (samples,), predicted less what a grid `COARSER` times as wide predicts.
         before: (n,) standard deviations of the numbers before.
         free: (n,) which were to be found.
     """
@@ -43,7 +42,6 @@ class Fitted:
     jacobian: tuple[NDArray[np.float64], ...]
     missed: tuple[NDArray[np.float64], ...]
     weight: tuple[NDArray[np.float64], ...]
-    by_grid: tuple[NDArray[np.float64], ...]
     before: NDArray[np.float64]
     free: NDArray[np.bool_]
 
@@ -78,18 +76,26 @@ class Fitted:
         covariance[fixed, fixed] = self.before[fixed] ** 2
         return np.asarray(0.5 * (covariance + covariance.T))
 
-    def of_grid(self) -> NDArray[np.float64]:
+    def step(self, away: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,) to the least squares, of a bench whose numbers are so far off those of before."""
+        return self._answer(self.missed, away)
+
+    def of_grid(self, by_grid: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
         """(n, n): what the maps' grid does to the numbers, its error being of first order at steep edges.
 
         A grid `COARSER` times as wide moves the solution by (COARSER - 1) times what this grid has moved it.
+
+        Args:
+            by_grid: of each (samples,), predicted less what such a grid predicts.
         """
-        pull = sum(
-            (j.T @ (w * g) for j, w, g in zip(self.jacobian, self.weight, self.by_grid, strict=True)),
-            np.zeros(self.before.size),
-        )
-        moved = np.linalg.solve(self.data + self._prior, pull) / (COARSER - 1.0)
-        moved[~self.free] = 0.0
+        moved = self._answer(by_grid, np.zeros(self.before.size)) / (COARSER - 1.0)
         return np.outer(moved, moved)
+
+    def _answer(
+        self, samples: tuple[NDArray[np.float64], ...], away: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        pull = sum(j.T @ (w * s) for j, w, s in zip(self.jacobian, self.weight, samples, strict=True))
+        return np.where(self.free, np.linalg.solve(self.data + self._prior, pull - self._prior @ away), 0.0)
 
 
 def _at_least(matrix: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:

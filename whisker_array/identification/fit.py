@@ -2,19 +2,20 @@ r"""The bench that a recording speaks of: least squares on the contact simulatio
 
     minimise  sum over samples ((felt - predicted(p)) / sigma)^2  +  sum over numbers ((p - nominal) / sd)^2
 
-    sigma^2 = scatter of a sample^2 + (PLACE_MM dm/du)^2 + (what a wider grid changes)^2
+    sigma^2 = scatter of a sample^2 + (PLACE_MM dm/du)^2 + roughness^2
 
-felt - predicted is what a level that walks on leaves of it (`misses`).
-The second sum is what the workshop knew before (`bench.known_before`), without which many numbers could not be told
-apart; how sure they are, `certainty` says. At edges a sample is as uncertain as its place, for a pass does not come
-back to its line; what a screw does to all passes alike is among the numbers. The sum is rough, as contact is: what is
-told is the mean of where the descent rests on several grids, and their scatter adds to its uncertainty.
+felt - predicted is what a level that walks on leaves of it (`misses`), and predicted a plane through a cloud of
+benches (`cloud`), which is laid again around each solution. The second sum is what the workshop knew before
+(`bench.known_before`), without which many numbers could not be told apart; how sure they are, `certainty` says. At
+edges a sample is as uncertain as its place, for a pass does not come back to its line; what a screw does to all passes
+alike is among the numbers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,6 @@ from whisker_array.identification.bench import (
     BENCH_GAIN,
     DRAWN,
     LOOSE_GAIN,
-    POSE,
     Bench,
     Unknown,
     known_before,
@@ -35,33 +35,41 @@ from whisker_array.identification.bench import (
     of_whisker,
 )
 from whisker_array.identification.certainty import COARSER, Fitted
-from whisker_array.identification.descent import descended
+from whisker_array.identification.cloud import plane_through
 from whisker_array.identification.forward import GRID_MM, Forward
-from whisker_array.identification.misses import Loss, innovations, residuals, sample_sigma_n_mm
+from whisker_array.identification.misses import innovations, residuals, sample_sigma_n_mm, weight
 from whisker_array.identification.piece_map import Heights
 from whisker_array.identification.remembered import LARGEST_LANDS
-from whisker_array.identification.tangents import jacobian_of
 from whisker_array.identification.traces import Trace, traces_of
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
 
-STAGES = (
-    (1.5, 4.0, 48, Loss.HUBER, (*POSE, Unknown.PRELOAD)),
-    (0.4, 4.0, 48, Loss.HUBER, (*POSE, Unknown.PRELOAD, Unknown.FRICTION, Unknown.PLAY)),
-    (0.0, 1.3, 96, Loss.HUBER, tuple(Unknown)),
-    (0.0, 1.3, 96, Loss.BOUNDED, tuple(Unknown)),
-)
-"""What is fitted one after the other: mm over which the signal is averaged, how much coarser the map is, how many
-lines, the loss, and numbers beside those of each whisker. A piece that lies a wall's width off would else be explained
-by anything. Maps are laid for the tip found so far, and what gauges remember is told by the bench found so far."""
-LAST = ((2.0, 96), (1.3, 288), (1.15, 288), (1.0, 288))
-"""How much coarser the map is in the end, and how many lines; a sample is as uncertain, too, as a grid twice as wide
-makes it. Three times the lines leave angle and radius two thirds as uncertain."""
-AVERAGED = 3
-"""So many of the last are averaged: contact is rough, and on each grid the descent rests in a dent of its own."""
-REACH, SMALL_REACH = 0.3, 0.03
-"""Of differences on the way, across the roughness of contact, and in the end; in standard deviations before."""
+
+@dataclass(frozen=True)
+class Round:
+    """How a cloud is looked at.
+
+    Attributes:
+        coarser: how much than asked the map is.
+        lines: so many at most.
+        turns: of the cloud (`cloud.plane_through`).
+    """
+
+    coarser: float
+    lines: int
+    turns: int = 1
+
+
+ROUNDS = (Round(2.0, 48), *[Round(1.3, 96)] * 3, *[Round(1.0, 144)] * 2, *[Round(1.0, 288, turns=2)] * 2)
+"""From a cloud as wide as what a workshop knows before. Three times the lines leave angle and radius two thirds as
+uncertain."""
+WIDE = 3.0
+"""So many standard deviations the cloud is wide: narrower ones than contact is rough rest anywhere."""
+SETTLED_SDS = 1.0
+"""A last step of no more, in standard deviations after."""
+_MOST_WEIGHTS, _SAME = 20, 1e-3
+"""So many times at most samples are weighted, until no number moves by more, in standard deviations before."""
 _PROBE_SDS = 0.1
 _JUMPED = 0.02
 FEWEST_CLUSTERS = 6
@@ -145,6 +153,7 @@ def identify(
     whisker: LShaped | Touch,
     only: tuple[Unknown, ...] = tuple(Unknown),
     grid_mm: float = GRID_MM,
+    seed: int = 0,
 ) -> Identified:
     """Find the bench that has made a recording over a piece of known relief.
 
@@ -155,6 +164,7 @@ def identify(
         whisker: as drawn; a touch, where there is no drawing: lengths and angle are not found then.
         only: numbers to be found; the others stay as drawn.
         grid_mm: of the maps.
+        seed: turns the clouds.
 
     Raises:
         IdentifyError: too few passes over the piece, or a signal that no such bench gives.
@@ -200,90 +210,69 @@ def identify(
         forward.spare_jams(about)
         return forward
 
-    found, settled = nominal, False
-    for blur_mm, coarser, most, loss, names in STAGES:
-        stage = free.copy()
-        stage[: len(Unknown)] &= [name in names for name in Unknown]
-        if blur_mm:
-            # memory and screws would be made of walls that are not yet in their place
-            stage[len(Unknown) + scan.n_whiskers :] = False
-        forward = laid(found, coarser, lines_of(found, most))
-        sigma = [
-            np.full(t.felt_n_mm.size, scatter) if blur_mm else sample_sigma_n_mm(t, scatter)
-            for t in forward.traces
-        ]
-        found, settled = descended(
-            forward,
-            found,
-            nominal,
-            before,
-            stage,
-            sigma,
-            scatter_n_mm=scatter,
-            loss=loss,
-            reach=REACH,
-            blur_mm=blur_mm,
+    found, cloud = nominal, np.diag(before**2)
+    for number, each in enumerate(ROUNDS):
+        forward = laid(found, each.coarser, lines_of(found, each.lines))
+        around = partial(
+            plane_through, at=found, covariance=cloud, free=free, turns=each.turns, seed=(seed, number)
         )
-    rested = []
-    for coarser, most in LAST:
-        forward = laid(found, coarser, lines_of(found, most))
-        by_grid = [
-            p - wide
-            for p, wide in zip(
-                forward.moments(found),
-                laid(found, COARSER * coarser, forward.traces).moments(found),
-                strict=True,
-            )
-        ]
+        plane = around(forward)
         sigma = [
-            np.hypot(sample_sigma_n_mm(t, scatter), off)
-            for t, off in zip(forward.traces, by_grid, strict=True)
+            np.hypot(sample_sigma_n_mm(t, scatter), rough)
+            for t, rough in zip(forward.traces, plane.rough, strict=True)
         ]
-        found, settled = descended(
-            forward,
-            found,
-            nominal,
-            before,
-            free,
-            sigma,
-            scatter_n_mm=scatter,
-            loss=Loss.BOUNDED,
-            reach=SMALL_REACH,
-        )
-        rested.append(found.vector())
-    found = Bench.of_vector(np.mean(rested[-AVERAGED:], axis=0))
-    dents = np.cov(rested[-AVERAGED:], rowvar=False) / AVERAGED
-    traces = forward.traces
-    predicted = forward.moments(found)
-
-    def seen(values: Iterable[NDArray[np.float64]]) -> tuple[NDArray[np.float64], ...]:
-        return tuple(innovations(v, s, scatter=scatter) for v, s in zip(values, sigma, strict=True))
-
-    missed = seen(residuals(traces, predicted))
-    jacobian = jacobian_of(forward, found, before, free, predicted, sigma, reach=SMALL_REACH)
-    fitted = Fitted(
-        traces=traces,
-        jacobian=seen(jacobian),
-        missed=missed,
-        weight=tuple(Loss.BOUNDED.weight(r) for r in missed),
-        by_grid=seen(by_grid),
-        before=before,
-        free=free,
-    )
-    repeated = fitted.scattered() + dents
+        seen = partial(_seen, sigma=sigma, scatter_n_mm=scatter)
+        missed = residuals(forward.traces, plane.moment)
+        away = found.vector() - nominal.vector()
+        fitted, step = _solved(forward.traces, seen(plane.jacobian), seen(missed), away, before, free)
+        if each is ROUNDS[-1]:
+            wide = around(laid(found, COARSER * each.coarser, forward.traces))
+            of_grid = fitted.of_grid(seen(p - q for p, q in zip(plane.moment, wide.moment, strict=True)))
+        repeated = fitted.scattered()
+        sd = np.sqrt(np.diag(repeated))
+        shrunk = np.minimum(1.0, before / (WIDE * sd))
+        cloud = WIDE**2 * repeated * np.outer(shrunk, shrunk)
+        found = found.moved(step)
     return Identified(
         found,
         nominal,
         before,
-        repeated + fitted.of_grid(),
+        repeated + of_grid,
         repeated,
         felt_by,
-        traces,
-        tuple(predicted),
+        forward.traces,
+        tuple(forward.moments(found)),
         scatter,
-        settled,
+        bool((np.abs(step) <= SETTLED_SDS * sd).all()),
         whisker if isinstance(whisker, LShaped) else None,
     )
+
+
+def _seen(
+    values: Iterable[NDArray[np.float64]], *, sigma: list[NDArray[np.float64]], scatter_n_mm: float
+) -> tuple[NDArray[np.float64], ...]:
+    """Of every trace what a level that walks on leaves, in sigmas."""
+    return tuple(innovations(v, s, scatter=scatter_n_mm) for v, s in zip(values, sigma, strict=True))
+
+
+def _solved(
+    traces: tuple[Trace, ...],
+    jacobian: tuple[NDArray[np.float64], ...],
+    missed: tuple[NDArray[np.float64], ...],
+    away: NDArray[np.float64],
+    before: NDArray[np.float64],
+    free: NDArray[np.bool_],
+) -> tuple[Fitted, NDArray[np.float64]]:
+    """Least squares on a plane, and (n,) the step there from its middle, which is so far away from nominal."""
+    step = np.zeros(before.size)
+    for _ in range(_MOST_WEIGHTS):
+        left = tuple(r - j @ step for r, j in zip(missed, jacobian, strict=True))
+        fitted = Fitted(traces, jacobian, left, tuple(map(weight, left)), before, free)
+        more = fitted.step(away + step)
+        step += more
+        if np.abs(more / before).max() < _SAME:
+            break
+    return fitted, step
 
 
 def _scatter_n_mm(traces: tuple[Trace, ...]) -> float:

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,27 +32,12 @@ FEW = 4.0
 """Sigmas beyond which a residual is no scatter."""
 
 
-class Loss(Enum):
-    """What a residual costs beyond some sigmas, where tips slip around steep edges as they like."""
+def weight(misses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of each residual, in sigmas, in a sum of squares: Geman and McClure's, of a loss that is bounded.
 
-    HUBER = "in proportion"
-    """Far from the answer too it tells the way."""
-    BOUNDED = "no more than a few sigmas do"
-    """Geman and McClure's: what jumps does not drown what the rest tells."""
-
-    def of(self, misses: NDArray[np.float64]) -> float:
-        """Twice the loss of residuals in sigmas."""
-        size = np.abs(misses)
-        if self is Loss.HUBER:
-            return float(np.where(size <= FEW, size**2, 2.0 * FEW * size - FEW**2).sum())
-        return float((size**2 / (1.0 + (size / FEW) ** 2)).sum())
-
-    def weight(self, misses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of each residual in a sum of squares whose slope is the loss's."""
-        size = np.abs(misses)
-        if self is Loss.HUBER:
-            return np.asarray(np.minimum(1.0, FEW / np.maximum(size, 1e-12)))
-        return np.asarray((1.0 + (size / FEW) ** 2) ** -2.0)
+    Where tips slip around steep edges as they like, what jumps does not drown what the rest tells.
+    """
+    return np.asarray((1.0 + (misses / FEW) ** 2) ** -2.0)
 
 
 def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float) -> NDArray[np.float64]:

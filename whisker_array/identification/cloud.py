@@ -1,0 +1,167 @@
+r"""What a recording says of a bench, seen across all benches that it may be.
+
+Contact is rough: where a tip slips or catches, a small change of a number moves a sample by a jump, and a slope taken
+there says nothing. So the moments of a cloud of benches are predicted, a few times as wide as what is known, and a
+plane is laid through them::
+
+    moment(p) = b + J (p - centre) + roughness,     var of a sample = sigma^2 + var(roughness)
+
+Samples that jump within the cloud so count for little, and nothing comes out surer than the roughness allows. Least
+squares on the plane gives the next centre, and how sure it is the next cloud: the iterated posterior linearization
+filter of A. F. Garcia-Fernandez, L. Svensson, M. R. Morelande and S. Sarkka, IEEE Trans. Signal Process. 63 (2015)
+5561. The cloud is a cubature turned by chance (I. Arasaratnam and S. Haykin, IEEE Trans. Autom. Control 54 (2009)
+1254): through what is plane it lays the plane itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.surface.display import one_line
+from whisker_array.identification.bench import DRAWN, Bench, Unknown, of_screw, of_whisker, screw_ways
+from whisker_array.identification.forward import Forward
+from whisker_array.identification.tip_numbers import SHAPE, tip_by, tip_of_numbers
+from whisker_array.whisker.shapes import LShaped, TipModel
+from whisker_array.whisker.touch import Touch
+
+_NONE = 1e-9
+"""Of a width, or of a share of one: numbers that are not moved, or depend on others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """The plane through the moments of a cloud of benches.
+
+    Attributes:
+        moment: of each trace (samples,), in the middle, N mm.
+        jacobian: of each (samples, n), what each number does to that.
+        rough: of each (samples,), standard deviation of what is left, N mm.
+    """
+
+    moment: tuple[NDArray[np.float64], ...]
+    jacobian: tuple[NDArray[np.float64], ...]
+    rough: tuple[NDArray[np.float64], ...]
+
+    __repr__ = one_line
+
+
+def plane_through(
+    forward: Forward,
+    at: Bench,
+    covariance: NDArray[np.float64],
+    *,
+    free: NDArray[np.bool_],
+    turns: int,
+    seed: tuple[int, int],
+) -> Plane:
+    """Lay the plane through a cloud.
+
+    Args:
+        forward: predicts.
+        at: the bench in the middle.
+        covariance: (n, n) of the cloud.
+        free: (n,) numbers that are to be found.
+        turns: so many cubatures, each turned by chance.
+        seed: of how they are turned.
+    """
+    ways = _Ways.of(at, np.sqrt(np.diag(covariance)), free, forward.nominal)
+    root, inverse = _roots(ways.by @ covariance @ ways.by.T)
+    n_ways, rng = root.shape[1], np.random.default_rng(seed)
+    turned = np.concatenate([_turned(n_ways, rng) for _ in range(turns)])
+    points = np.sqrt(n_ways) * np.concatenate([turned, -turned])
+    n = len(points)
+    cloud = [ways.moved(root @ point) for point in points]
+
+    moments = [np.empty((n, trace.felt_n_mm.size)) for trace in forward.traces]
+    signal = [np.zeros(trace.felt_n_mm.size) for trace in forward.traces]
+    units = [np.zeros((2, trace.felt_n_mm.size)) for trace in forward.traces]
+    # a map is for tips of about one radius
+    for i in sorted(range(n), key=lambda i: cloud[i][0][Unknown.RADIUS]):
+        bench, tip = cloud[i]
+        for k, (trace, (s, u)) in enumerate(
+            zip(forward.traces, forward.pressed(bench, tip=tip), strict=True)
+        ):
+            moments[k][i] = s + bench.memory[:, trace.whisker] @ u
+            signal[k] += s / n
+            units[k] += u / n
+
+    names, middle, jacobian, rough = list(Unknown), [], [], []
+    for k, trace in enumerate(forward.traces):
+        middle.append(moments[k].mean(axis=0))
+        off = moments[k] - middle[-1]
+        slope = points.T @ off / n  # for a cubature's points the sum of z z^T is n times 1
+        rough.append(np.sqrt(((off - points @ slope) ** 2).sum(axis=0) / (n - 1 - n_ways)))
+        j = slope.T @ inverse @ ways.by + np.outer(signal[k], ways.by_factor)
+        of_gauge = of_whisker(trace.whisker, n_whiskers=at.gain.size)
+        j[:, of_gauge] = np.stack([signal[k] / at.gain[trace.whisker], *units[k]], axis=1)
+        # a screw that is ahead is a piece that lies as much behind
+        along_x = trace.plan.direction.along_x
+        shift = j[:, names.index(Unknown.SHIFT_X if along_x else Unknown.SHIFT_Y)]
+        j[:, of_screw(free.size, along_x=along_x)] = -shift[:, None] * screw_ways(trace.plan.position_mm())
+        j[np.isnan(trace.felt_n_mm)] = 0.0
+        j[:, ~free] = 0.0
+        jacobian.append(j)
+    return Plane(tuple(middle), tuple(jacobian), tuple(rough))
+
+
+@dataclass(frozen=True, eq=False)
+class _Ways:
+    """What a cloud spreads along: numbers themselves, and the tip's shape in place of those that are drawn.
+
+    Attributes:
+        at: the bench in the middle.
+        own: numbers that are ways themselves.
+        by: (ways, n) what each number does to them.
+        by_factor: (n,) by which part each makes all moments larger.
+        tip: (5,) numbers of the tip in the middle; None without a drawing.
+    """
+
+    at: Bench
+    own: NDArray[np.intp]
+    by: NDArray[np.float64]
+    by_factor: NDArray[np.float64]
+    tip: NDArray[np.float64] | None
+
+    @classmethod
+    def of(
+        cls, at: Bench, sd: NDArray[np.float64], free: NDArray[np.bool_], nominal: LShaped | Touch
+    ) -> _Ways:
+        names = list(Unknown)
+        own = np.array([i for i, name in enumerate(names) if free[i] and name not in DRAWN], dtype=np.intp)
+        drawn = np.array([i for i, name in enumerate(names) if free[i] and name in DRAWN], dtype=np.intp)
+        by, by_factor = np.eye(free.size)[own], np.zeros(free.size)
+        if isinstance(nominal, Touch) or not drawn.size:
+            return cls(at, own, by, by_factor, None)
+        tip, by_drawn = tip_by(at, sd, drawn, nominal)
+        shape = np.zeros((SHAPE, free.size))
+        shape[:, drawn], by_factor[drawn] = by_drawn[:SHAPE], by_drawn[SHAPE] / tip[SHAPE]
+        return cls(at, own, np.vstack([by, shape]), by_factor, tip)
+
+    def moved(self, off: NDArray[np.float64]) -> tuple[Bench, TipModel | None]:
+        """(ways,) off the middle: a bench, and a tip in place of its own."""
+        step = np.zeros(self.by_factor.size)
+        step[self.own] = off[: self.own.size]
+        if self.tip is None:
+            return self.at.moved(step), None
+        return self.at.moved(step), tip_of_numbers(self.tip + np.append(off[self.own.size :], 0.0))
+
+
+def _roots(spread: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(ways, m) R with R R^T the spread, and (m, ways) its left inverse, of as many ways as are apart."""
+    scale = np.sqrt(np.diag(spread))
+    wide = scale > _NONE
+    values, vectors = np.linalg.eigh(spread[np.ix_(wide, wide)] / np.outer(scale[wide], scale[wide]))
+    apart = values > _NONE
+    values, vectors = np.sqrt(values[apart]), vectors[:, apart]
+    root, inverse = np.zeros((scale.size, values.size)), np.zeros((values.size, scale.size))
+    root[wide], inverse[:, wide] = scale[wide, None] * vectors * values, (vectors / values).T / scale[wide]
+    return root, inverse
+
+
+def _turned(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(n, n) axes, turned by chance."""
+    q, r = np.linalg.qr(rng.standard_normal((n, n)))
+    return np.asarray(q * np.sign(np.diag(r)))

@@ -1,0 +1,51 @@
+r"""What a touch knows of a drawn whisker: five numbers of its tip, in which lengths, angle and stiffness are gathered.
+
+    q = (D11_xx, D11_xy, D11_zz, D11_yy arm_x / arm_y) / D11_yy,   arm_y / D11_yy
+    moment = (arm_y / D11_yy) * (what the contact makes of the other four)
+
+So contact is asked for the first four alone, the fifth is a factor, and what no signal tells apart (a length from an
+angle, a stiffness from a gain) is told apart by no noise of differences either.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whisker_array.identification.bench import Bench
+from whisker_array.whisker.shapes import LShaped, TipModel
+
+SHAPE = 4
+"""Of the tip's numbers those that are no factor."""
+_PROBE = 1e-3
+"""Of a difference of the tip's numbers, which are smooth: in standard deviations before."""
+
+
+def tip_numbers(tip: TipModel) -> NDArray[np.float64]:
+    """(5,) the numbers q of the module's docstring."""
+    d, arm = tip.compliance_mm_per_n, tip.moment_arm_mm
+    return np.asarray(np.array([d[0, 0], d[0, 1], d[2, 2], d[1, 1] * arm[0] / arm[1], arm[1]]) / d[1, 1])
+
+
+def tip_of_numbers(q: NDArray[np.float64]) -> TipModel:
+    """A tip with these numbers; one that yields by 1 mm to 1 N upwards.
+
+    Raises:
+        WhiskerError: numbers that no tip has.
+    """
+    d = np.array([[q[0], q[1], 0.0], [q[1], 1.0, 0.0], [0.0, 0.0, q[2]]])
+    return TipModel(d, q[4] * np.array([q[3], 1.0, 0.0]))
+
+
+def tip_by(
+    at: Bench, before: NDArray[np.float64], drawn: NDArray[np.intp], nominal: LShaped
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(5,) the tip's numbers, and (5, drawn) what each of the whisker's does to them."""
+    vector = at.vector()
+
+    def of(step: NDArray[np.float64]) -> NDArray[np.float64]:
+        return tip_numbers(Bench.of_vector(vector + step).whisker(nominal).tip_model())
+
+    steps = [_PROBE * before[i] * np.eye(vector.size)[i] for i in drawn]
+    by = np.stack([(of(step) - of(-step)) / (2.0 * step.sum()) for step in steps], axis=1)
+    return of(np.zeros(vector.size)), by
