@@ -63,8 +63,7 @@ POSE = (Unknown.SHIFT_X, Unknown.SHIFT_Y, Unknown.YAW, Unknown.TILT_X, Unknown.T
 """Of the piece under the whiskers: found each time, and no property of whisker or bench."""
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
 """Of the whisker alone, and settled when it is made."""
-FACTORS = (Unknown.STIFFNESS, Unknown.RADIUS)
-"""Gains are factors, too."""
+_TINY = 1e-9
 OF_GAUGE = ("gain", "creep", "lag")
 """Numbers that every whisker has of its own."""
 MEMORIES = len(OF_GAUGE) - 1
@@ -131,15 +130,19 @@ class Bench:
         return cls(values, gain, np.array(memory), numbers[-2 * _OF_A_SCREW :].reshape(2, -1))
 
     def moved(self, step: NDArray[np.float64]) -> Bench:
-        """The bench with (n,) added to its numbers in the order of `vector`; to those that are factors, as factors.
+        """The bench with (n,) added to its numbers, in the order of `vector`.
 
-        So none comes out negative, and what one of a product gains another loses to all orders.
+        Stiffness and gains are changed as factors, so that what one of a product gains another loses to all orders.
+        Tips and friction become less only in proportion, and so never less than nothing.
         """
-        numbers = self.vector()
-        factor = [list(Unknown).index(name) for name in FACTORS]
-        factor += range(len(Unknown), len(Unknown) + self.gain.size)
+        numbers, names = self.vector(), list(Unknown)
         there = numbers + step
-        there[factor] = numbers[factor] * np.exp(step[factor] / numbers[factor])
+        factor = np.zeros(step.size, dtype=np.bool_)
+        factor[[names.index(Unknown.STIFFNESS), *range(len(names), len(names) + self.gain.size)]] = True
+        less = [names.index(name) for name in (Unknown.RADIUS, Unknown.FRICTION)]
+        factor[less] = step[less] < 0.0
+        of = np.where(factor, numbers, 1.0)
+        there[factor] = (of * np.exp(step / np.maximum(of, _TINY)))[factor]
         return Bench.of_vector(there)
 
     def touch(self, nominal: LShaped | Touch) -> Touch:

@@ -32,7 +32,7 @@ class Fitted:
     Attributes:
         traces: that were fitted.
         jacobian: of each (samples, n), what each number does to the prediction.
-        missed: of each (samples,), felt less predicted.
+        left: of each (samples,), felt less predicted.
         weight: of each (samples,), its loss's.
         before: (n,) standard deviations of the numbers before.
         free: (n,) which were to be found.
@@ -40,7 +40,7 @@ class Fitted:
 
     traces: tuple[Trace, ...]
     jacobian: tuple[NDArray[np.float64], ...]
-    missed: tuple[NDArray[np.float64], ...]
+    left: tuple[NDArray[np.float64], ...]
     weight: tuple[NDArray[np.float64], ...]
     before: NDArray[np.float64]
     free: NDArray[np.bool_]
@@ -58,11 +58,20 @@ class Fitted:
     def _prior(self) -> NDArray[np.float64]:
         return np.diag(1.0 / self.before**2)
 
+    @property
+    def misfit(self) -> float:
+        """Rms of what is left, those that count for less as they count."""
+        squares, weights = (
+            sum(float(part.sum()) for part in parts)
+            for parts in ((w * r**2 for w, r in zip(self.weight, self.left, strict=True)), self.weight)
+        )
+        return float(np.sqrt(squares / weights))
+
     def scattered(self) -> NDArray[np.float64]:
         """(n, n): the covariance of the module's docstring; of numbers that are not found it is that of before."""
         whole = self.data + self._prior
         of_pass: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
-        for trace, j, w, r in zip(self.traces, self.jacobian, self.weight, self.missed, strict=True):
+        for trace, j, w, r in zip(self.traces, self.jacobian, self.weight, self.left, strict=True):
             g, h = of_pass.get(trace.cluster, (np.zeros(self.before.size), np.zeros_like(whole)))
             of_pass[trace.cluster] = g + j.T @ (w * r), h + j.T @ (w[:, None] * j)
         n = len(of_pass)
@@ -76,10 +85,6 @@ class Fitted:
         covariance[fixed, fixed] = self.before[fixed] ** 2
         return np.asarray(0.5 * (covariance + covariance.T))
 
-    def step(self, away: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(n,) to the least squares, of a bench whose numbers are so far off those of before."""
-        return self._answer(self.missed, away)
-
     def of_grid(self, by_grid: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
         """(n, n): what the maps' grid does to the numbers, its error being of first order at steep edges.
 
@@ -88,13 +93,12 @@ class Fitted:
         Args:
             by_grid: of each (samples,), predicted less what such a grid predicts.
         """
-        moved = self._answer(by_grid, np.zeros(self.before.size)) / (COARSER - 1.0)
+        moved = self.step(by_grid, np.zeros(self.before.size)) / (COARSER - 1.0)
         return np.outer(moved, moved)
 
-    def _answer(
-        self, samples: tuple[NDArray[np.float64], ...], away: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        pull = sum(j.T @ (w * s) for j, w, s in zip(self.jacobian, self.weight, samples, strict=True))
+    def step(self, missed: tuple[NDArray[np.float64], ...], away: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(n,) to the least squares of what a bench missed, which is so far away from what was known before."""
+        pull = sum(j.T @ (w * m) for j, w, m in zip(self.jacobian, self.weight, missed, strict=True))
         return np.where(self.free, np.linalg.solve(self.data + self._prior, pull - self._prior @ away), 0.0)
 
 

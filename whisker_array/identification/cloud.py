@@ -70,8 +70,8 @@ def plane_through(
     ways = _Ways.of(at, np.sqrt(np.diag(covariance)), free, forward.nominal)
     root, inverse = _roots(ways.by @ covariance @ ways.by.T)
     n_ways, rng = root.shape[1], np.random.default_rng(seed)
-    turned = np.concatenate([_turned(n_ways, rng) for _ in range(turns)])
-    points = np.sqrt(n_ways) * np.concatenate([turned, -turned])
+    turned = [_turned(n_ways, rng) for _ in range(turns)]
+    points = np.sqrt(n_ways) * np.concatenate([sign * axes for axes in turned for sign in (1.0, -1.0)])
     n = len(points)
     cloud = [ways.moved(root @ point) for point in points]
 

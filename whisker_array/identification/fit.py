@@ -37,10 +37,10 @@ from whisker_array.identification.bench import (
 from whisker_array.identification.certainty import COARSER, Fitted
 from whisker_array.identification.cloud import plane_through
 from whisker_array.identification.forward import GRID_MM, Forward
-from whisker_array.identification.misses import innovations, residuals, sample_sigma_n_mm, weight
+from whisker_array.identification.misses import FEW, innovations, residuals, sample_sigma_n_mm, weight
 from whisker_array.identification.piece_map import Heights
 from whisker_array.identification.remembered import LARGEST_LANDS
-from whisker_array.identification.traces import Trace, traces_of
+from whisker_array.identification.traces import MOST_TRACES, Trace, traces_of
 from whisker_array.scan.scan import Scan
 from whisker_array.whisker.shapes import LShaped
 from whisker_array.whisker.touch import Touch
@@ -65,11 +65,15 @@ ROUNDS = (Round(2.0, 48), *[Round(1.3, 96)] * 3, *[Round(1.0, 144)] * 2, *[Round
 """From a cloud as wide as what a workshop knows before. Three times the lines leave angle and radius two thirds as
 uncertain."""
 WIDE = 3.0
-"""So many standard deviations the cloud is wide: narrower ones than contact is rough rest anywhere."""
-SETTLED_SDS = 1.0
-"""A last step of no more, in standard deviations after."""
-_MOST_WEIGHTS, _SAME = 20, 1e-3
-"""So many times at most samples are weighted, until no number moves by more, in standard deviations before."""
+"""So many standard deviations the cloud is wide, as `MOST_TRACES` lines would leave them, however many there are: one
+that is narrower than contact is rough rests anywhere."""
+AVERAGED = 2
+"""So many of the last are averaged: how a cloud is turned moves what contact is rough in."""
+SETTLED = 0.02
+"""What is left over changes by no more, of itself, between the last two."""
+FEWER = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, *[1.0] * 6)
+"""The loss is bounded little by little, or the first bench would choose what is to be explained: graduated
+non-convexity (H. Yang, P. Antonante, V. Tzoumas, L. Carlone, IEEE Robot. Autom. Lett. 5 (2020) 1127)."""
 _PROBE_SDS = 0.1
 _JUMPED = 0.02
 FEWEST_CLUSTERS = 6
@@ -210,7 +214,7 @@ def identify(
         forward.spare_jams(about)
         return forward
 
-    found, cloud = nominal, np.diag(before**2)
+    found, cloud, rested, left = nominal, np.diag(before**2), [nominal.vector()], [np.inf]
     for number, each in enumerate(ROUNDS):
         forward = laid(found, each.coarser, lines_of(found, each.lines))
         around = partial(
@@ -226,24 +230,28 @@ def identify(
         away = found.vector() - nominal.vector()
         fitted, step = _solved(forward.traces, seen(plane.jacobian), seen(missed), away, before, free)
         if each is ROUNDS[-1]:
-            wide = around(laid(found, COARSER * each.coarser, forward.traces))
-            of_grid = fitted.of_grid(seen(p - q for p, q in zip(plane.moment, wide.moment, strict=True)))
+            coarse = around(laid(found, COARSER * each.coarser, forward.traces))
+            by_grid = seen(p - q for p, q in zip(plane.moment, coarse.moment, strict=True))
         repeated = fitted.scattered()
-        sd = np.sqrt(np.diag(repeated))
-        shrunk = np.minimum(1.0, before / (WIDE * sd))
-        cloud = WIDE**2 * repeated * np.outer(shrunk, shrunk)
+        wide = WIDE * np.sqrt(each.lines / MOST_TRACES)
+        shrunk = np.minimum(1.0, before / (wide * np.sqrt(np.diag(repeated))))
+        cloud = wide**2 * repeated * np.outer(shrunk, shrunk)
         found = found.moved(step)
+        rested.append(found.vector())
+        left.append(fitted.misfit)
+    found = Bench.of_vector(np.mean(rested[-AVERAGED:], axis=0))
+    repeated = repeated + np.cov(rested[-AVERAGED:], rowvar=False) / AVERAGED
     return Identified(
         found,
         nominal,
         before,
-        repeated + of_grid,
+        repeated + fitted.of_grid(by_grid),
         repeated,
         felt_by,
         forward.traces,
         tuple(forward.moments(found)),
         scatter,
-        bool((np.abs(step) <= SETTLED_SDS * sd).all()),
+        bool(abs(left[-1] / left[-2] - 1.0) < SETTLED),
         whisker if isinstance(whisker, LShaped) else None,
     )
 
@@ -265,13 +273,11 @@ def _solved(
 ) -> tuple[Fitted, NDArray[np.float64]]:
     """Least squares on a plane, and (n,) the step there from its middle, which is so far away from nominal."""
     step = np.zeros(before.size)
-    for _ in range(_MOST_WEIGHTS):
+    for wider in FEWER:
         left = tuple(r - j @ step for r, j in zip(missed, jacobian, strict=True))
-        fitted = Fitted(traces, jacobian, left, tuple(map(weight, left)), before, free)
-        more = fitted.step(away + step)
-        step += more
-        if np.abs(more / before).max() < _SAME:
-            break
+        weights = tuple(weight(r, few=wider * FEW) for r in left)
+        fitted = Fitted(traces, jacobian, left, weights, before, free)
+        step = fitted.step(missed, away)
     return fitted, step
 
 

@@ -32,12 +32,12 @@ FEW = 4.0
 """Sigmas beyond which a residual is no scatter."""
 
 
-def weight(misses: NDArray[np.float64]) -> NDArray[np.float64]:
+def weight(misses: NDArray[np.float64], *, few: float = FEW) -> NDArray[np.float64]:
     """Of each residual, in sigmas, in a sum of squares: Geman and McClure's, of a loss that is bounded.
 
     Where tips slip around steep edges as they like, what jumps does not drown what the rest tells.
     """
-    return np.asarray((1.0 + (misses / FEW) ** 2) ** -2.0)
+    return np.asarray((1.0 + (misses / few) ** 2) ** -2.0)
 
 
 def sample_sigma_n_mm(trace: Trace, scatter_n_mm: float) -> NDArray[np.float64]:

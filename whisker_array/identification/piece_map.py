@@ -29,7 +29,7 @@ MARGIN_MM = 1.0
 ASKEW_RAD = 0.05
 _TOGETHER = 16
 """Rows whose heights stay in the cache."""
-WIDER = 0.05
+WIDER = 0.1
 """Of a tip's radius: across so much what is felt changes as good as in proportion, and the grid has no say."""
 
 
@@ -60,7 +60,7 @@ class PieceMap:
     - Neither pose nor direction asks for another map (`contact.Laid`).
     - Maps are made of tips each `WIDER` than the last; a tip between two feels what lies between the two maps. Beyond
       them nothing is drawn out: what a smaller tip would feel so has notches in which tips are caught.
-    - The last two maps are kept.
+    - The last map is kept.
     """
 
     def __init__(self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float) -> None:
@@ -90,25 +90,28 @@ class PieceMap:
                 self._bare[few : few + v.size] = heights(*(row[0] * u_mm + row[1] * v for row in back))
 
         in_threads(fill, v_mm.size)
-        self._maps: dict[int, TouchSurface] = {}
+        self._felt: dict[int, NDArray[np.float32]] = {}
+        self._map: tuple[int, TouchSurface] | None = None
 
-    def _felt_by(self, radius_mm: float) -> NDArray[np.float32]:
-        """(rows, cols, 3) height and slopes."""
-        dilated = dilate_by_ball(self._bare, pitch_mm=self._grid, radius_mm=radius_mm)
-        return fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=self._grid)[..., :3]
+    def _felt_by(self, step: int) -> NDArray[np.float32]:
+        """(rows, cols, 3) height and slopes, of the tip of a step."""
+        if step not in self._felt:
+            radius_mm = self._radius_mm * (1.0 + WIDER) ** step
+            dilated = dilate_by_ball(self._bare, pitch_mm=self._grid, radius_mm=radius_mm)
+            self._felt[step] = fields_of(dilated, np.zeros((1, 1), dtype=np.float32), pitch_mm=self._grid)[
+                ..., :3
+            ]
+        return self._felt[step]
 
     def surface(self, step: int) -> TouchSurface:
         """What the tip of a step feels, and what the next adds (`at`)."""
-        if step not in self._maps:
-            while len(self._maps) > 1:
-                self._maps.pop(next(iter(self._maps)))
-            radius_mm = self._radius_mm * (1.0 + WIDER) ** step
-            felt = self._felt_by(radius_mm)
+        if self._map is None or self._map[0] != step:
+            self._felt = {kept: felt for kept, felt in self._felt.items() if kept in (step, step + 1)}
             fields = np.empty((*self._bare.shape, 6), dtype=np.float32)
-            fields[..., :3] = felt
-            np.subtract(self._felt_by(radius_mm * (1.0 + WIDER)), felt, out=fields[..., 3:])
-            self._maps[step] = TouchSurface(fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
-        return self._maps[step]
+            fields[..., :3] = self._felt_by(step)
+            np.subtract(self._felt_by(step + 1), self._felt_by(step), out=fields[..., 3:])
+            self._map = step, TouchSurface(fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
+        return self._map[1]
 
     def at(self, radius_mm: float) -> tuple[int, float]:
         """The step below a radius, and which share of the way to the next it is.
