@@ -6,11 +6,12 @@ plane is laid through them::
 
     moment(p) = b + J (p - centre) + roughness,     var of a sample = sigma^2 + var(roughness)
 
-Samples that jump within the cloud so count for little, and nothing comes out surer than the roughness allows. Least
-squares on the plane gives the next centre, and how sure it is the next cloud: the iterated posterior linearization
-filter of A. F. Garcia-Fernandez, L. Svensson, M. R. Morelande and S. Sarkka, IEEE Trans. Signal Process. 63 (2015)
-5561. The cloud is a cubature turned by chance (I. Arasaratnam and S. Haykin, IEEE Trans. Autom. Control 54 (2009)
-1254): through what is plane it lays the plane itself.
+Samples that jump within the cloud so count for little, and nothing comes out surer than the roughness allows. What
+roughness alone does to the slopes along a way is known: where it makes up most of them, the way is taken for untold.
+Least squares on the plane gives the next centre, and how sure it is the next cloud: the iterated posterior
+linearization filter of A. F. Garcia-Fernandez, L. Svensson, M. R. Morelande and S. Sarkka, IEEE Trans. Signal Process.
+63 (2015) 5561. The cloud is a cubature turned by chance (I. Arasaratnam and S. Haykin, IEEE Trans. Autom. Control 54
+(2009) 1254): through what is plane it lays the plane itself.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from glyphs.surface.display import one_line
 from whisker_array.identification.bench import DRAWN, Bench, Unknown, of_screw, of_whisker, screw_ways
 from whisker_array.identification.forward import Forward
+from whisker_array.identification.misses import sample_sigma_n_mm
 from whisker_array.identification.tip_numbers import SHAPE, tip_by, tip_of_numbers
 from whisker_array.whisker.shapes import LShaped, TipModel
 from whisker_array.whisker.touch import Touch
@@ -54,6 +56,7 @@ def plane_through(
     covariance: NDArray[np.float64],
     *,
     free: NDArray[np.bool_],
+    scatter_n_mm: float,
     turns: int,
     seed: tuple[int, int],
 ) -> Plane:
@@ -64,6 +67,7 @@ def plane_through(
         at: the bench in the middle.
         covariance: (n, n) of the cloud.
         free: (n,) numbers that are to be found.
+        scatter_n_mm: of a sample.
         turns: so many cubatures, each turned by chance.
         seed: of how they are turned.
     """
@@ -88,13 +92,24 @@ def plane_through(
             signal[k] += s / n
             units[k] += u / n
 
-    names, middle, jacobian, rough = list(Unknown), [], [], []
-    for k, trace in enumerate(forward.traces):
-        middle.append(moments[k].mean(axis=0))
-        off = moments[k] - middle[-1]
-        slope = points.T @ off / n  # for a cubature's points the sum of z z^T is n times 1
-        rough.append(np.sqrt(((off - points @ slope) ** 2).sum(axis=0) / (n - 1 - n_ways)))
-        j = slope.T @ inverse @ ways.by + np.outer(signal[k], ways.by_factor)
+    middle = [of_trace.mean(axis=0) for of_trace in moments]
+    off = [of_trace - mean for of_trace, mean in zip(moments, middle, strict=True)]
+    # for a cubature's points the sum of z z^T is n times 1
+    slopes = [points.T @ o / n for o in off]
+    rough = [
+        np.sqrt(((o - points @ slope) ** 2).sum(axis=0) / (n - 1 - n_ways))
+        for o, slope in zip(off, slopes, strict=True)
+    ]
+    told, noise = np.zeros(n_ways), 0.0
+    for trace, slope, r in zip(forward.traces, slopes, rough, strict=True):
+        sigma = np.hypot(sample_sigma_n_mm(trace, scatter_n_mm), r)
+        told += ((slope / sigma) ** 2).sum(axis=1)
+        noise += float(((r / sigma) ** 2).sum()) / n
+    sure = np.maximum(0.0, 1.0 - noise / np.maximum(told, noise))
+
+    names, jacobian = list(Unknown), []
+    for k, (trace, slope) in enumerate(zip(forward.traces, slopes, strict=True)):
+        j = (sure[:, None] * slope).T @ inverse @ ways.by + np.outer(signal[k], ways.by_factor)
         of_gauge = of_whisker(trace.whisker, n_whiskers=at.gain.size)
         j[:, of_gauge] = np.stack([signal[k] / at.gain[trace.whisker], *units[k]], axis=1)
         # a screw that is ahead is a piece that lies as much behind

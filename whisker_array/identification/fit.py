@@ -69,7 +69,7 @@ WIDE = 3.0
 that is narrower than contact is rough rests anywhere."""
 AVERAGED = 2
 """So many of the last are averaged: how a cloud is turned moves what contact is rough in."""
-SETTLED = 0.02
+SETTLED = 0.05
 """What is left over changes by no more, of itself, between the last two."""
 FEWER = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, *[1.0] * 6)
 """The loss is bounded little by little, or the first bench would choose what is to be explained: graduated
@@ -218,7 +218,13 @@ def identify(
     for number, each in enumerate(ROUNDS):
         forward = laid(found, each.coarser, lines_of(found, each.lines))
         around = partial(
-            plane_through, at=found, covariance=cloud, free=free, turns=each.turns, seed=(seed, number)
+            plane_through,
+            at=found,
+            covariance=cloud,
+            free=free,
+            scatter_n_mm=scatter,
+            turns=each.turns,
+            seed=(seed, number),
         )
         plane = around(forward)
         sigma = [
