@@ -8,7 +8,7 @@ M. O. Nielsen, M. D. Webb, Cluster-robust inference, J. Econometrics 232 (2023))
 few. What shakes the base reaches all whiskers of a pass, and drift goes on through it, so that neither needs a model of
 its own. sd is what was known before. In no direction is the scatter taken for less than that of independent samples.
 
-What the grid of the fit's maps does comes on top.
+What the grid of the fit's maps does comes on top, and what the model leaves out (`LEFT_OUT`).
 """
 
 from __future__ import annotations
@@ -19,8 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.surface.display import one_line
+from whisker_array.identification.bench import OF_GAUGE, Bench, Unknown, of_whisker
 from whisker_array.identification.traces import Trace
 
+LEFT_OUT = {Unknown.SHIFT_X: 6e-4, Unknown.SHIFT_Y: 6e-4, Unknown.PRELOAD: 1.5e-4}
+LAG_LEFT_OUT = 4e-4
+"""Of some numbers, mm, and of a lag: what a fit leaves out that all passes share, so that they do not scatter by it.
+Measured on the benches of seeds below 50 of `tests.benchmarks.identify_benches`."""
 COARSER = 2.0
 """A grid so much wider shows what the fit's own does."""
 
@@ -59,7 +64,7 @@ class Fitted:
         return np.diag(1.0 / self.before**2)
 
     @property
-    def misfit(self) -> float:
+    def rms_left(self) -> float:
         """Rms of what is left, those that count for less as they count."""
         squares, weights = (
             sum(float(part.sum()) for part in parts)
@@ -100,6 +105,16 @@ class Fitted:
         """(n,) to the least squares of what a bench missed, which is so far away from what was known before."""
         pull = sum(j.T @ (w * m) for j, w, m in zip(self.jacobian, self.weight, missed, strict=True))
         return np.where(self.free, np.linalg.solve(self.data + self._prior, pull - self._prior @ away), 0.0)
+
+
+def left_out(nominal: Bench) -> NDArray[np.float64]:
+    """(n, n) `LEFT_OUT`, in the order of `Bench.vector`."""
+    sd = np.zeros_like(nominal.vector())
+    for name, off in LEFT_OUT.items():
+        sd[list(Unknown).index(name)] = off
+    for whisker in range(nominal.gain.size):
+        sd[of_whisker(whisker, n_whiskers=nominal.gain.size)[OF_GAUGE.index("lag")]] = LAG_LEFT_OUT
+    return np.diag(sd**2)
 
 
 def _at_least(matrix: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:

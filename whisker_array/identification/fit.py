@@ -34,7 +34,7 @@ from whisker_array.identification.bench import (
     of_screw,
     of_whisker,
 )
-from whisker_array.identification.certainty import COARSER, Fitted
+from whisker_array.identification.certainty import COARSER, Fitted, left_out
 from whisker_array.identification.cloud import plane_through
 from whisker_array.identification.forward import GRID_MM, Forward
 from whisker_array.identification.misses import FEW, innovations, residuals, sample_sigma_n_mm, weight
@@ -244,14 +244,14 @@ def identify(
         cloud = wide**2 * repeated * np.outer(shrunk, shrunk)
         found = found.moved(step)
         rested.append(found.vector())
-        left.append(fitted.misfit)
+        left.append(fitted.rms_left)
     found = Bench.of_vector(np.mean(rested[-AVERAGED:], axis=0))
     repeated = repeated + np.cov(rested[-AVERAGED:], rowvar=False) / AVERAGED
     return Identified(
         found,
         nominal,
         before,
-        repeated + fitted.of_grid(by_grid),
+        repeated + fitted.of_grid(by_grid) + left_out(nominal),
         repeated,
         felt_by,
         forward.traces,
