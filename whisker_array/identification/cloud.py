@@ -7,7 +7,8 @@ plane is laid through them::
     moment(p) = b + J (p - centre) + roughness,     var of a sample = sigma^2 + var(roughness)
 
 Samples that jump within the cloud so count for little, and nothing comes out surer than the roughness allows. What
-roughness alone does to the slopes along a way is known: where it makes up most of them, the way is taken for untold.
+roughness alone does to the slopes along a way is known: where it makes up most of them, the way is at last taken for
+untold.
 Least squares on the plane gives the next centre, and how sure it is the next cloud: the iterated posterior
 linearization filter of A. F. Garcia-Fernandez, L. Svensson, M. R. Morelande and S. Sarkka, IEEE Trans. Signal Process.
 63 (2015) 5561. The cloud is a cubature turned by chance (I. Arasaratnam and S. Haykin, IEEE Trans. Autom. Control 54
@@ -58,6 +59,7 @@ def plane_through(
     free: NDArray[np.bool_],
     scatter_n_mm: float,
     turns: int,
+    cautious: bool,
     seed: tuple[int, int],
 ) -> Plane:
     """Lay the plane through a cloud.
@@ -69,6 +71,8 @@ def plane_through(
         free: (n,) numbers that are to be found.
         scatter_n_mm: of a sample.
         turns: so many cubatures, each turned by chance.
+        cautious: slopes along a way are trusted only as far as they stand out of what roughness does to them; far from
+            the answer that would leave nothing to go by.
         seed: of how they are turned.
     """
     ways = _Ways.of(at, np.sqrt(np.diag(covariance)), free, forward.nominal)
@@ -105,7 +109,7 @@ def plane_through(
         sigma = np.hypot(sample_sigma_n_mm(trace, scatter_n_mm), r)
         told += ((slope / sigma) ** 2).sum(axis=1)
         noise += float(((r / sigma) ** 2).sum()) / n
-    sure = np.maximum(0.0, 1.0 - noise / np.maximum(told, noise))
+    sure = np.maximum(0.0, 1.0 - noise / np.maximum(told, noise)) if cautious else np.ones(n_ways)
 
     names, jacobian = list(Unknown), []
     for k, (trace, slope) in enumerate(zip(forward.traces, slopes, strict=True)):

@@ -53,15 +53,21 @@ class Round:
     Attributes:
         coarser: how much than asked the map is.
         lines: so many at most.
-        turns: of the cloud (`cloud.plane_through`).
+        turns, cautious: of the cloud (`cloud.plane_through`).
     """
 
     coarser: float
     lines: int
     turns: int = 1
+    cautious: bool = False
 
 
-ROUNDS = (Round(2.0, 48), *[Round(1.3, 96)] * 3, *[Round(1.0, 144)] * 2, *[Round(1.0, 288, turns=2)] * 2)
+ROUNDS = (
+    Round(2.0, 48),
+    *[Round(1.3, 96)] * 3,
+    *[Round(1.0, 144)] * 2,
+    *[Round(1.0, 288, 2, cautious=True)] * 2,
+)
 """From a cloud as wide as what a workshop knows before. Three times the lines leave angle and radius two thirds as
 uncertain."""
 WIDE = 3.0
@@ -224,6 +230,7 @@ def identify(
             free=free,
             scatter_n_mm=scatter,
             turns=each.turns,
+            cautious=each.cautious,
             seed=(seed, number),
         )
         plane = around(forward)

@@ -60,7 +60,7 @@ class PieceMap:
     - Neither pose nor direction asks for another map (`contact.Laid`).
     - Maps are made of tips each `WIDER` than the last; a tip between two feels what lies between the two maps. Beyond
       them nothing is drawn out: what a smaller tip would feel so has notches in which tips are caught.
-    - The last map is kept.
+    - A map asked for takes the place of the one before.
     """
 
     def __init__(self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float) -> None:
@@ -91,7 +91,8 @@ class PieceMap:
 
         in_threads(fill, v_mm.size)
         self._felt: dict[int, NDArray[np.float32]] = {}
-        self._map: tuple[int, TouchSurface] | None = None
+        self._fields = np.empty((*self._bare.shape, 6), dtype=np.float32)
+        self._step: int | None = None
 
     def _felt_by(self, step: int) -> NDArray[np.float32]:
         """(rows, cols, 3) height and slopes, of the tip of a step."""
@@ -105,13 +106,12 @@ class PieceMap:
 
     def surface(self, step: int) -> TouchSurface:
         """What the tip of a step feels, and what the next adds (`at`)."""
-        if self._map is None or self._map[0] != step:
+        if self._step != step:
             self._felt = {kept: felt for kept, felt in self._felt.items() if kept in (step, step + 1)}
-            fields = np.empty((*self._bare.shape, 6), dtype=np.float32)
-            fields[..., :3] = self._felt_by(step)
-            np.subtract(self._felt_by(step + 1), self._felt_by(step), out=fields[..., 3:])
-            self._map = step, TouchSurface(fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
-        return self._map[1]
+            self._fields[..., :3] = self._felt_by(step)
+            np.subtract(self._felt_by(step + 1), self._felt_by(step), out=self._fields[..., 3:])
+            self._step = step
+        return TouchSurface(self._fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
 
     def at(self, radius_mm: float) -> tuple[int, float]:
         """The step below a radius, and which share of the way to the next it is.

@@ -59,7 +59,14 @@ def laid(model: Stub, *, width: float, turns: int = 1) -> tuple[Plane, np.ndarra
     # narrow: tips and friction become less in proportion
     cloud = np.diag((width * before) ** 2)
     plane = plane_through(
-        cast(Forward, model), model.start, cloud, free=free, scatter_n_mm=0.01, turns=turns, seed=(3, 0)
+        cast(Forward, model),
+        model.start,
+        cloud,
+        free=free,
+        scatter_n_mm=0.01,
+        cautious=True,
+        turns=turns,
+        seed=(3, 0),
     )
     return plane, before
 
@@ -99,7 +106,14 @@ def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind(along_x: bool) -> Non
     free = np.ones(before.size, dtype=np.bool_)
     free[: len(DRAWN)] = False
     plane = plane_through(
-        forward, about, np.diag((0.03 * before) ** 2), free=free, scatter_n_mm=0.01, turns=2, seed=(1, 0)
+        forward,
+        about,
+        np.diag((0.03 * before) ** 2),
+        free=free,
+        scatter_n_mm=0.01,
+        cautious=True,
+        turns=2,
+        seed=(1, 0),
     )
     mine = of_screw(before.size, along_x=along_x)
     step = np.zeros(before.size)
