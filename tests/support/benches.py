@@ -34,6 +34,7 @@ FINE_MM, IRON_MM = 0.01, 0.005
 _BESIDE_MM = 3.0
 _FINER = 4
 _MOST_SDS = 2.5
+_SLIPPERY = 0.02
 
 
 def recorded(
@@ -145,7 +146,8 @@ def hidden_bench(
     stage = replace(stage, play_mm=play_mm)
     if not memory:
         stage = replace(stage, rate=0.0, wave_mm=0.0, return_mm=0.0)
-    truth = Bench.of_vector(nominal.vector() + before * off).with_values(play_mm=play_mm)
+    truth = Bench.of_vector(nominal.vector() + before * off)
+    truth = truth.with_values(play_mm=play_mm, friction=max(truth[Unknown.FRICTION], _SLIPPERY))
     step_mm = 0.03125
     size = [round(value / step_mm) * step_mm for value in piece.size_mm]
     region = (_BESIDE_MM, _BESIDE_MM, _BESIDE_MM + size[0], _BESIDE_MM + size[1])
