@@ -10,7 +10,7 @@ from glyphs.errors import FileError, MarksError
 from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.files.piece_file import heights_of_piece, read_piece
 from pipeline.files.touch_file import read_scan
-from whisker_array.identification.bench import Unknown
+from whisker_array.identification.bench import WORN_TIP, Unknown
 from whisker_array.identification.fit import identify
 
 _FOUND = {
@@ -46,7 +46,9 @@ def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:
     """
     recording = read_scan(scan)
     try:
-        found = identify(recording, heights_of_piece(read_piece(relief)), whisker=recording.touch)
+        found = identify(
+            recording, heights_of_piece(read_piece(relief)), whisker=recording.touch, tip_sd=WORN_TIP
+        )
     except FileError:
         raise
     except MarksError as error:

@@ -71,6 +71,8 @@ MEMORY_SD = 0.02
 """Standard deviation of each before: gauges of whiskers were seen at up to 0.027."""
 LOOSE_GAIN, BENCH_GAIN = 0.03, 0.005
 """Standard deviation of a gain as it comes, and of one that a weight on the tip has shown."""
+GROUND_TIP, WORN_TIP = 0.2, 0.6
+"""Standard deviation of a tip's radius, in parts of itself, as it is ground and after long use."""
 LEADS_MM = (1.0, 2.0, 2.5, 4.0, 5.0)
 """Of screws as they are bought (ISO 3408-2, the small ones)."""
 TRAVEL_SD, WAVE_SD_MM = 0.023 / 300.0, 0.0025
@@ -232,7 +234,9 @@ def screw_ways(at_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([at_mm[:, None], np.cos(turns), np.sin(turns)], axis=1)
 
 
-def known_before(nominal: Bench, *, gain_sd: float = LOOSE_GAIN) -> NDArray[np.float64]:
+def known_before(
+    nominal: Bench, *, gain_sd: float = LOOSE_GAIN, tip_sd: float = GROUND_TIP
+) -> NDArray[np.float64]:
     """Standard deviation of every number before anything is recorded, in the order of `Bench.vector`.
 
     Lengths as a caliper tells them (0.1 mm), an angle as a jig does (1.5 degrees), wire as sold (5 % of stiffness), a
@@ -245,7 +249,7 @@ def known_before(nominal: Bench, *, gain_sd: float = LOOSE_GAIN) -> NDArray[np.f
         Unknown.L3: 0.1,
         Unknown.BETA: 1.5,
         Unknown.STIFFNESS: 0.05,
-        Unknown.RADIUS: max(0.2 * nominal[Unknown.RADIUS], 0.005),
+        Unknown.RADIUS: max(tip_sd * nominal[Unknown.RADIUS], 0.005),
         Unknown.PRELOAD: 0.05 * nominal[Unknown.PRELOAD],
         Unknown.FRICTION: 0.1,
         Unknown.PLAY: 0.03,

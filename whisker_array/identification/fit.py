@@ -26,6 +26,7 @@ from whisker_array.estimation.steadied import steadied
 from whisker_array.identification.bench import (
     BENCH_GAIN,
     DRAWN,
+    GROUND_TIP,
     LOOSE_GAIN,
     Bench,
     Unknown,
@@ -163,6 +164,7 @@ def identify(
     whisker: LShaped | Touch,
     only: tuple[Unknown, ...] = tuple(Unknown),
     grid_mm: float = GRID_MM,
+    tip_sd: float = GROUND_TIP,
     seed: int = 0,
 ) -> Identified:
     """Find the bench that has made a recording over a piece of known relief.
@@ -174,6 +176,7 @@ def identify(
         whisker: as drawn; a touch, where there is no drawing: lengths and angle are not found then.
         only: numbers to be found; the others stay as drawn.
         grid_mm: of the maps.
+        tip_sd: how well the tip's radius is known before, in parts of itself.
         seed: turns the clouds.
 
     Raises:
@@ -194,7 +197,7 @@ def identify(
             f"only {len(clusters)} of the passes can be used over the piece",
             hint=f"record {FEWEST_CLUSTERS} or more",
         )
-    before = known_before(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN)
+    before = known_before(nominal, gain_sd=BENCH_GAIN if known else LOOSE_GAIN, tip_sd=tip_sd)
     felt_by = tuple(sorted({trace.whisker for trace in traces}))
     free = np.zeros(before.size, dtype=np.bool_)
     free[: len(Unknown)] = [name in only for name in Unknown]
@@ -246,7 +249,7 @@ def identify(
             coarse = around(laid(found, COARSER * each.coarser, forward.traces))
             by_grid = seen(p - q for p, q in zip(plane.moment, coarse.moment, strict=True))
         repeated = fitted.scattered()
-        wide = WIDE * np.sqrt(each.lines / MOST_TRACES)
+        wide = WIDE * np.sqrt(len(forward.traces) / MOST_TRACES)
         shrunk = np.minimum(1.0, before / (wide * np.sqrt(np.diag(repeated))))
         cloud = wide**2 * repeated * np.outer(shrunk, shrunk)
         found = found.moved(step)
