@@ -19,9 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from glyphs.errors import MarksError
 from tests.support.benches import HiddenBench, hidden_bench
 from whisker_array.identification.bench import OF_GAUGE, Bench, Unknown, of_whisker
-from whisker_array.identification.fit import IdentifyError, identify
+from whisker_array.identification.fit import identify
 from whisker_array.identification.forward import GRID_MM
 
 WIDE = 1.96
@@ -41,7 +42,7 @@ def tried(seed: int, *, grid_mm: float, memory: bool) -> dict[str, Any]:
     began = time.perf_counter()
     try:
         found = identify(hidden.scan, hidden.heights, whisker=hidden.drawn, grid_mm=grid_mm)
-    except IdentifyError as error:
+    except MarksError as error:
         return {"seed": seed, "refused": str(error)}
     row: dict[str, Any] = {
         "seed": seed,

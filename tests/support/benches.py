@@ -35,6 +35,7 @@ _BESIDE_MM = 3.0
 _FINER = 4
 _MOST_SDS = 2.5
 _SLIPPERY = 0.02
+"""The least friction: one drawn by chance may be less than none."""
 
 
 def recorded(

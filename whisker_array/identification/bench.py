@@ -59,11 +59,8 @@ _MEANINGS = {
     Unknown.TILT_X: "rise of the plate along x",
     Unknown.TILT_Y: "rise of the plate along y",
 }
-POSE = (Unknown.SHIFT_X, Unknown.SHIFT_Y, Unknown.YAW, Unknown.TILT_X, Unknown.TILT_Y)
-"""Of the piece under the whiskers: found each time, and no property of whisker or bench."""
 DRAWN = (Unknown.L1, Unknown.L2, Unknown.L3, Unknown.BETA, Unknown.STIFFNESS)
 """Of the whisker alone, and settled when it is made."""
-_TINY = 1e-9
 OF_GAUGE = ("gain", "creep", "lag")
 """Numbers that every whisker has of its own."""
 MEMORIES = len(OF_GAUGE) - 1
@@ -142,9 +139,8 @@ class Bench:
         factor = np.zeros(step.size, dtype=np.bool_)
         factor[[names.index(Unknown.STIFFNESS), *range(len(names), len(names) + self.gain.size)]] = True
         less = [names.index(name) for name in (Unknown.RADIUS, Unknown.FRICTION)]
-        factor[less] = step[less] < 0.0
-        of = np.where(factor, numbers, 1.0)
-        there[factor] = (of * np.exp(step / np.maximum(of, _TINY)))[factor]
+        factor[less] = (step[less] < 0.0) & (numbers[less] > 0.0)
+        there[factor] = numbers[factor] * np.exp(step[factor] / numbers[factor])
         return Bench.of_vector(there)
 
     def touch(self, nominal: LShaped | Touch) -> Touch:

@@ -25,7 +25,7 @@ from whisker_array.identification.traces import Trace
 LEFT_OUT = {Unknown.SHIFT_X: 6e-4, Unknown.SHIFT_Y: 6e-4, Unknown.PRELOAD: 1.5e-4}
 LAG_LEFT_OUT = 4e-4
 """Of some numbers, mm, and of a lag: what a fit leaves out that all passes share, so that they do not scatter by it.
-Measured on the benches of seeds below 50 of `tests.benchmarks.identify_benches`."""
+Measured on benches of seeds below 50 of `tests.benchmarks.identify_benches`, which are no proof of them."""
 COARSER = 2.0
 """A grid so much wider shows what the fit's own does."""
 

@@ -8,8 +8,7 @@ plane is laid through them::
 
 Samples that jump within the cloud so count for little, and nothing comes out surer than the roughness allows. What
 roughness alone does to the slopes along a way is known: where it makes up most of them, the way is at last taken for
-untold.
-Least squares on the plane gives the next centre, and how sure it is the next cloud: the iterated posterior
+untold. Least squares on the plane gives the next centre, and how sure it is the next cloud: the iterated posterior
 linearization filter of A. F. Garcia-Fernandez, L. Svensson, M. R. Morelande and S. Sarkka, IEEE Trans. Signal Process.
 63 (2015) 5561. The cloud is a cubature turned by chance (I. Arasaratnam and S. Haykin, IEEE Trans. Autom. Control 54
 (2009) 1254): through what is plane it lays the plane itself.
@@ -41,12 +40,12 @@ class Plane:
     Attributes:
         moment: of each trace (samples,), in the middle, N mm.
         jacobian: of each (samples, n), what each number does to that.
-        rough: of each (samples,), standard deviation of what is left, N mm.
+        sigma: of each (samples,), uncertainty, roughness and all, N mm; inf where it is not used.
     """
 
     moment: tuple[NDArray[np.float64], ...]
     jacobian: tuple[NDArray[np.float64], ...]
-    rough: tuple[NDArray[np.float64], ...]
+    sigma: tuple[NDArray[np.float64], ...]
 
     __repr__ = one_line
 
@@ -100,15 +99,12 @@ def plane_through(
     off = [of_trace - mean for of_trace, mean in zip(moments, middle, strict=True)]
     # for a cubature's points the sum of z z^T is n times 1
     slopes = [points.T @ o / n for o in off]
-    rough = [
-        np.sqrt(((o - points @ slope) ** 2).sum(axis=0) / (n - 1 - n_ways))
-        for o, slope in zip(off, slopes, strict=True)
-    ]
-    told, noise = np.zeros(n_ways), 0.0
-    for trace, slope, r in zip(forward.traces, slopes, rough, strict=True):
-        sigma = np.hypot(sample_sigma_n_mm(trace, scatter_n_mm), r)
-        told += ((slope / sigma) ** 2).sum(axis=1)
-        noise += float(((r / sigma) ** 2).sum()) / n
+    sigma, told, noise = [], np.zeros(n_ways), 0.0
+    for trace, o, slope in zip(forward.traces, off, slopes, strict=True):
+        rough = np.sqrt(((o - points @ slope) ** 2).sum(axis=0) / (n - 1 - n_ways))
+        sigma.append(np.hypot(sample_sigma_n_mm(trace, scatter_n_mm), rough))
+        told += ((slope / sigma[-1]) ** 2).sum(axis=1)
+        noise += float(((rough / sigma[-1]) ** 2).sum()) / n
     sure = np.maximum(0.0, 1.0 - noise / np.maximum(told, noise)) if cautious else np.ones(n_ways)
 
     names, jacobian = list(Unknown), []
@@ -123,7 +119,7 @@ def plane_through(
         j[np.isnan(trace.felt_n_mm)] = 0.0
         j[:, ~free] = 0.0
         jacobian.append(j)
-    return Plane(tuple(middle), tuple(jacobian), tuple(rough))
+    return Plane(tuple(middle), tuple(jacobian), tuple(sigma))
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,6 +74,8 @@ uncertain."""
 WIDE = 3.0
 """So many standard deviations the cloud is wide, as `MOST_TRACES` lines would leave them, however many there are: one
 that is narrower than contact is rough rests anywhere."""
+FINEST = 0.1
+"""Of a tip's radius: a grid that is finer shows no more of what it feels."""
 AVERAGED = 2
 """So many of the last are averaged: how a cloud is turned moves what contact is rough in."""
 SETTLED = 0.05
@@ -175,7 +177,7 @@ def identify(
         heights: of the piece.
         whisker: as drawn; a touch, where there is no drawing: lengths and angle are not found then.
         only: numbers to be found; the others stay as drawn.
-        grid_mm: of the maps.
+        grid_mm: of the maps; those of large tips are coarser (`FINEST`).
         tip_sd: how well the tip's radius is known before, in parts of itself.
         seed: turns the clouds.
 
@@ -206,9 +208,7 @@ def identify(
     for along_x in {trace.plan.direction.along_x for trace in traces}:
         free[of_screw(before.size, along_x=along_x)] = True
     scatter = _scatter_n_mm(traces)
-
-    def lines_of(about: Bench, most: int) -> tuple[Trace, ...]:
-        return traces_of(scan, about=about, largest_n_mm=largest_n_mm, most=most)
+    grid_mm = max(grid_mm, FINEST * scan.touch.tip_radius_mm)
 
     def laid(about: Bench, coarser: float, lines: tuple[Trace, ...]) -> Forward:
         forward = Forward(
@@ -225,7 +225,8 @@ def identify(
 
     found, cloud, rested, left = nominal, np.diag(before**2), [nominal.vector()], [np.inf]
     for number, each in enumerate(ROUNDS):
-        forward = laid(found, each.coarser, lines_of(found, each.lines))
+        lines = traces_of(scan, about=found, largest_n_mm=largest_n_mm, most=each.lines)
+        forward = laid(found, each.coarser, lines)
         around = partial(
             plane_through,
             at=found,
@@ -237,11 +238,7 @@ def identify(
             seed=(seed, number),
         )
         plane = around(forward)
-        sigma = [
-            np.hypot(sample_sigma_n_mm(t, scatter), rough)
-            for t, rough in zip(forward.traces, plane.rough, strict=True)
-        ]
-        seen = partial(_seen, sigma=sigma, scatter_n_mm=scatter)
+        seen = partial(_seen, sigma=plane.sigma, scatter_n_mm=scatter)
         missed = residuals(forward.traces, plane.moment)
         away = found.vector() - nominal.vector()
         fitted, step = _solved(forward.traces, seen(plane.jacobian), seen(missed), away, before, free)
@@ -273,7 +270,7 @@ def identify(
 
 
 def _seen(
-    values: Iterable[NDArray[np.float64]], *, sigma: list[NDArray[np.float64]], scatter_n_mm: float
+    values: Iterable[NDArray[np.float64]], *, sigma: tuple[NDArray[np.float64], ...], scatter_n_mm: float
 ) -> tuple[NDArray[np.float64], ...]:
     """Of every trace what a level that walks on leaves, in sigmas."""
     return tuple(innovations(v, s, scatter=scatter_n_mm) for v, s in zip(values, sigma, strict=True))

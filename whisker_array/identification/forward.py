@@ -93,7 +93,7 @@ class Forward:
         tip = touch.tip if tip is None else tip
         pushed = tip.pushed()
         found: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
-        surface = self._piece.surface(self._piece.at(touch.tip_radius_mm)[0])
+        surface = self._piece.surface(touch.tip_radius_mm)
         for sweep in self._sweeps:
             plan = sweep.plan
             traced = trace_contact(

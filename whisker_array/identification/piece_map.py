@@ -58,9 +58,9 @@ class PieceMap:
     """The piece as the tip feels it, its grid askew.
 
     - Neither pose nor direction asks for another map (`contact.Laid`).
-    - Maps are made of tips each `WIDER` than the last; a tip between two feels what lies between the two maps. Beyond
-      them nothing is drawn out: what a smaller tip would feel so has notches in which tips are caught.
-    - A map asked for takes the place of the one before.
+    - Maps are made of tips each `WIDER` than the last; a tip between two feels what lies between their maps. Nothing is
+      drawn out beyond two: what is felt would have notches in which tips are caught.
+    - A surface asked for takes the place of the one before; ask for radii in order.
     """
 
     def __init__(self, heights: Heights, plans: Iterable[SweepPlan], *, about: Bench, grid_mm: float) -> None:
@@ -104,8 +104,13 @@ class PieceMap:
             ]
         return self._felt[step]
 
-    def surface(self, step: int) -> TouchSurface:
-        """What the tip of a step feels, and what the next adds (`at`)."""
+    def surface(self, radius_mm: float) -> TouchSurface:
+        """What the tip of the step below a radius feels, and what that of the next adds (`laid` says how much).
+
+        Raises:
+            WhiskerError: a radius that no tip has.
+        """
+        step, _ = self._at(radius_mm)
         if self._step != step:
             self._felt = {kept: felt for kept, felt in self._felt.items() if kept in (step, step + 1)}
             self._fields[..., :3] = self._felt_by(step)
@@ -113,12 +118,8 @@ class PieceMap:
             self._step = step
         return TouchSurface(self._fields, np.zeros((1, 1), dtype=np.bool_), self._grid)
 
-    def at(self, radius_mm: float) -> tuple[int, float]:
-        """The step below a radius, and which share of the way to the next it is.
-
-        Raises:
-            WhiskerError: a radius that no tip has.
-        """
+    def _at(self, radius_mm: float) -> tuple[int, float]:
+        """The step below a radius, and which share of the way to the next it is."""
         if not radius_mm > 0.0:
             raise WhiskerError(f"a tip's radius is {radius_mm} mm", hint="it must be positive")
         step = math.floor(math.log(radius_mm / self._radius_mm) / math.log1p(WIDER))
@@ -140,7 +141,7 @@ class PieceMap:
             column_mm=tuple(column),
             row_mm=tuple(row),
             tilt=(0.0, *rises.tolist()),
-            share=self.at(bench[Unknown.RADIUS])[1],
+            share=self._at(bench[Unknown.RADIUS])[1],
             friction=bench[Unknown.FRICTION],
         )
 

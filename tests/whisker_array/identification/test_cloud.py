@@ -16,12 +16,14 @@ from tests.support.benches import recorded
 from whisker_array.identification.bench import DRAWN, Bench, Unknown, known_before, nominal_bench, of_screw
 from whisker_array.identification.cloud import Plane, plane_through
 from whisker_array.identification.forward import Forward
+from whisker_array.identification.misses import sample_sigma_n_mm
 from whisker_array.identification.traces import Trace, traces_of
 from whisker_array.whisker.defaults import default_whisker
 from whisker_array.whisker.shapes import TipModel
 from whisker_array.whisker.touch import Touch, default_touch
 
 PIECE = Piece(angle_deg=(30.0,), floor_mm=1.0, land_mm=1.5)
+SCATTER_N_MM = 0.01
 OWN = [i for i, name in enumerate(Unknown) if name not in DRAWN]
 
 
@@ -40,7 +42,7 @@ class Stub:
 
     def pressed(self, bench: Bench, *, tip: TipModel | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
         off = (bench.vector() - self.start.vector())[OWN]
-        # a wheel: neither turned cubature nor plane follows it
+        # so fast a wave that no plane follows it
         jump = self.jump_n_mm * np.sign(np.sin(1e6 * off.sum()))
         return [(1.0 + self.slopes(t) @ off + jump, np.zeros((2, t.felt_n_mm.size))) for t in self.traces]
 
@@ -52,43 +54,46 @@ def stub(jump_n_mm: float = 0.0) -> Stub:
     return Stub(traces, scan.touch, start, jump_n_mm)
 
 
-def laid(model: Stub, *, width: float, turns: int = 1) -> tuple[Plane, np.ndarray]:
+def laid(model: Stub, *, width: float, turns: int = 1) -> Plane:
     before = known_before(model.start)
     free = np.ones(before.size, dtype=np.bool_)
     free[: len(DRAWN)] = False
     # narrow: tips and friction become less in proportion
     cloud = np.diag((width * before) ** 2)
-    plane = plane_through(
+    return plane_through(
         cast(Forward, model),
         model.start,
         cloud,
         free=free,
-        scatter_n_mm=0.01,
+        scatter_n_mm=SCATTER_N_MM,
         cautious=True,
         turns=turns,
         seed=(3, 0),
     )
-    return plane, before
 
 
 def test_a_plane_is_laid_through_what_is_plane() -> None:
     """No error but that of proportions, second order in a width of 1e-4: below 1e-3 of a slope."""
     model = stub()
-    plane, _ = laid(model, width=1e-4)
-    for trace, moment, by, rough in zip(model.traces, plane.moment, plane.jacobian, plane.rough, strict=True):
+    plane = laid(model, width=1e-4)
+    for trace, moment, by, sigma in zip(model.traces, plane.moment, plane.jacobian, plane.sigma, strict=True):
         felt = ~np.isnan(trace.felt_n_mm)
         np.testing.assert_allclose(moment, 1.0, atol=1e-6)
         np.testing.assert_allclose(by[felt][:, OWN], model.slopes(trace)[felt], atol=1e-3)
-        assert rough.max() < 1e-6
+        np.testing.assert_allclose(sigma, sample_sigma_n_mm(trace, SCATTER_N_MM), rtol=1e-6)
         assert not by[~felt].any()
 
 
 def test_what_jumps_within_the_cloud_is_roughness() -> None:
-    """The sign of a fast wave is 1 in size; 18 points tell its scatter within a tenth, and 1 in 1000 is far off."""
+    """The sign of a fast wave scatters by its size; 288 points tell that within a tenth."""
     model = stub(jump_n_mm=0.2)
-    plane, _ = laid(model, width=0.01, turns=16)
-    rough = np.concatenate(plane.rough)
-    assert np.median(rough) == pytest.approx(0.2, rel=0.1)
+    plane = laid(model, width=0.01, turns=16)
+    rough = []
+    for trace, sigma in zip(model.traces, plane.sigma, strict=True):
+        felt = ~np.isnan(trace.felt_n_mm)
+        of_sample = sample_sigma_n_mm(trace, SCATTER_N_MM)
+        rough.append(np.sqrt(sigma[felt] ** 2 - of_sample[felt] ** 2))
+    assert np.median(np.concatenate(rough)) == pytest.approx(0.2, rel=0.1)
 
 
 @pytest.mark.parametrize("along_x", [True, False])
@@ -110,7 +115,7 @@ def test_a_screw_that_is_ahead_is_a_piece_that_lies_behind(along_x: bool) -> Non
         about,
         np.diag((0.03 * before) ** 2),
         free=free,
-        scatter_n_mm=0.01,
+        scatter_n_mm=SCATTER_N_MM,
         cautious=True,
         turns=2,
         seed=(1, 0),

@@ -10,7 +10,14 @@ import pytest
 from glyphs.surface.maps import HeightMap, MapError
 from glyphs.surface.pieces import Piece, PieceKind
 from tests.support.benches import recorded, worn
-from whisker_array.identification.bench import BENCH_GAIN, Bench, Unknown, known_before, nominal_bench
+from whisker_array.identification.bench import (
+    BENCH_GAIN,
+    WORN_TIP,
+    Bench,
+    Unknown,
+    known_before,
+    nominal_bench,
+)
 from whisker_array.identification.fit import IdentifyError, identify
 from whisker_array.identification.piece_map import heights_of
 from whisker_array.identification.telling import not_apart, remedies, untold
@@ -77,6 +84,14 @@ def test_a_height_map_is_as_good_as_the_piece_it_is_of() -> None:
         assert one == pytest.approx(other, abs=2.0 * sd + 1e-3)
     # without a drawing lengths stay
     assert drawn.sd[0] == drawn.before[0]
+
+
+def test_a_large_tip_is_found_by_a_grid_of_its_own() -> None:
+    """0.4 mm, for characters of 30 mm: on the usual grid its ball would span more samples than a map takes."""
+    scan = recorded(PIECE, touch=worn(0.44), friction=0.25)
+    scan = replace(scan, touch=replace(scan.touch, tip_radius_mm=0.4))
+    found = identify(scan, PIECE.height_mm, whisker=scan.touch, tip_sd=WORN_TIP)
+    assert found.of(Unknown.RADIUS)[0] == pytest.approx(0.44, rel=0.1)
 
 
 def test_too_few_passes_are_refused() -> None:
