@@ -1,13 +1,15 @@
 r"""What a touch knows of a drawn whisker: five numbers of its tip, in which lengths, angle and stiffness are gathered.
 
-    q = (D11_xx, D11_xy, D11_zz, D11_yy arm_x / arm_y) / D11_yy,   arm_y / D11_yy
+    d = D11 / D11_yy,     q = (ln(d_xx - d_xy^2), d_xy, ln d_zz, arm_x / arm_y),   arm_y / D11_yy
     moment = (arm_y / D11_yy) * (what the contact makes of the other four)
 
 So contact is asked for the first four alone, the fifth is a factor, and what no signal tells apart (a length from an
-angle, a stiffness from a gain) is told apart by no noise of differences either.
+angle, a stiffness from a gain) is told apart by no noise of differences either. Of any four D11 is positive definite.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +25,15 @@ _PROBE = 1e-3
 
 def tip_numbers(tip: TipModel) -> NDArray[np.float64]:
     """(5,) the numbers q of the module's docstring."""
-    d, arm = tip.compliance_mm_per_n, tip.moment_arm_mm
-    return np.asarray(np.array([d[0, 0], d[0, 1], d[2, 2], d[1, 1] * arm[0] / arm[1], arm[1]]) / d[1, 1])
+    d, arm = tip.compliance_mm_per_n / tip.compliance_mm_per_n[1, 1], tip.moment_arm_mm
+    shape = math.log(d[0, 0] - d[0, 1] ** 2), d[0, 1], math.log(d[2, 2]), arm[0] / arm[1]
+    return np.array([*shape, arm[1] / tip.compliance_mm_per_n[1, 1]])
 
 
 def tip_of_numbers(q: NDArray[np.float64]) -> TipModel:
-    """A tip with these numbers; one that yields by 1 mm to 1 N upwards.
-
-    Raises:
-        WhiskerError: numbers that no tip has.
-    """
-    d = np.array([[q[0], q[1], 0.0], [q[1], 1.0, 0.0], [0.0, 0.0, q[2]]])
+    """A tip with these numbers; one that yields by 1 mm to 1 N upwards."""
+    d = np.diag([math.exp(q[0]) + q[1] ** 2, 1.0, math.exp(q[2])])
+    d[0, 1] = d[1, 0] = q[1]
     return TipModel(d, q[4] * np.array([q[3], 1.0, 0.0]))
 
 
