@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glyphs.compiled import read_only
+from glyphs.surface.display import one_line
 from whisker_array.simulation.contact_kernel import ABREAST, trace_abreast
 from whisker_array.simulation.surface import TouchSurface
 from whisker_array.simulation.threads import in_threads
@@ -61,6 +62,8 @@ class Laid:
     tilt: tuple[float, float, float]
     share: float
     friction: float
+
+    __repr__ = one_line
 
 
 def land_lag_mm(tip: TipModel, *, preload_mm: float, friction: float) -> float:
