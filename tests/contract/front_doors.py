@@ -1,0 +1,147 @@
+"""The ways in that users have: command, files and a service in a process of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import httpx
+import numpy as np
+
+from glyphs import stamp
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 120.0  # for what must happen at all; the first start on a machine compiles the kernels
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A command that has ended: its exit status and what it printed."""
+
+    status: int
+    out: str
+    err: str
+
+
+class Command(Protocol):
+    """Runs `tactile-marks` with arguments."""
+
+    def __call__(self, *arguments: str | os.PathLike[str]) -> Ended: ...
+
+
+@dataclass(frozen=True)
+class RunningService:
+    """A service in a process of its own.
+
+    Attributes:
+        url: its address, http://127.0.0.1:PORT.
+        process: the web server; its workers are its children.
+        folder: its folder, with `store.db` and `service.log`.
+    """
+
+    url: str
+    process: subprocess.Popen[bytes]
+    folder: Path
+
+    @property
+    def log(self) -> str:
+        """What it has logged so far."""
+        return (self.folder / "service.log").read_text(encoding="utf-8", errors="replace")
+
+
+def environment(**changes: str) -> dict[str, str]:
+    """The environment of a child: this checkout, no settings of this machine."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("TACTILE_MARKS_")}
+    return {**kept, "PYTHONPATH": str(ROOT), **changes}
+
+
+def run_process(
+    *arguments: str | os.PathLike[str], cwd: Path | None = None, env: Mapping[str, str] | None = None
+) -> Ended:
+    """Run `tactile-marks` in a process of its own and wait for its end."""
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline", *map(os.fspath, arguments)],
+        cwd=cwd, env=dict(env or environment()), capture_output=True, timeout=PATIENCE_S, check=False,
+    )  # fmt: skip
+    return Ended(done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace"))
+
+
+@contextlib.contextmanager
+def run_service(
+    folder: Path, *options: str, env: Mapping[str, str] | None = None, ready: bool = True
+) -> Iterator[RunningService]:
+    """Serve on a free port until the block is left.
+
+    Args:
+        folder: folder of the service.
+        options: options of `tactile-marks serve`.
+        env: environment of the process.
+        ready: wait until `/readyz` answers 200.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    log = folder / "service.log"
+    with log.open("ab") as stream:
+        begin = stream.tell()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "pipeline", "serve", "--port", "0", "--folder", str(folder), *options],
+            stdout=stream, stderr=stream, env=dict(env or environment()),
+        )  # fmt: skip
+    try:
+        running = RunningService(_address(process, log, begin), process, folder)
+        if ready:
+            wait_until(lambda: status_of(f"{running.url}/readyz") == 200, process)
+        yield running
+    finally:
+        process.terminate()
+        try:
+            process.wait(30.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def status_of(url: str) -> int:
+    """The status of a GET; 0 where nothing answers."""
+    try:
+        return httpx.get(url, timeout=10.0).status_code
+    except httpx.TransportError:
+        return 0
+
+
+def wait_until(condition: Callable[[], bool], process: subprocess.Popen[bytes] | None = None) -> None:
+    """Wait for a condition that must come true; fail when the process ends or patience does."""
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert process is None or process.poll() is None, f"the process ended with {process.returncode}"
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.05)
+
+
+def save_height_map(
+    path: Path, text: str, *, height_mm: float = 4.0, font: str = "gothic", seed: int = 3
+) -> Path:
+    """Stamp a clean plate and save its heights as npz."""
+    surface = stamp(text, font=font, height_mm=height_mm, seed=seed).height_map
+    np.savez(path, z_mm=surface.z_mm, pitch_mm=surface.pitch_mm)
+    return path
+
+
+def _address(process: subprocess.Popen[bytes], log: Path, begin: int) -> str:
+    found: list[str] = []
+
+    def is_named() -> bool:
+        found.extend(
+            re.findall(r"serves at (https?://\S+)", log.read_bytes()[begin:].decode(errors="replace"))
+        )
+        return bool(found)
+
+    wait_until(is_named, process)
+    return found[0]
