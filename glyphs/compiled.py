@@ -19,9 +19,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from numba import njit
 from numba.core import event
+from numba.core.caching import NullCache
 from numpy.typing import DTypeLike, NDArray
 
 from glyphs.compiling import compiling_begins, compiling_ends
+from glyphs.kernel_cache import cache_of
 
 Function: TypeAlias = Callable[..., Any]
 
@@ -35,9 +37,17 @@ FAST = frozenset({"fast"})
 
 def kernel(*, allow: frozenset[str] = frozenset()) -> Callable[[Function], Function]:
     """What makes a function a kernel; `allow` is what may be done to its arithmetic. Division by zero gives inf."""
-    made: Function = njit(
-        cache=True, error_model="numpy", nogil=True, fastmath=set(allow) if allow else False
-    )
+
+    def made(function: Function) -> Function:
+        dispatcher: Any = njit(error_model="numpy", nogil=True, fastmath=set(allow) if allow else False)(
+            function
+        )
+        # in place of njit(cache=True), whose files may be damaged, full or not to be written
+        dispatcher._cache = cache_of(function)
+        kept = not isinstance(dispatcher._cache, NullCache)
+        _Compiling.kept = _Compiling.kept and kept
+        return dispatcher  # type: ignore[no-any-return]
+
     return made
 
 
@@ -60,13 +70,16 @@ def read_only(array: NDArray[Any], dtype: DTypeLike | None = None) -> NDArray[An
 class _Compiling(event.Listener):  # type: ignore[misc,unused-ignore]
     """Tells when numba compiles, which it does under its lock, one kernel within another."""
 
+    kept = True
+    """Whether there is a folder to keep kernels in."""
+
     def __init__(self) -> None:
         self._began_s: list[float] = []
 
     def on_start(self, event: Any) -> None:
         self._began_s.append(time.monotonic())
         if len(self._began_s) == 1:
-            compiling_begins()
+            compiling_begins(kept=self.kept)
 
     def on_end(self, event: Any) -> None:
         began_s = self._began_s.pop()

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 BEGINS = "compiling kernels, once on this machine: about 15 s"
+NOT_KEPT = "compiling kernels, about 15 s at every start: no folder for them can be written; set NUMBA_CACHE_DIR to one"
 
 
 class _Watch:
@@ -28,10 +29,14 @@ def compiling_shown(show: Callable[[str], None]) -> Iterator[None]:
         _Watch.show = before
 
 
-def compiling_begins() -> None:
-    """A kernel is not on this machine's disk yet and is compiled now."""
+def compiling_begins(*, kept: bool = True) -> None:
+    """Show that a kernel is compiled, for it is not on this machine's disk.
+
+    Args:
+        kept: whether it will be.
+    """
     if not _Watch.at_it and _Watch.show is not None:
-        _Watch.show(BEGINS)
+        _Watch.show(BEGINS if kept else NOT_KEPT)
     _Watch.at_it = True
 
 

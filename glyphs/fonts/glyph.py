@@ -22,6 +22,8 @@ from glyphs.surface.display import one_line
 
 Points = NDArray[np.float64]
 
+MOST_CAP_HEIGHTS = 100.0
+"""Largest coordinate and advance: a character is about as wide as tall, whatever its font."""
 RELIEF_PIXELS = 40
 """Pixels to the cap height of a relief learned by touch."""
 
@@ -41,6 +43,8 @@ def _point_arrays(name: str, char: str, arrays: tuple[Points, ...], least: int) 
             )
         if not np.isfinite(array).all():
             raise FontError(f"{name} of {char!r} has coordinates that are not finite")
+        if np.abs(array).max() > MOST_CAP_HEIGHTS:
+            raise FontError(f"{name} of {char!r} reaches further than {MOST_CAP_HEIGHTS:.0f} cap heights")
         array.flags.writeable = False
         out.append(array)
     return tuple(out)
@@ -76,7 +80,8 @@ class Glyph:
         guessed: whether a learned font has this character from another font's likeness only.
 
     Raises:
-        FontError: both strokes and contours, wrong shapes, values not finite, stroke outside 0 <= s < 1.
+        FontError: both strokes and contours, wrong shapes, values not finite or beyond MOST_CAP_HEIGHTS, stroke
+            outside 0 <= s < 1.
     """
 
     char: str
@@ -96,9 +101,10 @@ class Glyph:
             raise FontError(f"glyph {self.char!r} has strokes and contours", hint="give one of them")
         object.__setattr__(self, "strokes", _point_arrays("a stroke", self.char, tuple(self.strokes), 1))
         object.__setattr__(self, "contours", _point_arrays("a contour", self.char, tuple(self.contours), 3))
-        if not np.isfinite(self.advance) or self.advance < 0.0:
+        if not 0.0 <= self.advance <= MOST_CAP_HEIGHTS:
             raise FontError(
-                f"advance of {self.char!r} is {self.advance}", hint="it must be zero or more cap heights"
+                f"advance of {self.char!r} is {self.advance}",
+                hint=f"it must be 0 to {MOST_CAP_HEIGHTS:.0f} cap heights",
             )
         if not 0.0 <= self.stroke < 1.0:
             raise FontError(

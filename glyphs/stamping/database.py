@@ -3,6 +3,8 @@
 The file is HDF5 behind a user block of 512 bytes that names the format, its version and the SHA-256 of all
 that follows. The digest is checked before the HDF5 library sees a byte: a damaged file is refused, never
 half-read. Any HDF5 reader opens it, since HDF5 skips user blocks.
+
+A file can come from anybody, so its size, links and storage are checked before its data are read.
 """
 
 from __future__ import annotations
@@ -23,8 +25,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glyphs.errors import MarksError
+from glyphs.errors import FileError, MarksError, require_file
 from glyphs.fonts.glyph import Font, Glyph
+from glyphs.hdf5_checks import n_bytes, n_values, own_datasets
 from glyphs.stamping.die import Die
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, TraceDirection
@@ -33,6 +36,14 @@ FORMAT_NAME = "tactile-marks glyph database"
 FORMAT_VERSION = 2
 _READABLE_VERSIONS = (1, 2)
 _BLOCK_BYTES = 512
+MOST_FILE_BYTES = 1_000_000_000
+MOST_OBJECTS = 20_000
+"""Groups and datasets; an exemplar has four, a font eight."""
+MOST_FONTS, MOST_LINES = 200, 500_000
+MOST_GLYPH_POINTS = 5_000
+"""Of one character: the work of drawing it grows with their square."""
+_LEAST_UNPACKED_BYTES, _MOST_RATIO = 64_000_000, 100
+"""Data may always unpack to so much, beyond that to so many times the file's length; exemplars pack tenfold at most."""
 _EXEMPLAR_TEXTS = ("char", "font_name", "note", "enrolled_at", "part", "evidence")
 _EXEMPLAR_NUMBERS = ("height_mm", "rotation_deg", "raised")
 
@@ -158,11 +169,10 @@ def load_database(path: str | Path) -> GlyphDatabase:
     """
     name = str(path)
     try:
+        require_file(Path(path), most_bytes=MOST_FILE_BYTES)
         data = Path(path).read_bytes()
-    except FileNotFoundError:
-        raise DatabaseError(
-            f"{name!r} does not exist", hint="check the path, or make one with save_database"
-        ) from None
+    except FileError as error:
+        raise DatabaseError(f"{name!r} {error.what}", hint=error.hint) from error
     except OSError as error:
         raise DatabaseError(
             f"{name!r} cannot be read ({error.strerror or error})", hint="check its permissions"
@@ -174,7 +184,7 @@ def load_database(path: str | Path) -> GlyphDatabase:
         Exception
     ) as error:  # the digest fits, so another program wrote nonsense: one message for all of it
         raise DatabaseError(
-            f"{name!r} is not a glyph database ({error})",
+            f"{name!r} is not a glyph database ({error.what if isinstance(error, MarksError) else error})",
             hint="write it again with save_database",
         ) from error
 
@@ -233,10 +243,27 @@ def _unpack(body: bytes) -> GlyphDatabase:
     import h5py
 
     with h5py.File(io.BytesIO(body), "r") as file:
+        _check_content(file, len(body))
         fonts = [_unpack_font(group) for group in _in_order(file["fonts"])]
         dies = {str(g.attrs["name"]): Die(**json.loads(g.attrs["die"])) for g in _in_order(file["dies"])}
         exemplars = tuple(_unpack_exemplar(group) for group in _in_order(file["exemplars"]))
     return GlyphDatabase({font.name: font for font in fonts}, dies, exemplars)
+
+
+def _check_content(file: Any, length: int) -> None:
+    """Refuse what unpacks to far more than the file's length, lies elsewhere, or is too much to work with."""
+    most = max(_LEAST_UNPACKED_BYTES, _MOST_RATIO * length)
+    unpacked = 0
+    for dataset in own_datasets(file, most_objects=MOST_OBJECTS, names_once=True):
+        unpacked += n_bytes(dataset)
+        if unpacked > most:
+            raise DatabaseError(f"unpacks to more than {most / 1e6:,.0f} MB")
+    fonts = file["fonts"]
+    if len(fonts) > MOST_FONTS:
+        raise DatabaseError(f"holds {len(fonts)} fonts, over the limit of {MOST_FONTS}")
+    lines = sum(n_values(font["line_points"]) for font in fonts.values())
+    if lines > MOST_LINES:
+        raise DatabaseError(f"draws {lines:,} lines, over the limit of {MOST_LINES:,}")
 
 
 def _in_order(group: Any) -> list[Any]:
@@ -271,9 +298,18 @@ def _unpack_font(group: Any) -> Font:
     outlined, advance, stroke = (_numbers(group, key) for key in ("outlined", "advance", "stroke"))
     guessed = _numbers(group, "guessed") if "guessed" in group else np.zeros(outlined.size)
     learned = group.get("felt", {})
+    characters = _numbers(group, "characters")
+    lines_of: list[list[NDArray[np.float64]]] = [[] for _ in characters]
+    for line, k in zip(lines, owner, strict=True):
+        lines_of[int(k)].append(line)
     glyphs = {}
-    for k, code in enumerate(_numbers(group, "characters")):
-        own = tuple(line for line, o in zip(lines, owner, strict=True) if o == k)
+    for k, code in enumerate(characters):
+        own = tuple(lines_of[k])
+        if sum(map(len, own)) > MOST_GLYPH_POINTS:
+            raise DatabaseError(
+                f"draws {chr(int(code))!r} with more than {MOST_GLYPH_POINTS:,} points",
+                hint="simplify the font",
+            )
         glyphs[chr(int(code))] = Glyph(
             chr(int(code)),
             strokes=() if outlined[k] else own,

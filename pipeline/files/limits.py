@@ -1,8 +1,4 @@
-"""What a file may ask for, told from its head before anything is decoded.
-
-A recording, too, is looked at before it is read: HDF5 can point to other files (external links, external storage,
-virtual datasets), and what a stranger sends may not read the server's.
-"""
+"""Size limits of files, checked from their headers before anything is decoded."""
 
 from __future__ import annotations
 
@@ -12,16 +8,10 @@ import struct
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from glyphs.errors import FileError, damage_reported, require_file
+from glyphs.hdf5_checks import n_values, own_datasets
 
-MOST_OBJECTS = 10_000
-"""In an HDF5 file; a recording has some thirty."""
-MOST_DEPTH = 16
-"""Groups in groups."""
-MOST_CHUNK_BYTES = 268_435_456
-"""Of an HDF5 dataset, which are unpacked together however little of them is read."""
 _MOST_XML_BYTES = 16_000_000
 _MOST_MEMBERS = 10_000
 _HEADER_BYTES = 10_000
@@ -110,7 +100,7 @@ def is_hdf5(path: Path) -> bool:
 
 
 def check_hdf5(path: Path, *, most: int) -> None:
-    """Walk through an HDF5 file without following links: all that it holds must be in it, and of bounded size.
+    """Check that all that an HDF5 file holds is in it, and of bounded size; links are not followed.
 
     Raises:
         FileError: it is not so.
@@ -118,62 +108,15 @@ def check_hdf5(path: Path, *, most: int) -> None:
     import h5py
 
     with damage_reported(path, kind="HDF5"), h5py.File(path, "r") as file:
-        seen = {_address(file)}
-        groups: list[tuple[Any, int]] = [(file, 0)]
-        objects = 0
-        while groups:
-            group, depth = groups.pop()
-            objects += len(group)
-            if objects > MOST_OBJECTS or depth > MOST_DEPTH:
+        for dataset in own_datasets(file):
+            count = n_values(dataset)
+            # of a single whisker the stage's positions are twice as many as the samples
+            if count > 2 * most or (dataset.name == "/scan/signal" and count > most):
                 raise FileError(
-                    path, "holds far more groups than a recording", "see docs/pages/reference/recordings.md"
+                    path,
+                    f"{dataset.name} holds {count:,} values, over the limit of {most:,}",
+                    "split the recording",
                 )
-            for name in group:
-                link = group.get(name, getlink=True)
-                if isinstance(link, h5py.ExternalLink):
-                    raise FileError(path, f"has a link into another file (/{name})", "copy the data into it")
-                if not isinstance(link, h5py.HardLink):
-                    continue  # within the file: what it leads to is met by itself
-                found = group[name]
-                if _address(found) in seen:
-                    continue
-                seen.add(_address(found))
-                if isinstance(found, h5py.Group):
-                    groups.append((found, depth + 1))
-                elif isinstance(found, h5py.Dataset):
-                    _check_dataset(path, found, most)
-
-
-def _address(found: Any) -> tuple[int, ...]:
-    import h5py
-
-    info = h5py.h5o.get_info(found.id)
-    return (int(info.fileno), int(info.addr))
-
-
-def _check_dataset(path: Path, dataset: Any, most: int) -> None:
-    import h5py
-
-    made = dataset.id.get_create_plist()
-    layout = made.get_layout()
-    if layout == h5py.h5d.VIRTUAL or made.get_external_count():
-        raise FileError(path, f"keeps {dataset.name} in another file", "copy the data into this one")
-    count = 1
-    for n in dataset.id.shape:
-        count *= int(n)
-    # of a single whisker the stage's positions are twice as many as the samples
-    if count > 2 * most or (dataset.name == "/scan/signal" and count > most):
-        raise FileError(
-            path, f"{dataset.name} holds {count:,} values, over the limit of {most:,}", "split the recording"
-        )
-    if layout == h5py.h5d.CHUNKED:
-        chunk = dataset.id.get_type().get_size()
-        for n in made.get_chunk():
-            chunk *= int(n)
-        if chunk > MOST_CHUNK_BYTES:
-            raise FileError(
-                path, f"{dataset.name} has chunks of {chunk / 1e6:,.0f} MB", "write it in smaller chunks"
-            )
 
 
 def _check(path: Path, count: int, most: int, size: str) -> None:

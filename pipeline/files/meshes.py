@@ -12,9 +12,9 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from glyphs.compiled import kernel
 from glyphs.errors import FileError, damage_reported, require_file
 from glyphs.surface.maps import HeightMap
 from pipeline.files.grids import square_map
@@ -24,6 +24,8 @@ from pipeline.files.units import Unit, factors_to_mm
 MAX_FILE_BYTES = 500_000_000
 MOST_SCATTERED = 2_000_000
 """Points off a grid, which are triangulated."""
+MOST_DRAWN = 300_000_000
+"""Samples that the triangles of a mesh cover, all together: two seconds of work."""
 _LEAST_SAMPLES, _MOST_SAMPLES = 600, 4000
 """Along the longer side of a map made of triangles, whose own size may say nothing: a flat land has two."""
 _GAP = 6.0
@@ -124,6 +126,12 @@ def _triangulated(
     check_size(path, rows, cols)
     left, top = np.nanmin(points[:, 0]), np.nanmax(points[:, 1])
     places = np.column_stack([(points[:, 0] - left) / pitch, (top - points[:, 1]) / pitch, points[:, 2]])
+    if _drawn_samples(places, faces) > MOST_DRAWN:
+        raise FileError(
+            path,
+            f"holds {len(faces):,} triangles that lie over each other, too many to look for the uppermost",
+            "export the marked surface alone",
+        )
     z = np.full((rows, cols), np.nan)
     _draw(z, places, faces)
     return z, pitch, pitch
@@ -135,7 +143,15 @@ def _longest_sides(points: Points, faces: Faces) -> NDArray[np.float64]:
     return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator,unused-ignore]
+def _drawn_samples(places: Points, faces: Faces) -> float:
+    """Samples that `_draw` looks at, about: those in each triangle, and the ends of its rows."""
+    a, b, c = (places[faces[:, k], :2] for k in range(3))
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    rows = np.ptp(places[:, 1][faces], axis=1)
+    return float((0.5 * np.abs(ux * vy - vx * uy) + 4.0 * (rows + 1.0)).sum())
+
+
+@kernel()
 def _draw(z, places, faces):  # type: ignore[no-untyped-def]
     """Raise z (rows, cols), NaN where nothing is, to the triangles of places (n, 3): column, row, height."""
     for i in range(faces.shape[0]):
@@ -147,10 +163,24 @@ def _draw(z, places, faces):  # type: ignore[no-untyped-def]
             max(0, math.ceil(min(a[1], b[1], c[1]) - 1e-6)),
             min(z.shape[0] - 1, math.floor(max(a[1], b[1], c[1]) + 1e-6)) + 1,
         ):
-            for u in range(
-                max(0, math.ceil(min(a[0], b[0], c[0]) - 1e-6)),
-                min(z.shape[1] - 1, math.floor(max(a[0], b[0], c[0]) + 1e-6)) + 1,
+            # the columns of this row on which none of the three weights is negative
+            left, right = max(0.0, min(a[0], b[0], c[0])), min(z.shape[1] - 1.0, max(a[0], b[0], c[0]))
+            second_step, third_step = (c[1] - a[1]) / area, (a[1] - b[1]) / area
+            second_at_0 = (-a[0] * (c[1] - a[1]) - (c[0] - a[0]) * (v - a[1])) / area
+            third_at_0 = ((b[0] - a[0]) * (v - a[1]) + a[0] * (b[1] - a[1])) / area
+            for at_0, step in (
+                (second_at_0, second_step),
+                (third_at_0, third_step),
+                (1.0 - second_at_0 - third_at_0, -second_step - third_step),
             ):
+                if step > 1e-12:
+                    left = max(left, (-1e-6 - at_0) / step)
+                elif step < -1e-12:
+                    right = min(right, (-1e-6 - at_0) / step)
+            if left > right + 1.0:
+                continue
+            # rounding may have moved an end by a little: each sample is weighed below
+            for u in range(max(0, math.floor(left)), min(z.shape[1] - 1, math.ceil(right)) + 1):
                 second = ((u - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (v - a[1])) / area
                 third = ((b[0] - a[0]) * (v - a[1]) - (u - a[0]) * (b[1] - a[1])) / area
                 if min(second, third, 1.0 - second - third) < -1e-6:

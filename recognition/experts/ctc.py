@@ -17,8 +17,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from glyphs.compiled import kernel
 
 MOST_PLACES = 32
 """Places looked for where the format is not known."""
@@ -41,7 +42,7 @@ class PlaceBelief:
     spread: NDArray[np.float64]
 
 
-@njit(cache=True)
+@kernel()
 def _add(a: float, b: float) -> float:
     """Log of the sum of two numbers given by their logs."""
     high, low = (a, b) if a > b else (b, a)
@@ -50,13 +51,13 @@ def _add(a: float, b: float) -> float:
     return high + math.log1p(math.exp(low - high))
 
 
-@njit(cache=True)
+@kernel()
 def _part(a: float, b: float) -> float:
     """The share exp(a - b); none where there is nothing."""
     return math.exp(a - b) if a > -np.inf else 0.0
 
 
-@njit(cache=True)
+@kernel()
 def _all_and_others(values, others):  # type: ignore[no-untyped-def]
     """The sum; the sums of all but each, from both ends: nothing is subtracted."""
     before, after = 0.0, 0.0
@@ -69,7 +70,7 @@ def _all_and_others(values, others):  # type: ignore[no-untyped-def]
     return before
 
 
-@njit(cache=True)
+@kernel()
 def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
     """Sums of paths that end in each state at each frame, and that enter each place then.
 
@@ -115,7 +116,7 @@ def _forward(blank, shares, allowed):  # type: ignore[no-untyped-def]
     return at_blank, at_place, enter, scale, total
 
 
-@njit(cache=True)
+@kernel()
 def _backward(blank, shares, allowed):  # type: ignore[no-untyped-def]
     """Sums of the ways on from each place at each frame, shares of `exp(scale)`."""
     frames, count = shares.shape

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from glyphs.compiled import kernel
 from recognition.experts.templates.photo_shapes import PhotoShapes
 
 Floats = NDArray[np.float64]
@@ -82,7 +82,7 @@ def settled(
     return Settled(belief - total, column, total) if np.isfinite(total) else None
 
 
-@njit(cache=True)
+@kernel()
 def _sums(  # type: ignore[no-untyped-def]
     evidence, prior, origin, end, width, word, low, kernel, word_low, word_kernel
 ):
@@ -128,7 +128,7 @@ def _sums(  # type: ignore[no-untyped-def]
     return belief, column, total
 
 
-@njit(cache=True)
+@kernel()
 def _gathered(evidence, prior, come, from_, to):  # type: ignore[no-untyped-def]
     """Sums over a place's characters by the column `to` which they lead, shares of exp(the second value)."""
     count, cols = evidence.shape
@@ -146,7 +146,7 @@ def _gathered(evidence, prior, come, from_, to):  # type: ignore[no-untyped-def]
     return found, top
 
 
-@njit(cache=True)
+@kernel()
 def _moved(values, top, low, kernel, sign):  # type: ignore[no-untyped-def]
     """out[y] = top + log sum over n of values[y - sign (low + n)] kernel[n]."""
     size = values.size

@@ -120,9 +120,9 @@ def test_a_newer_version_is_named_as_such(saved, tmp_path):
 
 
 def test_missing_file_folder_and_target(full, tmp_path):
-    with pytest.raises(DatabaseError, match=r"nothing\.h5.*does not exist"):
+    with pytest.raises(DatabaseError, match=r"nothing\.h5.*is not there"):
         load_database(tmp_path / "nothing.h5")
-    with pytest.raises(DatabaseError, match="cannot be read"):
+    with pytest.raises(DatabaseError, match="is not a file"):
         load_database(tmp_path)
     with pytest.raises(DatabaseError, match="check the folder"):
         save_database(full, tmp_path / "no folder" / "glyphs.h5")
@@ -235,3 +235,83 @@ def test_a_file_of_the_first_format_is_read(saved, tmp_path):
 def test_an_exemplar_whose_relief_does_not_fit_is_refused():
     with pytest.raises(DatabaseError, match="does not fit the edge map"):
         exemplar(relief=np.zeros((3, 3), dtype=np.float32))
+
+
+def never_written(file):
+    """Declare 3.2 GB in a file of some kilobytes."""
+    del file["fonts/0/points"]
+    file["fonts/0"].create_dataset(
+        "points", shape=(200_000_000, 2), dtype="f8", chunks=(1000, 2), compression="gzip"
+    )
+
+
+def one_value_in_a_large_chunk(file):
+    for k in range(3):
+        file["fonts/0"].create_dataset(
+            f"more{k}", shape=(1,), dtype="f8", chunks=(8_000_000,), maxshape=(None,)
+        )
+
+
+def linked_outside(file):
+    del file["fonts"]
+    file["fonts"] = h5py.ExternalLink("other.h5", "/fonts")
+
+
+def stored_outside(file):
+    count = file["fonts/0/advance"].shape
+    del file["fonts/0/advance"]
+    file["fonts/0"].create_dataset(
+        "advance", shape=count, dtype="f8", external=[("other.bin", 0, count[0] * 8)]
+    )
+
+
+def named_often(file):
+    for k in range(3, 300):
+        file[f"fonts/{k}"] = file["fonts/0"]
+
+
+def many_fonts(file):
+    for k in range(3, 300):
+        file.copy("fonts/0", f"fonts/{k}")
+
+
+def empty_lines(file):
+    for name in ("line_points", "line_glyph"):
+        del file[f"fonts/0/{name}"]
+        file[f"fonts/0/{name}"] = np.zeros(600_000, dtype=np.uint32)
+
+
+def crowded_glyph(file):
+    group = file["fonts/0"]
+    n = module.MOST_GLYPH_POINTS + 1
+    for name, values in (("points", np.zeros((n, 2))), ("line_points", [n]), ("line_glyph", [0])):
+        del group[name]
+        group[name] = values
+
+
+def far_point(file):
+    file["fonts/0/points"][0, 0] = 1e30
+
+
+def wide_advance(file):
+    file["fonts/0/advance"][0] = 1e9
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (never_written, "unpacks to more than 64 MB"),
+        (one_value_in_a_large_chunk, "unpacks to more than 64 MB"),
+        (linked_outside, "link into another file"),
+        (stored_outside, "in another file"),
+        (named_often, "second name for its data"),
+        (many_fonts, "300 fonts, over the limit"),
+        (empty_lines, "lines, over the limit"),
+        (crowded_glyph, "more than 5,000 points"),
+        (far_point, "further than 100 cap heights"),
+        (wide_advance, "0 to 100 cap heights|advance of"),
+    ],
+)
+def test_a_database_that_asks_for_far_more_than_its_size_is_refused(saved, tmp_path, change, why):
+    with pytest.raises(DatabaseError, match=why):
+        load_database(rewritten(saved, tmp_path, change))

@@ -114,3 +114,26 @@ def test_bad_files_are_refused(name: str, data: bytes, message: str, tmp_path: P
     (tmp_path / name).write_bytes(data)
     with pytest.raises(FileError, match=message):
         read_height_map(tmp_path / name)
+
+
+def test_triangles_that_all_cover_the_part_are_refused_before_they_are_drawn(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    at = np.tile([[0.0, 0.0, 0.0], [40.0, 0.0, 0.0], [40.0, 20.0, 0.0]], (10_000, 1))
+    at += rng.uniform(0.0, 0.1, at.shape)
+    trimesh.Trimesh(at, np.arange(30_000).reshape(-1, 3), process=False).export(tmp_path / "heap.stl")
+    with pytest.raises(FileError, match=r"holds 10,000 triangles that lie over each other"):
+        read_height_map(tmp_path / "heap.stl")
+
+
+def test_long_thin_triangles_are_drawn_by_what_they_cover(tmp_path: Path) -> None:
+    """A fan of slivers across the plate, as CAD programs write a flat: each lies in a box as large as the plate."""
+    edge = np.linspace(0.0, 20.0, 2001)
+    rim = np.column_stack([np.full(edge.size, 40.0), edge, 0.001 * edge])
+    corners = np.concatenate([[[0.0, 0.0, 0.0], [0.0, 20.0, 0.02]], rim])
+    k = np.arange(2, edge.size + 1)
+    fan = np.column_stack([np.zeros(k.size, dtype=int), k, k + 1])
+    faces = np.concatenate([fan, [[0, edge.size + 1, 1]]])
+    trimesh.Trimesh(corners, faces, process=False).export(tmp_path / "fan.stl")
+    found = read_height_map(tmp_path / "fan.stl").z_mm
+    rows = np.linspace(0.02, 0.0, found.shape[0])[:, None]
+    np.testing.assert_allclose(found, np.broadcast_to(rows, found.shape), atol=2e-5)

@@ -1,0 +1,101 @@
+"""Look at an HDF5 file before it is read: all that it holds must be in it, and of bounded size.
+
+HDF5 can point to other files (external links, external storage, virtual datasets), and what a stranger sends may not
+read the server's. Nothing is decoded and no link is followed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from glyphs.errors import MarksError
+
+MOST_OBJECTS = 10_000
+"""In an HDF5 file; a recording has some thirty."""
+MOST_DEPTH = 16
+"""Groups in groups."""
+MOST_CHUNK_BYTES = 268_435_456
+"""Of an HDF5 dataset, which are unpacked together however little of them is read."""
+
+
+def own_datasets(file: Any, *, most_objects: int = MOST_OBJECTS, names_once: bool = False) -> Iterator[Any]:
+    """The datasets of an open HDF5 file (h5py.File), each once, found to be in this file and in small chunks.
+
+    Args:
+        file: opened for reading.
+        most_objects: groups and datasets that it may hold.
+        names_once: refuse a second name of an object, by which a small file can hold any number of copies.
+
+    Raises:
+        MarksError: a link or data in another file, too many groups, large chunks.
+    """
+    import h5py
+
+    seen = {_address(file)}
+    groups: list[tuple[Any, int]] = [(file, 0)]
+    objects = 0
+    while groups:
+        group, depth = groups.pop()
+        objects += len(group)
+        if objects > most_objects or depth > MOST_DEPTH:
+            raise MarksError(
+                f"holds more than {most_objects:,} groups or nests them deeper than {MOST_DEPTH}",
+                hint="write it again with tactile-marks",
+            )
+        for name in group:
+            link = group.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                raise MarksError(f"has a link into another file (/{name})", hint="copy the data into it")
+            if not isinstance(link, h5py.HardLink):
+                if names_once:
+                    raise MarksError(f"has a second name for its data (/{name})", hint="write it again")
+                continue  # within the file: its target is met by itself
+            found = group[name]
+            if _address(found) in seen:
+                if names_once:
+                    raise MarksError(f"has a second name for its data ({found.name})", hint="write it again")
+                continue
+            seen.add(_address(found))
+            if isinstance(found, h5py.Group):
+                groups.append((found, depth + 1))
+            elif isinstance(found, h5py.Dataset):
+                _check_storage(found)
+                yield found
+
+
+def n_values(dataset: Any) -> int:
+    """Values that a dataset declares."""
+    return math.prod(int(n) for n in dataset.id.shape or ())
+
+
+def n_bytes(dataset: Any) -> int:
+    """Bytes that reading a dataset unpacks: its chunks are unpacked whole."""
+    size = int(dataset.id.get_type().get_size())
+    if dataset.chunks is None:
+        return n_values(dataset) * size
+    sides = zip(dataset.id.shape, dataset.chunks, strict=True)
+    return math.prod(-(-int(n) // int(chunk)) * int(chunk) for n, chunk in sides) * size
+
+
+def _address(found: Any) -> tuple[int, ...]:
+    import h5py
+
+    info = h5py.h5o.get_info(found.id)
+    return (int(info.fileno), int(info.addr))
+
+
+def _check_storage(dataset: Any) -> None:
+    import h5py
+
+    made = dataset.id.get_create_plist()
+    layout = made.get_layout()
+    if layout == h5py.h5d.VIRTUAL or made.get_external_count():
+        raise MarksError(f"keeps {dataset.name} in another file", hint="copy the data into this one")
+    if layout == h5py.h5d.CHUNKED:
+        chunk = math.prod(int(n) for n in made.get_chunk()) * dataset.id.get_type().get_size()
+        if chunk > MOST_CHUNK_BYTES:
+            raise MarksError(
+                f"{dataset.name} has chunks of {chunk / 1e6:,.0f} MB", hint="write it in smaller chunks"
+            )
