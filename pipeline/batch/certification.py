@@ -20,7 +20,7 @@ from pipeline.batch.progress import Progress
 from pipeline.batch.setup import absolute, parts_for
 from pipeline.batch.task import ReadPart, RunOrder, read_listed
 from pipeline.common.line_journal import LineJournal
-from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import reader_versions
 from pipeline.files.listed import ListedPart
 from pipeline.files.truth import load_truth, name_in, without_blanks
@@ -187,7 +187,7 @@ def _description(inputs: Sequence[str], settings: ReadSettings, manifests: Seque
     return {
         "settings": settings_described(settings),
         "mode": settings.mode,
-        "unit": settings.unit,
+        "maps": settings.model_dump(include=set(MapSettings.model_fields)),
         "inputs": [*inputs, *manifests],
         "versions": reader_versions(),
     }

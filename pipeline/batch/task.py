@@ -86,16 +86,13 @@ def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
 def _read(order: RunOrder, listed: ListedPart) -> tuple[Reading, ReadSettings, Grammar | None]:
     from glyphs.errors import MissingExtraError
     from pipeline.files.remote import fetched, originally
-    from pipeline.files.units import Unit
     from pipeline.reading.part_reader import Mode, PartReader
 
     mode = Mode(order.settings.mode) if order.settings.mode is not None else None
     reader = _reader_for(order, listed)
     try:
         with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
-            parts = PartReader(
-                reader, mode=mode, unit=Unit(order.settings.unit), budget_s=order.settings.touch_budget_s
-            )
+            parts = PartReader(reader, mode=mode, maps=order.settings, budget_s=order.settings.touch_budget_s)
             reading = parts.read(part, expected=listed.expected)
             notes = [originally(note, part, listed) for note in reading.notes]
             if order.verify and not listed.expected:

@@ -52,7 +52,6 @@ def drawn(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
         CommandError: it holds several parts.
     """
     from pipeline.files.parts import discover
-    from pipeline.files.units import Unit
     from pipeline.plots.pictures import save_figure
     from pipeline.reading.part_reader import Mode, PartReader
     from pipeline.reading.readers import open_reader
@@ -66,7 +65,7 @@ def drawn(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
     (part,) = parts
     mode = Mode(settings.mode) if settings.mode else None
     found = PartReader(
-        open_reader(settings), mode=mode, unit=Unit(settings.unit), budget_s=settings.touch_budget_s
+        open_reader(settings), mode=mode, maps=settings, budget_s=settings.touch_budget_s
     ).read(part)
     shown, problem = _with_photo(found, part)
     save_figure(reading_figure(shown, title=part.name), picture)

@@ -5,17 +5,16 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from pipeline.cli.choices import FidelityName
 from pipeline.cli.exit_status import USAGE, CommandError, failures_reported
+from pipeline.cli.settings import MAPS, Maps
 
 if TYPE_CHECKING:
     from whisker_array.scan.session import StageSession
-
-UnitName = Literal["um", "mm", "m", "in"]
 
 
 def scan(
@@ -34,7 +33,7 @@ def scan(
     active: Annotated[bool, Parameter(negative="")] = False,
     budget_s: float = 60.0,
     format: str | None = None,
-    unit: UnitName = "mm",
+    maps: Maps = MAPS,
 ) -> int:
     """Scan a height map with the virtual whisker array and record the raw moments.
 
@@ -71,15 +70,12 @@ def scan(
         Most stage seconds with --active.
     format
         What the serial looks like, with --active, such as AA999999; as read --format takes it.
-    unit
-        Unit of the numbers in a height file that states none (.npz, STL, PLY, XYZ).
     """
     with failures_reported():
         from pipeline.common.atomic import check_writable
         from pipeline.files.npz import read_soil
         from pipeline.files.piece_file import read_surface
         from pipeline.files.touch_file import is_scan, read_height_map
-        from pipeline.files.units import Unit
         from pipeline.files.whisker_file import read_whisker_file
         from pipeline.reading.identified import promise_lines
         from pipeline.reading.simulated_scan import feel, find_height_mm
@@ -106,7 +102,7 @@ def scan(
             )
         check_writable(out)
         piece = height_map.suffix.lower() == ".toml"
-        surface = read_surface(height_map) if piece else read_height_map(height_map, unit=Unit(unit))
+        surface = read_surface(height_map) if piece else read_height_map(height_map, maps)
         soil = read_soil(height_map) if height_map.suffix.lower() == ".npz" else None
         if friction is not None and not 0.0 <= friction <= 1.0:
             raise CommandError(f"--friction is {friction}", hint="it lies between 0 and 1", status=USAGE)

@@ -24,7 +24,7 @@ from cyclopts import App, CycloptsError, Group, Parameter
 from cyclopts.argument import Argument, ArgumentCollection, Token
 
 from pipeline.common.job_file import read_job_file
-from pipeline.common.settings import ReadSettings, Settings, SettingsError, bad_value
+from pipeline.common.settings import MapSettings, ReadSettings, Settings, SettingsError, bad_value
 from pipeline.service.settings import ServiceSettings
 
 DEFAULT_FILE = Path("tactile-marks.toml")
@@ -51,6 +51,7 @@ Service = Annotated[
         ),
     ),
 ]
+Maps = Annotated[MapSettings, Parameter(name="*", group=Group("Settings of height files"))]
 ReadingOfFile = Annotated[ReadSettings, Parameter(name="reading", show=False)]
 """Of a command whose flags mean something else: from file and environment."""
 ServiceOfFile = Annotated[ServiceSettings, Parameter(name="service", show=False)]
@@ -69,7 +70,7 @@ JobPath = Annotated[
 StoreAddress = Annotated[
     str | None, Parameter(help="Address of the store; the one of the service's settings unless given.")
 ]
-READING, SERVICE = ReadSettings(), ServiceSettings()
+READING, SERVICE, MAPS = ReadSettings(), ServiceSettings(), MapSettings()
 
 
 def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCollection) -> None:
@@ -85,7 +86,7 @@ def from_file_and_environment(_: App, __: tuple[str, ...], arguments: ArgumentCo
     written: dict[str, Any] | None = None
     for argument in arguments:
         model = argument.hint
-        if not (isinstance(model, type) and issubclass(model, Settings)):
+        if model not in MODELS:
             continue
         if model is ReadSettings and job is not None:
             for name, value in read_job_file(job).settings.model_dump(exclude_unset=True).items():

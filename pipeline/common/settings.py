@@ -227,7 +227,20 @@ Names = Annotated[tuple[str, ...], BeforeValidator(_by_commas)]
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
-class ReadSettings(Settings):
+class MapSettings(Settings):
+    """Settings of height files: what a file does not state, or states wrongly."""
+
+    unit: Literal["nm", "um", "mm", "m", "in"] | None = None
+    """Unit of the numbers in height files, whatever the file states. Default: the unit that the file states, and mm
+    where it states none."""
+    pitch_mm: float | None = Field(default=None, gt=0.0, le=10.0, allow_inf_nan=False)
+    """Distance of neighbouring samples in mm, for height files that do not state it (.npy, matrices of text, height
+    images) or state it wrongly."""
+    height_image: bool = False
+    """Read .png and .tif as heights, one number a pixel, and not as photographs; see --unit and --pitch-mm."""
+
+
+class ReadSettings(MapSettings):
     """Settings of reading."""
 
     mode: Literal["tactile", "vision", "fused", "auto"] | None = None
@@ -284,8 +297,6 @@ class ReadSettings(Settings):
     is felt. A message of the part says how many seconds of stage time that took."""
     budget_s: float = Field(default=60.0, gt=0.0, le=3600.0, allow_inf_nan=False)
     """Most stage seconds of a part that is felt pass by pass."""
-    unit: Literal["um", "mm", "m", "in"] = "mm"
-    """Unit of the numbers in height files that do not state theirs (.npz, STL, PLY, XYZ)."""
 
     @property
     def regions(self) -> bool:

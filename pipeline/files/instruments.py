@@ -1,11 +1,9 @@
-"""Height maps as instruments write them: X3P and SDF in the core, many others with the extra `formats`.
+"""Height maps as instruments write them: SDF in the core, many others with the extra `formats`.
 
 Which way is up. A HeightMap has row 0 at the top of the part as a reader sees it.
 
-- X3P (ISO 25178-72) and SDF (ISO 25178-71) state a right-handed frame: y grows with the row, z out of the
-  surface, so the first row is the *bottom* one. It is turned over here; not to do so would show the text
-  mirrored. Some writers, mostly of X3P files after ISO 5436-2:2000, put the top row first all the same:
-  `RowOrder.TOP_FIRST` reads those.
+- SDF (ISO 25178-71), as X3P, states a right-handed frame: y grows with the row, z out of the surface, so the first
+  row is the lowest one.
 - SurfaceTopography hands out `heights()[x, y]` so that its transpose, seen as an image, stands upright with
   the top row first, whatever the format; except for X3P and SDF, whose rows it hands on in the file's order.
 """
@@ -18,106 +16,29 @@ import logging
 import re
 import struct
 import warnings
-import zipfile
 from collections.abc import Iterator
-from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.errors import FileError, damage_reported, require_file
-from glyphs.surface.maps import HeightMap
-from pipeline.files.grids import square_map
-from pipeline.files.npz import check_size
+from pipeline.files.grids import check_size
+from pipeline.files.raw_map import RawMap
 
 MAX_FILE_BYTES = 1_000_000_000
-_MM_PER_M = 1000.0
-_MAX_DESCRIPTION_BYTES = 64_000_000
-_MAX_BYTES_PER_SAMPLE = 24
-"""Most that X3P stores for one sample: three coordinates as float64."""
 _MAX_TEXT_BYTES_PER_SAMPLE = 32
+# room for what a file holds beside its heights: a trailer
 _MAX_SPARE_BYTES = 64_000_000
-"""Room for what a file holds beside its heights: a trailer, a vendor's file."""
 _HEAD_BYTES = 8192
+_NO_HEIGHTS = re.compile(
+    r"intens|light|laser|image|colou?r|amplitude|phase|error|deflection|quality", re.IGNORECASE
+)
+_UNKNOWN_UNIT = re.compile(r"Unknown unit '(.*)'\.?")
 
 
-class RowOrder(StrEnum):
-    """In which order an X3P or SDF file holds its rows."""
-
-    STANDARD = "standard"
-    TOP_FIRST = "top-first"
-
-
-def read_x3p(path: Path, *, row_order: RowOrder = RowOrder.STANDARD) -> HeightMap:
-    """The first layer of an X3P surface.
-
-    What x3pio does not take is tried with SurfaceTopography where that is installed.
-
-    Raises:
-        FileError: the file cannot be used.
-    """
-    require_file(path, most_bytes=MAX_FILE_BYTES)
-    from x3pio import X3pChecksumError, X3pFormatError
-
-    try:
-        return _read_x3p(path, row_order)
-    except FileError as problem:
-        # a clear refusal stands, so does a wrong checksum; what could not be parsed is worth a second opinion
-        cause = problem.__cause__
-        unparsed = isinstance(cause, X3pFormatError) and not isinstance(cause, X3pChecksumError)
-        if not unparsed or not formats_installed():
-            raise
-        try:
-            return read_with_surface_topography(path, row_order=row_order)
-        except FileError:
-            raise problem from cause
-
-
-def _read_x3p(path: Path, row_order: RowOrder) -> HeightMap:
-    with damage_reported(path, kind="X3P"):
-        import x3pio
-
-        _check_archive(path)
-        info = x3pio.info(path, verify=False)
-        if info.feature_type is not x3pio.FeatureType.SURFACE or len(info.shape) != 2:
-            raise FileError(path, f"holds a {info.feature_type.name.lower()}", "export a surface on a grid")
-        rows, cols = info.shape
-        check_size(path, rows, cols * info.layer_count)
-        if not (info.header.x.is_incremental and info.header.y.is_incremental):
-            raise FileError(path, "holds points off a regular grid", "export the surface on a regular grid")
-        with zipfile.ZipFile(path) as archive:
-            most = max(_MAX_SPARE_BYTES, rows * cols * info.layer_count * _MAX_BYTES_PER_SAMPLE)
-            _check_members(path, archive, ending="", most=most)
-        layer = x3pio.read(path).layers[0]
-        return square_map(
-            path,
-            _upright(layer.z * _MM_PER_M, row_order),
-            x_pitch_mm=abs(info.header.x.increment) * _MM_PER_M,
-            y_pitch_mm=abs(info.header.y.increment) * _MM_PER_M,
-        )
-
-
-def _check_archive(path: Path) -> None:
-    """Refuse an archive with more description than anyone writes."""
-    with zipfile.ZipFile(path) as archive:
-        _check_members(path, archive, ending=".xml", most=_MAX_DESCRIPTION_BYTES)
-
-
-def _check_members(path: Path, archive: zipfile.ZipFile, *, ending: str, most: int) -> None:
-    for member in archive.infolist():
-        if member.filename.lower().endswith(ending) and member.file_size > most:
-            size = f"{member.file_size / 1e6:,.0f} MB"
-            raise FileError(path, f"unpacks to {size} ({member.filename[:50]})", "export the map alone")
-
-
-def _upright(z_mm: NDArray[np.float64], row_order: RowOrder) -> NDArray[np.float64]:
-    return z_mm[::-1] if row_order is RowOrder.STANDARD else z_mm
-
-
-def read_sdf(path: Path, *, row_order: RowOrder = RowOrder.STANDARD) -> HeightMap:
-    """An SDF surface, binary or text.
+def read_sdf(path: Path) -> RawMap:
+    """An SDF surface, binary or text, in metres.
 
     Raises:
         FileError: the file cannot be used.
@@ -131,11 +52,13 @@ def read_sdf(path: Path, *, row_order: RowOrder = RowOrder.STANDARD) -> HeightMa
         if path.stat().st_size > rows * cols * _MAX_TEXT_BYTES_PER_SAMPLE + _MAX_SPARE_BYTES:
             raise FileError(path, f"is far longer than its {rows} x {cols} samples need", "export it again")
         surface = sdfio.read(path)
-        return square_map(
-            path,
-            _upright(np.asarray(surface.data) * _MM_PER_M, row_order),
-            x_pitch_mm=surface.header.x_scale * _MM_PER_M,
-            y_pitch_mm=surface.header.y_scale * _MM_PER_M,
+        return RawMap(
+            np.asarray(surface.data),
+            surface.header.x_scale,
+            surface.header.y_scale,
+            z_mm=1e3,
+            xy_mm=1e3,
+            bottom_first=True,
         )
 
 
@@ -162,27 +85,62 @@ def formats_installed() -> bool:
     return find_spec("SurfaceTopography") is not None
 
 
-def read_with_surface_topography(path: Path, *, row_order: RowOrder = RowOrder.STANDARD) -> HeightMap:
+def read_with_surface_topography(path: Path, *, known: bool = True) -> RawMap:
     """Any other format, through SurfaceTopography.
+
+    Args:
+        path: the file.
+        known: its suffix is that of a format that SurfaceTopography reads.
 
     Raises:
         FileError: the file cannot be used, or the extra `formats` is not installed.
     """
     require_file(path, most_bytes=MAX_FILE_BYTES)
+    with path.open("rb") as stream:
+        if stream.read(12) == b"DSCOMPRESSED":
+            raise FileError(path, "is compressed", "save it uncompressed, or export it as X3P")
     if not formats_installed():
         raise FileError(
             path,
             f"is of a format ({path.suffix or 'no suffix'}) that needs the extra `formats`",
             "install it with: pip install 'tactile-marks[formats]'",
         )
-    with damage_reported(path, kind="height map"), _silence():
+    with damage_reported(path, kind=path.suffix if known else "height map"), _silence():
+        from SurfaceTopography.Exceptions import CannotDetectFileFormat
         from SurfaceTopography.IO import open_topography
 
-        with open_topography(str(path)) as reader:
-            channel = reader.default_channel
-            _check_channel(path, channel)
-            surface = reader.topography(channel_index=channel.index)
-        return _from_surface_topography(path, surface, row_order)
+        try:
+            with open_topography(str(path)) as reader:
+                getattr(
+                    reader, "_masks", {}
+                ).clear()  # of Gwyddion: what the user has selected, no missing data
+                channel = _height_channel(path, reader)
+                surface = reader.topography(channel_index=channel.index)
+                return _raw_map(path, surface)
+        except CannotDetectFileFormat as error:
+            if known:
+                raise FileError(
+                    path, f"is damaged or no {path.suffix} file", "copy or export it again"
+                ) from error
+            raise _unread(path) from error
+        except ValueError as error:
+            if unit := _UNKNOWN_UNIT.fullmatch(str(error)):
+                what = f"z has the unit {unit[1]!r}" if unit[1].strip() else "z has no unit"
+                raise FileError(
+                    path,
+                    f"holds no heights but an image: {what}, which is no length",
+                    "export the channel of heights",
+                ) from error
+            raise
+
+
+def _unread(path: Path) -> FileError:
+    return FileError(
+        path,
+        "is of no format that is read as heights (.npz, .npy, .x3p, .sdf, .sur, .opd, .stl, .ply, .obj, .pcd, and "
+        "text: x y z columns or a matrix)",
+        "export it as X3P, PLY or columns x y z, or save .npz with z_mm and pitch_mm",
+    )
 
 
 @contextlib.contextmanager
@@ -199,23 +157,40 @@ def _silence() -> Iterator[None]:
             logging.disable(before)
 
 
-def _check_channel(path: Path, channel: Any) -> None:
+def _height_channel(path: Path, reader: Any) -> Any:
+    """The first channel of heights, the file's default before others."""
+    channels = list(reader.channels)
+    default = channels[reader.default_channel.index] if channels else None
+    for channel in sorted(channels, key=lambda c: c is not default):
+        kind = getattr(getattr(channel, "data_kind", None), "value", "height")
+        if kind == "height" and not _NO_HEIGHTS.search(str(channel.name or "")):
+            break
+    else:
+        names = ", ".join(str(c.name) for c in channels) or "none is a length"
+        raise FileError(
+            path, f"holds no heights; its channels are images ({names})", "export the channel of heights"
+        )
     if channel.dim != 2:
         raise FileError(path, "holds a profile", "measure a surface")
     columns, rows = (int(n) for n in channel.nb_grid_pts)
     check_size(path, rows, columns)
+    return channel
 
 
-def _from_surface_topography(path: Path, surface: Any, row_order: RowOrder) -> HeightMap:
+def _raw_map(path: Path, surface: Any) -> RawMap:
     from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
 
     if not surface.unit or surface.physical_sizes is None:
         raise FileError(path, "does not state its unit or its size", "save it as .npz with z_mm and pitch_mm")
-    to_mm = get_unit_conversion_factor(surface.unit, "mm")
+    to_mm = float(get_unit_conversion_factor(surface.unit, "mm"))
     heights = np.ma.filled(np.ma.asarray(surface.heights(), dtype=np.float64), np.nan)
-    z_mm = np.asarray(heights.T * to_mm)
-    if path.suffix.lower() in (".x3p", ".sdf"):
-        z_mm = _upright(z_mm, row_order)
     columns, rows = surface.nb_grid_pts
     width, height = surface.physical_sizes
-    return square_map(path, z_mm, x_pitch_mm=width / columns * to_mm, y_pitch_mm=height / rows * to_mm)
+    return RawMap(
+        np.asarray(heights.T),
+        float(width / columns),
+        float(height / rows),
+        z_mm=to_mm,
+        xy_mm=to_mm,
+        bottom_first=path.suffix.lower() in (".x3p", ".sdf"),
+    )

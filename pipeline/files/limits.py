@@ -150,12 +150,14 @@ def _x3p_shape(path: Path) -> tuple[int, ...] | None:
     """What the description of an X3P file declares; None where the reader shall complain."""
     import x3pio
 
+    from pipeline.files.x3p import describe_x3p
+
     with zipfile.ZipFile(path) as archive:
         for member in archive.infolist()[:_MOST_MEMBERS]:
             if member.filename.lower().endswith(".xml") and member.file_size > _MOST_XML_BYTES:
                 raise FileError(path, f"unpacks to {member.file_size / 1e6:,.0f} MB", "export the map alone")
     with contextlib.suppress(x3pio.X3pFormatError):
-        info = x3pio.info(path, verify=False)
+        info, _ = describe_x3p(path)
         return (*(int(n) for n in info.shape), int(info.layer_count))
     return None
 

@@ -1,4 +1,4 @@
-"""Height maps out of meshes and points: STL and PLY (by trimesh), XYZ and ASC columns (by numpy).
+"""Heights out of meshes (STL, PLY, OBJ, by trimesh) and of points.
 
 x runs to the right, y up and z out of the surface: the first row of the map has the greatest y. Points on a grid keep
 their heights; others are joined by triangles, and what lies highest at a place counts, so that the underside
@@ -8,7 +8,6 @@ of a closed body is not read. The files state no unit.
 from __future__ import annotations
 
 import math
-import re
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +15,9 @@ from numpy.typing import NDArray
 
 from glyphs.compiled import kernel
 from glyphs.errors import FileError, damage_reported, require_file
-from glyphs.surface.maps import HeightMap
-from pipeline.files.grids import square_map
-from pipeline.files.npz import check_size
-from pipeline.files.units import Unit, factors_to_mm
+from pipeline.files.grids import check_size, without_bad_points
+from pipeline.files.pcd import read_pcd
+from pipeline.files.raw_map import RawMap
 
 MAX_FILE_BYTES = 500_000_000
 MOST_SCATTERED = 2_000_000
@@ -32,50 +30,52 @@ _GAP = 6.0
 """Sides of a triangle between points, mean distances, from which it spans a dropout."""
 _LEAST_GRID, _LEAST_FILLED, _OFF_GRID = 8, 0.5, 0.1
 """Of a grid: rows and columns, share of them with a point, and pitches by which a point may miss its place."""
-_NUMBERS = re.compile(r"\s*[-+.0-9]+[-+.0-9eE]*[\s,;]+[-+.0-9]")
-"""A line of columns, not of a heading."""
 
 Points = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 
-def read_mesh(path: Path, *, unit: Unit = Unit.MM) -> HeightMap:
-    """The height map of a mesh or of a list of points.
+def read_mesh(path: Path) -> RawMap:
+    """The heights of a mesh or of a list of points.
 
     Raises:
-        FileError: the file cannot be used, or its numbers are no millimetres (`pipeline.files.units`).
+        FileError: the file cannot be used.
     """
     require_file(path, most_bytes=MAX_FILE_BYTES)
     with damage_reported(path, kind=path.suffix[1:].upper()):
-        points, faces = _loaded(path)
-        known = np.asarray(np.isfinite(points).all(axis=1))
-        if known.sum() < 4:
-            raise FileError(path, f"holds {known.sum()} points", "export the surface")
-        z, x_pitch, y_pitch = _on_grid(points[known]) or _triangulated(path, points, faces, known)
-        z_factor, pitch_factor = factors_to_mm(path, z, min(x_pitch, y_pitch), unit)
-        return square_map(
-            path, z * z_factor, x_pitch_mm=x_pitch * pitch_factor, y_pitch_mm=y_pitch * pitch_factor
-        )
+        if path.suffix.lower() == ".pcd":
+            return map_of_points(path, read_pcd(path))
+        import trimesh
+
+        with path.open("rb") as stream:  # an open file has no neighbours, whose textures would be looked for
+            scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
+        corners, triangles, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
+        for geometry in scene.geometry.values():
+            corners.append(np.asarray(geometry.vertices, dtype=np.float64))
+            triangles.append(np.asarray(getattr(geometry, "faces", triangles[0]), dtype=np.int64) + before)
+            before += len(corners[-1])
+        return map_of_points(path, np.concatenate(corners), np.concatenate(triangles))
 
 
-def _loaded(path: Path) -> tuple[Points, Faces]:
-    """Points (n, 3) and triangles (m, 3) of them, none where the file has points alone."""
-    if path.suffix.lower() in (".xyz", ".asc"):
-        with path.open(encoding="utf-8", errors="replace") as text:
-            heading, first = next(((n, line) for n, line in enumerate(text) if _NUMBERS.match(line)), (0, ""))
-        delimiter = next((d for d in ",;" if d in first), None)
-        points = np.loadtxt(path, skiprows=heading, delimiter=delimiter, usecols=(0, 1, 2), ndmin=2)
-        return points, np.empty((0, 3), dtype=np.int64)
-    import trimesh
+def map_of_points(path: Path, points: NDArray[np.floating], faces: Faces | None = None) -> RawMap:
+    """Heights on a grid out of points (n, 3) and triangles (m, 3) of them, if there are any.
 
-    with path.open("rb") as stream:  # an open file has no neighbours, whose textures would be looked for
-        scene = trimesh.load_scene(stream, file_type=path.suffix[1:].lower(), process=False)
-    corners, triangles, before = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
-    for geometry in scene.geometry.values():
-        corners.append(np.asarray(geometry.vertices, dtype=np.float64))
-        triangles.append(np.asarray(getattr(geometry, "faces", triangles[0]), dtype=np.int64) + before)
-        before += len(corners[-1])
-    return np.concatenate(corners), np.concatenate(triangles)
+    Raises:
+        FileError: too few points, or points in one line.
+    """
+    at: Points = np.array(points, dtype=np.float64)
+    for axis in range(3):
+        without_bad_points(at[:, axis])
+    empty = ~at.any(axis=1)
+    if empty.sum() > 1:
+        at[empty] = np.nan  # sensors write 0 0 0 where they saw nothing
+    known = np.asarray(np.isfinite(at).all(axis=1))
+    if known.sum() < 4:
+        raise FileError(path, f"holds {known.sum()} points", "export the surface")
+    if faces is None:
+        faces = np.empty((0, 3), dtype=np.int64)
+    z, x_pitch, y_pitch = _on_grid(at[known]) or _triangulated(path, at, faces, known)
+    return RawMap(z, x_pitch, y_pitch)
 
 
 def _on_grid(points: Points) -> tuple[Points, float, float] | None:

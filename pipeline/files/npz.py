@@ -13,6 +13,7 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,11 @@ from glyphs.errors import FileError, damage_reported, require_file
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS, HeightMap
 from pipeline.common.atomic import replacing
-from pipeline.files.units import MOST_PITCH_MM, Unit, factors_to_mm
+from pipeline.files.grids import MAX_HEIGHT_MM, check_size
+from pipeline.files.raw_map import RawMap
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
 
 MAX_FILE_BYTES = 1_000_000_000
-MAX_HEIGHT_MM = 1000.0
 _HEADER_BYTES = 10_000
 _NEEDED = ("z_mm", "pitch_mm")
 DEFAULT_HARDNESS_MPA = 10.0
@@ -73,36 +74,47 @@ class _Member:
         return count
 
 
-def read_npz(path: Path, *, unit: Unit = Unit.MM) -> HeightMap:
-    """The height map of an `.npz` file.
-
-    Args:
-        path: the file.
-        unit: that its numbers are in, whatever their names say.
+def read_npz(path: Path) -> RawMap:
+    """The heights of an `.npz` file.
 
     Raises:
-        FileError: anything that keeps the file from being one, numbers that are no millimetres among it.
+        FileError: anything that keeps the file from being one.
     """
     require_file(path, most_bytes=MAX_FILE_BYTES)
-    with damage_reported(path, kind=".npz"):
-        with zipfile.ZipFile(path) as archive:
-            for name in _NEEDED:
-                if f"{name}.npy" not in archive.namelist():
-                    held = ", ".join(sorted(n.removesuffix(".npy") for n in archive.namelist())) or "nothing"
-                    raise FileError(
-                        path, f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it"
-                    )
-            heights, distance = (_look(path, archive, name) for name in _NEEDED)
-            _check_heights(path, heights)
-            if distance.size != 1:
-                raise FileError(path, f"pitch_mm has shape {distance.shape}", "give one number, mm")
-            pitch = float(_load(archive, "pitch_mm").reshape(()))
-            if not (np.isfinite(pitch) and pitch > 0.0):
-                check_pitch(path, pitch)
-            z = _load(archive, "z_mm")
-        z_factor, pitch_factor = factors_to_mm(path, z, pitch, unit)
-        check_pitch(path, pitch * pitch_factor)
-        return make_map(path, z if z_factor == 1.0 else z * z_factor, pitch * pitch_factor)
+    with damage_reported(path, kind=".npz"), zipfile.ZipFile(path) as archive:
+        for name in _NEEDED:
+            if f"{name}.npy" not in archive.namelist():
+                held = ", ".join(sorted(n.removesuffix(".npy") for n in archive.namelist())) or "nothing"
+                raise FileError(
+                    path, f"has no {name} (it holds {held[:100]})", "save z_mm and pitch_mm in it"
+                )
+        heights, distance = (_look(path, archive, name) for name in _NEEDED)
+        _check_heights(path, heights)
+        if distance.size != 1:
+            raise FileError(path, f"pitch_mm has shape {distance.shape}", "give one number, mm")
+        pitch = float(_load(archive, "pitch_mm").reshape(()))
+        return RawMap(_load(archive, "z_mm"), pitch, pitch)
+
+
+def read_npy(path: Path) -> RawMap:
+    """The heights of an `.npy` file: a matrix, or rows x, y, z.
+
+    Raises:
+        FileError: anything that keeps the file from being one.
+    """
+    require_file(path, most_bytes=MAX_FILE_BYTES)
+    with damage_reported(path, kind=".npy"), path.open("rb") as stream:
+        member = _header(path, path.name, stream)
+        if len(member.shape) == 2 and member.shape[1] == 3:
+            from pipeline.files.meshes import map_of_points
+
+            if member.size > 3 * MAX_PIXELS:
+                check_size(path, *member.shape)
+            stream.seek(0)
+            return map_of_points(path, np.lib.format.read_array(stream, allow_pickle=False))
+        _check_heights(path, member)
+        stream.seek(0)
+        return RawMap(np.lib.format.read_array(stream, allow_pickle=False))
 
 
 def read_soil(path: Path) -> Soil | None:
@@ -159,75 +171,34 @@ def _look(path: Path, archive: zipfile.ZipFile, name: str) -> _Member:
     """Read the header of one member, and check that the archive holds as much as it declares."""
     info = archive.getinfo(f"{name}.npy")
     with archive.open(info) as stream:
-        version = np.lib.format.read_magic(stream)
-        readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-        if version not in readers:
-            raise FileError(path, f"{name} is stored in npy version {version}", "save it with numpy.savez")
-        shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
-    member = _Member(shape, dtype)
-    if dtype.hasobject or dtype.kind not in "fiu":
-        raise FileError(path, f"{name} is of type {dtype}", "it must hold real numbers")
-    if member.size <= MAX_PIXELS and info.file_size < member.size * dtype.itemsize:
+        member = _header(path, name, stream)
+    if member.size <= MAX_PIXELS and info.file_size < member.size * member.dtype.itemsize:
         raise FileError(path, f"{name} is shorter than it declares", "copy or save it again")
     return member
 
 
+def _header(path: Path, name: str, stream: IO[bytes]) -> _Member:
+    version = np.lib.format.read_magic(stream)
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    if version not in readers:
+        raise FileError(path, f"{name} is stored in npy version {version}", "save it with numpy.savez")
+    shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
+    if dtype.hasobject or dtype.kind not in "fiu":
+        raise FileError(path, f"{name} is of type {dtype}", "it must hold real numbers")
+    return _Member(shape, dtype)
+
+
 def _check_heights(path: Path, heights: _Member) -> None:
     if len(heights.shape) != 2 or min(heights.shape) < 2:
-        raise FileError(path, f"z_mm has shape {heights.shape}", "it must be rows x columns, at least 2 x 2")
+        raise FileError(
+            path, f"its heights have shape {heights.shape}", "give rows x columns, at least 2 x 2"
+        )
     check_size(path, heights.shape[0], heights.shape[1])
 
 
 def _load(archive: zipfile.ZipFile, name: str) -> NDArray[np.float64]:
     with archive.open(f"{name}.npy") as stream:
         return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
-
-
-def check_size(path: Path, rows: int, cols: int) -> None:
-    """Refuse a map of more samples than the limit, before it is loaded.
-
-    Raises:
-        FileError: it has more.
-    """
-    if rows * cols > MAX_PIXELS:
-        raise FileError(
-            path, f"{rows:,} x {cols:,} samples exceed the limit of {MAX_PIXELS:,}", "crop or thin the map"
-        )
-
-
-def check_pitch(path: Path, pitch_mm: float) -> None:
-    """Refuse a sample distance that cannot be millimetres.
-
-    Raises:
-        FileError: not finite, not positive, or beyond 10 mm.
-    """
-    if not (np.isfinite(pitch_mm) and 0.0 < pitch_mm <= MOST_PITCH_MM):
-        raise FileError(
-            path,
-            f"pitch_mm is {pitch_mm:g}",
-            f"give the distance of samples in mm, above 0 and at most {MOST_PITCH_MM:g}",
-        )
-
-
-def make_map(path: Path, z_mm: NDArray[np.floating], pitch_mm: float) -> HeightMap:
-    """A height map out of checked numbers.
-
-    Raises:
-        FileError: no finite height, infinities, or heights beyond a metre.
-    """
-    finite = np.isfinite(z_mm)
-    if not finite.any():
-        raise FileError(path, "has no finite height; every point is a dropout", "measure it again")
-    if np.isinf(z_mm).any():
-        raise FileError(path, "has infinite heights", "mark bad points as NaN")
-    # float32 would turn -1.8e308 into an infinity, so this is looked at before the map is made
-    highest = max(abs(float(np.nanmin(z_mm))), abs(float(np.nanmax(z_mm))))
-    if highest > MAX_HEIGHT_MM:
-        raise FileError(
-            path, f"has heights of {highest:.3g} mm", "give z_mm in mm and mark bad points as NaN"
-        )
-    with damage_reported(path, kind="height map"):
-        return HeightMap(np.asarray(z_mm, dtype=np.float32), pitch_mm)
 
 
 def write_npz(path: Path, height_map: HeightMap, *, more: Mapping[str, object] | None = None) -> None:

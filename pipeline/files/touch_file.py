@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, require_file
-from pipeline.files.units import Unit
+from pipeline.common.settings import MapSettings
 
 if TYPE_CHECKING:
     from glyphs.surface.maps import HeightMap
-    from pipeline.files.instruments import RowOrder
+    from pipeline.files.raw_map import RawMap
     from whisker_array.scan.scan import Scan
 
 __all__ = [
@@ -23,23 +23,27 @@ __all__ = [
     "row_order_matters",
 ]
 
-MESH_SUFFIXES = (".stl", ".ply", ".xyz", ".asc")
-CORE_SUFFIXES = (".npz", ".x3p", ".sdf", *MESH_SUFFIXES)
+MESH_SUFFIXES = (".stl", ".ply", ".obj", ".pcd")
+TEXT_SUFFIXES = (".xyz", ".asc", ".pts")
+TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
+"""Text that may hold heights and may hold anything else: read where it is named on its own."""
+CORE_SUFFIXES = (".npz", ".npy", ".x3p", ".sdf", *MESH_SUFFIXES, *TEXT_SUFFIXES)
 FORMATS_SUFFIXES = (
     *(".al3d", ".apx", ".bcr", ".bcrf", ".datx", ".ezd", ".frt", ".gwy", ".ibw", ".jpk", ".lext", ".mdt"),
     *(".mi", ".mnt", ".nid", ".nms", ".oir", ".opd", ".opdx", ".os3d", ".plu", ".plux", ".poir", ".qep"),
     *(".spm", ".sur", ".tmd", ".vk3", ".vk4", ".vk6", ".vk7", ".zmg", ".zon"),
 )
-"""Formats of the extra `formats` whose suffix means a height map and nothing else; any other suffix (.dat,
-.txt) is tried too when the file is named on its own."""
+"""Formats of the extra `formats` whose suffix means a height map and nothing else; any other suffix is tried, too,
+when the file is named on its own."""
 SCAN_SUFFIXES = (".h5", ".hdf5")
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 MAX_SCAN_BYTES = 4_000_000_000
 
 
 def is_height_map(path: Path) -> bool:
     """Whether the suffix is that of a height map."""
-    return path.suffix.lower() in CORE_SUFFIXES + FORMATS_SUFFIXES
+    return path.suffix.lower() in CORE_SUFFIXES + FORMATS_SUFFIXES + TABLE_SUFFIXES
 
 
 def is_scan(path: Path) -> bool:
@@ -53,41 +57,64 @@ def is_photo(path: Path) -> bool:
 
 
 def row_order_matters(path: Path) -> bool:
-    """Whether files of this format are met with either row first (`pipeline.files.instruments`)."""
+    """Whether files of this format are met with either row first."""
     return path.suffix.lower() in (".x3p", ".sdf")
 
 
 def read_height_map(
-    path: str | Path, *, row_order: RowOrder | None = None, unit: Unit = Unit.MM
+    path: str | Path, settings: MapSettings | None = None, *, bottom_first: bool | None = None
 ) -> HeightMap:
     """The height map in a file, mm, row 0 at the top.
 
     Args:
         path: the file; its suffix says which format it is.
-        row_order: of an X3P or SDF file, the standards' unless given.
-        unit: of the numbers in a format that states none: .npz, STL, PLY, XYZ.
+        settings: unit, pitch and kind that are given; the file's own unless given.
+        bottom_first: which row of the file is first, in place of what it or its format says.
 
     Raises:
         FileError: whatever keeps it from being read, and what to do about it.
     """
-    path = Path(path)
-    suffix = path.suffix.lower()
-    if suffix == ".npz":
-        from pipeline.files.npz import read_npz
+    from pipeline.files.grids import height_map
 
-        return read_npz(path, unit=unit)
+    path, settings = Path(path), settings or MapSettings()
+    return height_map(path, read_raw(path, settings), settings, bottom_first=bottom_first)
+
+
+def read_raw(path: Path, settings: MapSettings) -> RawMap:
+    """The heights of a file in its own numbers.
+
+    Raises:
+        FileError: whatever keeps it from being read, and what to do about it.
+    """
+    suffix = path.suffix.lower()
+    if suffix in (".npz", ".npy"):
+        from pipeline.files import npz
+
+        return npz.read_npz(path) if suffix == ".npz" else npz.read_npy(path)
+    if suffix == ".x3p":
+        from pipeline.files.x3p import read_x3p
+
+        return read_x3p(path)
     if suffix in MESH_SUFFIXES:
         from pipeline.files.meshes import read_mesh
 
-        return read_mesh(path, unit=unit)
+        return read_mesh(path)
+    if suffix in PHOTO_SUFFIXES:
+        from pipeline.files.height_images import read_height_image
+
+        return read_height_image(path)
     from pipeline.files import instruments
 
-    order = instruments.RowOrder.STANDARD if row_order is None else row_order
-    if suffix == ".x3p":
-        return instruments.read_x3p(path, row_order=order)
     if suffix == ".sdf":
-        return instruments.read_sdf(path, row_order=order)
-    return instruments.read_with_surface_topography(path, row_order=order)
+        return instruments.read_sdf(path)
+    from pipeline.files.number_table import is_number_table
+
+    known = suffix in FORMATS_SUFFIXES
+    if suffix in TEXT_SUFFIXES or (not known and is_number_table(path)):
+        from pipeline.files.text_maps import read_text_map
+
+        return read_text_map(path)
+    return instruments.read_with_surface_topography(path, known=known)
 
 
 def read_scan(path: str | Path) -> Scan:

@@ -1,7 +1,8 @@
-"""The unit of numbers in a file that states none, and the suspicion that it is not millimetres.
+"""The unit of the numbers in a height file: one decision for all formats.
 
-Die stamps, dot peen and coin dies leave marks 0.02 to 0.5 mm deep with characters 1 to 25 mm high. Numbers that no
-plate with such marks can have in millimetres are asked about; numbers that might be right are taken as they stand.
+Die stamps, dot peen and coin dies leave marks 0.02 to 0.5 mm deep with characters 1 to 25 mm high. Numbers that are no
+such part in the unit that the file states (millimetres where it states none) are asked about. A unit that is given goes
+before the file's and is not asked about again.
 """
 
 from __future__ import annotations
@@ -10,22 +11,31 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.errors import FileError
+from pipeline.common.settings import MapSettings
+from pipeline.files.raw_map import RawMap
 
-MOST_PLATE_MM = 2000.0
-"""Longer side of a map: the longest serial, 17 characters of 25 mm, takes 0.5 m."""
-LEAST_PLATE_MM = 0.1
-"""Shorter side: a tenth of the lowest lettering met, a coin's."""
+# mm, longer side of a map: twice the longest serial, 17 characters of 25 mm
+MOST_PLATE_MM = 1000.0
+# mm, shorter side of a map: a tenth of the lowest lettering met, a coin's; and where the file states its unit
+LEAST_PLATE_MM, LEAST_STATED_MM = 0.1, 0.02
+# mm, height range: what measures more does not resolve a mark of 0.1 mm
 MOST_RELIEF_MM = 100.0
-"""Height range: what measures so much does not resolve a mark of 0.1 mm."""
+# height range over the shorter side: no plate lies more than 45 degrees askew under an instrument
 MOST_RELIEF_SHARE = 1.0
-"""Height range over the shorter side: no plate lies more than 45 degrees askew under an instrument."""
+# mm, height range of a map that is not flat: a twentieth of the shallowest mark
 LEAST_RELIEF_MM = 1e-3
-"""Height range of a map that is not flat: a twentieth of the shallowest mark, less than a plate's form."""
-MOST_PITCH_MM = 10.0
-"""Distance of samples: a character of 25 mm would have three."""
+# likewise, over the shorter side, where the file states its unit: instruments also measure what has no marks
+LEAST_RELIEF_SHARE = 3e-5
+# mm, height range less tilt and dome: twenty times the deepest stamped mark
+MOST_DEPTH_MM = 10.0
+# mean steepness over a fiftieth of the shorter side: 45 degrees everywhere
+MOST_STEEPNESS = 1.0
+# mm, distance of samples: a character of 25 mm has 25
+MOST_PITCH_MM = 1.0
+
+_SUBSAMPLE = 40_000
 
 
 class Unit(StrEnum):
@@ -35,70 +45,119 @@ class Unit(StrEnum):
     MM = "mm"
     M = "m"
     INCH = "in"
+    NM = "nm"
 
     @property
     def mm(self) -> float:
         """Millimetres in one."""
-        return {Unit.UM: 1e-3, Unit.MM: 1.0, Unit.M: 1e3, Unit.INCH: 25.4}[self]
+        return {"nm": 1e-6, "um": 1e-3, "mm": 1.0, "m": 1e3, "in": 25.4}[self.value]
 
     @property
     def plural(self) -> str:
         """In words."""
-        return {Unit.UM: "micrometres", Unit.MM: "millimetres", Unit.M: "metres", Unit.INCH: "inches"}[self]
+        words = {"nm": "nanometres", "um": "micrometres", "mm": "millimetres", "m": "metres", "in": "inches"}
+        return words[self.value]
 
 
-def factors_to_mm(path: Path, z: NDArray[np.generic], pitch: float, unit: Unit) -> tuple[float, float]:
-    """What heights and sample distance are multiplied by to be millimetres.
-
-    Heights and distances may have different units: those that the unit would make absurd, and that make sense as
-    millimetres, stay millimetres.
+def factors_to_mm(path: Path, raw: RawMap, pitch: float, settings: MapSettings) -> tuple[float, float]:
+    """Factors that make millimetres of heights and of sample distances.
 
     Args:
         path: the file, for the message.
-        z: (rows, cols) heights as the file has them.
-        pitch: distance of samples as the file has it, positive.
-        unit: of the file.
+        raw: its heights, without bad points.
+        pitch: the smaller distance of samples, in the file's numbers; millimetres where the settings give it.
+        settings: a unit given goes before the file's; heights and distances may have different units, so what it
+            would make absurd keeps the file's.
 
     Raises:
-        FileError: in this unit the numbers make no plate, in another they would.
+        FileError: the numbers are no part; says in which unit they would be.
     """
-    relief = _range_of(z)
-    fitting = _fitting(unit, relief, pitch, z.shape)
-    if fitting is None:
-        others = (u for u in Unit if u is not unit and _fitting(u, relief, pitch, z.shape) is not None)
-        if other := next(others, None):
-            absurd = _absurd(relief * unit.mm, pitch * unit.mm, z.shape)
-            raise FileError(
-                path, absurd, f"are the numbers {other.plural}, not {unit.plural}? then give --unit {other}"
-            )
-    return fitting or (unit.mm, unit.mm)
+    shape = _Shape.of(raw, pitch)
+    z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
+    if settings.unit is not None:
+        unit = Unit(settings.unit).mm
+        tries = [(unit, unit), (unit, xy_mm), (z_mm, unit)] if settings.pitch_mm is None else [(unit, 1.0)]
+        return next((factors for factors in tries if not shape.absurdity(*factors)), tries[0])
+    absurd = shape.absurdity(z_mm, xy_mm)
+    if not absurd:
+        return z_mm, xy_mm
+    for unit_asked in Unit:
+        unit = unit_asked.mm
+        if unit_asked is Unit.NM and raw.z_mm is not None:
+            continue  # no format states its numbers wrongly by so much
+        asked = {"heights": (unit, xy_mm)}
+        if settings.pitch_mm is None:
+            asked = {"numbers": (unit, unit), **asked, "distances": (z_mm, unit)}
+        for what, factors in asked.items():
+            if not shape.absurdity(*factors):
+                raise FileError(
+                    path, absurd, f"are the {what} {unit_asked.plural}? then give --unit {unit_asked}"
+                )
+    if shape.relief * z_mm < shape.least_relief(pitch * xy_mm) and shape.pitch * xy_mm <= MOST_PITCH_MM:
+        return z_mm, xy_mm  # flat
+    raise FileError(
+        path,
+        f"{absurd}; in no unit are these the numbers of a part",
+        "crop it to the part, give the distance of its samples with --pitch-mm, or say with --unit that it is right",
+    )
 
 
-def _fitting(unit: Unit, relief: float, pitch: float, shape: tuple[int, ...]) -> tuple[float, float] | None:
-    """Factors of heights and distances with which the numbers make a plate, if there are such."""
-    for z_mm, pitch_mm in ((unit.mm, unit.mm), (unit.mm, 1.0), (1.0, unit.mm)):
-        if not _absurd(relief * z_mm, pitch * pitch_mm, shape):
-            return (z_mm, pitch_mm)
-    return None
+class _Shape:
+    """Measures of a map in the file's numbers."""
+
+    def __init__(self, raw: RawMap, pitch: float, *, relief: float, depth: float, rise: float) -> None:
+        self.rows, self.cols, self.pitch = *raw.z.shape, pitch
+        self.relief, self.depth, self.rise = relief, depth, rise
+        self.stated = raw.z_mm is not None
+
+    @classmethod
+    def of(cls, raw: RawMap, pitch: float) -> _Shape:
+        """Measure a map: outer 0.2 percents of heights and outer percents of depths do not count."""
+        z = raw.z
+        rows, cols = z.shape
+        step = max(1, int(np.sqrt(z.size / _SUBSAMPLE)))
+        lag = max(1, round(min(rows, cols) / 50))
+        rises = [np.abs(z[lag::step, ::step] - z[:-lag:step, ::step]).ravel(),
+                 np.abs(z[::step, lag::step] - z[::step, :-lag:step]).ravel()]  # fmt: skip
+        rise = np.concatenate(rises)
+        rise = rise[np.isfinite(rise)]
+        few = np.asarray(z[::step, ::step], dtype=np.float64)
+        y, x = np.indices(few.shape) / max(few.shape)
+        known = np.isfinite(few)
+        if known.sum() < 8:
+            return cls(raw, pitch, relief=0.0, depth=0.0, rise=0.0)
+        heights, x, y = few[known], x[known], y[known]
+        heights = heights - np.median(heights)
+        form = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+        rest = heights - form @ np.linalg.lstsq(form, heights, rcond=None)[0]
+        relief, depth = (
+            float(np.ptp(np.percentile(h, ends))) for h, ends in ((heights, (0.2, 99.8)), (rest, (1, 99)))
+        )
+        return cls(
+            raw, pitch, relief=relief, depth=depth, rise=float(rise.mean()) / lag if rise.size else 0.0
+        )
+
+    def least_relief(self, pitch_mm: float) -> float:
+        """Least height range of a map that is not flat, mm."""
+        return LEAST_RELIEF_SHARE * min(self.rows, self.cols) * pitch_mm if self.stated else LEAST_RELIEF_MM
+
+    def absurdity(self, z_mm: float, xy_mm: float) -> str:
+        """Why no plate with marks has these measures in these units; empty if one may."""
+        pitch, relief = self.pitch * xy_mm, self.relief * z_mm
+        shorter, longer = sorted((self.rows * pitch, self.cols * pitch))
+        size = f"{_length(self.cols * pitch)} x {_length(self.rows * pitch)}"
+        if pitch > MOST_PITCH_MM:
+            return f"its samples lie {_length(pitch)} apart, on a map of {size}"
+        if not (longer <= MOST_PLATE_MM and shorter >= (LEAST_STATED_MM if self.stated else LEAST_PLATE_MM)):
+            return f"the map measures {size}"
+        if relief > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * shorter) or 0.0 < relief < self.least_relief(
+            pitch
+        ):
+            return f"heights span {_length(relief)} on a map of {size}"
+        if self.depth * z_mm > MOST_DEPTH_MM or self.rise * z_mm / pitch > MOST_STEEPNESS:
+            return f"marks are {_length(self.depth * z_mm)} deep on a map of {size}"
+        return ""
 
 
-def _absurd(relief_mm: float, pitch_mm: float, shape: tuple[int, ...]) -> str:
-    """Why no plate with marks has these measures; empty if one may."""
-    shorter, longer = sorted(n * pitch_mm for n in shape)
-    if pitch_mm > MOST_PITCH_MM:
-        return f"its samples lie {pitch_mm:.4g} mm apart"
-    if not (longer <= MOST_PLATE_MM and shorter >= LEAST_PLATE_MM):
-        return f"the map measures {shape[1] * pitch_mm:.3g} x {shape[0] * pitch_mm:.3g} mm"
-    if relief_mm > min(MOST_RELIEF_MM, MOST_RELIEF_SHARE * shorter) or 0.0 < relief_mm < LEAST_RELIEF_MM:
-        return f"heights span {relief_mm:.3g} mm on {shape[1] * pitch_mm:.3g} x {shape[0] * pitch_mm:.3g} mm"
-    return ""
-
-
-def _range_of(z: NDArray[np.generic]) -> float:
-    """Range of all but the outer 0.2 percents, of which some are an instrument's bad points; 0 where none is finite."""
-    flat = np.asarray(z, dtype=np.float64).ravel()[:: max(1, z.size // 200_000)]
-    flat = flat[np.isfinite(flat)]
-    if not flat.size:
-        return 0.0
-    low, high = np.percentile(flat, [0.2, 99.8])
-    return float(high - low)
+def _length(mm: float) -> str:
+    return f"{mm:.3g} mm" if mm < 1e4 else f"{mm / 1e3:,.0f} m"

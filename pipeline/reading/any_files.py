@@ -34,7 +34,6 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
         SettingsError: a setting that there is not, or that cannot be.
         MarksError: a font or an expected text that cannot be used.
     """
-    from pipeline.files.units import Unit
     from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
 
@@ -49,7 +48,5 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
         files[kind] = path
     part = Part(Path(file).stem, files.get("height_map"), files.get("scan"), files.get("photo"))
     mode = Mode(checked.mode) if checked.mode is not None else Mode.AUTO
-    parts = PartReader(
-        reader_of(checked), mode=mode, unit=Unit(checked.unit), budget_s=checked.touch_budget_s
-    )
+    parts = PartReader(reader_of(checked), mode=mode, maps=checked, budget_s=checked.touch_budget_s)
     return parts.read(part, expected=expected)

@@ -22,7 +22,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from glyphs.errors import FileError, require_file
 from pipeline.common.atomic import replacing
 from pipeline.common.run_description import differences
-from pipeline.common.settings import ReadSettings, SettingsError
+from pipeline.common.settings import MapSettings, ReadSettings, SettingsError
 from pipeline.common.version import reader_versions
 from recognition.decision.accepted_risk import ThresholdTest, certified, share_bounds
 from recognition.decision.certified import CertifiedAcceptance
@@ -30,8 +30,8 @@ from recognition.decision.likeness import KindOfParts
 
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000
-_OF_NO_ACCOUNT = {"certificate", "mode", "unit"}
-"""Settings that may differ: the senses stand in the certificate, and a unit is the file's."""
+_OF_NO_ACCOUNT = {"certificate", "mode", *MapSettings.model_fields}
+"""Settings that may differ: the senses stand in the certificate, and units are the file's."""
 _FILES = ("database", "lexicon")
 _AGAIN = "make a new one with: tactile-marks certify"
 

@@ -222,7 +222,6 @@ def _felt(part: ReviewedPart, text: str, settings: ReadSettings) -> tuple[Cut, .
     """The characters of a part; ExemplarError where there are none."""
     from pipeline.files.npz import read_soil
     from pipeline.files.touch_file import read_height_map, read_scan
-    from pipeline.files.units import Unit
     from recognition.learning.tactile_part import cut_height_map, cut_scan
 
     if part.scan is not None:
@@ -231,7 +230,7 @@ def _felt(part: ReviewedPart, text: str, settings: ReadSettings) -> tuple[Cut, .
         assert part.height_map is not None
         soil = read_soil(part.height_map) if part.height_map.suffix.lower() == ".npz" else None
         cuts = cut_height_map(
-            read_height_map(part.height_map, unit=Unit(settings.unit)),
+            read_height_map(part.height_map, settings),
             text,
             soil=soil,
             height_mm=settings.height_mm,

@@ -132,7 +132,6 @@ def read_order(
         FileError: a file that cannot be used; or an expected text or a database, named so.
         ValueError: an order without any file to read, or an earlier one's photograph without touch.
     """
-    from pipeline.files.units import Unit
     from pipeline.reading.as_record import reading_record
     from pipeline.reading.part_pictures import pictures_of
     from pipeline.reading.part_reader import Mode, PartReader
@@ -158,9 +157,7 @@ def read_order(
             more_photos=tuple(filter(None, more)),
         )
         mode = Mode.FUSED if tactile and part.photo else None
-        parts = PartReader(
-            reader, mode=mode, unit=Unit(settings.unit), limits=limits, budget_s=settings.touch_budget_s
-        )
+        parts = PartReader(reader, mode=mode, maps=settings, limits=limits, budget_s=settings.touch_budget_s)
         found = _in_sender_words(parts.unverified(part, expected=expected, felt=felt), order)
         readings = [parts.verified(found, expected)]
         if order.photos and found.trace.vision is not None:

@@ -24,10 +24,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
+from pipeline.common.settings import MapSettings
 from pipeline.files.limits import Limits, check_map, check_photo, check_scan
 from pipeline.files.parts import Part
 from pipeline.files.touch_file import read_height_map, read_scan, row_order_matters
-from pipeline.files.units import Unit
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -87,7 +87,7 @@ class PartReader:
         reader: Reader,
         *,
         mode: Mode | None = None,
-        unit: Unit = Unit.MM,
+        maps: MapSettings | None = None,
         limits: Limits | None = None,
         budget_s: float | None = None,
     ) -> None:
@@ -96,11 +96,11 @@ class PartReader:
         Args:
             reader: keeps its templates from part to part.
             mode: senses that read; see the table above.
-            unit: of height files that state none.
+            maps: unit, pitch and kind of height files, where they are given.
             limits: checked from the files' heads before anything is decoded.
             budget_s: height maps are felt pass by pass, for so many stage seconds at most; None: by the whole plan.
         """
-        self.reader, self.mode, self.unit, self.limits = reader, mode, unit, limits
+        self.reader, self.mode, self.maps, self.limits = reader, mode, maps, limits
         self.budget_s = budget_s
 
     def read(self, part: Part, *, expected: str = "") -> Reading:
@@ -217,7 +217,7 @@ class PartReader:
                 check_map(path, most=self.limits.max_map_samples)
             from pipeline.files.npz import read_soil
 
-            surface, turned = read_height_map(path, unit=self.unit), other_rows(path)
+            surface, turned = read_height_map(path, self.maps), other_rows(path, self.maps)
             soil, feel = read_soil(path) if path.suffix.lower() == ".npz" else None, None
             if again is not None:
                 surface, taken, grow = again.surface(surface), turned, again.surface
@@ -299,13 +299,11 @@ def read_surface(
     return max(found, other, key=lambda reading: reading.confidence)
 
 
-def other_rows(path: Path) -> Callable[[], HeightMap] | None:
+def other_rows(path: Path, maps: MapSettings | None = None) -> Callable[[], HeightMap] | None:
     """What loads a height map with the other row first, of a format that is met with either."""
     if not row_order_matters(path):
         return None
-    from pipeline.files.instruments import RowOrder
-
-    return lambda: read_height_map(path, row_order=RowOrder.TOP_FIRST)
+    return lambda: read_height_map(path, maps, bottom_first=False)
 
 
 def load_photo(part: Part, limits: Limits | None = None) -> Photo:

@@ -206,11 +206,10 @@ def _failed(blank: Measured, error: str) -> Measured:
 
 def _read(settings: ReadSettings, listed: ListedPart, again: Retake | None) -> Reading:
     from pipeline.files.remote import fetched
-    from pipeline.files.units import Unit
     from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
 
     mode = Mode(settings.mode) if settings.mode is not None else None
     reader = reader_of(settings_of(settings, listed))
     with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as files:
-        return PartReader(reader, mode=mode, unit=Unit(settings.unit)).unverified(files, again=again)
+        return PartReader(reader, mode=mode, maps=settings).unverified(files, again=again)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from glyphs import stamp
 from glyphs.errors import FileError
+from pipeline.common.settings import MapSettings
 from pipeline.files.touch_file import read_height_map
-from pipeline.files.units import Unit
 from recognition.reader import Reader
 
 PART = stamp("KX407", font="gothic", height_mm=5, seed=1).height_map
@@ -57,9 +57,9 @@ def test_columns_of_text_in_any_order_with_a_heading(tmp_path: Path) -> None:
     order = np.random.default_rng(0).permutation(ROWS * COLS)
     columns = points()[order] * [1.0, 1.0, 1000.0]
     np.savetxt(tmp_path / "a.asc", columns, fmt="%.4f", delimiter=";", header="X;Y;Z", comments="")
-    with pytest.raises(FileError, match=r"heights span .* micrometres, .* --unit um"):
+    with pytest.raises(FileError, match=r"heights micrometres. .* --unit um"):
         read_height_map(tmp_path / "a.asc")
-    found = read_height_map(tmp_path / "a.asc", unit=Unit.UM)
+    found = read_height_map(tmp_path / "a.asc", MapSettings(unit="um"))
     np.testing.assert_allclose(found.z_mm, PART.z_mm, atol=1e-6)  # written to 0.1 nm
     assert found.pitch_mm == pytest.approx(PART.pitch_mm, rel=1e-6)
 
@@ -104,8 +104,8 @@ def test_of_a_closed_body_the_upper_side_is_read(tmp_path: Path) -> None:
         ("a.stl", bytes(80) + b"\xff\xff\xff\x7f" + bytes(50), "damaged|holds 0 points"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 2000000000\nproperty float x\nend_header\n", "damaged"),
         ("a.ply", b"hello, this is text", "damaged"),
-        ("a.xyz", b"hello, this is text", "damaged|holds 0 points"),
-        ("a.xyz", b"0 0\n1 1\n", "damaged"),
+        ("a.xyz", b"hello, this is text", "no table of numbers"),
+        ("a.xyz", b"0 0\n1 1\n", "2 columns"),
         ("a.xyz", b"0 0 0\n1 0 0\n2 0 0\n3 0 0\n4 0 nan\n", "profile"),
         ("a.asc", b"1 2 nan\n" * 9, "holds 0 points"),
     ],

@@ -30,7 +30,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.thickness_mm, soil.thickness_mm)
     np.testing.assert_array_equal(read.hardness_mpa, soil.hardness_mpa)
     np.testing.assert_array_equal(read.friction, soil.friction)
-    np.testing.assert_array_equal(read_npz(tmp_path / "a.npz").z_mm, Z)
+    np.testing.assert_array_equal(read_npz(tmp_path / "a.npz").z, Z)
 
 
 def test_a_map_alone_tells_of_no_soil(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from glyphs.errors import FileError
+from pipeline.common.settings import MapSettings
 from pipeline.files.touch_file import read_height_map
 from pipeline.files.units import Unit
 
@@ -36,15 +37,15 @@ def test_absurd_numbers_are_asked_about_and_converted(
     unit: Unit, z: float, pitch: float, tmp_path: Path
 ) -> None:
     path = write(tmp_path / "a.npz", z, pitch)
-    with pytest.raises(FileError, match=f"are the numbers {unit.plural}, .* give --unit {unit}"):
+    with pytest.raises(FileError, match=f"are the .* {unit.plural}. then give --unit {unit}"):
         read_height_map(path)
-    found = read_height_map(path, unit=unit)
+    found = read_height_map(path, MapSettings(unit=unit.value))
     np.testing.assert_allclose(found.z_mm, Z_MM, atol=1e-6)
     assert found.pitch_mm == pytest.approx(PITCH_MM)
 
 
 def test_inches_cannot_be_suspected_but_are_converted(tmp_path: Path) -> None:
-    found = read_height_map(write(tmp_path / "a.npz", 25.4, 25.4), unit=Unit.INCH)
+    found = read_height_map(write(tmp_path / "a.npz", 25.4, 25.4), MapSettings(unit="in"))
     np.testing.assert_allclose(found.z_mm, Z_MM, atol=1e-6)
     assert found.pitch_mm == pytest.approx(PITCH_MM)
 

@@ -1,0 +1,210 @@
+"""Numbers in text, as programs export them: any delimiter, decimal point or comma, headings, words for missing values.
+
+text --layout of the first lines--> head | body --numpy--> NumberTable
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.errors import FileError, require_file
+from glyphs.surface.maps import MAX_PIXELS
+
+MAX_FILE_BYTES = 1_000_000_000
+_SNIFF_BYTES = 200_000
+_SNIFF_LINES = 400
+_MOST_HEAD_LINES = 300
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_COMMA_NUMBER = re.compile(r"[-+]?(?:\d+,?\d*|,\d+)(?:[eE][-+]?\d+)?")
+# what stands for a missing value: two words, one word, the NaN of Microsoft's C, signs
+_PHRASE = re.compile(r"(?i)\b(?:no|not|out[ _-]of)[ _-]?(?:data|value|measured|range)\b|\bn/a\b")
+_C_NAN = re.compile(r"[-+]?\d\.#[A-Za-z]+\d*")
+_WORD = re.compile(r"(?<![\w.])[-+]?[^\W\d_]\w*(?![\w.])")
+_SIGNS = re.compile(r"(?:(?<=[\s;,])|^)(?:-+|\*+|\?+|_+)(?=[\s;,]|$)", re.MULTILINE)
+_IS_MISSING = re.compile(
+    r"(?i)\s*|nan|[-+]?inf\w*|-+|\*+|\?+|_+|bad|null|none|na|nodata|invalid|missing|masked|void|undefined"
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the numbers of a text are written.
+
+    Attributes:
+        delimiter: between columns; None for blanks and tabs.
+        comma: the decimal sign is a comma.
+        columns: of numbers.
+        first_line: of the numbers, from 0.
+    """
+
+    delimiter: str | None
+    comma: bool
+    columns: int
+    first_line: int
+
+    def cells(self, line: str) -> list[str]:
+        """The columns of a line; an empty one after the last delimiter is none."""
+        line = _C_NAN.sub("nan", _PHRASE.sub("nan", line.strip("\r\n ")))
+        cells = line.split(self.delimiter)
+        return cells[:-1] if self.delimiter and not cells[-1].strip() else cells
+
+
+@dataclass(frozen=True)
+class NumberTable:
+    """A table of numbers.
+
+    Attributes:
+        head: lines before the numbers.
+        names: of the columns, in small letters; empty where the last line of the head does not name them all.
+        rows: (n, columns), NaN where a value is missing.
+    """
+
+    head: tuple[str, ...]
+    names: tuple[str, ...]
+    rows: NDArray[np.float64]
+
+
+_LAYOUTS = ((";", True), (";", False), ("\t", True), ("\t", False), (None, True), (",", False), (None, False))
+
+
+def is_number_table(path: Path) -> bool:
+    """Whether a file on this machine is text with a matrix of numbers or columns x, y, z."""
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(_SNIFF_BYTES)
+    except OSError:
+        return False
+    lines = _decoded(start).splitlines()[:_SNIFF_LINES] if b"\0" not in start or start[:2] in _UTF16 else []
+    found = _layout(lines[:-1] if len(start) == _SNIFF_BYTES else lines)
+    if found is None or found.columns < 3:
+        return False
+    body = lines[found.first_line :]
+    return len(body) >= 3 and found.first_line <= max(_MOST_HEAD_LINES, len(body))
+
+
+def read_number_table(path: Path) -> NumberTable:
+    """The numbers of a text file.
+
+    Raises:
+        FileError: no text, no table of numbers, or rows of different lengths.
+    """
+    require_file(path, most_bytes=MAX_FILE_BYTES)
+    data = path.read_bytes()
+    text = _decoded(data)
+    del data
+    if '","' in text[:_SNIFF_BYTES]:
+        text = text.replace('","', ";").replace('"', "")
+    sample = text[:_SNIFF_BYTES].splitlines()
+    found = _layout(sample[:_SNIFF_LINES])
+    if found is None:
+        raise FileError(
+            path, "holds no table of numbers", "export columns x y z, or a matrix of heights, one row a line"
+        )
+    head = tuple(sample[: found.first_line])
+    body = text.split("\n", found.first_line)[found.first_line] if found.first_line else text
+    if body.count("\n") * found.columns > 9 * MAX_PIXELS:
+        raise FileError(path, "holds more numbers than the limit", "crop or thin the map")
+    return NumberTable(head, _names(head, found), _numbers(path, body, found))
+
+
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+def _decoded(data: bytes) -> str:
+    if data[:2] in _UTF16:
+        return data.decode("utf-16", "replace")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _layout(lines: Sequence[str]) -> Layout | None:
+    """The layout in which most lines are numbers, as many a line; None where there is none with two columns."""
+    best: tuple[int, Layout] | None = None
+    for delimiter, comma in _LAYOUTS:
+        layout = Layout(delimiter, comma, 0, 0)
+        counts = [_count(line, layout) for line in lines]
+        columns, n = (
+            Counter(c for c in counts if c >= 2).most_common(1)[0] if any(c >= 2 for c in counts) else (0, 0)
+        )
+        if n and (best is None or n * columns > best[0]):
+            best = (n * columns, Layout(delimiter, comma, columns, counts.index(columns)))
+    return None if best is None else best[1]
+
+
+def _count(line: str, layout: Layout) -> int:
+    """Columns of a line of numbers; 0 of any other."""
+    if line[:1] in ("#", "%"):
+        return 0
+    number = _COMMA_NUMBER if layout.comma else _NUMBER
+    numbers = 0
+    cells = layout.cells(line)
+    for cell in cells:
+        cell = cell.strip()
+        if number.fullmatch(cell):
+            numbers += 1
+        elif not _IS_MISSING.fullmatch(cell):
+            return 0
+    # with a comma nothing else tells a decimal from two columns
+    return len(cells) if 2 * numbers >= len(cells) else 0
+
+
+def _names(head: tuple[str, ...], layout: Layout) -> tuple[str, ...]:
+    last = head[-1].strip().lstrip("#%/ ") if head else ""
+    names = [cell.strip().strip('"').lower() for cell in re.split(r"[;,\t]", last) if cell.strip()]
+    if len(names) != layout.columns:
+        names = last.lower().split()
+    return tuple(names) if len(names) == layout.columns else ()
+
+
+def _numbers(path: Path, body: str, layout: Layout) -> NDArray[np.float64]:
+    if layout.comma:
+        body = body.replace(",", ".")
+    if "#" not in body:
+        try:
+            return _loaded(body, layout)
+        except ValueError:
+            pass
+    # slower: words and gaps
+    for missing in (_PHRASE, _C_NAN, _WORD, _SIGNS):
+        body = missing.sub("nan", body)
+    if layout.delimiter:
+        gap = re.escape(layout.delimiter)
+        body = re.sub(rf"(?:(?<={gap})|^)[ ]*(?={gap})", "nan", body, flags=re.MULTILINE)
+        body = re.sub(rf"{gap}[ ]*$", "", body, flags=re.MULTILINE)
+    try:
+        return _loaded(_without_later_heads(body, layout), layout)
+    except ValueError as error:
+        reason = str(error).splitlines()[0].partition(";")[0]
+        raise FileError(
+            path, f"has rows of different lengths or text between its numbers ({reason})", "export it again"
+        ) from error
+
+
+def _loaded(body: str, layout: Layout) -> NDArray[np.float64]:
+    return np.loadtxt(io.StringIO(body), delimiter=layout.delimiter, comments="#", ndmin=2)
+
+
+def _without_later_heads(body: str, layout: Layout) -> str:
+    """The first block of numbers, without the heads and blocks of other channels that may follow."""
+    lines = body.split("\n")
+    for n, line in enumerate(lines):
+        if (
+            line.strip()
+            and not line.startswith("#")
+            and len(line.strip().split(layout.delimiter)) != layout.columns
+        ):
+            if n and not any(cell.strip() == "nan" for cell in line.split(layout.delimiter)):
+                break  # numbers: numpy says which line
+            return "\n".join(lines[:n])
+    return body

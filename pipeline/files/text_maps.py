@@ -1,0 +1,168 @@
+"""Heights in text: columns x y z, or a matrix of heights with what its heading says of it.
+
+Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP and
+plain `key = value unit` lines. The first row of a matrix is the top one.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from glyphs.errors import FileError, damage_reported
+from pipeline.files.meshes import map_of_points
+from pipeline.files.number_table import NumberTable, read_number_table
+from pipeline.files.raw_map import RawMap
+
+# columns of a list of points, at most: x y z, intensity, colour, normal; rows for each column from which it is one
+_MOST_POINT_COLUMNS, _LEAST_ROWS = 12, 100
+_LEAST_MATRIX_COLUMNS = 8
+_MM = {
+    "nm": 1e-6,
+    "um": 1e-3,
+    "µm": 1e-3,
+    "μm": 1e-3,
+    "mm": 1.0,
+    "cm": 10.0,
+    "m": 1e3,
+    "in": 25.4,
+    "inch": 25.4,
+}
+_UNIT = r"(?P<unit>nm|[uµμ]m|mm|cm|m|inch|in)\b"
+_VALUE = r"[\s:=,;]*(?P<value>[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?)"
+_EACH = "(?:pitch|step|spacing|increment|scale)"
+_PITCH_KEYS = {
+    "x": rf"cell[ _]?size|d ?x|x[ _-]?{_EACH}|scale x|pixel[ _]?size|xy[ _]calibration|pitch|step|spacing",
+    "y": rf"d ?y|y[ _-]?{_EACH}|scale y",
+}
+_SIZE_KEYS = {"x": r"width|breite|largeur|x[ _-]?length", "y": r"height|h[öo]he|hauteur|y[ _-]?length"}
+_Z_UNIT = re.compile(
+    rf"(?im)^[\W_]*(?:value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data)[\s:=,;]*{_UNIT}"
+)
+_OTHER_UNIT = re.compile(
+    r"(?im)^[\W_]*(?:value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data)[ \t:=,;]*(\S+)"
+)
+_NO_DATA = re.compile(r"(?i)nodata_?value\s*[:=]?\s*(\S+)")
+_WYKO = "wyko ascii data file format"
+_AXIS = re.compile(
+    r"(?P<axis>[xyz]|height|h[öo]he)(?![a-z])[\W_]*(?:(?:pos\w*|coord\w*|value)[\W_]*)?(?P<unit>nm|[uµμ]m|mm|cm|m|in)?[\W_]*"
+)
+
+
+def read_text_map(path: Path) -> RawMap:
+    """The heights of a text file.
+
+    Raises:
+        FileError: it holds none.
+    """
+    with damage_reported(path, kind="text"):
+        table = read_number_table(path)
+        named = _named_columns(table)
+        if named is not None:
+            columns, z_mm, xy_mm = named
+            raw = map_of_points(path, table.rows[:, columns])
+            return replace(raw, z_mm=z_mm, xy_mm=xy_mm)
+        if _is_points(table):
+            return map_of_points(path, table.rows[:, :3])
+        return _matrix(path, table)
+
+
+def _named_columns(table: NumberTable) -> tuple[list[int], float | None, float | None] | None:
+    """Columns of x, y and z, and millimetres in one of z and of x, of a table that names them."""
+    found: dict[str, tuple[int, float | None]] = {}
+    for column, name in enumerate(table.names):
+        if axis := _AXIS.fullmatch(name.strip("\"'# ")):
+            found.setdefault(
+                "z" if axis["axis"][0] == "h" else axis["axis"], (column, _MM.get(axis["unit"] or ""))
+            )
+    if not {"x", "y", "z"} <= found.keys():
+        return None
+    return [found[axis][0] for axis in "xyz"], found["z"][1], found["x"][1]
+
+
+def _is_points(table: NumberTable) -> bool:
+    rows, columns = table.rows.shape
+    head = "\n".join(table.head).lower()
+    if "ncols" in head or _WYKO in head or columns < 3:
+        return False
+    many = columns <= _MOST_POINT_COLUMNS and rows > _LEAST_ROWS * columns
+    return bool(columns < _LEAST_MATRIX_COLUMNS or many)
+
+
+def _matrix(path: Path, table: NumberTable) -> RawMap:
+    head, z = "\n".join(table.head), table.rows
+    if z.shape[1] < 3:
+        raise FileError(path, f"has {z.shape[1]} columns", "export columns x y z, or a matrix of heights")
+    if _WYKO in head.lower():
+        return _wyko(head, z)
+    if no_data := _NO_DATA.search(head):
+        z = np.where(z == float(no_data[1].replace(",", ".")), np.nan, z)
+    unit = _Z_UNIT.search(head)
+    if unit is None and (other := _OTHER_UNIT.search(head)):
+        raise FileError(
+            path, f"holds no heights: its values have the unit {other[1]!r}", "export the heights"
+        )
+    z_mm = _MM[unit["unit"].lower()] if unit else None
+    if np.isnan(z[:, -1]).all():
+        z = z[:, :-1]  # a delimiter at the end of each line
+    axes = _without_axes(z)
+    if axes is not None:
+        z, x_pitch, y_pitch = axes
+        return RawMap(z, x_pitch, y_pitch, z_mm)
+    sizes = [_in_head(head, _SIZE_KEYS[axis]) for axis in "xy"]
+    if sizes[0] and sizes[1]:
+        rows, cols = z.shape
+        return RawMap(
+            z,
+            sizes[0][0] / cols,
+            sizes[1][0] / rows * (sizes[1][1] or 1) / (sizes[0][1] or 1),
+            z_mm,
+            sizes[0][1],
+        )
+    x = _in_head(head, _PITCH_KEYS["x"])
+    y = _in_head(head, _PITCH_KEYS["y"]) or x
+    return RawMap(z, x and x[0], y and y[0], z_mm, x and x[1])
+
+
+def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
+    """A length that a heading states, and millimetres in one of it, if it says the unit."""
+    before = _UNIT.replace("unit", "before")
+    found = re.search(
+        rf"(?im)^[\W_]*(?:{keys})\s*(?:[\[(]\s*{before}\s*[\])])?{_VALUE}\s*[\[(]?(?:{_UNIT})?", head
+    )
+    if found is None:
+        return None
+    value = float(found["value"].replace(",", "."))
+    return (value, _MM.get((found["before"] or found["unit"] or "").lower())) if value > 0.0 else None
+
+
+def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
+    """A line of the file is a column of the map, from the lowest row up; heights in wavelengths or nanometres."""
+    number = r"\s+\d+\s+\d+\s+([-+.\deE]+)"
+    stated = {
+        key: float(found[1]) for key in ("Pixel_size", "Wavelength", "Mult", "Aspect")
+        if (found := re.search(rf"(?im)^{key}{number}", head))
+    }  # fmt: skip
+    flags = re.search(r"(?i)format\s+\d+\s+(\d+)", head)
+    nm = 1.0 if flags and flags[1] == "1" else stated.get("Wavelength", 1.0) / stated.get("Mult", 1.0)
+    pitch = stated.get("Pixel_size")
+    return RawMap(
+        z.T, pitch, pitch and pitch * stated.get("Aspect", 1.0), z_mm=1e-6 * nm, xy_mm=1.0, bottom_first=True
+    )
+
+
+def _without_axes(z: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float] | None:
+    """Heights and pitches of a matrix with x in its first row and y in its first column; None of any other."""
+    pitches = []
+    for axis in (z[0, 1:], z[1:, 0]):
+        steps = np.diff(axis)
+        if len(steps) < 3 or not np.isfinite(steps).all() or steps.mean() == 0.0:
+            return None
+        if np.abs(steps / steps.mean() - 1.0).max() > 0.02:
+            return None
+        pitches.append(abs(float(steps.mean())))
+    return z[1:, 1:], pitches[0], pitches[1]
