@@ -5,7 +5,7 @@ from .benchmark.readers.own_reader import Answer, ExamPart
 from .benchmark.trials.run import Benchmark, run_benchmark
 from .common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from .common.row import Row
-from .common.settings import ReadSettings, SettingsError
+from .common.settings import MapSettings, ReadSettings, SettingsError
 from .files.parts import Part, discover
 from .files.photos import read_photo, write_photo
 from .files.touch_file import read_height_map, read_scan
@@ -21,6 +21,7 @@ __all__ = [
     "Design",
     "DesignedParts",
     "ExamPart",
+    "MapSettings",
     "Mode",
     "Part",
     "PartReader",
