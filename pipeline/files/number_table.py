@@ -181,14 +181,16 @@ def _numbers(path: Path, body: str, layout: Layout) -> NDArray[np.float64]:
     if layout.delimiter:
         gap = re.escape(layout.delimiter)
         body = re.sub(rf"(?:(?<={gap})|^)[ ]*(?={gap})", "nan", body, flags=re.MULTILINE)
-        body = re.sub(rf"{gap}[ ]*$", "", body, flags=re.MULTILINE)
+        body = re.sub(rf"(?<={gap})[ ]*$", "nan", body, flags=re.MULTILINE)
     try:
-        return _loaded(_without_later_heads(body, layout), layout)
+        rows = _loaded(_without_later_heads(body, layout), layout)
     except ValueError as error:
         reason = str(error).splitlines()[0].partition(";")[0]
         raise FileError(
             path, f"has rows of different lengths or text between its numbers ({reason})", "export it again"
         ) from error
+    # a delimiter at the end of each line makes an empty column
+    return rows[:, :-1] if rows.shape[1] > layout.columns and np.isnan(rows[:, -1]).all() else rows
 
 
 def _loaded(body: str, layout: Layout) -> NDArray[np.float64]:
@@ -198,13 +200,10 @@ def _loaded(body: str, layout: Layout) -> NDArray[np.float64]:
 def _without_later_heads(body: str, layout: Layout) -> str:
     """The first block of numbers, without the heads and blocks of other channels that may follow."""
     lines = body.split("\n")
+    cells = len(lines[0].strip(" ").split(layout.delimiter))
     for n, line in enumerate(lines):
-        if (
-            line.strip()
-            and not line.startswith("#")
-            and len(line.strip().split(layout.delimiter)) != layout.columns
-        ):
-            if n and not any(cell.strip() == "nan" for cell in line.split(layout.delimiter)):
-                break  # numbers: numpy says which line
+        found = line.strip(" ").split(layout.delimiter)
+        later = line.startswith("#") or (len(found) != cells and "nan" in found)
+        if n and line.strip() and later:
             return "\n".join(lines[:n])
     return body

@@ -107,8 +107,6 @@ def _matrix(path: Path, table: NumberTable) -> RawMap:
             path, f"holds no heights: its values have the unit {other[1]!r}", "export the heights"
         )
     z_mm = _MM[unit["unit"].lower()] if unit else None
-    if np.isnan(z[:, -1]).all():
-        z = z[:, :-1]  # a delimiter at the end of each line
     axes = _without_axes(z)
     if axes is not None:
         z, x_pitch, y_pitch = axes

@@ -26,7 +26,9 @@ MOST_RELIEF_MM = 100.0
 MOST_RELIEF_SHARE = 1.0
 # mm, height range of a map that is not flat: a twentieth of the shallowest mark
 LEAST_RELIEF_MM = 1e-3
-# likewise, over the shorter side, where the file states its unit: instruments also measure what has no marks
+# mm, height range of a stamped plate: of several units that make a part, the likeliest comes nearest
+USUAL_RELIEF_MM = 0.2
+# least height range as a share of the shorter side, where the file states its unit: instruments also measure unmarked parts
 LEAST_RELIEF_SHARE = 3e-5
 # mm, height range less tilt and dome: twenty times the deepest stamped mark
 MOST_DEPTH_MM = 10.0
@@ -75,24 +77,24 @@ def factors_to_mm(path: Path, raw: RawMap, pitch: float, settings: MapSettings) 
     shape = _Shape.of(raw, pitch)
     z_mm, xy_mm = raw.z_mm or 1.0, 1.0 if settings.pitch_mm is not None else raw.xy_mm or 1.0
     if settings.unit is not None:
-        unit = Unit(settings.unit).mm
-        tries = [(unit, unit), (unit, xy_mm), (z_mm, unit)] if settings.pitch_mm is None else [(unit, 1.0)]
+        mm = Unit(settings.unit).mm
+        tries = [(mm, mm), (mm, xy_mm), (z_mm, mm)] if settings.pitch_mm is None else [(mm, 1.0)]
         return next((factors for factors in tries if not shape.absurdity(*factors)), tries[0])
     absurd = shape.absurdity(z_mm, xy_mm)
     if not absurd:
         return z_mm, xy_mm
-    for unit_asked in Unit:
-        unit = unit_asked.mm
-        if unit_asked is Unit.NM and raw.z_mm is not None:
+    asked: list[tuple[bool, float, str, Unit]] = []
+    for unit in Unit:
+        if unit is Unit.NM and raw.z_mm is not None:
             continue  # no format states its numbers wrongly by so much
-        asked = {"heights": (unit, xy_mm)}
-        if settings.pitch_mm is None:
-            asked = {"numbers": (unit, unit), **asked, "distances": (z_mm, unit)}
-        for what, factors in asked.items():
-            if not shape.absurdity(*factors):
-                raise FileError(
-                    path, absurd, f"are the {what} {unit_asked.plural}? then give --unit {unit_asked}"
-                )
+        factors = {"numbers": (unit.mm, unit.mm), "heights": (unit.mm, xy_mm), "distances": (z_mm, unit.mm)}
+        for what, (z, xy) in factors.items():
+            if (what == "heights" or settings.pitch_mm is None) and not shape.absurdity(z, xy):
+                unusual = abs(np.log10(max(shape.relief * z, 1e-9) / USUAL_RELIEF_MM))
+                asked.append((unit is Unit.INCH, float(unusual), what, unit))
+    if asked:
+        *_, what, unit = min(asked, key=lambda one: one[:2])
+        raise FileError(path, absurd, f"are the {what} {unit.plural}? then give --unit {unit}")
     if shape.relief * z_mm < shape.least_relief(pitch * xy_mm) and shape.pitch * xy_mm <= MOST_PITCH_MM:
         return z_mm, xy_mm  # flat
     raise FileError(

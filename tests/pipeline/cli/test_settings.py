@@ -339,7 +339,7 @@ def test_a_file_of_settings_to_begin_with(capsys: pytest.CaptureFixture[str]) ->
 def test_what_cannot_be_is_bad_usage_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     FILE.write_text("hight_mm = 5\n", encoding="utf-8")
     assert main(["read", "part.npz"]) == 2
-    said = "tactile-marks: unknown setting hight_mm in tactile-marks.toml; did you mean height_mm?\n"
+    said = "tactile-marks: unknown setting hight_mm in tactile-marks.toml; did you mean height_mm or height_image?\n"
     assert capsys.readouterr().err == said
 
 

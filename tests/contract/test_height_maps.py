@@ -1,0 +1,400 @@
+"""Height files as users have them: read with the right heights, rows and scale, or asked about in words that help."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from glyphs import HeightMap
+from pipeline import MapSettings, read_height_map
+
+PITCH = 0.08
+DATA = Path(__file__).parents[1] / "data" / "height_maps"
+Heights = NDArray[np.float64]
+
+
+def plate() -> Heights:
+    """A plate of 4.8 x 3.2 mm with an L, 0.2 mm deep, tilted a little and rough to 2 um; mm."""
+    x = np.arange(60)
+    z = 0.002 * np.random.default_rng(0).standard_normal((40, 60)) + 0.0004 * x
+    z[8:32, 10:14] -= 0.2
+    z[28:32, 14:30] -= 0.2
+    return np.round(z, 5)
+
+
+Z = plate()
+
+
+def columns(z: Heights = Z, *, fmt: str = "%.5f", delimiter: str = " ", head: str = "") -> str:
+    """x, y upwards and z, a line a point."""
+    y, x = np.mgrid[0 : z.shape[0], 0 : z.shape[1]] * PITCH
+    stream = io.StringIO()
+    rows = np.column_stack([x.ravel(), (y.max() - y).ravel(), z.ravel()])
+    np.savetxt(stream, rows, fmt=["%.2f", "%.2f", fmt], delimiter=delimiter)
+    return head + stream.getvalue()
+
+
+def matrix(z: Heights = Z, *, delimiter: str = " ", head: str = "", fmt: str = "%.5f") -> str:
+    stream = io.StringIO()
+    np.savetxt(stream, z, fmt=fmt, delimiter=delimiter)
+    return head + stream.getvalue()
+
+
+def with_gaps(mark: str, text: str = "") -> str:
+    """Columns whose every 50th height is written as a mark."""
+    lines = (text or columns()).splitlines()
+    for n in range(7, len(lines), 50):
+        lines[n] = lines[n].rsplit(" ", 1)[0] + " " + mark
+    return "\n".join(lines)
+
+
+def gaps() -> NDArray[np.bool_]:
+    missing = np.zeros(Z.size, bool)
+    missing[7::50] = True
+    return missing.reshape(Z.shape)
+
+
+def check(
+    found: HeightMap, *, missing: NDArray[np.bool_] | None = None, offset: bool = False, atol: float = 2e-5
+) -> None:
+    assert found.pitch_mm == pytest.approx(PITCH, rel=1e-3)
+    assert found.z_mm.shape == Z.shape
+    lost = np.zeros(Z.shape, bool) if missing is None else missing
+    np.testing.assert_array_equal(np.isnan(found.z_mm), lost)
+    expected = Z - np.median(Z[~lost]) if offset else Z
+    np.testing.assert_allclose(found.z_mm[~lost], expected[~lost], atol=atol)
+
+
+ESRI = f"ncols 60\nnrows 40\nxllcorner 0.0\nyllcorner 0.0\ncellsize {PITCH}\nNODATA_value -9999\n"
+GWYDDION = "# Channel: Topography\n# Width: 4.8000 mm\n# Height: 3.2000 mm\n# Value units: m\n"
+GERMAN = "# Kanal: Topographie\n# Breite: 4,8 mm\n# Höhe: 3,2 mm\n# Einheiten: µm\n"
+MORE_COLUMNS = "id,x,y,z,intensity\n" + "".join(
+    f"{n},{line},{n % 7}\n" for n, line in enumerate(columns(delimiter=",").splitlines())
+)
+WYKO = (
+    "Wyko ASCII Data File Format 0\t0\t1\nX Size\t60\nY Size\t40\nBlock Name\tType\tLength\tValue\n"
+    f"Pixel_size\t7\t4\t{PITCH}\nWavelength\t7\t4\t500.0\nMult\t7\t4\t2\nRAW_DATA\t3\t9600\t\n"
+)
+AXES = np.block([[np.zeros((1, 1)), np.arange(60)[None] * PITCH], [np.arange(40)[::-1, None] * PITCH, Z]])
+TEXTS: dict[str, tuple[str, str]] = {
+    "blanks": ("a.xyz", columns()),
+    "blanks in .txt": ("a.txt", columns()),
+    "heading and commas": ("a.csv", columns(delimiter=",", head="x,y,z\n")),
+    "heading with units": ("a.csv", columns(Z * 1e3, delimiter=";", head="X [mm];Y [mm];Z [µm]\n")),
+    "more columns": ("a.csv", MORE_COLUMNS),
+    "decimal comma and semicolon": ("a.xyz", columns(delimiter=";").replace(".", ",")),
+    "decimal comma and tab": ("a.txt", columns(delimiter="\t").replace(".", ",")),
+    "decimal comma and blanks": ("a.asc", columns().replace(".", ",")),
+    "count before": ("a.pts", "2400\n" + columns()),
+    "comments": ("a.xyz", "# exported\n# by a sensor\n" + columns()),
+    "esri": ("a.asc", matrix(head=ESRI)),
+    "gwyddion": ("a.asc", matrix(Z * 1e-3, delimiter="\t", head=GWYDDION, fmt="%.8e")),
+    "gwyddion in german": ("a.txt", matrix(Z * 1e3, delimiter="\t", head=GERMAN)),
+    "two channels": ("a.txt", matrix(Z * 1e-3, head=GWYDDION, fmt="%.8e") + matrix(Z, head=GWYDDION)),
+    "wyko": ("a.asc", matrix(Z[::-1].T * 1e6 / 250.0, delimiter="\t", head=WYKO)),
+    "axes": ("a.csv", matrix(AXES, delimiter=",")),
+    "axes with a gap in the corner": ("a.csv", matrix(AXES, delimiter=";").replace("0.00000", "", 1)),
+    "stated pitch": ("a.csv", matrix(delimiter=",", head=f"pitch;{PITCH};mm\n")),
+    "delimiter at the end": ("a.asc", ESRI + matrix(delimiter=";").replace("\n", ";\n")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", TEXTS)
+def test_tables_of_numbers_are_read(case: str, tmp_path: Path) -> None:
+    name, text = TEXTS[case]
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    check(read_height_map(tmp_path / name))
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "latin-1"])
+def test_encodings_of_tables(encoding: str, tmp_path: Path) -> None:
+    text = columns(Z * 1e3, delimiter=";", head="X [mm];Y [mm];Z [µm]\n").replace(".", ",")
+    (tmp_path / "a.csv").write_bytes(text.replace("\n", "\r\n").encode(encoding))
+    check(read_height_map(tmp_path / "a.csv"))
+
+
+@pytest.mark.parametrize(
+    "mark",
+    [*("-99.99", "-9999", "99999", "1e38", "No Data", "NoData", "nan", "NaN", "Bad", "n/a", "---", "***"), "-1.#IND"],
+)  # fmt: skip
+def test_missing_points_become_dropouts(mark: str, tmp_path: Path) -> None:
+    (tmp_path / "a.xyz").write_text(with_gaps(mark))
+    check(read_height_map(tmp_path / "a.xyz"), missing=gaps())
+
+
+def test_empty_cells_become_dropouts(tmp_path: Path) -> None:
+    lines = columns(delimiter=";").splitlines()
+    for n in range(7, len(lines), 50):
+        lines[n] = lines[n].rsplit(";", 1)[0] + ";"
+    (tmp_path / "a.csv").write_text("x;y;z\n" + "\n".join(lines))
+    check(read_height_map(tmp_path / "a.csv"), missing=gaps())
+
+
+def test_zeros_far_from_all_heights_are_missing_points(tmp_path: Path) -> None:
+    """Of a sensor that stands 300 mm above the part and writes 0 where it saw nothing."""
+    np.savez(tmp_path / "a.npz", z_mm=np.where(gaps(), 0.0, Z + 300.0), pitch_mm=PITCH)
+    check(read_height_map(tmp_path / "a.npz"), missing=gaps(), offset=True, atol=1e-4)
+    lines = columns(Z + 300.0).splitlines()
+    lines = ["0 0 0" if n % 50 == 7 else line for n, line in enumerate(lines)]
+    (tmp_path / "a.xyz").write_text("\n".join(lines))
+    check(read_height_map(tmp_path / "a.xyz"), missing=gaps(), offset=True, atol=1e-4)
+
+
+@pytest.mark.parametrize("offset_mm", [-999.9, 1000.0, 1800.0, -5e4])
+@pytest.mark.parametrize("name", ["a.npz", "a.xyz", "a.asc"])
+def test_coordinates_of_machines_are_offsets(name: str, offset_mm: float, tmp_path: Path) -> None:
+    path = tmp_path / name
+    if path.suffix == ".npz":
+        np.savez(path, z_mm=Z + offset_mm, pitch_mm=PITCH)
+    else:
+        path.write_text(columns(Z + offset_mm) if name == "a.xyz" else matrix(Z + offset_mm, head=ESRI))
+    check(read_height_map(path), offset=True)
+
+
+# ------------------------------------------------------------------------------------------------ other files
+
+
+def save_x3p(
+    path: Path,
+    z: Heights,
+    increment: float,
+    *,
+    root: str = "p:ISO5436_2",
+    folder: str = "",
+    more: str = "",
+    md5: str = "",
+) -> Path:
+    space = ' xmlns:p="http://www.opengps.eu/2008/ISO5436_2"' if root.startswith("p:") else ""
+    axis = f"<AxisType>I</AxisType><DataType>D</DataType><Increment>{increment}</Increment><Offset>0</Offset>"
+    main = f"""<?xml version="1.0" encoding="UTF-8"?>
+<{root}{space}><Record1><Revision>ISO5436 - 2000</Revision><FeatureType>SUR</FeatureType><Axes>
+<CX>{axis}</CX><CY>{axis}</CY><CZ><AxisType>A</AxisType><DataType>D</DataType></CZ></Axes></Record1>
+<Record2><Date>2024-01-01T00:00:00Z</Date><Instrument><Manufacturer>x</Manufacturer><Model>x</Model><Serial>1</Serial>
+<Version>1</Version></Instrument><CalibrationDate>2024-01-01T00:00:00Z</CalibrationDate><ProbingSystem>
+<Type>NonContacting</Type><Identification>x</Identification></ProbingSystem></Record2>
+<Record3><MatrixDimension><SizeX>{z.shape[1]}</SizeX><SizeY>{z.shape[0]}</SizeY><SizeZ>1</SizeZ></MatrixDimension>
+<DataLink><PointDataLink>bindata/data.bin</PointDataLink></DataLink>{more}</Record3>
+<Record4><ChecksumFile>md5checksum.hex</ChecksumFile></Record4></{root}>"""
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(f"{folder}main.xml", main)
+        archive.writestr(f"{folder}bindata/data.bin", z.astype("<f8").tobytes())
+        if md5:
+            archive.writestr(f"{folder}md5checksum.hex", f"{md5} *main.xml")
+        if folder:
+            archive.writestr("__MACOSX/._part", "x")
+    return path
+
+
+@pytest.mark.parametrize("root", ["p:ISO5436_2", "ISO5436_2", "ISO5436", "p:ISO5436"])
+@pytest.mark.parametrize("folder", ["", "part/"])
+@pytest.mark.parametrize("md5", ["", "0" * 32])
+def test_x3p_as_others_write_it(root: str, folder: str, md5: str, tmp_path: Path) -> None:
+    path = save_x3p(tmp_path / "a.x3p", Z[::-1] * 1e-3, PITCH * 1e-3, root=root, folder=folder, md5=md5)
+    check(read_height_map(path))
+
+
+def test_the_origin_of_x3p_says_which_row_is_first(tmp_path: Path) -> None:
+    path = save_x3p(tmp_path / "a.x3p", Z * 1e-3, PITCH * 1e-3, more="<Origin>NW</Origin>")
+    check(read_height_map(path))
+
+
+@pytest.mark.parametrize("name", ["csafe-logo.x3p", "testing.x3p"])
+def test_x3p_of_x3ptools(name: str) -> None:
+    if name == "csafe-logo.x3p":
+        found = read_height_map(DATA / name)
+        assert (found.z_mm.shape, found.pitch_mm) == ((419, 741), pytest.approx(6.45e-4))
+        return
+    with pytest.raises(Exception, match=r"27\.5 mm apart.*--unit mm"):
+        read_height_map(DATA / name)
+    for unit, mm in (("mm", 1.0), ("um", 1e-3)):
+        assert read_height_map(DATA / name, MapSettings(unit=unit)).pitch_mm == pytest.approx(
+            0.0275 * mm, rel=1e-4
+        )
+
+
+def save_pcd(path: Path, form: str) -> Path:
+    y, x = np.mgrid[0:40, 0:60] * PITCH
+    rows = np.column_stack([x.ravel(), 3.12 - y.ravel(), Z.ravel()]).astype("<f4")
+    head = (
+        "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 2\nTYPE F F F U\nCOUNT 1 1 1 1\n"
+        f"WIDTH 60\nHEIGHT 40\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2400\nDATA {form}\n"
+    ).encode()
+    if form == "ascii":
+        body = "".join(f"{a:.5f} {b:.5f} {c:.5f} 7\n" for a, b, c in rows).encode()
+    else:
+        body = b"".join(struct.pack("<fffH", *row, 7) for row in rows)
+    path.write_bytes(head + body)
+    return path
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary"])
+def test_pcd(form: str, tmp_path: Path) -> None:
+    check(read_height_map(save_pcd(tmp_path / "a.pcd", form)))
+
+
+def test_obj(tmp_path: Path) -> None:
+    points = [line.split() for line in columns().splitlines()]
+    k = np.arange(2400).reshape(40, 60) + 1
+    a, b, c, d = (k[i, j].ravel() for i in (np.s_[:-1], np.s_[1:]) for j in (np.s_[:-1], np.s_[1:]))
+    faces = [*zip(a, c, b, strict=True), *zip(b, c, d, strict=True)]
+    lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"f {a} {b} {c}" for a, b, c in faces]
+    (tmp_path / "a.obj").write_text("mtllib none.mtl\n" + "\n".join(lines))
+    check(read_height_map(tmp_path / "a.obj"))
+
+
+def save_image(path: Path, scale: float, dtype: type) -> Path:
+    Image.fromarray((Z * scale).astype(dtype)).save(path)
+    return path
+
+
+@pytest.mark.parametrize(("name", "settings"), [
+    ("f.tif", {}),
+    ("u.png", {"unit": "nm"}),
+    ("u.tiff", {"unit": "nm"}),
+])  # fmt: skip
+def test_height_images(name: str, settings: dict[str, str], tmp_path: Path) -> None:
+    z = Z if name == "f.tif" else np.round(Z * 1e5 + 30_000)
+    Image.fromarray(z.astype(np.float32 if name == "f.tif" else np.uint16)).save(tmp_path / name)
+    found = read_height_map(tmp_path / name, MapSettings(height_image=True, pitch_mm=PITCH, **settings))
+    if name == "f.tif":
+        check(found)
+    else:  # counts of 10 nm read as 1 nm
+        np.testing.assert_allclose(np.ptp(found.z_mm), np.ptp(Z) / 10.0, rtol=1e-3)
+        assert found.pitch_mm == PITCH
+
+
+def test_npy(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", Z)
+    check(read_height_map(tmp_path / "a.npy", MapSettings(pitch_mm=PITCH)))
+    np.save(tmp_path / "b.npy", np.array([line.split() for line in columns().splitlines()], dtype=float))
+    check(read_height_map(tmp_path / "b.npy"))
+
+
+# ------------------------------------------------------------------------------------------------ questions
+
+
+def make_npz(z: float, xy: float) -> Callable[[Path], Path]:
+    def make(folder: Path) -> Path:
+        np.savez(folder / "a.npz", z_mm=Z * z, pitch_mm=PITCH * xy)
+        return folder / "a.npz"
+
+    return make
+
+
+def make_x3p(z: float, xy: float) -> Callable[[Path], Path]:
+    return lambda folder: save_x3p(folder / "a.x3p", Z[::-1] * z, PITCH * xy)
+
+
+def make_text(z: float, xy: float) -> Callable[[Path], Path]:
+    def make(folder: Path) -> Path:
+        rows = np.array([line.split() for line in columns(Z * z).splitlines()], dtype=float) * (xy, xy, 1.0)
+        np.savetxt(folder / "a.xyz", rows, fmt="%.7f")
+        return folder / "a.xyz"
+
+    return make
+
+
+def save_sur(
+    path: Path, *, unit: str = "mm", magic: bytes = b"DIGITAL SURF", step: float = PITCH, scale: float = 1e-5
+) -> Path:
+    """MountainsMap's format, 16 bits: the surface's own header of 512 bytes."""
+    head = bytearray(512)
+    head[:12] = magic
+    struct.pack_into("<HHHH", head, 12, 0, 1, 1, 2)
+    counts = np.round(Z / 1e-5).astype("<i2")
+    struct.pack_into("<Hii", head, 98, 16, int(counts.min()), int(counts.max()))
+    struct.pack_into("<iiI", head, 108, 60, 40, 2400)
+    struct.pack_into("<fff", head, 120, step, step, scale)
+    names = ["X", "Y", "Z", "mm", "mm", unit, "mm", "mm", unit]
+    head[132 : 132 + 16 * 9] = b"".join(n.encode("latin-1").ljust(16) for n in names)
+    struct.pack_into("<fff", head, 276, 1.0, 1.0, 1.0)
+    path.write_bytes(bytes(head) + counts.tobytes())
+    return path
+
+
+def make_sur(z: float, xy: float) -> Callable[[Path], Path]:
+    return lambda folder: save_sur(folder / "a.sur", step=PITCH * xy, scale=1e-5 * z)
+
+
+@pytest.mark.parametrize(("make", "unit"), [
+    (make_npz(1e3, 1e3), "um"), (make_npz(1e3, 1.0), "um"), (make_npz(1.0, 1e3), "um"), (make_npz(1e-3, 1e-3), "m"),
+    (make_x3p(1.0, 1.0), "mm"), (make_x3p(1e3, 1e3), "um"), (make_x3p(1e3, 1e-3), "um"), (make_x3p(1.0, 1e-3), "mm"),
+    (make_text(1e3, 1.0), "um"), (make_text(1e3, 1e3), "um"),
+    (make_sur(1e3, 1.0), "um"), (make_sur(1e3, 1e3), "um"),
+])  # fmt: skip
+def test_numbers_of_no_part_are_asked_about_and_converted(
+    make: Callable[[Path], Path], unit: str, tmp_path: Path
+) -> None:
+    path = make(tmp_path)
+    if path.suffix == ".sur":
+        pytest.importorskip("SurfaceTopography")
+    with pytest.raises(Exception, match=rf"; are the \w+ \w+\? then give --unit {unit}$"):
+        read_height_map(path)
+    check(read_height_map(path, MapSettings(unit=unit)))
+
+
+def test_shallow_marks_in_micrometres_below_the_width_of_the_plate_are_asked_about(tmp_path: Path) -> None:
+    z = np.random.default_rng(1).normal(0.0, 0.8, (360, 360))
+    z[100:200, 100:110] -= 30.0
+    np.savez(tmp_path / "a.npz", z_mm=z, pitch_mm=0.1)
+    with pytest.raises(Exception, match=r"36 mm x 36 mm; are the heights micrometres\? then give --unit um"):
+        read_height_map(tmp_path / "a.npz")
+
+
+def test_a_unit_that_is_given_is_not_asked_about_again(tmp_path: Path) -> None:
+    """A part on a table that lies 12 mm below it."""
+    z = np.vstack([Z, np.full((20, 60), -12.0)]).repeat(5, axis=0).repeat(5, axis=1)
+    np.savez(tmp_path / "a.npz", z_mm=z, pitch_mm=PITCH)
+    found = read_height_map(tmp_path / "a.npz", MapSettings(unit="mm"))
+    assert np.ptp(found.z_mm) == pytest.approx(np.ptp(z), rel=1e-5)
+
+
+def test_a_map_of_160_m_is_refused_with_the_way_out(tmp_path: Path) -> None:
+    """As .nms files come out of a library that takes nanometres for millimetres."""
+    path = save_sur(tmp_path / "a.sur", unit="µm", step=312.5, scale=1e-2)
+    with pytest.raises(Exception, match=r"samples lie 31\d mm apart.*--pitch-mm"):
+        read_height_map(path)
+    check(read_height_map(path, MapSettings(pitch_mm=PITCH)))
+
+
+REFUSED: dict[str, tuple[Callable[[Path], Path], str]] = {
+    "intensity": (lambda folder: save_sur(folder / "a.sur", unit="LSB"), "no heights but an image.*'LSB'"),
+    "no unit": (lambda folder: save_sur(folder / "a.sur", unit=""), "z has no unit"),
+    "compressed": (lambda folder: save_sur(folder / "a.sur", magic=b"DSCOMPRESSED"), "compressed; save it unc"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_images_and_compressed_files_are_refused_in_words(case: str, tmp_path: Path) -> None:
+    pytest.importorskip("SurfaceTopography")
+    make, message = REFUSED[case]
+    with pytest.raises(Exception, match=message):
+        read_height_map(make(tmp_path))
+
+
+WORDS: dict[str, tuple[str, str, str]] = {
+    "matrix without pitch": ("a.csv", matrix(delimiter=","), "without the distance of its samples; .*--pitch-mm"),
+    "prose": ("a.txt", "This is a letter.\nIt has no heights.\n", "no format that is read .*x y z.*X3P"),
+    "ragged": ("a.asc", matrix(head=ESRI) + "1 2 3\n", "different lengths"),
+    "voltage": ("a.asc", matrix(head=GWYDDION.replace("units: m", "units: V")), "no heights.*'V'"),
+    "two columns": ("a.xyz", "1 2\n3 4\n5 6\n", "columns x y z"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WORDS)
+def test_text_that_holds_no_map_is_refused_in_words(case: str, tmp_path: Path) -> None:
+    pytest.importorskip("SurfaceTopography")
+    name, text, message = WORDS[case]
+    (tmp_path / name).write_text(text)
+    with pytest.raises(Exception, match=message):
+        read_height_map(tmp_path / name)
+    if case == "matrix without pitch":
+        check(read_height_map(tmp_path / name, MapSettings(pitch_mm=PITCH)))
