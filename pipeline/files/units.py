@@ -28,7 +28,7 @@ MOST_RELIEF_SHARE = 1.0
 LEAST_RELIEF_MM = 1e-3
 # mm, height range of a stamped plate: of several units that make a part, the likeliest comes nearest
 USUAL_RELIEF_MM = 0.2
-# least height range as a share of the shorter side, where the file states its unit: instruments also measure unmarked parts
+# least height range over the shorter side where the file states its unit: instruments measure unmarked parts, too
 LEAST_RELIEF_SHARE = 3e-5
 # mm, height range less tilt and dome: twenty times the deepest stamped mark
 MOST_DEPTH_MM = 10.0
