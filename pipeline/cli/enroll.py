@@ -14,7 +14,7 @@ from pipeline.cli.exit_status import FAILED, USAGE, CommandError, failures_repor
 from pipeline.cli.settings import READING, SERVICE, Config, ReadingOfFile, ServiceOfFile, StoreAddress
 
 if TYPE_CHECKING:
-    from pipeline.reading.enrolment import ReviewedPart
+    from pipeline.reading.enrolment import EnrolReport, ReviewedPart
     from pipeline.service.settings import ServiceSettings
     from pipeline.store.evidence_folder import EvidenceFolder
     from pipeline.store.store import Store
@@ -30,6 +30,8 @@ def enroll(
     from_store: Annotated[bool, Parameter(negative="")] = False,
     store: StoreAddress = None,
     since: float | None = None,
+    picture: Path | None = None,
+    check: bool = True,
     reading: ReadingOfFile = READING,
     service: ServiceOfFile = SERVICE,
     config: Config = None,
@@ -50,6 +52,10 @@ def enroll(
         Take the reviewed parts of the service's store instead.
     since
         Only parts reviewed in this many days up to now.
+    picture
+        Picture of the exemplars, .png, .svg or .pdf. [default: the database's name and .png]
+    check
+        Read each half of the parts with what the other half taught, and say whether it helps.
     """
     if from_store == bool(inputs):
         raise CommandError("enroll: name parts with --truth, or give --from-store", status=USAGE)
@@ -61,7 +67,9 @@ def enroll(
         raise CommandError(f"enroll: --since is {since} days", hint="give a positive number", status=USAGE)
     with failures_reported(), ExitStack() as stack:
         from pipeline.common.atomic import check_writable
+        from pipeline.plots.pictures import check_picture
         from pipeline.reading.enrolment import enrol
+        from pipeline.reading.enrolment_check import check_held_out
         from pipeline.workers.options import in_a_worker
 
         left_out = 0
@@ -75,17 +83,35 @@ def enroll(
             opened, parts = None, _of_table(inputs, truth)
         if not parts:
             raise CommandError("enroll: no reviewed part with a scan or a height map was found")
+        picture = picture or database.with_suffix(".png")
         check_writable(database)
+        check_picture(picture)
         report = in_a_worker(enrol, parts, database, font=font, settings=reading)
         if opened is not None:
             for part_id, characters in report.enrolled:
                 opened.note_event(part_id, "enrolled", {"font": font, "characters": characters})
-    print(report.describe())
+        print(report.describe())
+        if report.exemplars:
+            _draw(database, report, picture)
+            print(f"wrote {picture}")
+        if check and report.exemplars:
+            held_out = in_a_worker(check_held_out, parts, database, font=font, settings=reading)
+            print(held_out.describe() if held_out else "held out: too few parts to check the font on others")
     if left_out:
         print(
             f"{left_out} reviewed parts left out: they were never scanned, or their files are no longer kept"
         )
     return 0 if report.enrolled or report.known else FAILED
+
+
+def _draw(database: Path, report: EnrolReport, picture: Path) -> None:
+    from glyphs.stamping.database import load_database
+    from pipeline.plots.exemplars_picture import exemplars_figure
+    from pipeline.plots.pictures import save_figure
+
+    held = load_database(database)
+    own = [one for one in held.exemplars if one.font_name == report.font and one.relief is not None]
+    save_figure(exemplars_figure(held.fonts[report.font], own, report.set_aside), picture)
 
 
 def _of_table(inputs: tuple[Path, ...], truth: Path) -> list[ReviewedPart]:

@@ -60,6 +60,21 @@ class Refused:
     why: str
 
 
+@dataclass(frozen=True)
+class SetAside:
+    """An exemplar that is kept but not used, since it disagrees with others of the same character.
+
+    Attributes:
+        char: the character.
+        part: name of the part.
+        place: its place in the part's text, from 1.
+    """
+
+    char: str
+    part: str
+    place: int
+
+
 _Named = tuple[ReviewedPart, str]
 _Cuts = tuple[Cut, ...] | Refused
 
@@ -73,7 +88,7 @@ class EnrolReport:
         enrolled: (part, characters taken) of each part that was new.
         known: parts that were enrolled before.
         refused: parts of which nothing was taken.
-        set_aside: exemplars kept but not used, as they disagree with others of the same character.
+        set_aside: exemplars kept but not used.
         exemplars: exemplars that the font is made of now.
         felt: characters that it has from touch.
         never_felt: letters and figures that it has from the nearest known font.
@@ -87,7 +102,7 @@ class EnrolReport:
     enrolled: tuple[tuple[str, str], ...]
     known: tuple[str, ...]
     refused: tuple[Refused, ...]
-    set_aside: tuple[Refused, ...]
+    set_aside: tuple[SetAside, ...]
     exemplars: int
     felt: str
     never_felt: str
@@ -103,11 +118,12 @@ class EnrolReport:
         if self.known:
             lines[0] += f", {len(self.known)} parts were known"
         lines += [f"refused {r.part}: {r.why}" for r in self.refused]
-        lines += [f"set aside {r.part}: {r.why}" for r in self.set_aside]
         if self.exemplars:
-            lines.append(
-                f"felt {self.felt} ({self.exemplars} exemplars); nearest font {self.like} ({self.likeness:.2f})"
-            )
+            kept = self.exemplars + len(self.set_aside)
+            lines.append(f"{self.exemplars} of {kept} used, for the shapes of {self.felt}")
+            lines.append(f"nearest font: {self.like} ({self.likeness:.2f})")
+        if self.set_aside:
+            lines.append(f"set aside, unlike others of the same character: {_by_character(self.set_aside)}")
         if self.never_felt:
             doubt = (
                 "of the same shapes" if self.trusted else "a guess: readings that may hold one go to review"
@@ -290,16 +306,14 @@ def _report(
 
     taught = [e for e in own if e.relief is not None]
     aside = () if learned is None else learned.set_aside
+    places = exemplar_places(taught)
     used = {} if learned is None else learned.used
     return EnrolReport(
         font=font,
         enrolled=tuple(enrolled),
         known=tuple(known),
         refused=tuple(refused),
-        set_aside=tuple(
-            Refused(taught[k].part, f"its {taught[k].char} of {taught[k].note} does not look like one")
-            for k in aside
-        ),
+        set_aside=tuple(SetAside(taught[k].char, taught[k].part, places[k]) for k in aside),
         exemplars=sum(len(k) for k in used.values()),
         felt="".join(c for c in sorted(used) if used[c]),
         never_felt="" if learned is None else "".join(c for c in learned.never_felt if c.isalnum()),
@@ -308,3 +322,23 @@ def _report(
         likeness=0.0 if learned is None else learned.hand.likeness,
         agreement=agreement([e.char for e in taught], used),
     )
+
+
+def exemplar_places(exemplars: Sequence[Exemplar]) -> list[int]:
+    """The place of each exemplar in its part's text, from 1; exemplars of a part come in the order of its text."""
+    reached: dict[tuple[str, str], int] = {}
+    places = []
+    for one in exemplars:
+        key = (one.evidence, one.note)
+        place = one.note.find(one.char, reached.get(key, 0)) + 1
+        reached[key] = place
+        places.append(place)
+    return places
+
+
+def _by_character(set_aside: Sequence[SetAside]) -> str:
+    """`C 1 (part-3 place 2), 8 2 (part-1 place 4, part-7 place 1)`."""
+    where: dict[str, list[str]] = {}
+    for one in sorted(set_aside, key=lambda one: (one.char, one.part, one.place)):
+        where.setdefault(one.char, []).append(f"{one.part} place {one.place}")
+    return ", ".join(f"{char} {len(places)} ({', '.join(places)})" for char, places in where.items())

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import matplotlib
@@ -15,7 +16,9 @@ from pipeline.common.records import EvidenceKind, EvidenceRecord, PartState, Rev
 from pipeline.common.settings import ReadSettings
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, make_part
-from pipeline.reading.enrolment import MOST_EXEMPLARS, ReviewedPart, enrol
+from pipeline.plots.exemplars_picture import exemplars_figure
+from pipeline.reading.enrolment import MOST_EXEMPLARS, ReviewedPart, SetAside, enrol, exemplar_places
+from pipeline.reading.enrolment_check import check_held_out
 from pipeline.reading.readers import open_reader
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store
@@ -78,7 +81,41 @@ def test_the_report_says_what_was_learned(taught, folder):
     assert (report.refused, report.set_aside, report.known, report.exemplars) == ((), (), (), 32)
     assert report.like == "gothic"
     assert not report.trusted
+    assert "32 of 32 used, for the shapes of 0123456789" in report.describe()
     assert "never felt, after gothic: ABC" in report.describe()
+
+
+def test_what_is_set_aside_is_named_by_character_part_and_place(taught):
+    _, report = taught
+    aside = (SetAside("8", "part-7", 1), SetAside("C", "part-3", 2), SetAside("8", "part-1", 4))
+    described = replace(report, set_aside=aside, exemplars=29).describe()
+    assert "29 of 32 used" in described
+    assert "8 2 (part-1 place 4, part-7 place 1), C 1 (part-3 place 2)" in described
+
+
+def test_places_follow_the_text_of_the_part(taught):
+    kept = [e for e in load_database(taught[0]).exemplars if e.part == "part-0"]
+    assert exemplar_places(kept) == [1, 2, 3, 4]
+
+
+def test_the_exemplars_are_drawn_with_those_set_aside_in_red(taught):
+    held = load_database(taught[0])
+    first = held.exemplars[0]
+    aside = {SetAside(first.char, first.part, 1)}
+    figure = exemplars_figure(held.fonts["press-7"], held.exemplars, aside)
+    red = [ax.get_title() for ax in figure.axes if ax.title.get_color() == "#c62828"]
+    assert red == [f"{first.part}: 1"]
+
+
+def test_parts_held_out_show_whether_the_font_helps(taught, folder):
+    path, _ = taught
+    parts = reviewed(folder, *range(6))
+    assert check_held_out(parts[:5], path, font="press-7", settings=SETTINGS) is None
+    found = check_held_out(parts, path, font="press-7", settings=SETTINGS)
+    assert (found.parts, found.characters) == (6, 24)
+    assert found.edits <= 2
+    assert "warning" not in replace(found, edits=1, edits_without=1).describe()
+    assert "warning: reading is worse" in replace(found, edits=2, edits_without=1).describe()
 
 
 def test_the_database_holds_exemplars_and_where_they_are_from(taught):
@@ -188,7 +225,10 @@ def test_the_command_takes_a_table(folder, tmp_path, capsys):
     parts = folder / "part-2.npz"
     status = enroll(parts, database=path, font="press-7", truth=folder / "truth.csv", config=config)
     assert status == 0
-    assert "press-7: 4 characters of 1 parts enrolled" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "press-7: 4 characters of 1 parts enrolled" in shown
+    assert "held out: too few parts" in shown
+    assert path.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert "press-7" in load_database(path).fonts
 
 

@@ -1,0 +1,129 @@
+"""A check of an enrolment: each half of the parts is read with the shapes that the other half taught.
+
+parts --> even, odd;   learn(odd) --reads--> even;   learn(even) --reads--> odd
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from glyphs.errors import MarksError
+from glyphs.stamping.database import load_database, save_database
+from pipeline.common.settings import ReadSettings
+from pipeline.reading.enrolment import ReviewedPart, enrol
+
+
+@dataclass(frozen=True)
+class HeldOutCheck:
+    """Errors on parts that taught nothing to the shapes they were read with.
+
+    Attributes:
+        parts: parts read.
+        characters: characters on them.
+        edits: wrong, missing and added characters, read with the learned font.
+        edits_without: the same parts read without it.
+    """
+
+    parts: int
+    characters: int
+    edits: int
+    edits_without: int
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether reading with the learned font makes more errors."""
+        return self.edits > self.edits_without
+
+    def describe(self) -> str:
+        """A line for a person, and a warning where the font does not help."""
+        line = (
+            f"held out: {self.parts} parts read with shapes learned from the others: "
+            f"{self.edits} of {self.characters} characters wrong, {self.edits_without} without the font"
+        )
+        if not self.is_worse:
+            return line
+        return f"{line}\nwarning: reading is worse with this font; enroll more parts, or read without it"
+
+
+def check_held_out(
+    parts: Sequence[ReviewedPart],
+    database: Path,
+    *,
+    font: str,
+    settings: ReadSettings,
+    fewest_parts: int = 6,
+    most_parts: int = 20,
+) -> HeldOutCheck | None:
+    """Read parts with a font learned from other parts of the same die, and without it.
+
+    Args:
+        parts: reviewed parts with their texts.
+        database: the database that they were enrolled into.
+        font: name of the learned font in it.
+        settings: how the parts are read.
+        fewest_parts: with fewer, half of them teach too little to judge by.
+        most_parts: the first so many are read; more would only take longer.
+
+    Returns:
+        The check; None with too few parts, or where a half teaches nothing.
+    """
+    parts = parts[:most_parts]
+    if len(parts) < fewest_parts:
+        return None
+    checks: list[HeldOutCheck] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for k, (teach, read) in enumerate(((parts[1::2], parts[::2]), (parts[::2], parts[1::2]))):
+            half = Path(folder) / f"half-{k}.glyphs"
+            _copy_without(database, half, font)
+            try:
+                report = enrol(teach, half, font=font, settings=settings)
+            except MarksError:
+                return None
+            if not report.exemplars:
+                return None
+            checks.append(
+                _compare(read, settings, settings.model_copy(update={"database": half, "font": ()}))
+            )
+    return HeldOutCheck(
+        parts=sum(one.parts for one in checks),
+        characters=sum(one.characters for one in checks),
+        edits=sum(one.edits for one in checks),
+        edits_without=sum(one.edits_without for one in checks),
+    )
+
+
+def _copy_without(database: Path, copy: Path, font: str) -> None:
+    held = load_database(database)
+    fonts = {name: one for name, one in held.fonts.items() if name != font}
+    exemplars = tuple(one for one in held.exemplars if one.font_name != font)
+    save_database(replace(held, fonts=fonts, exemplars=exemplars), copy)
+
+
+def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: ReadSettings) -> HeldOutCheck:
+    from rapidfuzz.distance import Levenshtein
+
+    texts = ["".join(part.text.split()) for part in parts]
+    edits = [
+        sum(
+            Levenshtein.distance(_read(part, settings), text) for part, text in zip(parts, texts, strict=True)
+        )
+        for settings in (learned, without)
+    ]
+    return HeldOutCheck(len(parts), sum(map(len, texts)), *edits)
+
+
+def _read(part: ReviewedPart, settings: ReadSettings) -> str:
+    """The text read from a part without blanks; empty where it cannot be read."""
+    from pipeline.files.parts import Part
+    from pipeline.files.units import Unit
+    from pipeline.reading.kept_readers import reader_of
+    from pipeline.reading.part_reader import Mode, PartReader
+
+    reader = PartReader(reader_of(settings), mode=Mode.TACTILE, unit=Unit(settings.unit))
+    try:
+        return "".join(reader.read(Part(part.name, part.height_map, part.scan)).text.split())
+    except MarksError:
+        return ""
