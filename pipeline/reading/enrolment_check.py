@@ -118,11 +118,10 @@ def _compare(parts: Sequence[ReviewedPart], without: ReadSettings, learned: Read
 def _read(part: ReviewedPart, settings: ReadSettings) -> str:
     """The text read from a part without blanks; empty where it cannot be read."""
     from pipeline.files.parts import Part
-    from pipeline.files.units import Unit
     from pipeline.reading.kept_readers import reader_of
     from pipeline.reading.part_reader import Mode, PartReader
 
-    reader = PartReader(reader_of(settings), mode=Mode.TACTILE, unit=Unit(settings.unit))
+    reader = PartReader(reader_of(settings), mode=Mode.TACTILE, maps=settings)
     try:
         return "".join(reader.read(Part(part.name, part.height_map, part.scan)).text.split())
     except MarksError:
