@@ -64,11 +64,12 @@ def map_of_points(path: Path, points: NDArray[np.floating], faces: Faces | None 
         FileError: too few points, or points in one line.
     """
     at: Points = np.array(points, dtype=np.float64)
-    for axis in range(3):
-        without_bad_points(at[:, axis])
-    empty = ~at.any(axis=1)
-    if empty.sum() > 1:
-        at[empty] = np.nan  # sensors write 0 0 0 where they saw nothing
+    if faces is None:
+        empty = ~at.any(axis=1)
+        if empty.sum() > 1:
+            at[empty] = np.nan  # sensors write 0 0 0 where they saw nothing
+        for axis in range(3):
+            without_bad_points(at[:, axis])
     known = np.asarray(np.isfinite(at).all(axis=1))
     if known.sum() < 4:
         raise FileError(path, f"holds {known.sum()} points", "export the surface")
