@@ -6,7 +6,7 @@ from .benchmark.trials.run import Benchmark, run_benchmark
 from .common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord, RivalRecord
 from .common.row import Row
 from .common.settings import MapSettings, ReadSettings, SettingsError
-from .files.parts import Part, discover
+from .files.parts import NothingFoundError, Part, discover
 from .files.photos import read_photo, write_photo
 from .files.touch_file import read_height_map, read_scan
 from .reading.any_files import read
@@ -23,6 +23,7 @@ __all__ = [
     "ExamPart",
     "MapSettings",
     "Mode",
+    "NothingFoundError",
     "Part",
     "PartReader",
     "ReadSettings",

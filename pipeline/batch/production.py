@@ -21,6 +21,7 @@ from pipeline.common.serial_rules import read_order
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
 from pipeline.files.listed import ListedPart
+from pipeline.files.passed_over import PassedOver
 from pipeline.files.truth import Scores, load_truth
 from pipeline.reading.certificate import Certificate, certificate_of
 from pipeline.reading.drift import DriftWatch
@@ -55,7 +56,7 @@ def run_batch(
     options.check()
     scores = Scores(load_truth(options.truth)) if options.truth is not None else None
     production = read_order(options.order) if options.order is not None else None
-    parts = parts_for(inputs, settings, manifests=options.manifest)
+    parts: Sequence[ListedPart] = (found := parts_for(inputs, settings, manifests=options.manifest))
     reader, certificate = open_reader(settings), certificate_of(settings)
     expected = load_expected(options.verify, reader.grammar) if options.verify is not None else None
     if expected is not None:
@@ -105,7 +106,7 @@ def run_batch(
 
         print_table([shown[part.name] for part in parts])
     drift = _drift(run.watch)
-    _print_done(run, options, drift, elapsed_s=elapsed_s, workers=workers)
+    _print_done(run, options, drift, found.passed_over, elapsed_s=elapsed_s, workers=workers)
     if scores is not None:
         print(scores.accuracy().describe())
     if expected is not None and (missing := expected.not_among(part.name for part in parts)):
@@ -141,10 +142,14 @@ def _print_begun(run: Run, options: RunOptions) -> None:
         print(f"{options.out} existed already; it is kept as {run.book.kept}")
 
 
-def _print_done(run: Run, options: RunOptions, drift: str, *, elapsed_s: float, workers: int) -> None:
+def _print_done(
+    run: Run, options: RunOptions, drift: str, passed_over: PassedOver, *, elapsed_s: float, workers: int
+) -> None:
     summary = run.summary
     if summary.parts > 1:
         print("\n".join(summary.lines(elapsed_s=elapsed_s, read_now=run.read_now, workers=workers)))
+    if said := passed_over.describe():
+        print(said)
     if run.second is not None and run.second.again:
         print(f"{run.second.again:,} read again with the shapes learned")
     if drift:
@@ -165,6 +170,7 @@ def _print_done(run: Run, options: RunOptions, drift: str, *, elapsed_s: float, 
             "read_now": run.read_now,
             "read_again": run.second.again if run.second is not None else 0,
             "elapsed_s": round(elapsed_s, 3),
+            "passed_over": dict(sorted(passed_over.counts.items())),
             "workers": workers,
             **({"drift": drift} if run.watch is not None else {}),
         }

@@ -20,6 +20,7 @@ from pipeline.workers.options import ExecutorOptions
 if TYPE_CHECKING:
     from pipeline.batch.journal import RunJournal
     from pipeline.batch.second_pass import SecondPass
+    from pipeline.files.listing import Listing
     from pipeline.reading.expected import Expected
 
 
@@ -81,9 +82,7 @@ def _second_pass(book: RunJournal, options: RunOptions) -> SecondPass:
     return SecondPass(database, always=bool(options.learn_die))
 
 
-def parts_for(
-    inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = ()
-) -> list[ListedPart]:
+def parts_for(inputs: Sequence[str], settings: ReadSettings, *, manifests: Sequence[str] = ()) -> Listing:
     """The parts of a command line that the senses of its mode can read.
 
     Raises:
@@ -93,7 +92,13 @@ def parts_for(
     from pipeline.files.listing import list_parts
 
     vision = settings.mode in ("vision", "fused", "auto")
-    return list_parts(inputs, manifests=manifests, photos=vision and settings.mode != "fused", beside=vision)
+    return list_parts(
+        inputs,
+        manifests=manifests,
+        photos=vision and settings.mode != "fused",
+        beside=vision,
+        height_images=settings.height_image,
+    )
 
 
 def order_for(

@@ -57,7 +57,7 @@ def drawn(file: Path, settings: ReadSettings, picture: Path) -> list[str]:
     from pipeline.reading.readers import open_reader
     from recognition.decision.picture import reading_figure
 
-    parts = discover([file], beside=True)
+    parts = discover([file], beside=True, height_images=settings.height_image)
     if len(parts) > 1:
         raise CommandError(
             f"{file}: holds {len(parts)} parts", hint="inspect draws one, name its file", status=FAILED

@@ -71,7 +71,7 @@ def study(
 
         check_report()
         reader_of(reading)  # settings that cannot be, before anything is read
-        listed = list_parts(inputs, photos=reading.mode == "vision")
+        listed = list_parts(inputs, photos=reading.mode == "vision", height_images=reading.height_image)
         parts = studied_parts(listed)
         names = {part.name for part in parts}
         reviews = load_reviews(reviewers, names) if reviewers else Reviews({}, ())

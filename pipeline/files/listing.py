@@ -8,17 +8,36 @@ manifests --------------'
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 from pipeline.files.listed import ListedPart, has_magic, is_url, is_web, local_name
 from pipeline.files.manifest import is_manifest, read_manifest, speaks_of_no_files
 from pipeline.files.parts import FoundFiles, NothingFoundError, key_and_kind, named_apart
+from pipeline.files.passed_over import PassedOver
 from pipeline.files.remote import list_remote
 
 
+class Listing(list[ListedPart]):
+    """Parts, and the files of their folders that are none.
+
+    Attributes:
+        passed_over: files that no part is made of.
+    """
+
+    def __init__(self, parts: Iterable[ListedPart], passed_over: PassedOver) -> None:
+        super().__init__(parts)
+        self.passed_over = passed_over
+
+
 def list_parts(
-    inputs: Sequence[str], *, manifests: Sequence[str] = (), photos: bool = False, beside: bool = False
-) -> list[ListedPart]:
+    inputs: Sequence[str],
+    *,
+    manifests: Sequence[str] = (),
+    photos: bool = False,
+    beside: bool = False,
+    height_images: bool = False,
+) -> Listing:
     """The parts that the inputs name, in the order given.
 
     A URL that ends as a file of a known kind does is taken for one and not asked after; any other is listed.
@@ -28,18 +47,21 @@ def list_parts(
         manifests: more manifests, whatever they are called.
         photos: photographs in folders are parts of their own, too, beside height maps and scans.
         beside: photographs of the same stem beside a file named belong to its part (on this machine).
+        height_images: .png and .tif are height maps, and no photographs.
 
     Raises:
         NothingFoundError: no file at all.
         FileError: a manifest that cannot be used, or a folder that cannot be listed.
         MissingExtraError: a library that URLs need is not installed.
     """
-    found = FoundFiles(photos=photos)
+    from pipeline.files.number_table import is_number_table
+
+    found = FoundFiles(photos=photos, height_images=height_images)
     for given in inputs:
         name = local_name(given)
         if len(inputs) > 1 and speaks_of_no_files(name):
             continue  # of a folder that the shell has spelled out
-        if is_manifest(name) and not os.path.isdir(name):
+        if is_manifest(name) and not os.path.isdir(name) and not is_number_table(Path(name)):
             found.add_told(read_manifest(name))
         elif is_url(name):
             _add_remote(found, name)
@@ -49,8 +71,8 @@ def list_parts(
         found.add_told(read_manifest(manifest))
     parts = found.parts()
     if not parts:
-        raise NothingFoundError([*inputs, *manifests])
-    return named_apart(parts)
+        raise NothingFoundError([*inputs, *manifests], found.passed_over.describe())
+    return Listing(named_apart(parts), found.passed_over)
 
 
 def _add_remote(found: FoundFiles, url: str) -> None:

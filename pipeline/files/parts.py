@@ -17,7 +17,14 @@ from pathlib import Path
 
 from glyphs.errors import FileError, MarksError
 from pipeline.files.listed import ListedPart, problem_of, split_name
-from pipeline.files.touch_file import CORE_SUFFIXES, FORMATS_SUFFIXES, PHOTO_SUFFIXES, SCAN_SUFFIXES
+from pipeline.files.passed_over import PassedOver
+from pipeline.files.touch_file import (
+    CORE_SUFFIXES,
+    FORMATS_SUFFIXES,
+    HEIGHT_IMAGE_SUFFIXES,
+    PHOTO_SUFFIXES,
+    SCAN_SUFFIXES,
+)
 
 _KINDS = {
     **dict.fromkeys(CORE_SUFFIXES + FORMATS_SUFFIXES, "height_map"),
@@ -61,14 +68,17 @@ class Part:
 class NothingFoundError(MarksError):
     """The inputs name no part at all."""
 
-    def __init__(self, inputs: Sequence[str | Path]) -> None:
+    def __init__(self, inputs: Sequence[str | Path], passed_over: str = "") -> None:
         super().__init__(
             "no height map (.npz, .x3p, .sdf, .sur ...), no scan (.h5) and no photograph (.png, .jpg ...) in "
-            + (", ".join(map(str, inputs)) or "nothing")
+            + (", ".join(map(str, inputs)) or "nothing"),
+            hint=passed_over,
         )
 
 
-def discover(inputs: Sequence[str | Path], *, photos: bool = False, beside: bool = False) -> list[Part]:
+def discover(
+    inputs: Sequence[str | Path], *, photos: bool = False, beside: bool = False, height_images: bool = False
+) -> list[Part]:
     """The parts that files, folders and globs of this machine name, in the order given, a folder's by name.
 
     In a folder or glob files of other kinds are passed over; named on their own they are parts with a problem,
@@ -79,17 +89,18 @@ def discover(inputs: Sequence[str | Path], *, photos: bool = False, beside: bool
         inputs: files, folders and globs.
         photos: take those for parts, too.
         beside: photographs of the same stem beside a file named belong to its part.
+        height_images: .png and .tif are height maps, and no photographs.
 
     Raises:
         NothingFoundError: no file at all.
         FileError: a folder that cannot be listed.
     """
-    found = FoundFiles(photos=photos)
+    found = FoundFiles(photos=photos, height_images=height_images)
     for given in inputs:
         found.add_local(given, beside=beside)
     parts = found.parts()
     if not parts:
-        raise NothingFoundError(inputs)
+        raise NothingFoundError(inputs, found.passed_over.describe())
     return [_part_of(p) for p in named_apart(parts)]
 
 
@@ -106,15 +117,21 @@ def _part_of(listed: ListedPart) -> Part:
 
 
 class FoundFiles:
-    """Files as they are found, put together to parts by folder and stem."""
+    """Files as they are found, put together to parts by folder and stem.
 
-    def __init__(self, *, photos: bool = False) -> None:
+    Attributes:
+        passed_over: files of folders that no part is made of; complete after `parts`.
+    """
+
+    def __init__(self, *, photos: bool = False, height_images: bool = False) -> None:
         """Begin without any.
 
         Args:
             photos: photographs in folders are parts of their own, too, beside height maps and scans.
+            height_images: .png and .tif are height maps, and no photographs.
         """
-        self._photos = photos
+        self._photos, self._height_images = photos, height_images
+        self.passed_over = PassedOver()
         self._parts: dict[tuple[str, ...], ListedPart] = {}
         self._meant: set[tuple[str, ...]] = set()
         self._beside: dict[str, dict[str, list[str]]] = {}
@@ -148,13 +165,14 @@ class FoundFiles:
             named: the kind of the first does not matter, it is a part.
             there: it exists, as far as is known.
         """
-        seen = [(key, kind, f) for f in files for key, kind in (key_and_kind(f),) if key is not None]
+        seen = [(key, kind, f) for f in files for key, kind in (self._key_and_kind(f),) if key is not None]
         if self._photos or named or not any(kind in ("height_map", "scan") for _, kind, _ in seen):
             self._meant.update(key for key, kind, _ in seen if kind == "photo")
         for key, kind, file in seen:
             if named and (not kind or (kind == "photo" and not there)):
                 kind = "height_map"
             if not kind:
+                self.passed_over.add(file)
                 continue
             self._parts[key] = _with(self._parts.get(key) or ListedPart(_stem_name(key[1])), kind, file)
 
@@ -173,18 +191,24 @@ class FoundFiles:
             if part.height_map or part.scan or part.problem or (part.photo and key in self._meant):
                 same = (part.name, *(part.files or (str(part.problem),)))
                 parts[same] = _fuller(parts.get(same), part)
+            else:
+                for file in part.files:
+                    self.passed_over.add(file)
         return list(parts.values())
+
+    def _key_and_kind(self, file: str) -> tuple[tuple[str, str] | None, str]:
+        return key_and_kind(file, height_images=self._height_images)
 
     def _photos_of(self, path: str) -> list[str]:
         """Photographs of the same stem beside a height map or a scan; folders are listed once."""
-        key, kind = key_and_kind(path)
+        key, kind = self._key_and_kind(path)
         if key is None or kind == "photo" or not os.path.isfile(path):
             return []
         folder = str(Path(path).parent)
         if folder not in self._beside:
             stems: dict[str, list[str]] = {}
             for found in _files_in(folder):
-                other, kind = key_and_kind(found)
+                other, kind = self._key_and_kind(found)
                 if other is not None and kind == "photo":
                     stems.setdefault(other[1], []).append(found)
             self._beside[folder] = stems
@@ -203,12 +227,14 @@ def _files_in(folder: str) -> list[str]:
         ) from error
 
 
-def key_and_kind(file: str) -> tuple[tuple[str, str] | None, str]:
+def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, str] | None, str]:
     """Folder and stem of a path or URL (None: hidden), and which attribute of a part its suffix means ("": none)."""
     folder, last = split_name(file)
     if not last or last.startswith("."):
         return None, ""
     stem, suffix = os.path.splitext(last)
+    if height_images and suffix.lower() in HEIGHT_IMAGE_SUFFIXES:
+        return (folder, stem), "height_map"
     kind = _KINDS.get(suffix.lower(), "")
     return (folder, set_of(file) or stem), kind
 

@@ -40,7 +40,7 @@ def read(file: str | Path, /, *more: str | Path, expected: str = "", **settings:
     checked = ReadSettings.of(**settings)
     files: dict[str, Path] = {}
     for path in map(Path, (file, *more)):
-        kind = key_and_kind(str(path))[1] or "height_map"
+        kind = key_and_kind(str(path), height_images=checked.height_image)[1] or "height_map"
         if kind in files:
             raise FileError(
                 path, f"is a second {kind.replace('_', ' ')} beside {files[kind]}", "read one at a time"
