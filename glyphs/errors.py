@@ -47,6 +47,10 @@ class FaultError(FileError):
     """A fault of the program, met while it was at work on a file: nothing is wrong with the file."""
 
 
+class OwnFileError(FileError):
+    """A file, disk or limit of this machine that keeps what was sent from being read; it may be well again later."""
+
+
 class MissingExtraError(MarksError):
     """A library that an optional part of the program needs is not installed."""
 

@@ -41,6 +41,12 @@ _FLATNESS = 0.002  # cap heights: a hundredth of a millimetre at 5 mm, far below
 _ARC_STEP_DEG = 6.0  # sagitta 0.0007 cap heights on the largest arc
 
 
+def is_font_file(name: str | Path) -> bool:
+    """Whether a font is named by a file, not by a built-in name."""
+    path = Path(name)
+    return path.suffix.lower() in _FONT_SUFFIXES or path.name != str(name)
+
+
 def load_font(name_or_path: str | Path) -> Font:
     """A font by built-in name, or from a TTF, OTF or TTC (its first face) file. Cached.
 
@@ -57,7 +63,7 @@ def load_font(name_or_path: str | Path) -> Font:
     if name in BUILTIN_FONTS:
         return _builtin(name)
     path = Path(name_or_path)
-    if isinstance(name_or_path, str) and path.suffix.lower() not in _FONT_SUFFIXES and path.name == name:
+    if isinstance(name_or_path, str) and not is_font_file(name):
         raise FontError(
             f"unknown font {name!r}",
             hint=(

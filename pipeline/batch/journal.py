@@ -18,7 +18,6 @@ import json
 import os
 import weakref
 from collections.abc import Iterable, Iterator, Mapping, Set
-from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -37,6 +36,7 @@ from pipeline.batch.tables import (
 )
 from pipeline.common.atomic import replacing, sync_names
 from pipeline.common.file_lock import lock
+from pipeline.common.parsed import json_of
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.row import Row
 from pipeline.common.run_description import differences, key_of
@@ -52,7 +52,6 @@ class RunJournal:
         path: the table.
         description: what is run: plain JSON values.
         resumed: whether a run that broke off was taken up.
-        begun: when the run was, ISO 8601.
         kept: where the table that stood there before went; None where there was none with a row.
     """
 
@@ -62,7 +61,7 @@ class RunJournal:
         self.path = path
         self.description = description
         self.resumed = False
-        self.begun = datetime.now(UTC).isoformat()
+
         self.kept: Path | None = None
         self._finished = False
         appendable = path.suffix.lower() in LINE_FORMS
@@ -102,11 +101,6 @@ class RunJournal:
     def done(self) -> Set[str]:
         """Names of the parts whose rows are kept; grows with `add`."""
         return self._rows.names
-
-    @property
-    def run_id(self) -> str:
-        """A name that this run alone has, and keeps when it is taken up."""
-        return f"{key_of(self.description)} {self.begun}"
 
     def add(self, record: ReadingRecord) -> None:
         """Keep a record; of two of one part the first counts, and the second is not written.
@@ -188,8 +182,6 @@ class RunJournal:
     def forget(self) -> None:
         """End the run and remove its rows, for they are kept elsewhere.
 
-        Broken off in here, the run is taken up under its own `run_id`, and whoever keeps the rows knows them by it.
-
         Raises:
             FileError: the disk refuses.
         """
@@ -228,7 +220,7 @@ class RunJournal:
             self._make_place()
         else:
             self._check_same(held)
-            self.resumed, self.begun = True, str(held.get("begun", ""))
+            self.resumed = True
             if self._rows_path != self.path and self.path.exists() and not self._rows_path.exists():
                 write_records(parquet_records(self.path), self._rows_path)  # broke off within `finish`
         rows = RowFile(self._rows_path)
@@ -248,7 +240,7 @@ class RunJournal:
         self._marker.seek(0)
         text = self._marker.read()
         try:
-            held = json.loads(text)
+            held = json_of(text)
         except ValueError:
             held = None
         if isinstance(held, dict):
@@ -286,7 +278,6 @@ class RunJournal:
             "format_version": FORMAT_VERSION,
             "description": dict(self.description),
             "key": key_of(self.description),
-            "begun": self.begun,
         }
         return (json.dumps(heading, indent=1) + "\n").encode()
 

@@ -17,6 +17,7 @@ from pipeline.batch.second_pass import learns
 from pipeline.batch.setup import absolute, opened, order_for, parts_for, with_expected
 from pipeline.common.atomic import replacing
 from pipeline.common.row import Row
+from pipeline.common.run_description import file_sha256
 from pipeline.common.serial_rules import read_order
 from pipeline.common.settings import ReadSettings
 from pipeline.common.version import program_version
@@ -26,7 +27,7 @@ from pipeline.files.truth import Scores, load_truth
 from pipeline.reading.certificate import Certificate, certificate_of
 from pipeline.reading.drift import DriftWatch
 from pipeline.reading.expected import load_expected
-from pipeline.reading.readers import open_reader
+from pipeline.reading.readers import files_of, open_reader
 from pipeline.workers.options import ExecutorOptions
 
 MOST_SHOWN = 200
@@ -125,6 +126,11 @@ def _description(
     return {
         **({"learn_die": True} if learning else {}),
         "settings": settings.model_dump(mode="json", exclude_defaults=True),
+        **(
+            {"files": {str(path): file_sha256(path) for path in files}}
+            if (files := files_of(settings))
+            else {}
+        ),
         "inputs": [*inputs, *options.manifest],
         "verify": options.verify,
         **({} if options.order is None else {"order": str(options.order)}),
@@ -154,6 +160,11 @@ def _print_done(
         print(f"{run.second.again:,} read again with the shapes learned")
     if drift:
         print(f"warning: {drift}", file=sys.stderr)
+    if run.known:
+        print(
+            f"{run.known:,} parts were in the store already, of the same files read in the same way; "
+            "they are not kept twice"
+        )
     if options.out is not None:
         print(f"wrote {options.out}")
         if run.second is not None and run.second.learned is not None:

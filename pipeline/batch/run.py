@@ -4,7 +4,7 @@
                                                             --> what was not accepted, read again (SecondPass)
 
 Whatever ends the run, the same command goes on where it ended: a part whose row is in the table is not read again. One
-that the store has and the table has not is read again, and the store takes it once.
+that the store has and the table has not is read again, and the store takes it once, also after the run's end.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 class Store(Protocol):
     """What keeps parts beside the table: `pipeline.batch.store_target.RunStore` does."""
 
-    def add(self, read: ReadPart) -> None:
-        """Keep a part.
+    def add(self, read: ReadPart) -> bool:
+        """Keep a part; False where it is kept already.
 
         Raises:
             ValueError: of a part that cannot be kept.
@@ -57,6 +57,7 @@ class Run:
             count in the end.
         summary: of all rows, those of an earlier sitting included.
         read_now: parts read in this sitting.
+        known: of these, parts that the store had already.
         finished: whether every part has been.
     """
 
@@ -70,6 +71,7 @@ class Run:
     on_any_row: Callable[[Row], None] | None = None
     summary: Summary = field(default_factory=Summary)
     read_now: int = 0
+    known: int = 0
     finished: bool = False
 
     def work(self, parts: Sequence[ListedPart], order: RunOrder, executor: Executor) -> None:
@@ -107,7 +109,7 @@ class Run:
             read = replace(read, record=self.lot.checked(read.record))
         if self.store is not None:
             try:
-                self.store.add(read)
+                self.known += not self.store.add(read)
             # what no store holds may not end the run, now and whenever it goes on
             except UnfitError as error:
                 problem = f"{read.record.part}: cannot be stored ({' '.join(str(error).split())[:500]})"

@@ -52,9 +52,9 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
                 yield Run(book, second=_second_pass(book, options))
         return
     table, bad = Path(options.out), Path(options.out).with_suffix(".quarantine.csv")
+    key = key_of({**description, "store": options.store})
     if options.store is not None:
-        # which parts of a run a store has is told by a table of their rows, for as long as the run lasts
-        key = key_of({**description, "store": options.store})
+        # its rows spare a run that broke off the reading; that no part is kept twice is up to the store's keys
         table, bad = Path(f"tactile-marks-{key}.jsonl"), Path("parts.quarantine.csv")
     with RunJournal.open(table, description) as book:
         with ExitStack() as stack:
@@ -64,10 +64,10 @@ def opened(options: RunOptions, description: dict[str, Any], *, learns: bool = F
             stack.callback(quarantine.close)
             store = None
             if options.store is not None:
-                store = stack.enter_context(RunStore(options.store, book.run_id, evidence=options.evidence))
+                store = stack.enter_context(RunStore(options.store, key, evidence=options.evidence))
             run = Run(book, quarantine, store, _second_pass(book, options) if learns else None)
             yield run
-        # last, with workers and store gone: broken off before, the same command finds all done
+        # last, with workers and store gone: broken off before, the same command reads nothing again
         if options.store is not None and run.finished:
             book.forget()
 
@@ -112,8 +112,15 @@ def order_for(
     from pipeline.batch.setting_files import files_to_send
 
     sent = files_to_send(settings) if executors.cluster is not None else {}
-    pictures = options.store is not None and options.evidence is not None
-    return RunOrder(settings, verify, pictures, settings.certificate is not None, sent)
+    stored = options.store is not None
+    return RunOrder(
+        settings,
+        verify,
+        pictures=stored and options.evidence is not None,
+        digests=stored,
+        measures=settings.certificate is not None,
+        sent=sent,
+    )
 
 
 def with_expected(parts: Sequence[ListedPart], expected: Expected) -> list[ListedPart]:

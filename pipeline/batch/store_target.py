@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import replace
-from hashlib import sha256
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
@@ -23,14 +21,17 @@ def is_store(name: str) -> bool:
 
 
 class RunStore:
-    """A store that takes the parts of one run, each once however often the run is begun again."""
+    """A store that takes the parts of a run, each once however often and whenever the same run is given again.
+
+    A part is known by the run, its name and what its files hold. Its key is kept in the store for as long as the part.
+    """
 
     def __init__(self, url: str, run: str, *, evidence: Path | None = None) -> None:
         """Open it.
 
         Args:
             url: of the store.
-            run: name of the run.
+            run: by which the same run is known again: a hash of what its readings depend on.
             evidence: the service's folder of files; without it no pictures are kept.
 
         Raises:
@@ -57,8 +58,8 @@ class RunStore:
     ) -> None:
         self._store.close()
 
-    def add(self, read: ReadPart) -> None:
-        """Keep a part; one that could not be read, or is kept already, is passed over.
+    def add(self, read: ReadPart) -> bool:
+        """Keep a part, and say whether it is new; one that could not be read is passed over.
 
         Raises:
             StoreError: the database does not answer.
@@ -69,18 +70,17 @@ class RunStore:
         from pipeline.common.records import PartState
         from pipeline.reading.triage import state_after
         from pipeline.store.errors import MAX_TEXT, cleaned
-        from pipeline.store.store import AlreadyDoneError, IdempotencyKey
+        from pipeline.store.idempotency import run_key
+        from pipeline.store.store import AlreadyDoneError
 
         if read.record.error:
-            return
+            return True
         state = state_after(read.record)
         if state is PartState.TOUCH_NEEDED:
             state = PartState.REVIEW  # there is no stage to feel it any more
         name = read.listed.name
-        key = IdempotencyKey(f"run {self._run} {name}", sha256(name.encode("utf-8", "replace")).hexdigest())
         text = cleaned(name)[:MAX_TEXT]
-        # done already where the run was broken off between the store and its table
-        with contextlib.suppress(AlreadyDoneError):
+        try:
             self._store.add_part(
                 part_id=new_part_id(),
                 name=text,
@@ -89,8 +89,11 @@ class RunStore:
                 evidence=self._kept(read.pictures),
                 expected=read.listed.expected,
                 database=read.record.database,
-                idempotency=key,
+                idempotency=run_key(self._run, name, read.sha256),
             )
+        except AlreadyDoneError:
+            return False
+        return True
 
     def _kept(self, pictures: tuple[Picture, ...]) -> tuple[EvidenceRecord, ...]:
         if self._folder is None:

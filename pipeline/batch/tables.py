@@ -30,6 +30,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from glyphs.errors import FileError, damage_reported
 from pipeline.common.atomic import check_writable, replacing
+from pipeline.common.parsed import json_of
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.row import Row
 from pipeline.common.spreadsheet import harmless, original
@@ -231,7 +232,7 @@ def record_of_json(data: bytes) -> ReadingRecord:
     Raises:
         ValueError: it is none.
     """
-    record: ReadingRecord = _made(ReadingRecord, json.loads(data))
+    record: ReadingRecord = _made(ReadingRecord, json_of(data))
     return record
 
 

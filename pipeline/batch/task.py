@@ -5,12 +5,14 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError, MarksError
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
+from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import ReadSettings
 from pipeline.files.listed import ListedPart, settings_of
 from pipeline.reading.as_record import record_of_part
@@ -30,6 +32,7 @@ class RunOrder:
         settings: of reading; a part's own format and font go before theirs.
         verify: whether texts are expected; of a part without one its row then says so.
         pictures: whether pictures of parts that a person is to review are wanted.
+        digests: whether a hash of what the parts' files hold is wanted.
         measures: whether measures of the parts are wanted.
         sent: contents of files that the settings name, for machines that lack them (`pipeline.batch.setting_files`).
     """
@@ -37,6 +40,7 @@ class RunOrder:
     settings: ReadSettings
     verify: bool = False
     pictures: bool = False
+    digests: bool = False
     measures: bool = False
     sent: Mapping[str, bytes] = field(default_factory=dict)
 
@@ -61,29 +65,35 @@ class ReadPart:
         record: of its reading, or of why there is none.
         pictures: where they are wanted.
         measures: where they are wanted, and the part could be read.
+        sha256: of what its files hold and what its list says of it, likewise.
     """
 
     listed: ListedPart
     record: ReadingRecord
     pictures: tuple[Picture, ...] = ()
     measures: Mapping[Measure, float] = field(default_factory=dict)
+    sha256: str = ""
 
 
 def read_listed(order: RunOrder, listed: ListedPart) -> ReadPart:
     """Fetch a part's files and read it; a part that cannot be read has a record with its error."""
     file = listed.files[0] if listed.files else listed.name
-    record, reading = record_of_part(listed.name, file, lambda: _read(order, listed))
+    digests: list[str] = []
+    record, reading = record_of_part(listed.name, file, lambda: _read(order, listed, digests))
     measures = measures_of(reading) if reading is not None and order.measures else {}
+    read = ReadPart(listed, record, measures=measures, sha256=_joined(digests) if order.digests else "")
     if reading is None or not order.pictures:
-        return ReadPart(listed, record, measures=measures)
+        return read
     from pipeline.common.records import PartState
     from pipeline.reading.triage import state_after
 
     accepted = state_after(record) is PartState.ACCEPTED
-    return ReadPart(listed, record, () if accepted else _pictures(reading), measures)
+    return read if accepted else replace(read, pictures=_pictures(reading))
 
 
-def _read(order: RunOrder, listed: ListedPart) -> tuple[Reading, ReadSettings, Grammar | None]:
+def _read(
+    order: RunOrder, listed: ListedPart, digests: list[str]
+) -> tuple[Reading, ReadSettings, Grammar | None]:
     from glyphs.errors import MissingExtraError
     from pipeline.files.remote import fetched, originally
     from pipeline.reading.part_reader import Mode, PartReader
@@ -94,12 +104,20 @@ def _read(order: RunOrder, listed: ListedPart) -> tuple[Reading, ReadSettings, G
         with fetched(listed, photos=mode not in (None, Mode.TACTILE)) as part:
             parts = PartReader(reader, mode=mode, maps=order.settings, budget_s=order.settings.touch_budget_s)
             reading = parts.read(part, expected=listed.expected)
+            if order.digests:
+                paths = (part.height_map, part.scan, part.photo, *part.more_photos)
+                digests += [file_sha256(path) for path in paths if path is not None]
+                digests += [listed.format, listed.font, listed.expected]
             notes = [originally(note, part, listed) for note in reading.notes]
             if order.verify and not listed.expected:
                 notes.append("not verified: the table of expected texts has no such part")
             return replace(reading, notes=tuple(notes)), settings_of(order.settings, listed), reader.grammar
     except MissingExtraError as error:
         raise FileError(listed.name, str(error), "where its worker runs") from error
+
+
+def _joined(texts: list[str]) -> str:
+    return sha256("\n".join(texts).encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def _reader_for(order: RunOrder, listed: ListedPart) -> Reader:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import json
 import os
-import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,7 +22,9 @@ import pydantic
 from cyclopts import App, CycloptsError, Group, Parameter
 from cyclopts.argument import Argument, ArgumentCollection, Token
 
+from glyphs.errors import FileError
 from pipeline.common.job_file import read_job_file
+from pipeline.common.parsed import shown, toml_of
 from pipeline.common.settings import MapSettings, ReadSettings, Settings, SettingsError, bad_value
 from pipeline.service.settings import ServiceSettings
 
@@ -127,10 +128,13 @@ def _give(argument: Argument, name: str, value: Any, source: str) -> None:
             try:
                 value = check.func(value)  # type: ignore[call-arg]
             except ValueError as error:
-                raise SettingsError(f"{source} is {value!r}: {error}") from error
+                raise SettingsError(f"{source} is {shown(value)}: {error}") from error
     values = value if isinstance(value, (list, tuple)) else (value,)
     for index, item in enumerate(values):
-        text = json.dumps(item) if isinstance(item, (dict, list)) else str(item)
+        try:
+            text = json.dumps(item) if isinstance(item, (dict, list)) else str(item)
+        except ValueError as error:
+            raise SettingsError(f"{source} is {shown(value)}", hint="correct it") from error
         field.append(Token(keyword=name, value=text, source=source, index=index))
 
 
@@ -150,7 +154,9 @@ def _of_table(written: dict[str, Any], model: type[Settings], file: Path) -> dic
         return {key: value for key, value in written.items() if key not in {other.table for other in MODELS}}
     found = written.get(model.table, {})
     if not isinstance(found, dict):
-        raise SettingsError(f"{model.table} in {file} is {found!r}", hint=f"make it a table: [{model.table}]")
+        raise SettingsError(
+            f"{model.table} in {file} is {shown(found)}", hint=f"make it a table: [{model.table}]"
+        )
     return found
 
 
@@ -164,10 +170,6 @@ def _read_file(arguments: ArgumentCollection) -> tuple[Path, dict[str, Any]]:
     if named is None and not file.is_file():
         return file, {}
     try:
-        return file, tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SettingsError(
-            f"{file} cannot be read ({error.strerror})", hint="check the name after --config"
-        ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{file} is not TOML ({error})", hint="correct that line") from error
+        return file, toml_of(file)
+    except FileError as error:
+        raise SettingsError(f"{file} {error.what}", hint=error.hint) from error

@@ -15,14 +15,14 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from glyphs.errors import FileError, require_file
+from glyphs.errors import FileError
+from pipeline.common.parsed import toml_of
+from pipeline.common.run_description import file_sha256
 from pipeline.common.settings import NamedLine, ReadSettings, SettingsError
 
 SUFFIX = ".toml"
@@ -30,7 +30,7 @@ NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}"
 """What a job may be called: it is the name of a file, and a word of a trigger."""
 FILES = ("lexicon", "database", "certificate")
 """Settings that name a file; fonts may, too."""
-_MOST_BYTES = 1_000_000
+
 _NAME_HINT = "write letters, digits, _, - and ., a letter or digit first"
 _MODE_HINT = "take it out; a part is read by all that it has files for, and read has --mode beside --job"
 
@@ -59,13 +59,7 @@ def read_job_file(path: Path) -> JobFile:
         FileError: no such file, no name for a job, no TOML, a setting that is none or cannot be, a file in it that is
             not there.
     """
-    require_file(path, most_bytes=_MOST_BYTES)
-    content = path.read_bytes()
-    try:
-        written = tomllib.loads(content.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
-    return job_of(path, written, sha256(content).hexdigest())
+    return job_of(path, toml_of(path), file_sha256(path))
 
 
 def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:

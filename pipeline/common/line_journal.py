@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 from glyphs.errors import FileError, require_file
 from pipeline.common.atomic import replacing
+from pipeline.common.parsed import json_of
 from pipeline.common.run_description import differences, in_short, key_of
 
 _MAX_FILE_BYTES = 4_000_000_000
@@ -113,7 +114,7 @@ class LineJournal(Generic[Kept]):
         Raises:
             FileError: it cannot be written.
         """
-        line = json.dumps({"part": part, **self.encoded(kept)}, ensure_ascii=False)
+        line = json.dumps({"part": part, **self.encoded(kept)})  # in ASCII: a file's name may be no text
         try:
             with self.path.open("ab", buffering=0) as stream:
                 end = stream.tell()
@@ -185,7 +186,7 @@ def _whole_lines(path: Path) -> tuple[list[str], int]:
 
 def _parsed(line: str) -> dict[str, Any] | None:
     try:
-        value = json.loads(line)
+        value = json_of(line)
     except ValueError:
         return None
     return value if isinstance(value, dict) else None

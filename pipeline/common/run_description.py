@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 _MOST_SHOWN = 4
@@ -14,6 +15,16 @@ _MOST_CHARACTERS = 60
 def key_of(description: Mapping[str, Any]) -> str:
     """Hash of what is tried; equal descriptions have equal keys whatever the order of their entries."""
     return hashlib.sha256(json.dumps(description, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def file_sha256(path: Path) -> str:
+    """Hash of what a file holds, hexadecimal.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def differences(was: Mapping[str, Any], now: Mapping[str, Any]) -> str:

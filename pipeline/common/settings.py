@@ -7,7 +7,6 @@ reference in the documentation (`pipeline.cli.settings`). A library user builds 
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from glyphs.errors import MarksError
+from pipeline.common.parsed import json_of, shown
 
 
 class SettingsError(MarksError):
@@ -83,7 +83,7 @@ def bad_value(error: ValidationError, *, called: Callable[[str], str] = str) -> 
     if not first["loc"]:
         return SettingsError(message)
     return SettingsError(
-        f"{called(str(first['loc'][0]))} is {first['input']!r}: {message[:1].lower()}{message[1:]}"
+        f"{called(str(first['loc'][0]))} is {shown(first['input'])}: {message[:1].lower()}{message[1:]}"
     )
 
 
@@ -100,7 +100,7 @@ def _one(value: Any) -> Any:
 
 def _by_name(value: Any) -> Any:
     if isinstance(value, str) and value.lstrip().startswith("{"):
-        value = json.loads(value)
+        value = json_of(value)
     if not isinstance(value, Mapping):
         return _one(value)
     return tuple(_line_of_table(name, written) for name, written in value.items())
@@ -116,7 +116,9 @@ def _line_of_table(name: str, written: Any) -> str:
         or not (region is None or isinstance(region, list))
         or not written.keys() <= {"format", "region"}
     ):
-        raise ValueError(f"line {name} is {written!r}; write its format, or a table of format and region")
+        raise ValueError(
+            f"line {name} is {shown(written)}; write its format, or a table of format and region"
+        )
     return f"{name}{'@' if region else ''}{','.join(map(str, region or ()))}={written['format']}"
 
 

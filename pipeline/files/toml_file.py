@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from glyphs.errors import FileError, require_file
+from glyphs.errors import FileError
+from pipeline.common.parsed import shown, toml_of
 
 Model = TypeVar("Model", bound=BaseModel)
 MOST_BYTES = 100_000
@@ -27,13 +27,7 @@ def toml_table(
     Raises:
         FileError: no file, too long a one, no TOML, or of another version.
     """
-    require_file(path, most_bytes=most_bytes)
-    try:
-        written = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileError(path, f"is not TOML ({error})", "correct that line") from error
-    except OSError as error:
-        raise FileError(path, f"cannot be read ({error.strerror})", "check its permissions") from error
+    written = toml_of(path, most_bytes=most_bytes)
     if format_version is not None and (version := written.pop("format_version", 1)) != format_version:
         says = f"has format version {version!r}; this program reads {format_version}"
         raise FileError(path, says, "update this program, or write the file again")
@@ -68,4 +62,4 @@ def wrong_key(error: ValidationError, *, hidden: tuple[str, ...] = ()) -> tuple[
     mend = first["msg"].removeprefix("Value error, ")
     if first["type"] == "value_error":  # of a whole table: its text is long, and the message names the keys
         return f"cannot be{f' in [{key}]' if key else ''}: {mend}", "correct it"
-    return f"says {key} = {first.get('input')!r}", f"correct it: {mend.lower()}"
+    return f"says {key} = {shown(first.get('input'))}", f"correct it: {mend.lower()}"

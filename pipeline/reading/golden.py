@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glyphs.errors import FileError, MarksError
+from glyphs.errors import FileError, MarksError, OwnFileError
 from pipeline.common.golden_record import GoldenMeasure, Measured
 from pipeline.files.piece_file import heights_of_piece, read_piece
 from pipeline.files.touch_file import read_scan
@@ -24,14 +24,15 @@ def measure_sent(scan: Path, called: str, relief: Path) -> dict[GoldenMeasure, M
     """As `measure_golden`, of a file that its sender calls something else.
 
     Raises:
-        FileError: likewise, by the sender's name.
+        FileError: of the scan, by the sender's name.
+        OwnFileError: of the relief.
     """
     try:
         return measure_golden(scan, relief)
     except FileError as error:
         if error.path == scan:
             raise FileError(called, error.what, error.hint) from error
-        raise
+        raise OwnFileError(error.path.name, error.what, error.hint) from error
 
 
 def measure_golden(scan: Path, relief: Path) -> dict[GoldenMeasure, Measured]:

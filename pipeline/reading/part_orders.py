@@ -8,13 +8,15 @@ earlier photo + stage      -> fused          felt pass by pass, see `read_on_sta
 
 Several photographs of a part are read as one.
 
-Whatever is wrong with a file is a `FileError` that calls the file as its sender did: paths of the server are
-nobody's business.
+Whatever is wrong with a file that was sent is a `FileError` that calls the file as its sender did. What is wrong with
+this machine (a glyph database, a lexicon, a full disk, too little memory) is an `OwnFileError`: the sender cannot mend
+it, and the same order may be read later. Neither message holds a path of the server.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import math
 import time
@@ -24,12 +26,13 @@ from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from glyphs.errors import FaultError, FileError, MarksError, fault_of
+from glyphs.errors import FaultError, FileError, MarksError, OwnFileError, fault_of
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import EvidenceKind, PartState
 from pipeline.common.settings import ReadSettings
 from pipeline.files.limits import Limits
 from pipeline.files.parts import Part
+from pipeline.reading.readers import files_of
 
 if TYPE_CHECKING:
     from pipeline.reading.part_pictures import MadeFile
@@ -41,6 +44,12 @@ if TYPE_CHECKING:
 
 Order = TypeVar("Order")
 _log = logging.getLogger(__name__)
+_OF_THE_MACHINE = frozenset(
+    getattr(errno, name)
+    for name in ("EIO", "ENOSPC", "EDQUOT", "EROFS", "EMFILE", "ENFILE", "ENOMEM", "ESTALE", "ETIMEDOUT")
+    if hasattr(errno, name)
+)
+"""Errors of the disk and the system, whatever file they were met at."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +138,8 @@ def read_order(
         felt: what was read of its scan already, while it was felt.
 
     Raises:
-        FileError: a file that cannot be used; or an expected text or a database, named so.
+        FileError: a file that was sent, or an expected text, that cannot be used.
+        OwnFileError: a file of the settings, or this machine, that is of no use now.
         ValueError: an order without any file to read, or an earlier one's photograph without touch.
     """
     from pipeline.reading.as_record import reading_record
@@ -223,14 +233,33 @@ def read_on_stage(
     return replace(done, made=(kept, *done.made))
 
 
+def check_settings(settings: ReadSettings) -> None:
+    """Open the reader of these settings, as the next order will.
+
+    Raises:
+        OwnFileError: a file that they name cannot be used.
+    """
+    _reader(PartOrder(Path()), settings)
+
+
 def _reader(order: PartOrder, settings: ReadSettings) -> tuple[ReadSettings, Reader]:
-    """The settings with the order's own database, and the reader that they ask for."""
+    """The settings with the order's own database, and the reader that they ask for.
+
+    Raises:
+        OwnFileError: whatever keeps it from being opened, for all that it is made of is the service's.
+    """
     from pipeline.reading.kept_readers import reader_of
 
     if order.database is not None:
         settings = settings.model_copy(update={"database": order.database})
-    with _sender_names(order, {settings.database: settings.database.stem} if settings.database else {}):
-        return settings, reader_of(settings, after_photo=settings.regions and bool(order.earlier_photos))
+    names = {path: path.name for path in files_of(settings)}
+    try:
+        with _sender_names(order, names):
+            return settings, reader_of(settings, after_photo=settings.regions and bool(order.earlier_photos))
+    except FaultError:
+        raise
+    except FileError as error:
+        raise OwnFileError(error.path, error.what, error.hint) from error
 
 
 def _with_suffix(order: PartOrder) -> Path:
@@ -264,7 +293,9 @@ def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]
         names: of the files, by path; the first is named where an error names none.
 
     Raises:
-        FileError: anything did.
+        FileError: something is wrong with one of the files.
+        OwnFileError: with this machine, or a file that is none of them.
+        FaultError: with this program.
     """
     from recognition.decision.verify import VerifyError
 
@@ -275,14 +306,29 @@ def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]
         raise FileError("expected", error.what, error.hint) from error
     except FileError as error:
         known = names.get(error.path, error.path.name)
-        raise FileError(known, _unplaced(error.what, order, names), error.hint) from error
+        own = error.path.is_absolute() and error.path not in names
+        kind = OwnFileError if own or _is_of_the_machine(error) else FileError
+        raise kind(known, _unplaced(error.what, order, names), error.hint) from error
     except MarksError as error:
         raise FileError(name, _unplaced(error.what, order, names), error.hint) from error
     except MemoryError as error:
-        raise FileError(name, "needs more memory than an order may have", "crop or thin it") from error
+        raise OwnFileError(name, "needs more memory than a worker may have", "crop or thin it") from error
+    except OSError as error:
+        what = f"cannot be read ({error.strerror or error})"
+        raise OwnFileError(name, _unplaced(what, order, names), "see to the disk") from error
     except Exception as error:
         _log.exception("fault of the program while reading %s", name)
         raise FaultError(name, _unplaced(fault_of(error), order, names), "please report it") from error
+
+
+def _is_of_the_machine(error: BaseException) -> bool:
+    """Whether the disk, the system or the memory is at the bottom of an error."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _OF_THE_MACHINE):
+            return True
+        cause = cause.__cause__
+    return False
 
 
 def _in_sender_words(reading: Reading, order: PartOrder) -> Reading:

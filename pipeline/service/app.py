@@ -48,11 +48,12 @@ from pipeline.service.web.access import Access, session_key
 from pipeline.service.web.door import DoorLayer
 from pipeline.service.web.middleware import RequestLayer
 from pipeline.service.web.openapi import described
-from pipeline.service.web.problem import Problem
+from pipeline.service.web.problem import Problem, without_folders
 from pipeline.service.web.problem_responses import add_problem_handlers
 from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.store.evidence_folder import EvidenceFolder
 from pipeline.store.store import Store, StoreError
+from pipeline.store.sweep_clock import SweepClock
 from pipeline.workers.pool import WorkPool
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ if TYPE_CHECKING:
     from pipeline.service.settings import ServiceSettings
 
 SWEEP_EVERY_S = 3600.0
+RECHECK_EVERY_S = 1.0
+"""Between looks at jobs and glyph databases that were of no use."""
 LOOK_S = 0.05
 """Between looks at workers that warm up."""
 ORPHAN_AGE_S = 3600.0
@@ -91,14 +94,18 @@ class Service:
         """
         self.settings = settings
         self._started_s = time.monotonic() if started_s is None else started_s
+        self._said = ""
         self.evidence = EvidenceFolder(settings.evidence_folder)
+        self.sweeps = SweepClock(settings.evidence_folder / "swept")
         self.store = Store.open(settings.store_url)
         self.metrics = Metrics()
         self.access = Access(
             self.store, required=settings.tokens_asked, key=session_key(settings.session_key)
         )
         self.databases = GlyphDatabases(settings.databases_folder, default=reading.database)
-        self.jobs = JobFolder(settings.job_files, own=reading, databases=self.databases)
+        self.jobs = JobFolder(
+            settings.job_files, own=reading, databases=self.databases, needed=settings.watch_job
+        )
         if settings.watch_job:
             self._check_job(settings.watch_job)
         limits = Limits(
@@ -177,15 +184,28 @@ class Service:
             raise SettingsError(f"watch_job: {problem.detail}") from problem
 
     def why_not_ready(self) -> str:
-        """What keeps it from reading parts; empty where nothing does."""
+        """What keeps it from reading parts, without paths: it is asked without a token. Empty where nothing does."""
+        why = self._why_not_ready()
+        if why not in ("", self._said):
+            log.warning("not ready", why=why)
+        self._said = why
+        return without_folders(why)
+
+    def _why_not_ready(self) -> str:
         if self.parts.draining:
             return "the service is stopping"
         try:
             self.store.ping()
+        except StoreError as error:
+            log.error("store", why=str(error))
+            return "the store does not answer; the service's log says why"
+        try:
             self.evidence.check_room()
-        except (StoreError, FileError) as error:
-            return str(error)
+        except FileError as error:
+            return f"a file {error.what}; {error.hint}"
+        orders = self.parts.orders
         trouble = self.parts.stage.trouble or self.parts.camera.trouble
+        trouble = trouble or orders.trouble("") or orders.trouble(self.settings.watch_job)
         return trouble or ("" if self.pool.ready() else "the workers are warming up")
 
     def drain(self) -> None:
@@ -193,7 +213,10 @@ class Service:
         self.parts.draining = True
 
     def sweep(self) -> None:
-        """Throw away files that no record names, and those whose time is up."""
+        """Throw away files that no record names, and those whose time is up; nothing where the clock has leapt."""
+        latest = self.store.parts(limit=1)
+        if not self.sweeps.may_sweep(latest[0].created_at if latest else None):
+            return
         n = self.evidence.sweep(self.store, older_than_s=ORPHAN_AGE_S)
         expired = 0
         if self.settings.retention_days:
@@ -206,7 +229,12 @@ class Service:
     @contextlib.asynccontextmanager
     async def running(self, _: FastAPI | None = None) -> AsyncIterator[None]:
         """Everything that runs beside the requests."""
-        works = [self._sweep_for_ever(), self._say_ready(), self.parts.touching.run()]
+        works = [
+            self._sweep_for_ever(),
+            self._say_ready(),
+            self._recheck_for_ever(),
+            self.parts.touching.run(),
+        ]
         if not self.settings.shadow:  # nothing is decided, so no rate of it says anything
             works.append(self.alerts.run())
         beside = [asyncio.create_task(work) for work in works]
@@ -229,6 +257,14 @@ class Service:
         while not self.pool.all_ready():
             await asyncio.sleep(LOOK_S)
         log.info("ready", seconds=round(time.monotonic() - self._started_s, 1), workers=self.settings.jobs)
+
+    async def _recheck_for_ever(self) -> None:
+        while True:
+            await asyncio.sleep(RECHECK_EVERY_S)
+            try:
+                await self.parts.orders.recheck()
+            except Exception:
+                log.exception("look at what was of no use failed")
 
     async def _sweep_for_ever(self) -> None:
         while True:
@@ -327,11 +363,14 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
         if why:
             raise Problem(503, why, headers={"Retry-After": "1"})
         mode = {"mode": "shadow"} if service.settings.shadow else {}
+        troubles = service.parts.orders.troubles
         return {
             "status": "ready",
             **mode,
             **({"drift": service.jobs.drift or "none"} if service.jobs.watched else {}),
             **({"bench": service.parts.bench.message() or "none"} if service.parts.bench.parts else {}),
+            **({"of_no_use": without_folders("; ".join(troubles.values()))} if troubles else {}),
+            **({"sweep": service.sweeps.trouble} if service.sweeps.trouble else {}),
         }
 
     @app.get(

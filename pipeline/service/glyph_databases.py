@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.common.settings import SettingsError
-from pipeline.service.web.problem import Problem
+from pipeline.service.recent_files import RecentFiles
+from pipeline.service.web.problem import OwnProblem, Problem
 
 SUFFIX = ".glyphs"
 
@@ -25,27 +26,25 @@ class GlyphDatabases:
             SettingsError: there is no such default.
         """
         self._folder, self._default = folder, default
+        self._recent = RecentFiles(folder, SUFFIX)
         if default is not None and not default.is_file():
             raise SettingsError(
                 f"there is no glyph database {default}", hint="make it with enroll, or name another"
             )
 
-    def _files(self) -> dict[str, Path]:
-        try:
-            return {path.stem: path for path in sorted(self._folder.glob(f"*{SUFFIX}")) if path.is_file()}
-        except OSError:
-            return {}
-
     def path(self, name: str) -> Path | None:
         """The file of a database; None for the built-in fonts.
 
         Raises:
+            OwnProblem: its file was there lately, and is away.
             Problem: there is none of that name.
         """
         if not name:
             return self._default
-        files = self._files()
+        files = self._recent.files()
         if name not in files:
+            if self._recent.is_away(name):
+                raise OwnProblem(f"the glyph database {name} was there and is not; put its file back")
             there = ", ".join(files) or "none at all"
             raise Problem(422, f"there is no glyph database {name!r}; there is {there}")
         return files[name]
@@ -53,7 +52,7 @@ class GlyphDatabases:
     def listed(self) -> list[dict[str, Any]]:
         """Name, size and time of each, and whether it is the default."""
         found = []
-        for name, path in self._files().items():
+        for name, path in self._recent.files().items():
             try:
                 status = path.stat()
             except OSError:

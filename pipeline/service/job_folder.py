@@ -2,7 +2,8 @@
 
     jobs/housing-left.toml --checked with all that it names--> settings of reading of whoever names housing-left
 
-* A file is looked at whenever its job is named, so jobs are made, changed and taken away while the service runs.
+* A file is looked at whenever its job is named, so jobs are made, changed and taken away while the service runs. One
+  that was there within the last hour may come back: until then whoever names it is asked to come again.
 * At the start every job must be one that can be used. One that is spoilt later goes on as it was before; the log and
   the list say so.
 * Without a name, parts are read by the service's own settings.
@@ -19,14 +20,17 @@ from typing import Any
 
 import structlog
 
-from glyphs.errors import FileError, MarksError
+from glyphs.errors import FileError, MarksError, fault_of
+from glyphs.stamping.database import DatabaseError
 from pipeline.common.atomic import replacing
 from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_of, job_text, read_job_file
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.certificate import certificate_of
 from pipeline.reading.drift import EVERY, DriftWatch
+from pipeline.reading.readers import files_of
 from pipeline.service.glyph_databases import GlyphDatabases
-from pipeline.service.web.problem import Problem
+from pipeline.service.recent_files import RecentFiles
+from pipeline.service.web.problem import OwnProblem, Problem, no_room
 
 log = structlog.get_logger("tactile-marks")
 _State = tuple[int, int]
@@ -67,13 +71,16 @@ class JobFolder:
         lock: held by whoever changes a job by what stands in it.
     """
 
-    def __init__(self, folder: Path, *, own: ReadSettings, databases: GlyphDatabases | None = None) -> None:
+    def __init__(
+        self, folder: Path, *, own: ReadSettings, databases: GlyphDatabases | None = None, needed: str = ""
+    ) -> None:
         """Take the folder, and look at every job in it.
 
         Args:
             folder: of the files; it need not be there.
             own: settings of parts that name no job.
             databases: that a job may be given by name; those beside the jobs unless given.
+            needed: job that the service's own settings name: where it is away, it is to come back.
 
         Raises:
             FileError: a job that cannot be used.
@@ -83,16 +90,18 @@ class JobFolder:
         self.databases = databases or GlyphDatabases(folder)
         self._own_watch = _watch_of(own)
         self._known: dict[str, _Known] = {}
+        self._recent, self._needed = RecentFiles(folder, SUFFIX), needed
         self.lock = threading.RLock()
-        for name, path in self._files().items():
-            job, watch = _checked(read_job_file(path))
+        for name, path in self._recent.files().items():
+            job, watch = _read(path)
             self._known[name] = _Known(_state_of(path), job, watch)
 
     def settings(self, name: str) -> ReadSettings:
         """How parts of a job are read.
 
         Raises:
-            Problem: there is none of that name, or none that can be used.
+            OwnProblem: its file is away, or cannot be used.
+            Problem: there is none of that name.
         """
         return self.own if not name else self._job(name).settings
 
@@ -134,7 +143,7 @@ class JobFolder:
     def listed(self) -> list[JobAnswer]:
         """Every job, by name."""
         found = []
-        for name in self._files():
+        for name in self._recent.files():
             known = self._look(name)
             if known is None:
                 continue
@@ -149,7 +158,7 @@ class JobFolder:
         Raises:
             Problem: a file that cannot be used.
         """
-        if re.fullmatch(NAME, name) is None or name not in self._files():
+        if re.fullmatch(NAME, name) is None or name not in self._recent.files():
             return None
         job = self._job(name)
         lines = {"line": list(job.settings.line)} if job.settings.line else {}
@@ -163,7 +172,8 @@ class JobFolder:
             written: settings, as they are to stand in the file.
 
         Raises:
-            Problem: they cannot be, or the file cannot be written.
+            OwnProblem: the file cannot be written, or one that it names cannot be used.
+            Problem: the settings cannot be.
         """
         if re.fullmatch(NAME, name) is None:
             raise Problem(
@@ -173,28 +183,34 @@ class JobFolder:
         with self.lock:
             new = not path.exists()
             try:
-                text = job_text(written)
-                _checked(job_of(path, written))
+                text, job = job_text(written), job_of(path, written)
+            except MarksError as error:
+                raise Problem(422, _unplaced(error, self.folder)) from error
+            try:
+                _checked(job)
+            except FileError as error:
+                said = _unplaced(error, self.folder)
+                own = error.path in files_of(job.settings) or isinstance(error.__cause__, DatabaseError)
+                raise OwnProblem(said) if own else Problem(422, said) from error
+            try:
                 self.folder.mkdir(exist_ok=True)
                 with replacing(path) as temporary:
                     temporary.write_text(text, encoding="utf-8")
-            except FileError as error:
-                raise Problem(422, _unplaced(error, self.folder)) from error
-            except MarksError as error:
-                raise Problem(422, str(error)) from error
-            except OSError as error:
-                log.error("job not written", job=name, why=str(error))
-                raise Problem(503, "the job cannot be written; the service's log says why") from error
+            except (FileError, OSError) as error:
+                raise no_room(error) from error
             self._look(name)
         return new
 
     def _job(self, name: str) -> JobFile:
         known = self._look(name) if re.fullmatch(NAME, name) else None
+        there = self._recent.files()
         if known is None:
-            there = ", ".join(self._files()) or "none at all"
-            raise Problem(422, f"there is no job {name[:100]!r}; there is {there}")
+            if self._recent.is_away(name, for_ever=name == self._needed):
+                raise OwnProblem(f"the job {name} was there and is not; put {name}{SUFFIX} back")
+            named = ", ".join(there) or "none at all"
+            raise Problem(422, f"there is no job {name[:100]!r}; there is {named}")
         if known.job is None:
-            raise Problem(422, f"the job {name} cannot be used: {known.problem}")
+            raise OwnProblem(f"the job {name} cannot be used: {known.problem}")
         return known.job
 
     def _look(self, name: str) -> _Known | None:
@@ -210,7 +226,7 @@ class JobFolder:
             if before is not None and before.state == state:
                 return before
             try:
-                job, watch = _checked(read_job_file(path))
+                job, watch = _read(path)
             except MarksError as error:
                 problem = _unplaced(error, self.folder)
                 log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
@@ -221,11 +237,20 @@ class JobFolder:
                 self._known[name] = _Known(state, job, watch)
             return self._known[name]
 
-    def _files(self) -> dict[str, Path]:
-        try:
-            return {path.stem: path for path in sorted(self.folder.glob(f"[!.]*{SUFFIX}")) if path.is_file()}
-        except OSError:
-            return {}
+
+def _read(path: Path) -> tuple[JobFile, DriftWatch | None]:
+    """The job in a file; what watches its parts.
+
+    Raises:
+        FileError: it cannot be used, for whatever reason: one job may not cost the others.
+    """
+    try:
+        return _checked(read_job_file(path))
+    except MarksError:
+        raise
+    except Exception as error:
+        log.exception("fault of the program while reading a job", job=path.stem)
+        raise FileError(path, fault_of(error), "take it away, and report it") from error
 
 
 def _checked(job: JobFile) -> tuple[JobFile, DriftWatch | None]:

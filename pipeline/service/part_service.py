@@ -41,7 +41,7 @@ from pipeline.service.stage.driver_thread import StageDownError
 from pipeline.service.stage_work import CameraWork, StageWork
 from pipeline.service.touch_queue import TouchQueue
 from pipeline.service.web.idempotency import IdempotentRequests, Received
-from pipeline.service.web.problem import Problem, stopping
+from pipeline.service.web.problem import OwnProblem, Problem, stopping
 from pipeline.service.web.uploads import Upload
 from pipeline.store.parts import ANY_SERIAL
 from pipeline.store.store import IdempotencyKey, Store
@@ -257,8 +257,8 @@ class PartService:
             except StageError as error:
                 raise _stage_problem(error) from error
             except OSError as error:
-                raise Problem(
-                    422, f"the camera's picture of {name} cannot be read ({error.strerror})"
+                raise OwnProblem(
+                    f"the camera's picture of {name} cannot be read ({error.strerror})"
                 ) from error
             done = await self.receive(NewPart(name=name, job=job, touch=Touch.STAGE), photos=photos)
         return done.part

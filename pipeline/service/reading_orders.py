@@ -9,18 +9,19 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import structlog
 
-from glyphs.errors import FaultError, FileError
+from glyphs.errors import FaultError, FileError, OwnFileError
 from pipeline.common.records import EvidenceKind, EvidenceRecord
 from pipeline.common.serial_format import outside_format
-from pipeline.reading.part_orders import Done, PartOrder, read_on_stage, read_order
-from pipeline.service.web.problem import Problem, no_room
+from pipeline.reading.part_orders import Done, PartOrder, check_settings, read_on_stage, read_order
+from pipeline.reading.readers import files_of
+from pipeline.service.web.problem import OwnProblem, Problem, no_room
 from pipeline.service.web.uploads import Upload
 from pipeline.workers.pool import BusyError, WorkerLostError
 
@@ -42,6 +43,7 @@ class ReadingOrders:
 
     * A work folder lasts as long as its request; what is to be kept is moved out of it.
     * Every file of a returned record is on the disk.
+    * A job or database that turns out to be of no use is remembered until `recheck` finds that it is again.
     """
 
     def __init__(
@@ -66,6 +68,46 @@ class ReadingOrders:
         """
         self._evidence, self._pool, self._databases = evidence, pool, databases
         self._settings, self._limits, self._metrics = settings, limits, metrics
+        self._troubles: dict[tuple[str, str], str] = {}
+
+    def trouble(self, job_name: str) -> str:
+        """What keeps the parts of a job from being read now, without paths; empty where nothing is known to."""
+        if known := self._troubles.get((job_name, "")):
+            return known
+        try:
+            missing = [path.name for path in files_of(self._settings(job_name)) if not path.is_file()]
+        except Problem as problem:
+            return problem.detail
+        return f"{missing[0]} is not there; put it back" if missing else ""
+
+    @property
+    def troubles(self) -> dict[str, str]:
+        """What is wrong with jobs and databases that callers have named, in words, by name."""
+        return {job or database: why for (job, database), why in self._troubles.items() if job or database}
+
+    async def recheck(self) -> None:
+        """Look again at what was of no use."""
+        for job_name, database in tuple(self._troubles):
+            with contextlib.suppress(Problem, WorkerLostError):
+                async with self._noted(job_name, database):
+                    settings = await asyncio.to_thread(self._settings, job_name)
+                    if (glyphs := self._databases(database)) is not None:
+                        settings = settings.model_copy(update={"database": glyphs})
+                    await self._in_one_worker(check_settings, settings)
+
+    @contextlib.asynccontextmanager
+    async def _noted(self, job_name: str, database: str) -> AsyncIterator[None]:
+        """Remember what is wrong with a job or a database, for as long as something is."""
+        key = (job_name, database)
+        try:
+            yield
+        except OwnProblem as problem:
+            if self._troubles.get(key) != problem.detail:
+                log.error("parts cannot be read", job=job_name, database=database, why=problem.detail)
+            self._troubles[key] = problem.detail
+            raise
+        if self._troubles.pop(key, None) is not None:
+            log.info("parts can be read again", job=job_name, database=database)
 
     def outside_format(self, text: str, job_name: str) -> str:
         """What speaks against a text as a serial of a job's format; empty where nothing does, or the job is gone."""
@@ -103,25 +145,27 @@ class ReadingOrders:
 
         Raises:
             Problem: files that cannot be used, no room in the queue, a worker that was lost, a full disk.
+            OwnProblem: a file of the service's own that cannot be used.
         """
-        settings = await asyncio.to_thread(self._settings, job_name)
         raw = [*((EvidenceKind.PHOTO, photo) for photo in photos)]
         if scan is not None:
             raw.append((scan.touch_kind(), scan))
         felt = {kind: upload.path for kind, upload in raw}
         with self.work_folder() as folder:
-            part = PartOrder(
-                folder=folder,
-                photos=tuple(photo.path for photo in photos),
-                scan=felt.get(EvidenceKind.SCAN),
-                height_map=felt.get(EvidenceKind.HEIGHT_MAP),
-                earlier_photos=earlier_photos,
-                part_name=name,
-                expected=expected,
-                database=self._databases(database),
-                names={upload.path: upload.name for _, upload in raw},
-            )
-            done = await self.in_worker(read_order, part, settings, self._limits)
+            async with self._noted(job_name, database):
+                settings = await asyncio.to_thread(self._settings, job_name)
+                part = PartOrder(
+                    folder=folder,
+                    photos=tuple(photo.path for photo in photos),
+                    scan=felt.get(EvidenceKind.SCAN),
+                    height_map=felt.get(EvidenceKind.HEIGHT_MAP),
+                    earlier_photos=earlier_photos,
+                    part_name=name,
+                    expected=expected,
+                    database=self._databases(database),
+                    names={upload.path: upload.name for _, upload in raw},
+                )
+                done = await self.in_worker(read_order, part, settings, self._limits)
             return done, await self._kept(raw, done)
 
     async def feel(
@@ -148,18 +192,19 @@ class ReadingOrders:
             StageError: nothing could be felt.
             Problem: as `read`.
         """
-        settings = await asyncio.to_thread(self._settings, job_name)
         with self.work_folder() as folder:
-            part = PartOrder(
-                folder=folder,
-                earlier_photos=earlier_photos,
-                part_name=order.part_name,
-                expected=expected,
-                database=self._databases(database),
-            )
-            read = partial(read_on_stage, budget_s=settings.budget_s)
-            # what a stage has felt is felt once
-            done = await self.in_worker(read, part, settings, self._limits, stage, order, tries=1)
+            async with self._noted(job_name, database):
+                settings = await asyncio.to_thread(self._settings, job_name)
+                part = PartOrder(
+                    folder=folder,
+                    earlier_photos=earlier_photos,
+                    part_name=order.part_name,
+                    expected=expected,
+                    database=self._databases(database),
+                )
+                read = partial(read_on_stage, budget_s=settings.budget_s)
+                # what a stage has felt is felt once
+                done = await self.in_worker(read, part, settings, self._limits, stage, order, tries=1)
             return done, await self._kept([], done)
 
     async def _kept(self, raw: Sequence[tuple[EvidenceKind, Upload]], done: Done) -> list[EvidenceRecord]:
@@ -206,6 +251,8 @@ class ReadingOrders:
             self._metrics.refused.inc()
             seconds = max(1, round(error.retry_after_s))
             raise Problem(503, str(error), headers={"Retry-After": str(seconds)}) from error
+        except OwnFileError as problem:
+            raise OwnProblem(str(problem)) from problem
         except FileError as problem:
             status = 500 if isinstance(problem, FaultError) else 422
             raise Problem(status, str(problem)) from problem
@@ -225,11 +272,11 @@ class ReadingOrders:
 
 
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:
-    """What to say where workers were lost over a part: one that takes too long or crashes them twice is to blame."""
+    """The answer where workers were lost over a part; no verdict, for a limit or this program may be to blame."""
+    later = {"Retry-After": "60"}
     if error.timed_out:
-        return Problem(422, str(error))
+        return Problem(503, f"{error}; send it again later, or a smaller file", headers=later)
     if error.crashed and lost > 1:
-        return Problem(
-            422, f"its files have ended {lost} workers, the last so: {error}; leave them out, and report them"
-        )
+        detail = f"it has ended {lost} workers, the last so: {error}; if it happens again, report it"
+        return Problem(503, detail, headers=later)
     return Problem(503, f"{error}; send it again", headers={"Retry-After": "5"})

@@ -9,12 +9,12 @@ flags                   serve --port 8417
 from __future__ import annotations
 
 import ipaddress
-import json
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from pipeline.common.parsed import json_of
 from pipeline.common.settings import Names, Settings
 from pipeline.workers.executors import cores
 
@@ -41,7 +41,7 @@ def _broker(value: str) -> str:
 
 
 def _from_json(value: Any) -> Any:
-    return json.loads(value) if isinstance(value, str) else value
+    return json_of(value) if isinstance(value, str) else value
 
 
 class ServiceSettings(Settings):

@@ -6,7 +6,8 @@
 
 * Who waits stands in the store, so a wish to be felt outlives a kill: the service's next start goes on with it.
 * Of one part there is one attempt at a time; whoever asks meanwhile gets what comes of it.
-* A part is tried for as long as it may wait, then given up: no part waits for ever, whoever was to feel it.
+* A part is tried for as long as it may wait, then given up: no part waits for ever, whoever was to feel it. The time
+  stands in the store; from the first look on it is taken by the monotonic clock, so that no leap of the clock counts.
 * Services that share a store feel the parts of their own lines alone; any of them gives up any part.
 """
 
@@ -26,6 +27,7 @@ from pipeline.store.errors import ConflictError, StoreError
 if TYPE_CHECKING:
     from pipeline.common.records import PartRecord
     from pipeline.store.store import Store
+    from pipeline.store.touch import Waiting
 
 AT_ONCE = 4
 """Attempts that no request waits for; a real stage feels one part at a time in any case."""
@@ -60,6 +62,7 @@ class TouchQueue:
         """
         self._store, self._feel, self._give_up = store, feel, give_up
         self.line, self._wait_s, self._retry_s, self._look_s = line, wait_s, retry_s, look_s
+        self._deadlines: dict[tuple[str, datetime | None], float] = {}
         self._attempts: dict[str, asyncio.Task[PartRecord]] = {}
         self._rest_until: dict[str, float] = {}
 
@@ -96,11 +99,15 @@ class TouchQueue:
 
     async def look(self) -> None:
         """Look once: give up what has waited for too long, and begin attempts at what is due."""
-        unsaid_before = datetime.now(UTC) - timedelta(seconds=self._wait_s)
-        for part in await asyncio.to_thread(self._store.touch_overdue, unsaid_before=unsaid_before):
-            if part.id not in self._attempts:
-                await self._given_up(part)
         now = time.monotonic()
+        waiting = {(w.part_id, w.until): w for w in await asyncio.to_thread(self._store.waiting_for_touch)}
+        self._deadlines = {
+            key: self._deadlines[key] if key in self._deadlines else now + self._left_s(one)
+            for key, one in waiting.items()
+        }
+        for (part_id, _), deadline in self._deadlines.items():
+            if deadline <= now and part_id not in self._attempts:
+                await self._given_up(part_id)
         for part in await asyncio.to_thread(self._store.waiting_for_stage, self.line):
             if len(self._attempts) >= AT_ONCE:
                 break
@@ -127,13 +134,26 @@ class TouchQueue:
         finally:
             del self._attempts[part.id]
 
-    async def _given_up(self, part: PartRecord) -> None:
-        self._rest_until.pop(part.id, None)
+    def _left_s(self, one: Waiting) -> float:
+        """Seconds that a part may still wait; never more than it was given, whatever the clock says."""
+        since, until = one.changed_at, one.until
+        if until is None:
+            until = since + timedelta(seconds=self._wait_s)
+        return max(0.0, min((until - datetime.now(UTC)).total_seconds(), (until - since).total_seconds()))
+
+    async def _given_up(self, part_id: str) -> None:
+        self._rest_until.pop(part_id, None)
         try:
+            part = await asyncio.to_thread(self._store.part, part_id)
             await self._give_up(part, NOBODY)
         except ConflictError:
             return  # it was felt, reviewed or given up by another service meanwhile
-        log.warning("part given up by touch", part=part.id, name=part.name, why=NOBODY)
+        except StoreError:
+            raise
+        except Exception:  # one part may not keep the others waiting
+            log.exception("part not given up by touch", part=part_id)
+        else:
+            log.warning("part given up by touch", part=part.id, name=part.name, why=NOBODY)
 
 
 def _looked_at(attempt: asyncio.Task[PartRecord]) -> None:

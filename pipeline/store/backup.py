@@ -12,7 +12,6 @@ not at all. Bringing back takes the files first and then all rows in one transac
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
 import shutil
@@ -24,10 +23,12 @@ from pathlib import Path
 
 import sqlalchemy as sa
 
-from glyphs.errors import FileError
+from glyphs.errors import FileError, require_file
 from pipeline.common.atomic import sync_folder
 from pipeline.common.file_lock import lock
+from pipeline.common.parsed import MOST_BYTES, json_of
 from pipeline.common.private import private_file, private_folder
+from pipeline.common.run_description import file_sha256
 from pipeline.common.version import program_version
 from pipeline.store.copying import copy_rows, is_empty, skip_deliveries
 from pipeline.store.errors import ConflictError
@@ -93,7 +94,7 @@ def back_up(store: Store, evidence: EvidenceFolder, to: Path, *, previous: Path 
         with _opened(partial / _STORE) as copied:
             counts = _take_all(copied, files, [evidence], linked=sources, live=store)
             rows = _rows(copied)
-        made = Backup(made_at.isoformat(), program_version(), _sha256(partial / _STORE), rows, *counts)
+        made = Backup(made_at.isoformat(), program_version(), file_sha256(partial / _STORE), rows, *counts)
         manifest = {"format_version": FORMAT_VERSION, **asdict(made)}
         (partial / _MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
         for left in (".lock", f"{_STORE}.lock"):
@@ -137,7 +138,7 @@ def unpacked(backup: Path) -> Iterator[tuple[Backup, Store]]:
     with tempfile.TemporaryDirectory(prefix="tactile-marks-") as folder:
         with _told(backup):
             copy = Path(shutil.copy(backup / _STORE, Path(folder) / _STORE))
-        if _sha256(copy) != told.sha256:
+        if file_sha256(copy) != told.sha256:
             raise FileError(backup / _STORE, "is not as it was written", "take another backup")
         with _opened(copy) as copied:
             yield told, copied
@@ -151,11 +152,12 @@ def read_manifest(backup: Path) -> Backup:
     """
     path = backup / _MANIFEST
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        require_file(path, most_bytes=MOST_BYTES)
+        found = json_of(path.read_bytes())
         version = found.pop("format_version")
         if version == FORMAT_VERSION:
             return Backup(**found)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (FileError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise FileError(backup, f"is no whole backup ({error})", "name the folder of one") from error
     raise FileError(path, f"has format version {version}; this program reads {FORMAT_VERSION}", "update it")
 
@@ -216,11 +218,6 @@ def _refuse_unless_empty(empty: bool, store: Store) -> None:
 def _opened(path: Path) -> Iterator[Store]:
     with contextlib.closing(Store.open(f"sqlite:///{path.absolute()}")) as store:
         yield store
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _sync() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -123,7 +124,12 @@ class Database:
         """
         with self._store_errors(), contextlib.closing(self._engine.raw_connection()) as connection:
             cursor = connection.cursor()
-            cursor.execute("VACUUM INTO ?", (str(path),))
+            try:
+                cursor.execute("VACUUM INTO ?", (str(path),))
+            except sqlite3.Error as error:  # bare, for SQLAlchemy has no part in it
+                raise StoreError(
+                    f"the store {self.shown} cannot be copied ({error})", hint="make room on the disk"
+                ) from error
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[Transaction]:

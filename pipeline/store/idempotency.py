@@ -1,9 +1,10 @@
-"""IdempotencyKey keys: a request that is sent again is carried out once.
+"""Idempotency keys: a request that is sent again, or a run that is given again, is carried out once.
 
 * A key is written in the transaction that writes the part it made: both are there, or neither.
 * Of requests with one key that race, the database lets one through; the others wait for it and raise AlreadyDoneError.
 * A key stands for one request: what it asked for is kept as its fingerprint, and whoever asks compares.
-* Keys are kept until `forget_keys`; a request sent again later than that makes a second part.
+* Keys of requests are kept until `forget_keys`; a request sent again later than that makes a second part. Keys of runs
+  are kept for good.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ import sqlalchemy as sa
 from pipeline.store.database import Transaction
 from pipeline.store.errors import AlreadyDoneError, fit
 from pipeline.store.tables import idempotency
+
+_RUN = "run "
+"""Beginning of the fingerprint of a run's part; those of requests are hexadecimal."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,17 @@ class IdempotencyKey:
     fingerprint: str
 
 
+def run_key(run: str, part: str, sha256: str) -> IdempotencyKey:
+    """The key of a part of a run.
+
+    Args:
+        run: hash of what the run's readings depend on.
+        part: name of the part.
+        sha256: of what its files hold.
+    """
+    return IdempotencyKey(f"run {run} {sha256} {part}", f"{_RUN}{sha256}")
+
+
 def remembered(tx: Transaction, key: str) -> tuple[str, str] | None:
     """(fingerprint, part id) of the request with that idempotency key; None if there was none."""
     row = tx.execute(
@@ -43,8 +58,9 @@ def remembered(tx: Transaction, key: str) -> tuple[str, str] | None:
 
 
 def forget_keys(tx: Transaction, before: datetime) -> int:
-    """Forget idempotency keys of before a time, and say how many."""
-    return tx.execute(sa.delete(idempotency).where(idempotency.c.at < before)).rowcount
+    """Forget idempotency keys of requests of before a time, and say how many."""
+    of_request = idempotency.c.fingerprint.not_like(f"{_RUN}%")
+    return tx.execute(sa.delete(idempotency).where(idempotency.c.at < before, of_request)).rowcount
 
 
 def refuse_if_done(tx: Transaction, asked: IdempotencyKey | None) -> None:

@@ -126,7 +126,7 @@ class Store:
 
     # parts that wait for touch
     waiting_for_stage = _reads(_touch.waiting_for_stage)
-    touch_overdue = _reads(_touch.touch_overdue)
+    waiting_for_touch = _reads(_touch.waiting_for_touch)
     ask_for_touch = _writes(_touch.ask_for_touch)
     give_up_touch = _writes(_touch.give_up_touch)
 

@@ -7,13 +7,14 @@ touch_needed --felt, or a scan is sent-----> accepted, review     (`parts.add_re
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime
 
 import sqlalchemy as sa
 
 from pipeline.common.records import PartRecord, PartState
 from pipeline.store.database import Transaction
-from pipeline.store.errors import ConflictError, fit_limit
+from pipeline.store.errors import MAX_ROWS, ConflictError, fit_limit
 from pipeline.store.lists import listed
 from pipeline.store.outbox import put_in_outbox
 from pipeline.store.parts import add_events, lock_part, text_columns
@@ -30,17 +31,26 @@ def waiting_for_stage(tx: Transaction, line: str, *, limit: int = 100) -> tuple[
     return listed(tx, query.order_by(parts.c.id).limit(fit_limit(limit)))
 
 
-def touch_overdue(tx: Transaction, *, unsaid_before: datetime, limit: int = 100) -> tuple[PartRecord, ...]:
-    """Parts that have waited for touch until their time was up, oldest first.
+@dataclass(frozen=True)
+class Waiting:
+    """A part that waits for touch.
 
-    Args:
-        tx: the transaction.
-        unsaid_before: the same of parts for which no time was set, by their last change.
-        limit: most of them.
+    Attributes:
+        part_id: of the part.
+        changed_at: when anything last happened to it.
+        until: when its time is up; None where no time was set.
     """
-    unsaid = sa.and_(parts.c.touch_until.is_(None), parts.c.changed_at < unsaid_before)
-    query = select_parts().where(_WAITS, sa.or_(parts.c.touch_until <= tx.now, unsaid))
-    return listed(tx, query.order_by(parts.c.id).limit(fit_limit(limit)))
+
+    part_id: str
+    changed_at: datetime
+    until: datetime | None
+
+
+def waiting_for_touch(tx: Transaction, *, limit: int = MAX_ROWS) -> tuple[Waiting, ...]:
+    """All parts that wait for touch, whoever is to feel them, oldest first."""
+    asked = sa.select(parts.c.id, parts.c.changed_at, parts.c.touch_until).where(_WAITS)
+    rows = tx.execute(asked.order_by(parts.c.id).limit(fit_limit(limit)))
+    return tuple(Waiting(row.id, row.changed_at, row.touch_until) for row in rows)
 
 
 def ask_for_touch(tx: Transaction, part_id: str, *, line: str, until: datetime) -> PartRecord:

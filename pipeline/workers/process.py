@@ -46,8 +46,9 @@ def serve_jobs(
     """
     _end_with(parent, life)
     # the parent gets the signal; it then ends its workers
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     for name in _THREADS:
         os.environ[name] = "1"  # before the libraries are loaded
     _bound_memory(memory_mb)

@@ -26,7 +26,6 @@ crossing that is made.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from itertools import product
 from pathlib import Path
@@ -37,6 +36,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from glyphs.errors import FileError
 from pipeline.benchmark.exam.condition import Condition, Given, Level
+from pipeline.common.parsed import toml_of
 from pipeline.common.settings import SettingsError
 from pipeline.files.synth import MAX_PARTS
 
@@ -168,14 +168,7 @@ class Design(BaseModel):
         Raises:
             FileError: not a file, not TOML, or not a design; names the setting.
         """
-        try:
-            values = tomllib.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise FileError(
-                path, f"cannot be read ({error.strerror or error})", "name a design in TOML"
-            ) from error
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise FileError(path, f"is not TOML ({error})", "correct it") from error
+        values = toml_of(path)
         try:
             return cls.of(**{"name": path.stem, **values})
         except SettingsError as error:

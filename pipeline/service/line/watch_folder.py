@@ -9,7 +9,8 @@
   file lies there, the second fills the moment between the part's transaction and the journal's line.
 * A file that cannot be used is named once, in the log, and left where it is; of a set, the others are read. Nothing in
   the folder is ever changed.
-* While the queue is full, files wait in the folder.
+* Only what is wrong with the file itself is final. While the queue is full, or something of the service's own is of no
+  use, files wait in the folder. One over which workers or the program fail is named, and tried again ever more rarely.
 """
 
 from __future__ import annotations
@@ -21,26 +22,45 @@ import os
 import shutil
 import stat
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import structlog
 
-from glyphs.errors import FileError
+from glyphs.errors import FileError, fault_of
+from glyphs.plain_text import visible
 from pipeline.common.records import PartRecord
 from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, PartFiles, WatchJournal
 from pipeline.service.part_service import NewPart, PartService, Touch
+from pipeline.service.recent_files import NO_TEXT, is_text
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import HEAD_BYTES, Upload, check_count, sent_name, suffix_of
-from pipeline.store.store import IdempotencyKey, StoreError
+from pipeline.store.store import IdempotencyKey, StoreError, UnfitError
 
 if TYPE_CHECKING:
     from pipeline.service.settings import ServiceSettings
 
 log = structlog.get_logger("tactile-marks")
-BUSY = 503
 REST = 5.0
-"""Times that a look took, waited at least before the next: a folder of very many files is looked at less often."""
+"""Times that a look or an attempt took, waited at least before the next, so that neither takes all of the machine."""
+MOST_REST_S = 20.0
+"""Longest that the rest after an attempt grows to by doubling: what was mended is found soon."""
+
+
+@dataclass(frozen=True)
+class _Failure:
+    """The last attempt at a part that came to nothing.
+
+    Attributes:
+        tries: attempts so far.
+        why: in words; logged when it changes.
+        until_s: by the monotonic clock, when the next attempt is due.
+    """
+
+    tries: int
+    why: str
+    until_s: float
 
 
 def watch_journal(settings: ServiceSettings) -> WatchJournal | None:
@@ -92,6 +112,7 @@ class WatchedFolder:
         self._looks = FolderLooks(self.folder, journal, a_set=a_set, settle_s=settle_s)
         self._stopping = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
+        self._failures: dict[str, _Failure] = {}
 
     def start(self) -> None:
         """Begin to look."""
@@ -110,6 +131,7 @@ class WatchedFolder:
     async def look(self) -> None:
         """Look once, and submit what is complete."""
         complete = await asyncio.to_thread(self._looks.complete)
+        self._failures = {p.key: kept for p in complete if (kept := self._failures.get(p.key)) is not None}
         async with asyncio.TaskGroup() as group:
             for part in complete:
                 group.create_task(self._take(part))
@@ -126,33 +148,53 @@ class WatchedFolder:
                 await asyncio.wait_for(self._stopping.wait(), max(rest_s, 0.01))
 
     async def _take(self, part: PartFiles) -> None:
-        """Submit a part's files, and write down what became of them."""
+        """Submit a part's files, and write down what became of them; whatever happens, other parts go on."""
         async with self._at_once:
-            if self._stopping.is_set():
+            failure = self._failures.get(part.key)
+            if self._stopping.is_set() or (failure is not None and time.monotonic() < failure.until_s):
                 return
+            orders = self._parts.orders
+            if orders.busy is not None or orders.trouble(self._job):
+                return  # the next look finds it again
+            began_s = time.monotonic()
             problems: dict[Path, str] = {}
+            read: PartRecord | None = None
             try:
                 read = await self._submitted(part, problems)
-            except Problem as problem:
-                if problem.status == BUSY:
-                    return  # the next look finds it again
-                log.warning("watched file left", file=part.name, why=problem.detail)
-                problems = {path: problems.get(path, problem.detail) for path in part.files}
-            except (OSError, StoreError) as error:
-                log.warning("watched file waits", file=part.name, why=str(error))
+            except (Problem, UnfitError) as problem:
+                if isinstance(problem, Problem) and not problem.is_final:
+                    return self._failed(part, problem.detail, began_s)
+                why = problem.detail if isinstance(problem, Problem) else str(problem)
+                log.warning("watched file left", file=visible(part.name), why=why)
+                problems = {path: problems.get(path, why) for path in part.files}
+            except (OSError, FileError, StoreError) as error:
+                return self._failed(part, str(error), began_s)
+            except Exception as error:
+                log.exception("fault of the program over a watched file", file=visible(part.name))
+                return self._failed(part, fault_of(error), began_s)
+            if read is None and not problems:
                 return
-            else:
-                if read is None and not problems:
-                    return
+            self._failures.pop(part.key, None)
             for path, state in part.files.items():
                 part_id = "" if path in problems or read is None else read.id
                 await self._write_down(path, Handled(state, part_id, problems.get(path, "")))
+
+    def _failed(self, part: PartFiles, why: str, began_s: float) -> None:
+        """Leave a part for a later attempt; the rest before it doubles."""
+        before = self._failures.get(part.key)
+        tries = 1 if before is None else before.tries + 1
+        now_s = time.monotonic()
+        took_s = REST * (now_s - began_s)
+        rest_s = max(took_s, min(took_s * 2.0 ** min(tries - 1, 30), MOST_REST_S))
+        self._failures[part.key] = _Failure(tries, why, now_s + rest_s)
+        if before is None or before.why != why:
+            log.warning("watched file waits", file=visible(part.name), why=why)
 
     async def _write_down(self, path: Path, handled: Handled) -> None:
         try:
             await asyncio.to_thread(self._journal.add, str(path), handled)
         except FileError as error:
-            log.error("watched file not written down", file=path.name, why=str(error))
+            log.error("watched file not written down", file=visible(path.name), why=str(error))
             self._journal.done[str(path)] = handled
 
     async def _submitted(self, part: PartFiles, problems: dict[Path, str]) -> PartRecord | None:
@@ -173,7 +215,7 @@ class WatchedFolder:
                 try:
                     copy = await asyncio.to_thread(self._copied, path, state, folder, number)
                 except Problem as problem:
-                    log.warning("watched file left", file=path.name, why=problem.detail)
+                    log.warning("watched file left", file=visible(path.name), why=problem.detail)
                     problems[path] = problem.detail
                     continue
                 if copy is None:
@@ -182,13 +224,13 @@ class WatchedFolder:
                 photos.append(Upload(copy, sent_name(path.name)))
             if not photos:
                 return None
-            digest = hashlib.sha256(part.key.encode()).hexdigest()
+            digest = hashlib.sha256(os.fsencode(part.key)).hexdigest()
             received = await self._parts.receive(
                 NewPart(name=sent_name(part.name), job=self._job, touch=Touch.STAGE),
                 photos=photos,
                 idempotency=IdempotencyKey(f"watch:{digest}", digest),
             )
-        log.info("watched file read", file=part.name, photos=len(photos), part=received.part.id)
+        log.info("watched file read", file=visible(part.name), photos=len(photos), part=received.part.id)
         return received.part
 
     def _copied(self, path: Path, state: FileState, folder: Path, number: int) -> Path | None:
@@ -198,6 +240,8 @@ class WatchedFolder:
             Problem: no picture, or too large a one.
             OSError: it cannot be read.
         """
+        if not is_text(path.name):
+            raise Problem(415, f"{visible(path.name)}: {NO_TEXT}")
         name = sent_name(path.name)
         if state.n_bytes > self._most_bytes:
             raise Problem(
@@ -205,7 +249,7 @@ class WatchedFolder:
             )
         # a pipe or device would be waited for, and a link may show what is none of the folder's
         if not stat.S_ISREG(path.stat(follow_symlinks=False).st_mode):
-            raise Problem(415, f"{path.name} is no regular file")
+            raise Problem(415, f"{name} is no regular file")
         with path.open("rb") as source:
             copy = folder / f"watched-{number}{suffix_of('photo', name, source.read(HEAD_BYTES))}"
             source.seek(0)

@@ -22,6 +22,7 @@ from typing import Any, ClassVar
 
 import structlog
 
+from glyphs.errors import FileError
 from pipeline.common.atomic import replacing
 from pipeline.common.line_journal import LineJournal
 from pipeline.files.parts import set_of
@@ -81,8 +82,7 @@ class WatchJournal(LineJournal[Handled]):
         Raises:
             FileError: it cannot be written.
         """
-        self.done = {path: self.done[path] for path in paths if path in self.done}
-        kept, self.done = self.done, {}
+        kept = {path: self.done[path] for path in paths if path in self.done}
         with replacing(self.path) as temporary:
             temporary.write_text(self._heading(), encoding="utf-8")
             fresh = type(self)(temporary, self.description)
@@ -154,7 +154,10 @@ class FolderLooks:
         self._sets = {name: kept for name, kept in self._sets.items() if name in groups}
         # an empty folder may be a drive that is away
         if now and len(self._journal.done) > 2 * len(now) + _SPARE:
-            self._journal.keep_only(now)
+            try:
+                self._journal.keep_only(now)
+            except FileError as error:
+                log.error("journal of the watched folder not shortened", why=str(error))
         return sorted(complete, key=lambda one: (min(s.mtime_ns for s in one.files.values()), one.name))
 
     def _stands(self, files: Mapping[str, FileState]) -> bool:
@@ -182,7 +185,8 @@ class FolderLooks:
         try:
             with os.scandir(self.folder) as entries:
                 for entry in entries:
-                    with contextlib.suppress(FileNotFoundError):  # taken away meanwhile
+                    # taken away meanwhile, or of a share that cannot tell now: it is looked at again
+                    with contextlib.suppress(OSError):
                         if entry.name.startswith(".") or entry.is_dir(follow_symlinks=False):
                             continue
                         found[entry.path] = FileState.of(entry.stat(follow_symlinks=False))

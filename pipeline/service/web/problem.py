@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -49,6 +50,11 @@ class Problem(Exception):  # noqa: N818 - an answer, more than an exception
         self.status, self.detail = status, detail
         self.headers, self.more = headers or {}, more or {}
 
+    @property
+    def is_final(self) -> bool:
+        """Whether only the sender can mend it; else the same request may succeed later."""
+        return self.status < 500 and self.status not in (408, 429)
+
     def body(self, request_id: str) -> dict[str, Any]:
         """The members of the answer."""
         title = TITLES.get(self.status, "The request failed")
@@ -62,10 +68,25 @@ class Problem(Exception):  # noqa: N818 - an answer, more than an exception
         }
 
 
+def without_folders(text: str) -> str:
+    """The text with every absolute path cut down to its last part."""
+    return re.sub(r"(?<![\w.:/])/(?:[^/\n;,'\"()]+/)+", "", text)
+
+
 def stopping() -> Problem:
     """What a request is answered that comes while the service ends, or that its end cuts short."""
     detail = "the service is stopping; send it again in a moment"
     return Problem(503, detail, headers={"Retry-After": "5", "Connection": "close"})
+
+
+class OwnProblem(Problem):
+    """Something of the service's own that is of no use now: a file, a job, a glyph database.
+
+    It is no verdict on what was sent, which may be sent again later.
+    """
+
+    def __init__(self, detail: str, *, retry_after_s: int = 5) -> None:
+        super().__init__(503, detail, headers={"Retry-After": str(retry_after_s)})
 
 
 def no_room(error: Exception) -> Problem:

@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from glyphs.errors import FileError
 from pipeline.service.web.access import DeniedError, denied_problem
 from pipeline.service.web.middleware import problem_answer
-from pipeline.service.web.problem import Problem, no_room
+from pipeline.service.web.problem import OwnProblem, Problem, no_room
 from pipeline.store.errors import ConflictError, NotFoundError, StoreError, UnfitError
 
 log = structlog.get_logger("tactile-marks")
@@ -46,7 +46,8 @@ def add_problem_handlers(app: FastAPI) -> None:
     @app.exception_handler(StoreError)
     async def _store(request: Request, error: StoreError) -> Response:
         log.error("store", why=str(error))
-        return answer(request, Problem(503, str(error), headers={"Retry-After": "5"}))
+        # its address is nobody's business, least of all of who has shown no token yet
+        return answer(request, OwnProblem("the store does not answer; the service's log says why"))
 
     @app.exception_handler(FileError)  # of files that were sent, the reading orders have told already
     @app.exception_handler(OSError)

@@ -1,6 +1,6 @@
 """The web server around the application: how it stops, and what it bears of connections that say nothing.
 
-* Asked to stop, it says so for a while before it does; asked again, it stops at once.
+* Asked to stop (SIGTERM, SIGINT, SIGHUP), it says so for a while before it does; asked again, it stops at once.
 * A connection has HEAD_S for the head of each request, however slowly it sends; then it is closed.
 * One address has so many connections, and more are closed as they come; a trusted proxy, who calls for many, any
   number.
@@ -11,10 +11,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import ipaddress
+import signal
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 from typing import Any
 
@@ -42,6 +45,21 @@ class DrainingServer(uvicorn.Server):
         super().__init__(config)
         self._drain, self._drain_s = drain, drain_s
         self._stop_at_s: float | None = None
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Drain on a hangup, too, unless it is ignored (`nohup`)."""
+        hangup = getattr(signal, "SIGHUP", None)
+        ours = threading.current_thread() is threading.main_thread()
+        with super().capture_signals():
+            if hangup is None or not ours or signal.getsignal(hangup) is not signal.SIG_DFL:
+                yield
+                return
+            signal.signal(hangup, self.handle_exit)
+            try:
+                yield
+            finally:
+                signal.signal(hangup, signal.SIG_DFL)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Begin to drain."""

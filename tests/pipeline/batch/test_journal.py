@@ -599,7 +599,7 @@ def test_a_damaged_marker_costs_no_row(text: str, table: Path) -> None:
 def test_the_marker_tells_the_run(table: Path) -> None:
     begun(table, [])
     told = json.loads(table.with_name(table.name + ".unfinished").read_bytes())
-    assert told.keys() == {"format_version", "description", "key", "begun"}
+    assert told.keys() == {"format_version", "description", "key"}
     assert told["description"] == RUN
 
 

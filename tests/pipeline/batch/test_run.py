@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 from collections.abc import Callable, Iterable, Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from pipeline.files.listed import ListedPart, settings_of
 from pipeline.files.manifest import read_manifest
 from pipeline.files.npz import write_npz
 from pipeline.files.synth import SynthSpec, write_part
+from pipeline.store.store import Store
 from pipeline.workers.executors import Outcome
 
 ORDER = RunOrder(ReadSettings(font=("gothic",)))
@@ -190,7 +192,7 @@ def test_a_run_into_a_store_leaves_no_table(tmp_path: Path, monkeypatch: pytest.
     ]
 
 
-@pytest.mark.parametrize("moment", ["the workers end", "its rows are gone"])
+@pytest.mark.parametrize("moment", ["the workers end", "its rows are gone", "it has ended"])
 def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twice(
     moment: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -208,12 +210,17 @@ def test_a_run_into_a_store_that_is_killed_as_it_ends_reads_nothing_into_it_twic
             run.work(PARTS, ORDER, FakeExecutor())
             if moment == "the workers end":
                 raise KeyboardInterrupt
-            patch.setattr(Path, "unlink", killed_after)
+            if moment == "its rows are gone":
+                patch.setattr(Path, "unlink", killed_after)
 
-    with pytest.raises(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt):
         killed()
+    store = Store.open("sqlite:///parts.db")
+    store.forget_keys(datetime.now(UTC) + timedelta(days=1))  # those of requests alone
+    store.close()
     with opened(options, described) as run:
         run.work(PARTS, ORDER, FakeExecutor())
+    assert run.known == (0 if moment == "the workers end" else len(PARTS))
     with sa.create_engine("sqlite:///parts.db").connect() as connection:
         names = [row.name for row in connection.execute(sa.text("select name from parts order by name"))]
     assert names == [part.name for part in PARTS]

@@ -95,9 +95,17 @@ def test_a_job_is_made_changed_spoilt_and_taken_away_while_the_service_runs(
     assert listed["left"] == {"name": "left", "settings": {"format": "A9"}, "problem": ""}
     assert listed["right"]["problem"].startswith("right.toml: unknown setting formt; did you mean format")
     spoilt.unlink()
-    assert post(client, job="right").status_code == 422
+    away = post(client, job="right")
+    assert (away.status_code, away.headers["Retry-After"]) == (503, "5")
+    assert away.json()["detail"] == "the job right was there and is not; put right.toml back"
+    assert "right" in client.get("/readyz").json()["of_no_use"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pipeline.service.recent_files.MOST_AWAY_S", 0.0)
+        assert post(client, job="right").status_code == 422
     put(tmp_path / "jobs", "new", "font = 'nowhere.ttf'\n")
-    detail = post(client, job="new").json()["detail"]
+    refused = post(client, job="new")
+    assert refused.status_code == 503
+    detail = refused.json()["detail"]
     assert detail.startswith("the job new cannot be used: new.toml: font file 'nowhere.ttf' is missing")
     for odd in ("../left", ".left", "a b"):
         assert post(client, job=odd).status_code == 422

@@ -110,11 +110,11 @@ def test_a_disk_that_is_nearly_full_is_not_ready(
         ([WorkerLostError("killed")], 201),
         ([WorkerLostError("killed")] * 2, 503),
         ([WorkerLostError("crashed", crashed=True)], 201),
-        ([WorkerLostError("crashed", crashed=True)] * 2, 422),
-        ([WorkerLostError("too long", timed_out=True)], 422),
+        ([WorkerLostError("crashed", crashed=True)] * 2, 503),
+        ([WorkerLostError("too long", timed_out=True)], 503),
     ],
 )
-def test_a_lost_worker_is_the_parts_fault_only_where_it_crashes_again_or_takes_too_long(
+def test_a_lost_worker_is_no_verdict_on_the_part(
     served: tuple[Service, TestClient], plate: bytes, losses: list[WorkerLostError], status: int
 ) -> None:
     service, client = served

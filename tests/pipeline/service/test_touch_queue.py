@@ -125,6 +125,28 @@ def test_parts_from_before_there_was_a_time_are_given_up_by_their_age(store: Sto
     assert store.part(old.id).state is PartState.REVIEW
 
 
+@pytest.mark.parametrize("leap_days", [-3650, 3650])
+def test_a_clock_that_leaps_neither_ends_nor_prolongs_the_wait(
+    store: Store, monkeypatch: pytest.MonkeyPatch, leap_days: int
+) -> None:
+    part, short = waiting(store, wait_s=LONG_S, by_stage=False), waiting(store, wait_s=0.2, by_stage=False)
+    bench = Bench(store)
+
+    class Leapt(datetime):
+        @classmethod
+        def now(cls, tz: object = None) -> datetime:
+            return datetime.now(UTC) + timedelta(days=leap_days)
+
+    asyncio.run(bench.queue.look())
+    assert store.part(short.id).state is PartState.TOUCH_NEEDED
+    monkeypatch.setattr("pipeline.service.touch_queue.datetime", Leapt)
+    asyncio.run(bench.until(lambda: store.part(short.id).state is PartState.REVIEW))
+    assert store.part(part.id).state is PartState.TOUCH_NEEDED
+    # a service that is started only now knows no better, but waits no longer than was asked for
+    late = waiting(store, wait_s=0.2, by_stage=False)
+    asyncio.run(Bench(store).until(lambda: store.part(late.id).state is PartState.REVIEW))
+
+
 def test_a_stage_feels_the_parts_of_its_own_line(store: Store) -> None:
     here, there = waiting(store, line="press"), waiting(store, line="paint")
     bench = Bench(store, line="press")  # type: ignore[arg-type]
@@ -137,7 +159,7 @@ def test_a_store_that_is_away_for_a_while_ends_nothing(store: Store, monkeypatch
     from pipeline.store.errors import StoreError
 
     part, bench, looked = waiting(store), Bench(store), []
-    found = store.touch_overdue
+    found = store.waiting_for_touch
 
     def away(**options: datetime) -> tuple[PartRecord, ...]:
         looked.append(1)
@@ -145,5 +167,5 @@ def test_a_store_that_is_away_for_a_while_ends_nothing(store: Store, monkeypatch
             raise StoreError("away")
         return found(**options)
 
-    monkeypatch.setattr(store, "touch_overdue", away)
+    monkeypatch.setattr(store, "waiting_for_touch", away)
     asyncio.run(bench.until(lambda: store.part(part.id).state is PartState.ACCEPTED))

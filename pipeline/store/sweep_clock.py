@@ -1,0 +1,75 @@
+"""Whether the clock may be swept by: what is old is deleted, so a clock that leaps ahead must make nothing old.
+
+evidence/swept      its time is that of the last sweep
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+
+import structlog
+
+MOST_GAP_S = 31 * 86_400.0
+"""Longest time between two sweeps that is believed: a plant that stands still for a month."""
+MOST_DRIFT_S = 600.0
+"""Of the clock against the monotonic one, from sweep to sweep: more is a leap, and files in the making would look
+old."""
+log = structlog.get_logger("tactile-marks")
+
+
+class SweepClock:
+    """Says before every sweep whether the clock can be right.
+
+    Attributes:
+        trouble: why nothing is swept, without paths; empty where it is.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        *,
+        wall_s: Callable[[], float] = time.time,
+        monotonic_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Take the file that keeps the time of the last sweep; it need not be there."""
+        self.file, self.trouble = file, ""
+        self._wall_s, self._monotonic_s = wall_s, monotonic_s
+        self._before: tuple[float, float] | None = None
+
+    def may_sweep(self, newest: datetime | None) -> bool:
+        """Whether to sweep now; if so, this is the last sweep from now on.
+
+        Args:
+            newest: when the latest part came, by which the clock is judged before there was any sweep.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        now_s = self._wall_s()
+        before, self._before = self._before, (now_s, self._monotonic_s())
+        if not self.file.exists():
+            self.file.touch(mode=0o600)
+            first_s = now_s if newest is None else min(now_s, newest.timestamp())
+            os.utime(self.file, (first_s, first_s))
+        gap_s = now_s - self.file.stat().st_mtime
+        self.trouble = ""
+        if gap_s > MOST_GAP_S:
+            self.trouble = (
+                f"nothing is deleted: by the clock the last sweep was {gap_s / 86_400.0:,.0f} days ago"
+            )
+            hint = f"set the clock; if it is right, run: touch {self.file}"
+            log.warning("not swept", why=self.trouble, hint=hint)
+            return False
+        if before is not None:
+            leap_s = now_s - before[0] - (self._before[1] - before[1])
+            if abs(leap_s) > MOST_DRIFT_S:
+                self.trouble = f"nothing is deleted this time: the clock has leapt by {leap_s:,.0f} s"
+                log.warning("not swept", why=self.trouble)
+                return False
+        if gap_s > 0.0:
+            os.utime(self.file, (now_s, now_s))
+        return True
