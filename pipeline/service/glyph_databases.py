@@ -33,14 +33,14 @@ class GlyphDatabases:
             )
 
     def path(self, name: str) -> Path | None:
-        """The file of a database; None for the built-in fonts.
+        """The file of a database; None where none is named, and the settings of reading say which.
 
         Raises:
             OwnProblem: its file was there lately, and is away.
             Problem: there is none of that name.
         """
         if not name:
-            return self._default
+            return None
         files = self._recent.files()
         if name not in files:
             if self._recent.is_away(name):

@@ -1,0 +1,164 @@
+"""What is the service's own to mend is no verdict on what was sent, and one bad item does not stop the others."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from PIL import Image
+
+from glyphs import stamp
+from tests.contract.front_doors import RunningService, run_process, run_service, status_of, wait_until
+
+OPTIONS = ("--jobs", "1", "--format", "A9", "--height-mm", "4", "--watch-every-s", "0.1")
+
+
+@pytest.fixture(scope="module")
+def picture() -> bytes:
+    """A photograph of a clean plate, as PNG."""
+    buffer = io.BytesIO()
+    Image.fromarray(stamp("K7", font="gothic", height_mm=4.0, seed=3).photograph().pixels).save(buffer, "png")
+    return buffer.getvalue()
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a glyph database, two jobs and a folder to watch."""
+    folder = tmp_path_factory.mktemp("passing")
+    assert run_process("glyphs", "build", folder / "g.glyphs", "gothic").status == 0
+    for name in ("watched", "jobs"):
+        (folder / name).mkdir()
+    (folder / "jobs" / "line.toml").write_text(
+        f'format = "A9"\nheight_mm = 4\ndatabase = "{folder}/g.glyphs"\n'
+    )
+    (folder / "jobs" / "other.toml").write_text('format = "A9"\nheight_mm = 4\n')
+    return folder
+
+
+@pytest.fixture(scope="module")
+def watching(place: Path) -> Iterator[RunningService]:
+    options = (*OPTIONS, "--database", f"{place}/g.glyphs", "--jobs-folder", f"{place}/jobs")
+    with run_service(place / "s", *options, "--watch", f"{place}/watched", "--watch-job", "line") as running:
+        yield running
+
+
+def ready(service: RunningService) -> bool:
+    return status_of(f"{service.url}/readyz") == 200
+
+
+def send(service: RunningService, picture: bytes, **fields: str) -> httpx.Response:
+    return httpx.post(
+        f"{service.url}/v1/parts", files={"photo": ("a.png", picture)}, data=fields, timeout=60.0
+    )
+
+
+def names(service: RunningService) -> set[str]:
+    return {part["name"] for part in httpx.get(f"{service.url}/v1/parts?limit=100").json()}
+
+
+def is_passing(answer: httpx.Response) -> bool:
+    return answer.status_code in (503, 507) and int(answer.headers["Retry-After"]) > 0
+
+
+def test_a_file_whose_name_is_no_text_is_named_and_left(
+    watching: RunningService, place: Path, picture: bytes
+) -> None:
+    odd = os.fsencode(place / "watched") + b"/St\xfcck-7.png"
+    with open(odd, "wb") as stream:
+        stream.write(picture)
+    with open(odd.replace(b"-7", b"-8.light-1"), "wb") as stream:
+        stream.write(picture)
+    (place / "watched" / "after.png").write_bytes(picture)
+    wait_until(lambda: "after" in names(watching), watching.process)
+    wait_until(lambda: "ck-7.png" in watching.log and "ck-8.light-1.png" in watching.log, watching.process)
+    assert "Traceback" not in watching.log
+    assert os.path.exists(odd)
+
+
+@pytest.mark.parametrize("spoilt", ["g.glyphs", "jobs/line.toml"])
+def test_a_file_of_the_service_that_is_away_for_a_while_costs_no_part(
+    watching: RunningService, place: Path, picture: bytes, spoilt: str
+) -> None:
+    fresh = f"while-{Path(spoilt).stem}-was-away"
+    (place / spoilt).rename(place / "away")
+    try:
+        wait_until(lambda: not ready(watching), watching.process)
+        assert is_passing(send(watching, picture, job="line"))
+        told = httpx.get(f"{watching.url}/readyz")
+        assert is_passing(told)
+        assert Path(spoilt).name in told.json()["detail"]
+        assert "/" not in told.json()["detail"]
+        (place / "watched" / f"{fresh}.png").write_bytes(picture)
+    finally:
+        (place / "away").rename(place / spoilt)
+    wait_until(lambda: ready(watching), watching.process)
+    assert send(watching, picture, job="line").status_code == 201
+    wait_until(lambda: fresh in names(watching), watching.process)
+
+
+def test_a_damaged_database_is_not_the_senders_fault(
+    watching: RunningService, place: Path, picture: bytes
+) -> None:
+    whole = (place / "g.glyphs").read_bytes()
+    (place / "g.glyphs").write_bytes(whole[: len(whole) // 2])
+    try:
+        answer = send(watching, picture)
+        assert is_passing(answer)
+        assert "g.glyphs" in answer.json()["detail"]
+        other = send(watching, picture, job="other")
+        assert other.status_code == 201, other.text
+        assert not ready(watching)
+    finally:
+        (place / "g.glyphs").write_bytes(whole)
+    wait_until(lambda: ready(watching), watching.process)
+
+
+def test_a_job_that_cannot_be_written_is_not_the_senders_fault(watching: RunningService, place: Path) -> None:
+    (place / "jobs").rename(place / "jobs-away")
+    (place / "jobs").write_text("no folder")
+    try:
+        assert is_passing(httpx.put(f"{watching.url}/v1/jobs/fresh", json={"format": "A9"}))
+    finally:
+        (place / "jobs").unlink()
+        (place / "jobs-away").rename(place / "jobs")
+    assert httpx.put(f"{watching.url}/v1/jobs/fresh", json={"format": "A9"}).status_code == 201
+    assert httpx.put(f"{watching.url}/v1/jobs/fresh", json={"format": "re:["}).status_code == 422
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        b"height_mm = " + b"9" * 5000,
+        b"height_mm = 0x" + b"f" * 5000,
+        b"format = " + b"[" * 20_000,
+        b"\xff\xfe\x00",
+    ],
+    ids=["digits", "hexadecimal", "brackets", "bytes"],
+)
+def test_one_job_that_cannot_be_parsed_leaves_the_others(
+    watching: RunningService, place: Path, picture: bytes, written: bytes
+) -> None:
+    path = place / "jobs" / "bad.toml"
+    path.write_bytes(written)
+    try:
+        listed = {job["name"]: job["problem"] for job in httpx.get(f"{watching.url}/v1/jobs").json()}
+        assert listed["bad"]
+        assert listed["line"] == ""
+        assert httpx.get(f"{watching.url}/jobs").status_code == 200
+        assert is_passing(send(watching, picture, job="bad"))
+        assert ready(watching)
+    finally:
+        path.unlink()
+
+
+def test_a_hangup_drains(place: Path) -> None:
+    with run_service(place / "hangup", "--jobs", "1", "--drain-s", "0.2", ready=False) as running:
+        wait_until(lambda: status_of(f"{running.url}/healthz") == 200, running.process)
+        running.process.send_signal(signal.SIGHUP)
+        running.process.wait(60.0)
+        assert "Finished server process" in running.log
