@@ -168,8 +168,6 @@ def load_database(path: str | Path) -> GlyphDatabase:
         DatabaseError: the file is missing, damaged, cut short, of another kind, or newer than this program.
     """
     name = str(path)
-    if Path(path).exists() and not Path(path).is_file():  # a pipe would be waited for
-        raise DatabaseError(f"{name!r} is not a file", hint="name a glyph database")
     try:
         require_file(Path(path), most_bytes=MOST_FILE_BYTES)
         data = Path(path).read_bytes()
