@@ -95,7 +95,7 @@ def _pitches(path: Path, raw: RawMap, settings: MapSettings) -> tuple[float, flo
         raise FileError(
             path,
             f"is a matrix of {raw.z.shape[0]} x {raw.z.shape[1]} heights without the distance of its samples",
-            "give it with --pitch-mm, such as --pitch-mm 0.05",
+            "give it with --pitch-mm, such as --pitch-mm 0.05, or save .npz with z_mm and pitch_mm",
         )
     for pitch in (raw.x_pitch, raw.y_pitch):
         if not (np.isfinite(pitch) and pitch > 0.0):

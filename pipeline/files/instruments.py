@@ -34,7 +34,7 @@ _HEAD_BYTES = 8192
 _NO_HEIGHTS = re.compile(
     r"intens|light|laser|image|colou?r|amplitude|phase|error|deflection|quality", re.IGNORECASE
 )
-_UNKNOWN_UNIT = re.compile(r"Unknown unit '(.*)'\.?")
+_OTHER_UNIT = re.compile(r"Unknown unit '(.*)'\.?|.* while unit '(.*)' is of kind .*")
 
 
 def read_sdf(path: Path) -> RawMap:
@@ -124,13 +124,12 @@ def read_with_surface_topography(path: Path, *, known: bool = True) -> RawMap:
                 ) from error
             raise _unread(path) from error
         except ValueError as error:
-            if unit := _UNKNOWN_UNIT.fullmatch(str(error)):
-                what = f"z has the unit {unit[1]!r}" if unit[1].strip() else "z has no unit"
-                raise FileError(
-                    path,
-                    f"holds no heights but an image: {what}, which is no length",
-                    "export the channel of heights",
-                ) from error
+            if found := _OTHER_UNIT.fullmatch(str(error)):
+                unit = (found[1] or found[2] or "").strip()
+                what = (
+                    f"an image (z in {unit!r}), no heights" if unit else "no heights: z has no unit of length"
+                )
+                raise FileError(path, f"holds {what}", "export the channel of heights") from error
             raise
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from glyphs import HeightMap
+from glyphs import MarksError as FileError
 from pipeline import MapSettings, read_height_map
 
 PITCH = 0.08
@@ -212,7 +213,7 @@ def test_x3p_of_x3ptools(name: str) -> None:
         found = read_height_map(DATA / name)
         assert (found.z_mm.shape, found.pitch_mm) == ((419, 741), pytest.approx(6.45e-4))
         return
-    with pytest.raises(Exception, match=r"27\.5 mm apart.*--unit mm"):
+    with pytest.raises(FileError, match=r"27\.5 mm apart.*--unit mm"):
         read_height_map(DATA / name)
     for unit, mm in (("mm", 1.0), ("um", 1e-3)):
         assert read_height_map(DATA / name, MapSettings(unit=unit)).pitch_mm == pytest.approx(
@@ -336,7 +337,7 @@ def test_numbers_of_no_part_are_asked_about_and_converted(
     path = make(tmp_path)
     if path.suffix == ".sur":
         pytest.importorskip("SurfaceTopography")
-    with pytest.raises(Exception, match=rf"; are the \w+ \w+\? then give --unit {unit}$"):
+    with pytest.raises(FileError, match=rf"; are the \w+ \w+\? then give --unit {unit}$"):
         read_height_map(path)
     check(read_height_map(path, MapSettings(unit=unit)))
 
@@ -345,7 +346,7 @@ def test_shallow_marks_in_micrometres_below_the_width_of_the_plate_are_asked_abo
     z = np.random.default_rng(1).normal(0.0, 0.8, (360, 360))
     z[100:200, 100:110] -= 30.0
     np.savez(tmp_path / "a.npz", z_mm=z, pitch_mm=0.1)
-    with pytest.raises(Exception, match=r"36 mm x 36 mm; are the heights micrometres\? then give --unit um"):
+    with pytest.raises(FileError, match=r"36 mm x 36 mm; are the heights micrometres\? then give --unit um"):
         read_height_map(tmp_path / "a.npz")
 
 
@@ -360,14 +361,59 @@ def test_a_unit_that_is_given_is_not_asked_about_again(tmp_path: Path) -> None:
 def test_a_map_of_160_m_is_refused_with_the_way_out(tmp_path: Path) -> None:
     """As .nms files come out of a library that takes nanometres for millimetres."""
     path = save_sur(tmp_path / "a.sur", unit="µm", step=312.5, scale=1e-2)
-    with pytest.raises(Exception, match=r"samples lie 31\d mm apart.*--pitch-mm"):
+    with pytest.raises(FileError, match=r"samples lie 31\d mm apart.*--pitch-mm"):
         read_height_map(path)
     check(read_height_map(path, MapSettings(pitch_mm=PITCH)))
 
 
+def save_gwy(path: Path, *channels: tuple[str, str, Heights], mask: Heights | None = None) -> Path:
+    """Gwyddion's native format: (title, unit of z, values) of each channel."""
+
+    def text(value: str) -> bytes:
+        return value.encode() + b"\0"
+
+    def thing(name: str, body: bytes) -> bytes:
+        return text(name) + struct.pack("<I", len(body)) + body
+
+    def field(unit: str, z: Heights) -> bytes:
+        units = b"".join(
+            text(key) + b"o" + thing("GwySIUnit", text("unitstr") + b"s" + text(value))
+            for key, value in (("si_unit_xy", "m"), ("si_unit_z", unit))
+        )
+        sizes = b"".join(text(k) + b"i" + struct.pack("<i", n) for k, n in (("xres", 60), ("yres", 40)))
+        real = b"".join(
+            text(k) + b"d" + struct.pack("<d", v) for k, v in (("xreal", 4.8e-3), ("yreal", 3.2e-3))
+        )
+        data = text("data") + b"D" + struct.pack("<I", z.size) + z.astype("<f8").tobytes()
+        return thing("GwyDataField", sizes + real + units + data)
+
+    body = b""
+    for n, (title, unit, z) in enumerate(channels):
+        body += text(f"/{n}/data") + b"o" + field(unit, z) + text(f"/{n}/data/title") + b"s" + text(title)
+    if mask is not None:
+        body += text("/0/mask") + b"o" + field("", mask)
+    path.write_bytes(b"GWYP" + thing("GwyContainer", body))
+    return path
+
+
+def test_channels_and_masks_of_gwyddion(tmp_path: Path) -> None:
+    pytest.importorskip("SurfaceTopography")
+    marks = (Z < -0.1).astype(float)
+    check(read_height_map(save_gwy(tmp_path / "a.gwy", ("Height", "m", Z * 1e-3), mask=marks)))
+    image = ("Intensity", "V", np.abs(Z) * 40.0)
+    check(read_height_map(save_gwy(tmp_path / "b.gwy", image, ("Topography", "m", Z * 1e-3))))
+    misnamed = ("Laser intensity", "m", np.abs(Z))
+    check(read_height_map(save_gwy(tmp_path / "c.gwy", misnamed, ("Height", "m", Z * 1e-3))))
+    for channels in ((image,), (misnamed,)):
+        with pytest.raises(FileError, match=r"holds no heights; its channels are images"):
+            read_height_map(save_gwy(tmp_path / "d.gwy", *channels))
+
+
 REFUSED: dict[str, tuple[Callable[[Path], Path], str]] = {
-    "intensity": (lambda folder: save_sur(folder / "a.sur", unit="LSB"), "no heights but an image.*'LSB'"),
-    "no unit": (lambda folder: save_sur(folder / "a.sur", unit=""), "z has no unit"),
+    "intensity": (lambda folder: save_sur(folder / "a.sur", unit="LSB"), r"an image \(z in 'LSB'\), no heights"),
+    "voltage": (lambda folder: save_sur(folder / "a.sur", unit="V"), "an image .*, no heights"),
+    "percent": (lambda folder: save_sur(folder / "a.sur", unit="%"), "an image .*, no heights"),
+    "no unit": (lambda folder: save_sur(folder / "a.sur", unit=""), "z has no unit of length"),
     "compressed": (lambda folder: save_sur(folder / "a.sur", magic=b"DSCOMPRESSED"), "compressed; save it unc"),
 }  # fmt: skip
 
@@ -376,7 +422,7 @@ REFUSED: dict[str, tuple[Callable[[Path], Path], str]] = {
 def test_images_and_compressed_files_are_refused_in_words(case: str, tmp_path: Path) -> None:
     pytest.importorskip("SurfaceTopography")
     make, message = REFUSED[case]
-    with pytest.raises(Exception, match=message):
+    with pytest.raises(FileError, match=message):
         read_height_map(make(tmp_path))
 
 
@@ -394,7 +440,7 @@ def test_text_that_holds_no_map_is_refused_in_words(case: str, tmp_path: Path) -
     pytest.importorskip("SurfaceTopography")
     name, text, message = WORDS[case]
     (tmp_path / name).write_text(text)
-    with pytest.raises(Exception, match=message):
+    with pytest.raises(FileError, match=message):
         read_height_map(tmp_path / name)
     if case == "matrix without pitch":
         check(read_height_map(tmp_path / name, MapSettings(pitch_mm=PITCH)))
