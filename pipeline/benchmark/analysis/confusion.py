@@ -13,10 +13,14 @@ from pipeline.benchmark.trials.journal import Trial
 from pipeline.common.alignment import EXTRA, MISSING, align
 
 
+def edits(trial: Trial) -> int:
+    """Characters wrong, missing and too many."""
+    return sum(not pair.right for pair in align(trial.truth, trial.text))
+
+
 def characters_right(trial: Trial) -> int:
-    """Characters stamped less the edits (wrong, missing, too many), not below 0."""
-    edits = sum(not pair.right for pair in align(trial.truth, trial.text))
-    return max(0, len(trial.truth) - edits)
+    """Characters stamped less the edits, not below 0."""
+    return max(0, len(trial.truth) - edits(trial))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.benchmark.analysis.bounds import Bounded, bounded
 from pipeline.benchmark.analysis.calibration import Reliability, reliability
-from pipeline.benchmark.analysis.confusion import Confusion, characters_right, confusion
+from pipeline.benchmark.analysis.confusion import Confusion, characters_right, confusion, edits
 from pipeline.benchmark.analysis.risk import RiskCoverage, risk_coverage
 from pipeline.benchmark.analysis.shares import resampled
 from pipeline.benchmark.exam.condition import Level
@@ -106,6 +106,7 @@ class Cell:
         key: which.
         serials: whole serials right.
         characters: characters right (stamped less edits).
+        character_error_rate: edits for each character stamped (CER); above 1 where more is read than stands there.
         characters_by_part: 95 % interval of their share, whole parts drawn again.
         split: what became of the parts.
         accepted: parts vouched for.
@@ -116,6 +117,7 @@ class Cell:
     key: GroupKey
     serials: Share
     characters: Share
+    character_error_rate: float
     characters_by_part: tuple[float, float]
     split: Split
     accepted: Share
@@ -167,6 +169,7 @@ def cell_of(key: GroupKey, trials: Sequence[Trial]) -> Cell:
         key=key,
         serials=share(sum(t.right for t in trials), len(trials)),
         characters=share(sum(chars_right), sum(chars)),
+        character_error_rate=sum(map(edits, trials)) / max(1, sum(chars)),
         characters_by_part=resampled(chars_right, chars),
         split=split,
         accepted=share(split.accepted, len(trials)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -70,18 +71,26 @@ class DesignedParts:
         return tuple(Given.parse(text) for text in self.design.given)
 
     def items(self) -> list[Item]:
-        """All of them, in the design's order; of the first so many every beginning has each section's share."""
-        found, place = [], -1
-        shares = {}
+        """All of them, in the design's order; the first so many have each section's share and all severities."""
+        found: list[Item] = []
+        sections: list[list[Item]] = []
         for section, number, replicate, condition in self.design.planned():
-            place += number == 0  # the next section begins
+            if number == 0:  # the next section begins
+                sections.append([])
             name = "-".join([*([section.name] if section.name else []),
                              *(_named(condition, factor) for factor in self.design.cross)])  # fmt: skip
-            own = replicate if self.design.alike else place * MAX_PARTS + number
+            own = replicate if self.design.alike else (len(sections) - 1) * MAX_PARTS + number
             item = Item(f"{name}-{replicate:04d}", own, condition, self.given)
             found.append(item)
-            shares[item.part] = (number + 0.5) / section.parts
-        return found if self.first is None else sorted(found, key=lambda one: shares[one.part])[: self.first]
+            sections[-1].append(item)
+        if self.first is None:
+            return found
+        shares = {
+            item.part: (rank + 0.5) / len(own)
+            for own in sections
+            for rank, item in enumerate(_severities_in_turn(own))
+        }
+        return sorted(found, key=lambda one: shares[one.part])[: self.first]
 
     def make(self, item: Item) -> Specimen:
         """Stamp it, soil it, and have it ready for the camera."""
@@ -132,6 +141,16 @@ class DesignedParts:
         named = [f for s in self.design.all_sections() for f in {**self.design.part, **s.part}["font"]]
         plain["font_files"] = [font_mark(str(f), self.design.fonts) for f in dict.fromkeys(named)]
         return plain
+
+
+def _severities_in_turn(items: Sequence[Item]) -> list[Item]:
+    """The items, one of each severity after the other, so that a few of them hold all severities."""
+    seen: Counter[float | None] = Counter()
+    turns = []
+    for item in items:
+        turns.append(seen[item.condition.severity])
+        seen[item.condition.severity] += 1
+    return [item for _, item in sorted(zip(turns, items, strict=True), key=lambda pair: pair[0])]
 
 
 def _check_type(factor: str, level: Level) -> None:

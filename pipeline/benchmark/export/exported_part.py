@@ -172,7 +172,9 @@ class _Writer:
 
     def _relief(self, relief: Relief) -> None:
         path, grid = f"felt/{self.specimen.part}-relief.png", relief.height_mm
-        write_photo(self._at(path), Photo(draw_heights(grid), pitch_mm=relief.pitch_mm))
+        write_photo(
+            self._at(path), Photo(draw_heights(grid, pitch_mm=relief.pitch_mm), pitch_mm=relief.pitch_mm)
+        )
         self.views["relief"] = _view(path, relief.pitch_mm, relief.origin_mm, grid.shape)
         self._layer(
             "relief-16",

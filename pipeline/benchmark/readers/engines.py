@@ -1,7 +1,7 @@
 """Programs of others that read one line of text: RapidOCR's recognition network, and Tesseract.
 
-Both come with the extra `peers`; nothing is fetched at run time. Both are given which characters there may be, not
-which place takes which.
+Both come with the extra `peers`; nothing is fetched at run time. RapidOCR's network is decoded under the format by the
+code that decodes our own; Tesseract gives no probabilities, so it knows the characters of the format alone.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.benchmark.readers.mode import ModeUnavailableError
 from recognition.experts import generic
+from recognition.experts.steps import Steps
 
 _HINT = 'install it with: pip install "tactile-marks[peers]"'
 _TESSERACT_HEIGHT = 60
@@ -29,8 +30,13 @@ Line = list[tuple[str, float]]
 class Engine(Protocol):
     """A program that reads one line of text."""
 
-    def read_line(self, picture: NDArray[np.uint8]) -> Line:
-        """Read a picture (rows, cols, 3) of one line."""
+    def read_line(self, picture: NDArray[np.uint8], places: Sequence[str] = ()) -> Line:
+        """Read a picture (rows, cols, 3) of one line.
+
+        Args:
+            picture: dark on light.
+            places: the characters that each place of the format may bear; empty: no format is known.
+        """
 
 
 def open_engine(name: str, chars: str) -> Engine:
@@ -88,9 +94,37 @@ class RapidOcr:
         beliefs = self._session.run(None, {self._session.get_inputs()[0].name: values})[0][0]
         return np.where(self._allowed, beliefs, 0.0)
 
-    def read_line(self, picture: NDArray[np.uint8]) -> Line:
+    def read_line(self, picture: NDArray[np.uint8], places: Sequence[str] = ()) -> Line:
         """See `Engine`."""
-        return decode_ctc(self.beliefs(picture), self.classes)
+        beliefs = self.beliefs(picture)
+        return decode_format(beliefs, self.classes, places) if places else decode_ctc(beliefs, self.classes)
+
+
+def decode_format(beliefs: NDArray[np.floating], classes: Sequence[str], places: Sequence[str]) -> Line:
+    """The likeliest character of every place of a format, with its posterior.
+
+    Args:
+        beliefs: (steps, classes) probabilities; class 0 is the blank.
+        classes: their characters.
+        places: the characters that each place may bear.
+
+    Returns:
+        A character a place; nothing where the steps have no room for so many.
+    """
+    chars = "".join(sorted(set("".join(places))))
+    index = {name: k for k, name in enumerate(classes)}
+    shares = np.zeros((len(beliefs), len(chars)))
+    for k, char in enumerate(chars):
+        if char in index:
+            shares[:, k] = beliefs[:, index[char]]
+    blank = beliefs[:, 0].astype(np.float64)
+    if " " in index:  # a word gap holds no character
+        blank = blank + beliefs[:, index[" "]]
+    found = Steps.of(blank, shares, chars, np.arange(len(beliefs), dtype=np.float64)).places(places)
+    if found is None:
+        return []
+    best = found.log_belief.argmax(axis=1)
+    return [(chars[k], float(np.exp(row[k]))) for row, k in zip(found.log_belief, best, strict=True)]
 
 
 def decode_ctc(beliefs: NDArray[np.floating], classes: Sequence[str]) -> Line:
@@ -132,7 +166,7 @@ class _Tesseract:
         self._image = _imported("PIL.Image", "Pillow")
         self._api = _tesseract_api(chars)
 
-    def read_line(self, picture: NDArray[np.uint8]) -> Line:
+    def read_line(self, picture: NDArray[np.uint8], places: Sequence[str] = ()) -> Line:
         grey = _to_height(picture, _TESSERACT_HEIGHT).mean(axis=2).astype(np.uint8)
         self._api.SetImage(self._image.fromarray(grey))
         self._api.Recognize()

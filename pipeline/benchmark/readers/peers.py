@@ -43,7 +43,7 @@ class _Peer:
 
     def read(self, senses: PartReadings) -> Reading:
         picture = PICTURES[self._picture](senses)
-        line = self._engine.read_line(picture) if min(picture.shape[:2]) >= 8 else []
+        line = self._engine.read_line(picture, self._places) if min(picture.shape[:2]) >= 8 else []
         reading = reading_of(line, places=self._places)
         if self._picture not in _FELT:
             return reading

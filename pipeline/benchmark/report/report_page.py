@@ -19,6 +19,7 @@ from pipeline.benchmark.report import curves as report_curves
 from pipeline.benchmark.report.charts import inlined, leading, modes_in, severities_in
 from pipeline.benchmark.report.design_words import design_words
 from pipeline.benchmark.report.page import bars, rendered
+from pipeline.benchmark.report.text_tables import given_words, leaders
 from pipeline.benchmark.report.worst_parts import WorstPart, marked
 from pipeline.benchmark.trials.journal import Trial
 from pipeline.benchmark.trials.run import Benchmark
@@ -65,6 +66,8 @@ def report_page(
         modes=modes,
         design=design_words(description["parts"], n_parts, found.given),
         given=found.given,
+        given_words=given_words(found.given),
+        leaders=leaders(found.by_mode),
         lead=leading(modes),
         factors=list(_factors(found, modes)),
         knowledge=found.knowledge,

@@ -6,7 +6,7 @@ accepted but wrong has the one-sided 95 % bound of Clopper and Pearson.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from pipeline.benchmark.analysis.groups import Cell
 from pipeline.benchmark.analysis.statistics import Statistics
@@ -22,10 +22,21 @@ def text_tables(found: Statistics, *, command: str = "") -> str:
     """
     severities = list(dict.fromkeys(g.key.severity for g in found.by_severity))
     made = [f"    {command}\n"] if command else []
-    made.append(_over_all(found.by_mode or found.by_severity))
+    made.append(f"{given_words(found.given)}\n")
+    made.append(_over_all(leaders(found.by_mode or found.by_severity)))
     if len(severities) > 1:
         made.append(_by_severity(found, severities))
     return "\n".join(made)
+
+
+def given_words(given: Sequence[str]) -> str:
+    """The sentence that says what readers know of a part before they read it."""
+    return f"Readers are given {'; or '.join(one.replace(',', ', ') for one in given)}."
+
+
+def leaders(groups: Iterable[Cell]) -> list[Cell]:
+    """The groups, the fewest character errors first."""
+    return sorted(groups, key=lambda group: (group.character_error_rate, -group.accepted.value))
 
 
 def _over_all(groups: Sequence[Cell]) -> str:
@@ -33,6 +44,7 @@ def _over_all(groups: Sequence[Cell]) -> str:
         (
             group.key.reader,
             str(group.serials.total),
+            _percent(group.character_error_rate),
             _with_interval(group.characters, group.characters_by_part),
             _with_interval(group.serials, (group.serials.low, group.serials.high)),
             _percent(group.accepted.value),
@@ -40,7 +52,7 @@ def _over_all(groups: Sequence[Cell]) -> str:
         )
         for group in groups
     ]
-    heading = ("reader", "parts", "characters", "serials", "accepted", "of these wrong (at most)")
+    heading = ("reader", "parts", "CER, %", "characters", "serials", "accepted", "of these wrong (at most)")
     return _table(heading, rows)
 
 

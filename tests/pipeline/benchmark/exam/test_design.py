@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from glyphs.stamping.variation import StampError
 from pipeline.benchmark.exam.condition import Condition, Given
 from pipeline.benchmark.exam.design import Design
 from pipeline.benchmark.exam.designed_parts import DesignedParts
+from pipeline.benchmark.exam.editions import design_named
 from pipeline.common.settings import SettingsError
 
 PART = {"font": "gothic", "format": "A9", "severity": [0.3, 0.6]}
@@ -173,3 +175,11 @@ def test_a_condition_knows_what_it_was_not_given() -> None:
     known, unknown = Condition(severity=0.5, font="a/b/Bold.ttf"), Condition()
     assert (known.severity, known.levels["font"]) == (0.5, "Bold")
     assert (unknown.severity, unknown.font, unknown.format, unknown.height_mm) == (None, "", "", None)
+
+
+def test_the_first_parts_of_an_edition_hold_all_severities() -> None:
+    parts = DesignedParts(design_named("marks-exam-1-48"), first=8)
+    severities = [item.condition.severity for item in parts.items()]
+    assert {severities.count(severity) for severity in (0.0, 0.3, 0.6, 0.9)} <= {1, 2, 3}
+    every = [item.part for item in DesignedParts(design_named("marks-exam-1-48")).items()]
+    assert {item.part for item in replace(parts, first=48).items()} == set(every)

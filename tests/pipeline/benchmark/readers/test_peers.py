@@ -1,5 +1,6 @@
 """Programs of others as modes: decoding, cropping, and what is said where they are missing."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +26,7 @@ CLASSES = ("", "A", "B")
 class Nobody:
     """An engine that reads nothing."""
 
-    def read_line(self, picture: np.ndarray) -> engines.Line:
+    def read_line(self, picture: np.ndarray, places: Sequence[str] = ()) -> engines.Line:
         return []
 
 
@@ -50,6 +51,31 @@ def test_repeats_and_blanks_are_struck_out_and_the_surest_of_a_run_counts() -> N
     beliefs[range(len(path)), path] = (0.9, 0.5, 0.7, 0.9, 0.6, 0.8, 0.4, 0.9)
     assert engines.decode_ctc(beliefs, CLASSES) == [("A", 0.7), ("A", 0.6), ("B", 0.8)]
     assert engines.decode_ctc(np.eye(3)[[0, 0]], CLASSES) == []
+
+
+def test_a_peer_is_decoded_under_the_format() -> None:
+    """An 8 that is a little likelier than the B in a place that takes letters alone."""
+    classes = ("", "B", "8", "1")
+    beliefs = np.full((5, 4), 0.01)
+    beliefs[[0, 2, 4], 0] = 0.97
+    beliefs[1] = (0.02, 0.45, 0.52, 0.01)
+    beliefs[3, 3] = 0.97
+    assert [char for char, _ in engines.decode_ctc(beliefs, classes)] == ["8", "1"]
+    (first, sure), (second, _) = engines.decode_format(beliefs, classes, ("B", "81"))
+    assert (first, second) == ("B", "1")
+    assert sure == pytest.approx(1.0)
+    assert engines.decode_format(beliefs[:1], classes, ("B", "81")) == []
+
+
+def test_heights_are_drawn_without_the_plates_form() -> None:
+    """Marks 0.2 mm deep on a plate that tilts by 5 mm and bows by 3 mm."""
+    x = np.linspace(-1.0, 1.0, 400)
+    form = 2.5 * x + 3.0 * x**2
+    z = np.repeat(form[None, :], 100, axis=0)
+    z[40:60, ::40] -= 0.2
+    drawn = pictures.draw_heights(z.astype(np.float32), pitch_mm=0.1)
+    assert drawn[50, 200] < 60
+    assert np.ptp(drawn[10:30, 60:-60].astype(float)) < 60
 
 
 def test_a_peer_is_accepted_where_it_fits_the_format_and_is_sure() -> None:

@@ -116,8 +116,9 @@ def test_the_table_has_a_line_a_trial(written: report.Written) -> None:
 
 
 def test_the_tables_for_documents_are_those_of_the_trials(written: report.Written) -> None:
-    command, _, *table = written.document.read_text(encoding="utf-8").splitlines()
+    command, _, given, _, *table = written.document.read_text(encoding="utf-8").splitlines()
     assert command.strip() == "tactile-marks benchmark --seed 1"
+    assert given == "Readers are given nothing."
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
     tactile = dict(zip(rows[0], rows[2], strict=True))
     # 1 of 5 serials and 5 of 10 characters right, 2 accepted, 1 of them wrong
@@ -125,7 +126,9 @@ def test_the_tables_for_documents_are_those_of_the_trials(written: report.Writte
     assert tactile["characters"].startswith("50.0 (")
     assert tactile["serials"].startswith("20.0 (")
     assert tactile["of these wrong (at most)"] == "1 of 2 (97.5)"
-    assert [row[0] for row in rows[2:]] == ["tactile", "vision", "fused"]
+    assert tactile["CER, %"] == "50.0"
+    errors = [float(row[2]) for row in rows[2:]]
+    assert errors == sorted(errors)
 
 
 def test_the_figures_are_those_of_the_trials(written: report.Written) -> None:
