@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,10 +56,19 @@ def read_job_file(path: Path) -> JobFile:
     """A job out of its file.
 
     Raises:
-        FileError: no such file, no name for a job, no TOML, a setting that is none or cannot be, a file in it that is
-            not there.
+        FileError: as `read_keys`; no name for a job, a setting that is none or cannot be, a file in it that is not
+            there.
     """
-    return job_of(path, toml_of(path), file_sha256(path))
+    return job_of(path, *read_keys(path))
+
+
+def read_keys(path: Path) -> tuple[dict[str, Any], str]:
+    """The keys of a job file, not yet checked, and the file's SHA-256.
+
+    Raises:
+        FileError: no such file, no TOML.
+    """
+    return toml_of(path), file_sha256(path)
 
 
 def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
@@ -89,15 +98,16 @@ def job_of(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
     return JobFile(path.stem, settings, written, digest)
 
 
-def job_text(written: Mapping[str, Any]) -> str:
-    """The text of a job file with these keys.
+def job_text(written: Mapping[str, Any], lines: Iterable[str]) -> str:
+    """The text of a job file.
 
-    Raises:
-        SettingsError: a setting that is none or cannot be.
+    Args:
+        written: its keys, checked; `line` is ignored.
+        lines: as `ReadSettings.line`.
     """
-    lines = [NamedLine.parse(text) for text in ReadSettings.of(**written).line]
+    named = [NamedLine.parse(text) for text in lines]
     made = [f"{key} = {_value(value)}" for key, value in written.items() if key != "line"]
-    for line in lines:
+    for line in named:
         made += ["", f"[line.{line.name}]", f"format = {_value(line.format)}"]
         made += [] if line.region is None else [f"region = {_value(line.region)}"]
     return "\n".join(made).lstrip("\n") + "\n"

@@ -184,6 +184,21 @@ def _region(value: Any) -> Any:
     return (left, top, right, bottom)
 
 
+MOST_RULES, MOST_RULE_CHARS = 16, 2_000
+"""Formats, lines, check digits or depth rules of one job, and characters of each: every one is work to prepare."""
+
+
+def _few(value: Any) -> Any:
+    """Refuse more or longer rules than anybody writes, before any of them is prepared."""
+    if isinstance(value, tuple | list):
+        if len(value) > MOST_RULES:
+            raise ValueError(f"there are {len(value)}; give {MOST_RULES} at most")
+        longest = max((len(text) for text in value if isinstance(text, str)), default=0)
+        if longest > MOST_RULE_CHARS:
+            raise ValueError(f"one has {longest:,} characters; give {MOST_RULE_CHARS:,} at most")
+    return value
+
+
 def _formats(value: tuple[str, ...]) -> tuple[str, ...]:
     from recognition.language.grammar import Grammar
 
@@ -229,6 +244,10 @@ Names = Annotated[tuple[str, ...], BeforeValidator(_by_commas)]
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
 
 
+MOST_FONTS = 64
+"""Fonts that compete; the templates of each are made."""
+
+
 class MapSettings(Settings):
     """Settings of height files: what a file does not state, or states wrongly."""
 
@@ -248,29 +267,33 @@ class ReadSettings(MapSettings):
     mode: Literal["tactile", "vision", "fused", "auto"] | None = None
     """What reads: touch (tactile), the camera (vision), both together (fused), or whatever a part has files for
     (auto). Unless given, touch; and the camera for a part that is a photograph only."""
-    font: Names = ()
+    font: Annotated[Names, Field(max_length=MOST_FONTS)] = ()
     """Built-in font or TTF/OTF file; may be repeated. Any font is read; the shapes of one that is named are compared
     with the marks, too."""
     experts: Annotated[Names, AfterValidator(_experts)] = ()
     """Who has a say, separated by commas: own (the network that comes with this program: any font, touch and
     photographs), print (RapidOCR, with the extra vision: touch and photographs), templates (the shapes of the fonts
     that are named, and of the die that a lot has taught, as touch feels them: touch only). All of them unless given."""
-    format: Annotated[tuple[str, ...], BeforeValidator(_one), AfterValidator(_formats)] = ()
+    format: Annotated[
+        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_one), AfterValidator(_formats)
+    ] = ()
     """What serials look like; may be repeated, all must hold. Such as AA999999 (A letter, a small letter, 9
     digit, * A or 9, any other character and what a \\ stands before itself, a blank a word gap), re:EXPRESSION,
     sets:AB,0-9,... (the characters of each place), fields:SER (text elements and GS1 identifiers), vin, or
     check:RULE; +check=RULE and +exclude=IOQ may follow any of them."""
     lexicon: Path | None = None
     """File of all serials that exist, one a line; # starts a comment."""
-    check: Annotated[Names, AfterValidator(_checks)] = ()
+    check: Annotated[Names, AfterValidator(_few), AfterValidator(_checks)] = ()
     """Check digit that must hold, such as luhn, iso7064mod37_2 or stdnum:imei; luhn@3-8 looks at places 3 to 8. May
     be repeated."""
-    exclude: Annotated[str, AfterValidator(_characters)] = ""
+    exclude: Annotated[str, Field(max_length=MOST_RULE_CHARS), AfterValidator(_characters)] = ""
     """Characters that no serial has, such as IOQ, except where the format names them."""
     region: Annotated[Region | None, BeforeValidator(_region)] = None
     """Where on the part the middle of the serial lies: left, top, right and bottom as shares, 0 to 1, of the
     photograph, or of what was scanned. Anywhere unless given."""
-    line: Annotated[tuple[str, ...], BeforeValidator(_by_name), AfterValidator(_lines)] = ()
+    line: Annotated[
+        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_by_name), AfterValidator(_lines)
+    ] = ()
     """Another line that stands on the part, as NAME=FORMAT, such as lot=AAA99, or with its region,
     lot@0,0.5,1,1=AAA99; may be repeated. A part without it goes to review. In the file also a table, [line] with lot =
     "AAA99", or [line.lot] with format and region; in the environment also JSON, {"lot": "AAA99"}."""
@@ -280,7 +303,7 @@ class ReadSettings(MapSettings):
     """How touch is simulated: the ball of the tip in contact, or a point (faster, less true)."""
     database: Path | None = None
     """Glyph database (.glyphs) to take the fonts from; see glyphs build and enroll."""
-    depth_rule: Annotated[Names, AfterValidator(_rules)] = ()
+    depth_rule: Annotated[Names, AfterValidator(_few), AfterValidator(_rules)] = ()
     """Rule for depth, burr and size of the marks; may be repeated. 27CFR478.92, CONTRAN24/98, MIL-STD-792, 70-16-05,
     or one of your own in mm, NAME=LEAST:MOST@HEIGHTS, such as "press-7=0.05:0.15@0.8:2 0.15:0.3@2.5:4 burr=0.05
     height=1.6". A part that breaks one is read all the same and goes to review."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -40,11 +40,11 @@ from pipeline.service.pages.frame import Frame
 from pipeline.service.pages.routes import pages_router
 from pipeline.service.part_service import PartService
 from pipeline.service.ports import Ports
-from pipeline.service.reading_orders import ReadingOrders
+from pipeline.service.reading_orders import ReadingOrders, called_by
 from pipeline.service.stage.devices import Camera, FolderCamera, NoCamera, NoStage, SimulatedStage, Stage
 from pipeline.service.stage.stage_driver import load_driver
 from pipeline.service.stage_work import CameraWork, StageWork
-from pipeline.service.web.access import Access, session_key
+from pipeline.service.web.access import Access
 from pipeline.service.web.door import DoorLayer
 from pipeline.service.web.middleware import RequestLayer
 from pipeline.service.web.openapi import described
@@ -63,6 +63,8 @@ if TYPE_CHECKING:
 SWEEP_EVERY_S = 3600.0
 RECHECK_EVERY_S = 1.0
 """Between looks at jobs and glyph databases that were of no use."""
+CHECK_S = 10.0
+"""A job may take to be checked; most take a tenth of a second."""
 LOOK_S = 0.05
 """Between looks at workers that warm up."""
 ORPHAN_AGE_S = 3600.0
@@ -99,12 +101,14 @@ class Service:
         self.sweeps = SweepClock(settings.evidence_folder / "swept")
         self.store = Store.open(settings.store_url)
         self.metrics = Metrics()
-        self.access = Access(
-            self.store, required=settings.tokens_asked, key=session_key(settings.session_key)
-        )
+        self.access = Access(self.store, required=settings.tokens_asked, own_user=settings.tokens == "auto")
         self.databases = GlyphDatabases(settings.databases_folder, default=reading.database)
         self.jobs = JobFolder(
-            settings.job_files, own=reading, databases=self.databases, needed=settings.watch_job
+            settings.job_files,
+            own=reading,
+            databases=self.databases,
+            needed=settings.watch_job,
+            call=self._call_worker,
         )
         if settings.watch_job:
             self._check_job(settings.watch_job)
@@ -177,6 +181,10 @@ class Service:
         self.metrics.gauge("alerts", "Alerts that are raised.", lambda: float(len(self.store.alerts())))
         self.metrics.gauge("outbox", "Results not yet published.", self.store.undelivered)
 
+    def _call_worker(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """What a function returns that a worker calls, for a thread that may wait."""
+        return called_by(self.pool, function, *arguments, timeout_s=CHECK_S)
+
     def _check_job(self, name: str) -> None:
         try:
             self.jobs.settings(name)
@@ -206,7 +214,7 @@ class Service:
         orders = self.parts.orders
         trouble = self.parts.stage.trouble or self.parts.camera.trouble
         trouble = trouble or orders.trouble("") or orders.trouble(self.settings.watch_job)
-        return trouble or ("" if self.pool.ready() else "the workers are warming up")
+        return trouble or ("" if self.pool.ready() else self.pool.trouble or "the workers are warming up")
 
     def drain(self) -> None:
         """Take no more parts, and say so at /readyz; what is at work goes on."""

@@ -25,7 +25,7 @@ class GlyphDatabases:
         Raises:
             SettingsError: there is no such default.
         """
-        self._folder, self._default = folder, default
+        self.folder, self._default = folder, default
         self._recent = RecentFiles(folder, SUFFIX)
         if default is not None and not default.is_file():
             raise SettingsError(

@@ -6,6 +6,7 @@
   that was there within the last hour may come back: until then whoever names it is asked to come again.
 * At the start every job must be one that can be used. One that is spoilt later goes on as it was before; the log and
   the list say so.
+* Jobs that come or change while the service runs are checked by a worker process, within its limits.
 * Without a name, parts are read by the service's own settings.
 """
 
@@ -13,21 +14,22 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import structlog
 
-from glyphs.errors import FileError, MarksError, fault_of
-from glyphs.stamping.database import DatabaseError
+from glyphs.errors import FileError, MarksError, OwnFileError, fault_of
 from pipeline.common.atomic import replacing
-from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_of, job_text, read_job_file
+from pipeline.common.job_file import FILES, NAME, SUFFIX, JobFile, job_text, read_keys
 from pipeline.common.settings import ReadSettings
 from pipeline.reading.certificate import certificate_of
 from pipeline.reading.drift import EVERY, DriftWatch
-from pipeline.reading.readers import files_of
+from pipeline.reading.job_check import check_job, read_settings
 from pipeline.service.glyph_databases import GlyphDatabases
 from pipeline.service.recent_files import RecentFiles
 from pipeline.service.web.problem import OwnProblem, Problem, no_room
@@ -61,6 +63,10 @@ class _Known:
     problem: str = ""
 
 
+def _called_here(function: Callable[..., Any], *arguments: Any) -> Any:
+    return function(*arguments)
+
+
 class JobFolder:
     """Jobs by name. Threads may share it.
 
@@ -68,11 +74,18 @@ class JobFolder:
         folder: of the files.
         own: settings of parts that name no job.
         databases: that a job may be given by name.
-        lock: held by whoever changes a job by what stands in it.
+        lock: held by whoever changes a job by what stands in it; parts are read by jobs meanwhile.
+        call: has a worker call a function, as `call(check_job, path, written)`; raises Problem where it cannot.
     """
 
     def __init__(
-        self, folder: Path, *, own: ReadSettings, databases: GlyphDatabases | None = None, needed: str = ""
+        self,
+        folder: Path,
+        *,
+        own: ReadSettings,
+        databases: GlyphDatabases | None = None,
+        needed: str = "",
+        call: Callable[..., Any] = _called_here,
     ) -> None:
         """Take the folder, and look at every job in it.
 
@@ -81,6 +94,7 @@ class JobFolder:
             own: settings of parts that name no job.
             databases: that a job may be given by name; those beside the jobs unless given.
             needed: job that the service's own settings name: where it is away, it is to come back.
+            call: has a worker call a function; this process does unless given.
 
         Raises:
             FileError: a job that cannot be used.
@@ -89,11 +103,13 @@ class JobFolder:
         self.folder, self.own = folder, own
         self.databases = databases or GlyphDatabases(folder)
         self._own_watch = _watch_of(own)
+        self.call = call
         self._known: dict[str, _Known] = {}
         self._recent, self._needed = RecentFiles(folder, SUFFIX), needed
+        self._known_lock = threading.Lock()
         self.lock = threading.RLock()
         for name, path in self._recent.files().items():
-            job, watch = _read(path)
+            job, watch = _checked(path, call=_called_here)
             self._known[name] = _Known(_state_of(path), job, watch)
 
     def settings(self, name: str) -> ReadSettings:
@@ -109,20 +125,20 @@ class JobFolder:
         """What compares a job's parts with those of its certificate; None where it has none."""
         if not name:
             return self._own_watch
-        with self.lock:
+        with self._known_lock:
             known = self._known.get(name)
             return None if known is None else known.watch
 
     @property
     def watched(self) -> bool:
         """Whether anything is certified."""
-        with self.lock:
+        with self._known_lock:
             return self._own_watch is not None or any(known.watch for known in self._known.values())
 
     def drifts(self) -> dict[str, str | None]:
         """How each job's parts differ from the certified ones; None where too few were read to tell."""
         watches = {"": self._own_watch}
-        with self.lock:
+        with self._known_lock:
             watches |= {name: known.watch for name, known in self._known.items()}
         return {
             name: watch.message() if watch.parts >= EVERY else None
@@ -134,7 +150,7 @@ class JobFolder:
     def drift(self) -> str:
         """How parts differ from the certified ones; empty where they do not, or nothing is certified."""
         said = [] if self._own_watch is None else [self._own_watch.message()]
-        with self.lock:
+        with self._known_lock:
             for name, known in sorted(self._known.items()):
                 message = "" if known.watch is None else known.watch.message()
                 said.append(f"job {name}: {message}" if message else "")
@@ -164,6 +180,20 @@ class JobFolder:
         lines = {"line": list(job.settings.line)} if job.settings.line else {}
         return {**job.written, **lines}
 
+    def settings_of(self, written: Any) -> ReadSettings:
+        """Settings as a request has them, checked.
+
+        Raises:
+            Problem: they cannot be.
+        """
+        if not isinstance(written, dict):
+            raise Problem(422, "the body is no JSON object of settings")
+        try:
+            settings: ReadSettings = self.call(read_settings, written)
+        except MarksError as error:
+            raise Problem(422, str(error)) from error
+        return settings
+
     def save(self, name: str, written: Mapping[str, Any]) -> bool:
         """Write a job; whether it is a new one.
 
@@ -183,22 +213,22 @@ class JobFolder:
         with self.lock:
             new = not path.exists()
             try:
-                text, job = job_text(written), job_of(path, written)
+                job, watch = _checked(path, written, call=self.call)
+            except OwnFileError as error:
+                raise OwnProblem(self._unplaced(error)) from error
             except MarksError as error:
-                raise Problem(422, _unplaced(error, self.folder)) from error
-            try:
-                _checked(job)
-            except FileError as error:
-                said = _unplaced(error, self.folder)
-                own = error.path in files_of(job.settings) or isinstance(error.__cause__, DatabaseError)
-                raise OwnProblem(said) if own else Problem(422, said) from error
+                raise Problem(422, self._unplaced(error)) from error
+            text = job_text(written, job.settings.line)
             try:
                 self.folder.mkdir(exist_ok=True)
                 with replacing(path) as temporary:
                     temporary.write_text(text, encoding="utf-8")
+                state = _state_of(path)
             except (FileError, OSError) as error:
                 raise no_room(error) from error
-            self._look(name)
+            job = replace(job, written=tomllib.loads(text), sha256=sha256(text.encode()).hexdigest())
+            self._keep(name, _Known(state, job, watch))
+        log.info("job", job=name, sha256=job.sha256)
         return new
 
     def _job(self, name: str) -> JobFile:
@@ -216,58 +246,61 @@ class JobFolder:
     def _look(self, name: str) -> _Known | None:
         """A job as it now is; None where there is none."""
         path = self.folder / f"{name}{SUFFIX}"
-        with self.lock:
-            before = self._known.get(name)
-            try:
-                state = _state_of(path)
-            except OSError:
+        before = self._kept(name)
+        try:
+            state = _state_of(path)
+        except OSError:
+            with self._known_lock:
                 self._known.pop(name, None)
-                return None
-            if before is not None and before.state == state:
-                return before
-            try:
-                job, watch = _read(path)
-            except MarksError as error:
-                problem = _unplaced(error, self.folder)
-                log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
-                kept = (None, None) if before is None else (before.job, before.watch)
-                self._known[name] = _Known(state, *kept, problem)
-            else:
-                log.info("job", job=name, sha256=job.sha256)
-                self._known[name] = _Known(state, job, watch)
-            return self._known[name]
+            return None
+        if before is not None and before.state == state:
+            return before
+        try:
+            job, watch = _checked(path, call=self.call)
+        except Problem:
+            if before is None:
+                raise
+            return before  # no worker has looked at it: the next look may find one
+        except MarksError as error:
+            problem = self._unplaced(error)
+            log.warning("job cannot be used", job=name, why=problem, goes_on=before is not None)
+            kept = (None, None) if before is None else (before.job, before.watch)
+            return self._keep(name, _Known(state, *kept, problem))
+        log.info("job", job=name, sha256=job.sha256)
+        return self._keep(name, _Known(state, job, watch))
+
+    def _unplaced(self, error: MarksError) -> str:
+        # paths of the server are nobody's business
+        said = str(error)
+        for folder in (self.folder, self.databases.folder):
+            said = said.replace(f"{folder.absolute()}/", "").replace(f"{folder}/", "")
+        return said
+
+    def _kept(self, name: str) -> _Known | None:
+        with self._known_lock:
+            return self._known.get(name)
+
+    def _keep(self, name: str, known: _Known) -> _Known:
+        with self._known_lock:
+            self._known[name] = known
+        return known
 
 
-def _read(path: Path) -> tuple[JobFile, DriftWatch | None]:
-    """The job in a file; what watches its parts.
+def _checked(path: Path, *keys: Any, call: Callable[..., Any]) -> tuple[JobFile, DriftWatch | None]:
+    """The job of a file, or of keys that are to stand in it; what watches its parts.
 
     Raises:
         FileError: it cannot be used, for whatever reason: one job may not cost the others.
+        Problem: no worker has looked at it.
     """
     try:
-        return _checked(read_job_file(path))
-    except MarksError:
+        job: JobFile = call(check_job, path, *(keys or read_keys(path)))
+        return job, _watch_of(job.settings)
+    except (MarksError, Problem):
         raise
     except Exception as error:
         log.exception("fault of the program while reading a job", job=path.stem)
         raise FileError(path, fault_of(error), "take it away, and report it") from error
-
-
-def _checked(job: JobFile) -> tuple[JobFile, DriftWatch | None]:
-    """The job, once everything that it names is found to be of use; what watches its parts.
-
-    Raises:
-        FileError: something is not.
-    """
-    from pipeline.reading.readers import open_reader
-
-    try:
-        open_reader(job.settings)
-        return job, _watch_of(job.settings)
-    except FileError:
-        raise
-    except MarksError as error:
-        raise FileError(f"{job.name}{SUFFIX}", error.what, error.hint) from error
 
 
 def _watch_of(settings: ReadSettings) -> DriftWatch | None:
@@ -278,8 +311,3 @@ def _watch_of(settings: ReadSettings) -> DriftWatch | None:
 def _state_of(path: Path) -> _State:
     status = path.stat()
     return status.st_mtime_ns, status.st_size
-
-
-def _unplaced(error: MarksError, folder: Path) -> str:
-    # paths of the server are nobody's business
-    return str(error).replace(f"{folder.absolute()}/", "").replace(f"{folder}/", "")

@@ -249,8 +249,7 @@ class ReadingOrders:
             return await asyncio.wrap_future(self._pool.submit(function, *arguments))
         except BusyError as error:
             self._metrics.refused.inc()
-            seconds = max(1, round(error.retry_after_s))
-            raise Problem(503, str(error), headers={"Retry-After": str(seconds)}) from error
+            raise busy_problem(error) from error
         except OwnFileError as problem:
             raise OwnProblem(str(problem)) from problem
         except FileError as problem:
@@ -269,6 +268,32 @@ class ReadingOrders:
             yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def called_by(pool: WorkPool, function: Callable[..., T], *arguments: Any, timeout_s: float) -> T:
+    """What a function returns that a worker calls; this thread waits for it.
+
+    Raises:
+        Problem: no room in the queue, a worker that was lost.
+        MarksError: as the function does.
+    """
+    try:
+        found: T = pool.submit(function, *arguments, timeout_s=timeout_s).result()
+    except BusyError as error:
+        raise busy_problem(error) from error
+    except WorkerLostError as error:
+        log.warning("worker lost", why=str(error))
+        if error.timed_out:
+            raise Problem(422, f"it takes longer than {timeout_s:g} s to check; make it simpler") from error
+        if error.crashed:
+            raise Problem(422, f"the worker that checked it was lost: {error}") from error
+        raise Problem(503, f"{error}; send it again", headers={"Retry-After": "5"}) from error
+    return found
+
+
+def busy_problem(error: BusyError) -> Problem:
+    """The answer while as many parts wait as may."""
+    return Problem(503, str(error), headers={"Retry-After": str(max(1, round(error.retry_after_s)))})
 
 
 def _lost_problem(error: WorkerLostError, lost: int) -> Problem:

@@ -61,7 +61,8 @@ class ServiceSettings(Settings):
     """Name of the line that the service stands at, kept with its parts. Services that share a store need one each:
     a stage feels the parts of its own line."""
     tokens: Literal["auto", "on", "off"] = "auto"
-    """Whether requests need a token; auto: if other machines can reach the host."""
+    """Whether requests need a token; auto: all if other machines can reach the host, else those of other users of this
+    machine, such as a proxy (on Linux, where the user can be seen)."""
     hosts: Names = ()
     """Name that the service is called by, beside its address; may be repeated. Without tokens, requests for other
     names are refused."""
@@ -210,13 +211,8 @@ class ServiceSettings(Settings):
 
     @property
     def tokens_asked(self) -> bool:
-        """Whether requests need a token."""
+        """Whether all requests need a token."""
         return self.tokens == "on" or (self.tokens == "auto" and not self.on_loopback)
-
-    @property
-    def session_key(self) -> Path:
-        """File of the key that the pages' cookies are signed with."""
-        return self.folder / "session.key"
 
     @property
     def store_url(self) -> str:

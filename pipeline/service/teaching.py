@@ -14,6 +14,7 @@ from typing import Any
 from glyphs.errors import MarksError
 from pipeline.common.job_file import NAME, with_whole_paths
 from pipeline.common.settings import NamedLine, ReadSettings, Region
+from pipeline.reading.job_check import check_line
 from pipeline.service.job_folder import JobFolder
 from pipeline.service.web.problem import Problem
 
@@ -54,10 +55,8 @@ def teach(jobs: JobFolder, name: str, taught: Taught, *, replace: bool) -> None:
     Raises:
         Problem: no such line can be, the text is not of its format, or the line stands in the job (409).
     """
-    from recognition.language.grammar import Grammar
-
     try:
-        objections = Grammar.parse(taught.format).objections(taught.text)
+        objections = jobs.call(check_line, taught.format, taught.text)
         line = None
         if taught.line:
             line = NamedLine.parse(f"{taught.line}={taught.format}")

@@ -34,7 +34,7 @@ from pipeline.store.copying import copy_rows, is_empty, skip_deliveries
 from pipeline.store.errors import ConflictError
 from pipeline.store.evidence_folder import EvidenceFolder, FileState
 from pipeline.store.store import Store
-from pipeline.store.tables import METADATA, outbox
+from pipeline.store.tables import METADATA, outbox, sessions
 
 FORMAT_VERSION = 1
 _MANIFEST, _STORE, _EVIDENCE = "manifest.json", "store.db", "evidence"
@@ -204,6 +204,7 @@ def _rows(store: Store) -> dict[str, int]:
         return {
             table.name: int(tx.execute(sa.select(sa.func.count()).select_from(table)).scalar_one())
             for table in METADATA.sorted_tables
+            if table is not sessions
         }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlalchemy as sa
 
 from pipeline.store.database import Transaction
-from pipeline.store.tables import METADATA, outbox
+from pipeline.store.tables import METADATA, outbox, sessions
 
 _CHUNK = 500
 
@@ -16,8 +16,10 @@ def is_empty(tx: Transaction) -> bool:
 
 
 def copy_rows(source: Transaction, target: Transaction) -> None:
-    """Copy all rows; row numbers stay, and the target goes on counting behind them."""
+    """Copy all rows but sessions; row numbers stay, and the target goes on counting behind them."""
     for table in METADATA.sorted_tables:
+        if table is sessions:
+            continue  # who has signed out since is not signed in again by a backup
         rows = source.connection.execution_options(yield_per=_CHUNK).execute(sa.select(table))
         for chunk in rows.mappings().partitions():
             target.execute(sa.insert(table), [dict(row) for row in chunk])

@@ -17,7 +17,7 @@ import sqlalchemy as sa
 from pipeline.store import alerts as _alerts
 from pipeline.store import audits as _audits
 from pipeline.store import claims as _claims
-from pipeline.store import evidence_index, idempotency, lists, outbox, rows
+from pipeline.store import evidence_index, idempotency, lists, outbox, rows, sessions
 from pipeline.store import golden as _golden
 from pipeline.store import parts as _parts
 from pipeline.store import reviews as _reviews
@@ -181,6 +181,8 @@ class Store:
     # tokens
     add_token = _writes(_tokens.add_token)
     token = _reads(_tokens.token)
-    token_named = _reads(_tokens.token_named)
     tokens = _reads(_tokens.all_tokens)
     revoke = _writes(_tokens.revoke)
+    open_session = _writes(sessions.open_session)
+    session_token = _reads(sessions.session_token)
+    close_session = _writes(sessions.close_session)

@@ -280,3 +280,11 @@ tokens = sa.Table(
     sa.Column("revoked_at", UtcTime),
     sa.UniqueConstraint("secret_hash"),
 )
+
+sessions = sa.Table(
+    "sessions",
+    METADATA,
+    sa.Column("cookie_hash", sa.String(64), primary_key=True),
+    sa.Column("token_hash", sa.String(64), nullable=False),
+    sa.Column("created_at", UtcTime, nullable=False),
+)

@@ -62,16 +62,12 @@ def add_token(
 
 def token(tx: Transaction, secret: str) -> TokenRecord | None:
     """The token with that secret; None if it is unknown, expired or revoked."""
-    return _holding(tx, tokens.c.secret_hash == token_hash(secret))
+    return token_of_hash(tx, token_hash(secret))
 
 
-def token_named(tx: Transaction, name: str) -> TokenRecord | None:
-    """The token of that name; None if it is unknown, expired or revoked."""
-    return _holding(tx, tokens.c.name == name)
-
-
-def _holding(tx: Transaction, which: sa.ColumnElement[bool]) -> TokenRecord | None:
-    row = tx.execute(sa.select(tokens).where(which)).one_or_none()
+def token_of_hash(tx: Transaction, secret_hash: str) -> TokenRecord | None:
+    """The token whose secret has that hash; None if it is unknown, expired or revoked."""
+    row = tx.execute(sa.select(tokens).where(tokens.c.secret_hash == secret_hash)).one_or_none()
     if row is None or row.revoked_at is not None or (row.expires_at is not None and row.expires_at <= tx.now):
         return None
     return _record(row)

@@ -5,7 +5,7 @@
     submit --> waiting (bounded) --> thread 1 <== pipe ==> worker 1
                                  --> thread 2 <== pipe ==> worker 2
 
-* Every job ends: with its result, its exception, or WorkerLostError.
+* Every job ends: with its result, its exception, or WorkerLostError; also where no worker can start.
 * A worker that dies, or takes longer than a job may, costs its own job alone and is replaced, also while it is idle.
 * No lock is shared between processes, so a worker killed at any moment leaves nothing locked.
 * A job beyond those at work and those that may wait is refused at once.
@@ -31,6 +31,9 @@ from pipeline.workers.slot import Slot, SlotOrder, Task, Tasks, WorkerLostError
 __all__ = ["BusyError", "WorkPool", "WorkerLostError"]
 
 _STOPPING = "the workers are stopping"
+_NOT_READY = "no worker is ready"
+_STARTS_TRIED = 3
+"""Starts in a row that fail before jobs are no longer kept waiting."""
 _USUAL_S = 1.0
 _SMOOTHING = 0.2
 _LEAST_RETRY_S, _MOST_RETRY_S = 1.0, 60.0
@@ -80,19 +83,26 @@ class WorkPool:
                 f"{workers} workers, {queue} waiting, {timeout_s} s: give at least 1, 0 and above 0"
             )
         self.workers, self.queue, self.timeout_s = workers, queue, timeout_s
-        self._order = SlotOrder(timeout_s, memory_mb, warm_up)
+        self._order = SlotOrder(memory_mb, warm_up)
         self._tasks: Tasks = _no_tasks()
         self._lock = threading.Lock()
         self._jobs = 0
         self._mean_s = _USUAL_S
-        self._slots = [Slot(k, self._order, self._tasks, self._settle) for k in range(workers)]
+        self._slots: list[Slot] = []
+        for k in range(workers):
+            self._slots.append(Slot(k, self._order, self._tasks, self._settle, self._give_up_waiting))
         for slot in self._slots:
             slot.thread.start()
         # before multiprocessing's own, which waits for workers that do not end by themselves
         atexit.register(self.close, 0.0)
 
-    def submit(self, function: Callable[..., Any], *args: Any) -> Future[Any]:
+    def submit(self, function: Callable[..., Any], *args: Any, timeout_s: float | None = None) -> Future[Any]:
         """Have a worker call the function.
+
+        Args:
+            function: to be called.
+            args: its arguments.
+            timeout_s: it may take; as any job of the pool unless given.
 
         Returns:
             Its future: the function's result or exception, or WorkerLostError. It cannot be cancelled.
@@ -110,7 +120,8 @@ class WorkPool:
             if busy_s is not None:
                 raise BusyError(busy_s)
             self._jobs += 1
-        self._tasks.put(Task(function, args, future))
+        self._tasks.put(Task(function, args, future, timeout_s or self.timeout_s))
+        self._give_up_waiting()
         return future
 
     def retry_after_s(self) -> float | None:
@@ -143,6 +154,13 @@ class WorkPool:
     def ready(self) -> bool:
         """Whether any worker is warm; one that is being replaced does not make the service unready."""
         return not self._order.closing.is_set() and any(slot.warm for slot in self._slots)
+
+    @property
+    def trouble(self) -> str:
+        """Why no worker is ready, where one has failed to start; empty otherwise."""
+        if any(slot.warm for slot in self._slots):
+            return ""
+        return next((f"no worker can start: {slot.trouble}" for slot in self._slots if slot.trouble), "")
 
     def all_ready(self) -> bool:
         """Whether every worker is warm."""
@@ -179,6 +197,20 @@ class WorkPool:
                 task = self._tasks.get_nowait()
                 if task is not None:
                     self._settle(task, WorkerLostError(_STOPPING))
+
+    def _give_up_waiting(self) -> None:
+        """Settle the jobs that wait for a worker while none can start."""
+        while not any(slot.warm for slot in self._slots):
+            failed = max((slot.failed for slot in self._slots), default=0)
+            with self._tasks.mutex:
+                waiting = self._tasks.queue
+                task = waiting[0] if waiting else None
+                if task is None or failed == 0:
+                    return
+                if failed < _STARTS_TRIED and time.monotonic() - task.queued < task.timeout_s:
+                    return
+                waiting.popleft()
+            self._settle(task, WorkerLostError(self.trouble or _NOT_READY))
 
     def _settle(self, task: Task, outcome: Any) -> None:
         with self._lock:

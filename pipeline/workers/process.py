@@ -38,7 +38,8 @@ def serve_jobs(
     """Call the functions that come through the pipe, and send back `Answer` or the exception.
 
     Args:
-        pipe: (function, arguments) in, answers out; the first answer says that the worker is warm.
+        pipe: (function, arguments) in, answers out; the first answer says that the worker is warm, or is the exception
+            that kept it from it.
         life: nothing ever comes through it; it closes when the parent ends.
         parent: process that started this one.
         memory_mb: to keep to; 0: no limit.
@@ -55,7 +56,11 @@ def serve_jobs(
     first = multiprocessing.current_process().name.endswith("-0")  # the others compile the same
     with compiling_shown(_say) if first else contextlib.nullcontext():
         if warm_up is not None:
-            warm_up()
+            try:
+                warm_up()
+            except Exception as error:
+                pipe.send(_sendable(error))
+                raise
             part_done()
         pipe.send(Answer(None))
         _serve(pipe)

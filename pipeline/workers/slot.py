@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING, Any
 
-from glyphs.errors import MarksError
+from glyphs.errors import MarksError, fault_of
 from pipeline.workers.process import Answer, serve_jobs
 
 if TYPE_CHECKING:
@@ -46,11 +46,22 @@ class WorkerLostError(MarksError):
 
 @dataclass
 class Task:
-    """A call that someone waits for."""
+    """A call that someone waits for.
+
+    Attributes:
+        function: to be called.
+        args: its arguments.
+        future: of the result.
+        timeout_s: it may take.
+        queued: when it was handed in, by the monotonic clock.
+        begun: when a worker began it.
+    """
 
     function: Callable[..., Any]
     args: tuple[Any, ...]
     future: Future[Any]
+    timeout_s: float
+    queued: float = field(default_factory=time.monotonic)
     begun: float = 0.0
 
 
@@ -62,14 +73,12 @@ class SlotOrder:
     """How workers are to be, and when to end.
 
     Attributes:
-        timeout_s: a job may take.
         memory_mb: of a worker; 0: no limit.
         warm_up: called by a worker before its first job.
         closing: no more jobs come.
         stopped: jobs that are not done are lost.
     """
 
-    timeout_s: float
     memory_mb: int
     warm_up: Callable[[], object] | None
     closing: threading.Event = field(default_factory=threading.Event)
@@ -80,7 +89,12 @@ class Slot:
     """One worker, whichever process it is at the time, and the thread that feeds it."""
 
     def __init__(
-        self, number: int, order: SlotOrder, tasks: Tasks, settle: Callable[[Task, Any], None]
+        self,
+        number: int,
+        order: SlotOrder,
+        tasks: Tasks,
+        settle: Callable[[Task, Any], None],
+        not_warm: Callable[[], None],
     ) -> None:
         """Prepare; `thread` is to be started.
 
@@ -89,9 +103,13 @@ class Slot:
             order: how the worker is to be, and when to end.
             tasks: where jobs come from; one None for each slot at the end.
             settle: called with every job and what came of it: an `Answer` or an exception.
+            not_warm: called now and then while the worker is not warm.
         """
         self.number, self.order, self.tasks, self.settle = number, order, tasks, settle
+        self.not_warm = not_warm
         self.restarts, self.warm = 0, False
+        self.failed, self.trouble = 0, ""
+        """Starts in a row that have failed, and why the last one did."""
         self.process: SpawnProcess | None = None
         self.pipe: Connection | None = None
         self._life: Connection | None = None
@@ -115,19 +133,21 @@ class Slot:
         closing = self.order.closing
         while not self.order.stopped.is_set():
             if not self.warm and not (closing.is_set() and self.tasks.empty()):
-                started = self._start()
-                if not started:
-                    if not self.order.stopped.is_set():
-                        _log.warning("a worker has ended before it was warm")
+                why = self._start()
+                if why:
                     self._end()
                     self.restarts += 1
+                    if why != self.trouble and not self.order.stopped.is_set():
+                        _log.warning("a worker cannot start and is tried again: %s", why)
+                    self.failed, self.trouble = self.failed + 1, why
+                    self.not_warm()
                     # a worker that cannot even start would otherwise keep a core busy with failing
                     closing.wait(pause)
                     pause = min(2.0 * pause, _MOST_PAUSE_S)
                     if closing.is_set():
                         break
                     continue
-                pause = _PAUSE_S
+                pause, self.failed, self.trouble = _PAUSE_S, 0, ""
             task = self._next()
             if task is None and (closing.is_set() or self.warm):
                 break
@@ -145,8 +165,8 @@ class Slot:
                 self.restarts += 1
                 return None
 
-    def _start(self) -> bool:
-        """Begin a process and wait until it is warm."""
+    def _start(self) -> str:
+        """Begin a process and wait until it is warm; why it is not, or nothing."""
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
         life_end, self._life = context.Pipe(duplex=False)
@@ -159,17 +179,27 @@ class Slot:
         self.pipe = ours
         try:
             process.start()
-        except OSError:
-            return False
+        except Exception as error:
+            return _cause(error)
         finally:
             theirs.close()
             life_end.close()
         self.process = process
-        if self.order.stopped.is_set():
-            return False
-        message = self._received(_WARM_UP_S)
+        until = time.monotonic() + _WARM_UP_S
+        message, alive = None, True
+        while message is None and alive and time.monotonic() < until:
+            if self.order.stopped.is_set():
+                return "the workers are stopping"
+            alive = process.exitcode is None
+            message = self._received(_LOOK_S)
+            self.not_warm()
         self.warm = isinstance(message, Answer)
-        return self.warm
+        if isinstance(message, Exception):
+            return _cause(message)
+        if self.warm:
+            return ""
+        limit = f"; it may use {self.order.memory_mb} MB of memory" if self.order.memory_mb else ""
+        return self._fate(f"it was not ready after {_WARM_UP_S:.0f} s" if alive else "") + limit
 
     def _do(self, task: Task) -> None:
         task.begun = time.monotonic()
@@ -191,11 +221,13 @@ class Slot:
         except Exception as error:  # arguments that cannot be pickled
             return error
         started = time.monotonic()
-        message = self._received(self.order.timeout_s)
+        message = self._received(task.timeout_s)
         if message is not None:
             return message
-        timed_out = time.monotonic() - started >= self.order.timeout_s
-        fate = self._fate(timed_out)
+        timed_out = time.monotonic() - started >= task.timeout_s
+        fate = self._fate(
+            f"the part took longer than {task.timeout_s:g} s and was stopped" if timed_out else ""
+        )
         code = self.process.exitcode if self.process is not None else None
         lost = WorkerLostError(fate, timed_out, not timed_out and code not in _FROM_OUTSIDE)
         _log.warning("%s", lost.reason)
@@ -213,14 +245,15 @@ class Slot:
                 return self.pipe.recv()
         return None
 
-    def _fate(self, timed_out: bool) -> str:
-        if timed_out:
-            return f"the part took longer than {self.order.timeout_s:g} s and was stopped"
+    def _fate(self, too_late: str) -> str:
+        """Why there is no answer: the time that is up, or how the process ended."""
+        if too_late:
+            return too_late
         process = self.process
         if process is not None:
             process.join(1.0)
         code = process.exitcode if process is not None else None
-        return f"the worker at the part has ended (exit code {code})"
+        return f"the worker has ended (exit code {code})"
 
     def _end(self) -> None:
         self.warm = False
@@ -235,3 +268,10 @@ class Slot:
             if process.exitcode is None:
                 process.kill()
             process.join()
+
+
+def _cause(error: Exception) -> str:
+    """Why a worker cannot start, without paths of this machine."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{type(error).__name__}: {error.strerror}"
+    return error.what if isinstance(error, MarksError) else fault_of(error)

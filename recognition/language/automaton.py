@@ -27,6 +27,8 @@ Places = NDArray[np.int64]
 Beliefs = NDArray[np.float64]
 MOST_STATES = 100_000
 """States in a layer, at most."""
+MOST_CELLS = 10_000_000
+"""States times characters of all layers: 80 MB, and a second's work."""
 
 
 class Machine(Protocol):
@@ -210,12 +212,16 @@ def unrolled(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...])
     """All strings of a length that every machine allows.
 
     Raises:
-        FormatError: the rules together need more than `MOST_STATES` states at a place.
+        FormatError: the rules together need more than `MOST_STATES` states at a place, or more than `MOST_CELLS` steps.
     """
     none = Automaton(chars, (np.empty((0, len(chars)), dtype=np.int64),) * n_places)
     here = np.array([[m.start(n_places) for m in machines]], dtype=np.int64)
     steps: list[Places] = []
+    cells = 0
     for place in range(n_places):
+        cells += here.shape[0] * len(chars)
+        if here.shape[0] > MOST_STATES or cells > MOST_CELLS:
+            raise FormatError("the rules of this format together are too involved", hint="leave one out")
         allowed = np.ones((here.shape[0], len(chars)), dtype=bool)
         parts = []
         for k, machine in enumerate(machines):
@@ -226,8 +232,6 @@ def unrolled(machines: Sequence[Machine], n_places: int, chars: tuple[str, ...])
             return none
         pairs = np.stack([to[allowed] for to in parts], axis=1) if parts else np.zeros((allowed.sum(), 0))
         here, which = _distinct(pairs.astype(np.int64))
-        if here.shape[0] > MOST_STATES:
-            raise FormatError("the rules of this format together are too involved", hint="leave one out")
         step = np.full(allowed.shape, -1, dtype=np.int64)
         step[allowed] = which
         steps.append(step)

@@ -135,7 +135,7 @@ def service(tmp_path: Path) -> Iterator[Service]:
     evidence = EvidenceFolder(tmp_path / "evidence")
     app = FastAPI()
     jobs = JobFolder(tmp_path / "jobs", own=ReadSettings())
-    frame = Frame.make(store, evidence, Access(store, required=False, key=b"of these tests"))
+    frame = Frame.make(store, evidence, Access(store, required=False))
     app.include_router(pages_router(frame, jobs=jobs))
 
     @app.get("/v1/parts/{part_id}/pictures/{which}", response_class=FileResponse)

@@ -34,7 +34,6 @@ from pipeline.service.job_folder import JobFolder
 from pipeline.service.line.watch_folder import WatchedFolder
 from pipeline.service.line.watched_files import FileState, Handled, WatchJournal
 from pipeline.service.part_service import NewPart
-from pipeline.service.web.access import session_key
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.uploads import Upload
 from pipeline.store.evidence_folder import EvidenceFolder
@@ -472,18 +471,6 @@ def _store_check(root: Path, _said: list[str], _power: bool) -> None:
     _whole_store(root)
 
 
-def _key_work(root: Path, say: Say) -> None:
-    tried(lambda: say(session_key(root / "session.key").hex()))
-
-
-def _key_check(root: Path, said: list[str], power: bool) -> None:
-    key = session_key(root / "session.key")
-    assert len(key) == 32
-    assert (root / "session.key").stat().st_mode & 0o777 == 0o600 or power
-    if said:
-        assert key.hex() == said[-1]
-
-
 SUBJECTS = {
     "evidence": Subject(_empty_store, _evidence_work, _evidence_check),
     **{
@@ -496,5 +483,4 @@ SUBJECTS = {
     "jobs": Subject(_jobs_before, _jobs_work, _jobs_check),
     "tokens": Subject(_tokens_before, _tokens_work, _tokens_check),
     "new store": Subject(lambda root: None, _store_made, _store_check),
-    "session key": Subject(lambda root: None, _key_work, _key_check),
 }

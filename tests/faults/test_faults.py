@@ -22,7 +22,7 @@ ALL, SOME, FEW = 1.0, 0.05, 0.008
 @pytest.mark.parametrize(
     ("share", "subjects"),
     [
-        (ALL, ("journal of lines", "jobs", "session key")),
+        (ALL, ("journal of lines", "jobs")),
         (SOME, ("rows.csv", "rows.jsonl", "tokens")),
         (FEW, ("evidence", "rows.parquet", "run into a store", "watched folder")),
     ],

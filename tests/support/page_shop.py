@@ -51,7 +51,7 @@ class Shop:
         frame = Frame.make(
             self.store,
             self.evidence,
-            Access(self.store, required=required, key=b"of these tests"),
+            Access(self.store, required=required),
             review=partial(self.store.review, targets=("webhook",), readers=2 if second_reader else 1),
             second_reader=second_reader,
         )

@@ -23,6 +23,12 @@ def parent(marks: str) -> None:
     time.sleep(600.0)
 
 
+def fail_while(path: str) -> None:
+    """Warm up, but not while there is such a file."""
+    if Path(path).exists():
+        raise OSError(28, "No space left on device", path)
+
+
 def wait_for(path: str) -> str:
     """Return once there is such a file."""
     while not Path(path).exists():

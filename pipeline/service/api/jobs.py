@@ -6,6 +6,7 @@ from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Response
+from pydantic import SkipValidation
 
 from pipeline.common.job_file import NAME
 from pipeline.common.records import Scope
@@ -47,14 +48,15 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
     def write_job(
         response: Response,
         name: Annotated[str, Path(pattern=f"^{NAME}$", examples=["housing-left"])],
-        body: ReadSettings,
+        body: Annotated[ReadSettings, SkipValidation],  # a worker does it
         caller: Caller = Reviews,
     ) -> Any:
-        written = body.model_dump(mode="json", exclude_unset=True)
-        if body.database is not None:
-            written["database"] = str(jobs.databases.path(str(body.database)))
+        settings = jobs.settings_of(body)
+        written = settings.model_dump(mode="json", exclude_unset=True)
+        if settings.database is not None:
+            written["database"] = str(jobs.databases.path(str(settings.database)))
         named = [key for key in ("lexicon", "certificate") if written.get(key) is not None]
-        named += [font for font in body.font if FilePath(font).name != font or "." in font]
+        named += [font for font in settings.font if FilePath(font).name != font or "." in font]
         if named:
             raise Problem(422, f"{named[0]} {_FILES_BY_HAND}")
         written = {key: value for key, value in written.items() if value is not None}

@@ -145,7 +145,7 @@ class Frame:
         form_value = given if known else secrets.token_urlsafe(32)
         text = self.environment.get_template(template).render(
             caller=caller,
-            signed_in=self.access.required and caller is not None,
+            signed_in=self.access.asked(request) and caller is not None,
             waiting=None if caller is None else self.waiting(),
             path=request.url.path,
             form_value=form_value,

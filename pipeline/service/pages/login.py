@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from pipeline.service.pages.frame import Frame, see
-from pipeline.service.web.access import SIGNED_IN_S
+from pipeline.store.sessions import SIGNED_IN_S
 
 
 def add_login(router: APIRouter, frame: Frame) -> None:
@@ -17,7 +17,7 @@ def add_login(router: APIRouter, frame: Frame) -> None:
 
     @router.get("/login")
     def login(request: Request, to: str = "/review") -> Response:
-        if not frame.access.required:
+        if not frame.access.asked(request):
             return see(own_address(to))
         return frame.page(request, "login.html.j2", to=own_address(to), fault="")
 
@@ -40,6 +40,7 @@ def add_login(router: APIRouter, frame: Frame) -> None:
     @router.post("/logout")
     def log_out(request: Request, form_value: Annotated[str, Form()] = "") -> Response:
         frame.check_form(request, form_value)
+        frame.access.log_out(request)
         answer = see("/login")
         answer.delete_cookie(frame.access.COOKIE, path="/")
         return answer

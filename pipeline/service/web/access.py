@@ -1,17 +1,12 @@
-"""Who may call: tokens with scopes, asked for wherever others than this machine can reach the service."""
+"""Who may call: tokens with scopes, asked for of everybody but the user who runs the service."""
 
 from __future__ import annotations
 
-import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from itsdangerous import BadData, URLSafeTimedSerializer
-
-from glyphs.errors import FileError, MarksError
-from pipeline.common.atomic import replacing
+from glyphs.errors import MarksError
 from pipeline.common.records import Scope, TokenRecord
 from pipeline.service.web.problem import Problem
 
@@ -23,8 +18,13 @@ LOCAL = "local"
 """Name of a caller who needs no token."""
 _ALL = frozenset(Scope)
 _MOST_SECRET = 200
-SIGNED_IN_S = 12 * 3600
-"""A shift."""
+
+
+_NEEDED = "a token is needed; send it as: Authorization: Bearer tm_..."
+_NEEDED_OF_OTHERS = (
+    "a token is needed, for the request comes from a program of another user than the service's, such as a proxy; make "
+    "one with `tactile-marks tokens add` and send it as: Authorization: Bearer tm_..."
+)
 
 
 class DeniedError(MarksError):
@@ -60,29 +60,38 @@ class Tokens(Protocol):
     def token(self, secret: str) -> TokenRecord | None:
         """The token of a secret that holds now."""
 
-    def token_named(self, name: str) -> TokenRecord | None:
-        """The token of a name that holds now."""
+    def open_session(self, secret: str) -> str | None:
+        """The cookie of a new session; None where no token with that secret holds."""
+
+    def session_token(self, cookie: str) -> TokenRecord | None:
+        """The token of a session that holds now."""
+
+    def close_session(self, cookie: str) -> None:
+        """End a session."""
 
 
 class Access:
     """Tells who calls, by the header `Authorization: Bearer tm_...` or by the operator page's cookie.
 
-    * The cookie holds the token's name, signed, and never its secret; it ends with the token, or after a shift.
+    * The cookie names a session that the store keeps (`pipeline.store.sessions`); signing out ends it.
     * `token_of` is asked once a request, at the door; the routes ask `caller`, which remembers.
     """
 
     COOKIE = COOKIE
 
-    def __init__(self, tokens: Tokens, *, required: bool, key: bytes) -> None:
+    def __init__(self, tokens: Tokens, *, required: bool, own_user: bool = False) -> None:
         """Take what tokens are checked by.
 
         Args:
             tokens: where they are kept.
-            required: whether callers need one.
-            key: that cookies are signed with.
+            required: whether all callers need one.
+            own_user: whether callers of other users of this machine need one, as the door has found them.
         """
-        self._tokens, self.required = tokens, required
-        self._cookies = URLSafeTimedSerializer(key, salt="tactile-marks page")
+        self._tokens, self.required, self.own_user = tokens, required, own_user
+
+    def asked(self, request: HTTPConnection) -> bool:
+        """Whether this caller needs a token."""
+        return self.required or bool(getattr(request.state, "other_user", False))
 
     def caller(self, request: HTTPConnection, scope: Scope) -> Caller:
         """Who calls, if that is allowed.
@@ -95,7 +104,7 @@ class Access:
             try:
                 record = self.token_of(request)
             except DeniedError:
-                if self.required:
+                if self.asked(request):
                     raise
                 return Caller(LOCAL, _ALL)  # none is needed; it may have an old cookie, say
         if scope not in record.scopes:
@@ -116,42 +125,27 @@ class Access:
         elif cookie:
             record = self._signed_in(cookie)
         else:
-            raise DeniedError(401, "a token is needed; send it as: Authorization: Bearer tm_...")
+            raise DeniedError(401, _NEEDED if self.required else _NEEDED_OF_OTHERS)
         if record is None:
             raise DeniedError(401, "the token is not known, has expired or was revoked; ask for another")
         return record
 
     def log_in(self, secret: str) -> str | None:
         """The cookie's value for a token typed in; None if it does not hold."""
-        record = self._token(secret.strip())
-        return None if record is None else str(self._cookies.dumps(record.name))
+        secret = secret.strip()
+        return self._tokens.open_session(secret) if len(secret) <= _MOST_SECRET else None
+
+    def log_out(self, request: HTTPConnection) -> None:
+        """End the session of a browser, wherever else its cookie is."""
+        cookie = request.cookies.get(COOKIE, "")
+        if cookie and len(cookie) <= _MOST_SECRET:
+            self._tokens.close_session(cookie)
 
     def _token(self, secret: str) -> TokenRecord | None:
         return self._tokens.token(secret) if len(secret) <= _MOST_SECRET else None
 
     def _signed_in(self, cookie: str) -> TokenRecord | None:
-        try:
-            name = self._cookies.loads(cookie, max_age=SIGNED_IN_S)
-        except BadData:
-            return None
-        return self._tokens.token_named(name)
-
-
-def session_key(path: Path) -> bytes:
-    """The key that cookies are signed with: in a file that nobody else can read, so that a restart signs nobody out.
-
-    Raises:
-        FileError: it cannot be read or written.
-    """
-    try:
-        if not path.exists():
-            with replacing(path, private=True) as temporary:
-                temporary.write_bytes(secrets.token_bytes(32))
-        return path.read_bytes()
-    except OSError as error:
-        raise FileError(
-            path, f"cannot be used ({error.strerror})", "check that the service's folder can be written"
-        ) from error
+        return self._tokens.session_token(cookie) if len(cookie) <= _MOST_SECRET else None
 
 
 def denied_problem(error: DeniedError, *, headers: Mapping[str, str] | None = None) -> Problem:

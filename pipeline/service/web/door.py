@@ -2,6 +2,7 @@
 
 head --> from a page of another site?      403
      --> through a proxy nobody has named? 403      (where no token is asked for: the proxy would let everybody in)
+     --> from another user of this machine? a token is asked for
      --> no token that holds?              401, or the page to sign in
      --> too long, or no room for a part?  413, 503
      --> in
@@ -21,6 +22,7 @@ from starlette.responses import RedirectResponse, Response
 
 from pipeline.service.web.access import Access, DeniedError, denied_problem
 from pipeline.service.web.middleware import problem_answer
+from pipeline.service.web.own_user import is_own_user
 from pipeline.service.web.problem import Problem
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 _SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 _SIGNING_IN = "/login"
+_OPEN = ("/healthz", "/readyz", "/metrics")
 _FORWARDED = ("forwarded", "via", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip")
 _CLOSE = {"Connection": "close"}
 """With an answer that leaves a body unread."""
@@ -84,8 +87,10 @@ class DoorLayer:
         try:
             self._check_origin(scope, headers)
             self._check_proxy(scope, headers)
-            if self._access.required and _needs_token(scope):
-                connection = HTTPConnection(scope)
+            if self._access.own_user and not self._access.required:
+                state["other_user"] = await self._is_other_user(scope, headers)
+            connection = HTTPConnection(scope)
+            if self._access.asked(connection) and _needs_token(scope):
                 state["token"] = await anyio.to_thread.run_sync(self._access.token_of, connection)
             self._check_room(scope, headers)
         except DeniedError as error:
@@ -119,6 +124,15 @@ class DoorLayer:
                 'in could use it; set tokens = "on", or name the proxy\'s address in trusted_proxies',
                 headers=_CLOSE,
             )
+
+    async def _is_other_user(self, scope: Scope, headers: Headers) -> bool:
+        """Whether a program of another user calls, and not through a proxy that is named."""
+        client, server = scope.get("client"), scope.get("server")
+        if client is None or server is None or scope["path"] in _OPEN:
+            return False
+        if self._is_proxy(client[0]) and any(name in headers for name in _FORWARDED):
+            return False
+        return not await anyio.to_thread.run_sync(is_own_user, tuple(client), tuple(server))
 
     def _is_proxy(self, address: str) -> bool:
         try:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import re
 import socket
 import ssl
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,7 +25,8 @@ from pipeline.service.app import Service
 from pipeline.service.settings import ServiceSettings
 from pipeline.service.web import middleware
 from pipeline.service.web import web_server as web_server_module
-from pipeline.service.web.access import SIGNED_IN_S, Access, session_key
+from pipeline.service.web.access import Access
+from pipeline.service.web.own_user import is_own_user, user_of
 from pipeline.service.web.uploads import SMALL_BODY
 from pipeline.service.web.web_server import patient_protocol
 from pipeline.store.store import Store
@@ -67,7 +70,7 @@ async def asked(app: Any, method: str, path: str, body: Body, **headers: str) ->
     scope = {
         "type": "http", "method": method, "path": path, "raw_path": path.encode(), "query_string": b"",
         "headers": [(key.encode(), value.encode()) for key, value in named.items()],
-        "client": ("127.0.0.1", 50000), "server": ("127.0.0.1", 8417), "scheme": "http", "http_version": "1.1",
+        "client": ("testclient", 50000), "server": ("127.0.0.1", 8417), "scheme": "http", "http_version": "1.1",
         "root_path": "", "asgi": {"version": "3.0"},
     }  # fmt: skip
     await app(scope, receive, send)
@@ -180,33 +183,87 @@ def test_made_up_methods_are_counted_as_one(open_one: tuple[Service, TestClient]
     assert 'method="other"' in page
 
 
-def test_a_cookie_ends_with_its_token_and_is_signed(tmp_path: Path) -> None:
+def signed_in(client: TestClient, secret: str) -> str:
+    """Sign in by the page; the cookie's value."""
+    form = client.get("/login").text
+    value = form.split('name="form_value" value="')[1].split('"')[0]
+    client.cookies.set("tactile_marks_form", value)
+    answer = client.post("/login", data={"secret": secret, "form_value": value}, follow_redirects=False)
+    assert answer.status_code == 303
+    return str(client.cookies[Access.COOKIE])
+
+
+def status_with(client: TestClient, cookie: str) -> int:
+    other = TestClient(client.app, base_url="http://127.0.0.1:8417", cookies={Access.COOKIE: cookie})
+    return other.get("/v1/parts").status_code
+
+
+def test_a_copied_cookie_ends_when_its_owner_signs_out_and_with_the_token(
+    guarded: tuple[Service, TestClient],
+) -> None:
+    service, client = guarded
+    secret = service.store.add_token("otto", [Scope.READ])
+    cookie, other = (
+        signed_in(client, secret),
+        signed_in(TestClient(client.app, base_url=client.base_url), secret),
+    )
+    assert secret not in (cookie, other)
+    assert [status_with(client, value) for value in (cookie, other)] == [200, 200]
+    value = client.cookies["tactile_marks_form"]
+    client.post("/logout", data={"form_value": value}, follow_redirects=False)
+    assert [status_with(client, value) for value in (cookie, other)] == [401, 200]
+    for wrong in (cookie[:-2] + "zz", "otto", secret, "x" * 5_000):
+        assert status_with(client, wrong) == 401
+    service.store.revoke("otto")
+    assert status_with(client, other) == 401
+
+
+def test_a_session_ends_after_a_shift(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = Store.open(f"sqlite:///{tmp_path}/store.db")
-    secret = store.add_token("anna", [Scope.READ])
-    key = session_key(tmp_path / "session.key")
-    assert session_key(tmp_path / "session.key") == key
-    assert (tmp_path / "session.key").stat().st_mode & 0o777 == 0o600
-    access = Access(store, required=True, key=key)
-    cookie = access.log_in(secret)
+    cookie = store.open_session(store.add_token("anna", [Scope.READ]))
     assert cookie is not None
-    assert access.log_in("tm_wrong") is None
+    assert store.open_session("tm_wrong") is None
+    found = store.session_token(cookie)
+    assert found is not None
+    assert found.name == "anna"
+    monkeypatch.setattr("pipeline.store.sessions.SIGNED_IN_S", 0)
+    assert store.session_token(cookie) is None
+    store.close()
 
-    def caller(value: str, by: Access = access) -> str:
-        from starlette.requests import HTTPConnection
 
-        raw = f"{Access.COOKIE}={value}".encode()
-        return by.caller(HTTPConnection({"type": "http", "headers": [(b"cookie", raw)]}), Scope.READ).name
+def test_programs_of_other_users_need_a_token_where_nobody_else_does(
+    open_one: tuple[Service, TestClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service, client = open_one
+    assert client.get("/v1/parts").status_code == 200
+    monkeypatch.setattr("pipeline.service.web.own_user.os.geteuid", lambda: 4711)
+    monkeypatch.setattr("pipeline.service.web.own_user.user_of", lambda *_: 33)
+    refused = client.get("/v1/parts")
+    assert refused.status_code == 401
+    assert "of another user" in refused.json()["detail"]
+    assert client.get("/review", follow_redirects=False).headers["location"].startswith("/login")
+    assert client.put("/v1/jobs/left", json={"format": "A9"}).status_code == 401
+    assert client.get("/healthz").status_code == 200
+    secret = service.store.add_token("proxied", [Scope.READ])
+    assert client.get("/v1/parts", headers={"Authorization": f"Bearer {secret}"}).status_code == 200
 
-    assert caller(cookie) == "anna"
-    for wrong in (cookie[:-2] + "zz", "anna", secret, "x" * 100_000):
-        with pytest.raises(Exception, match=r"a token is needed|is not known"):
-            caller(wrong)
-    with pytest.raises(Exception, match="is not known"):
-        caller(cookie, Access(store, required=True, key=b"another"))
-    store.revoke("anna")
-    with pytest.raises(Exception, match="was revoked"):
-        caller(cookie)
-    assert SIGNED_IN_S == 12 * 3600
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs the kernel's table of sockets")
+@pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
+def test_the_user_of_a_connection_is_its_program_s(host: str) -> None:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family) as listener:
+        try:
+            listener.bind((host, 0))
+        except OSError:
+            pytest.skip("this machine has no such address")
+        listener.listen()
+        with socket.create_connection(listener.getsockname()[:2]) as caller:
+            client, server = caller.getsockname()[:2], listener.getsockname()[:2]
+            assert user_of(client, server) == os.geteuid()
+            assert is_own_user(client, server)
+            assert user_of((host, client[1] + 1), server) == -1
+    assert is_own_user(("testclient", 1), ("testserver", 80))  # no socket
 
 
 async def test_app(scope: Any, receive: Any, send: Any) -> None:

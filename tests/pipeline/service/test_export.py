@@ -31,7 +31,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
 @pytest.fixture
 def client(store: Store) -> TestClient:
     app = FastAPI()
-    app.include_router(export_router(store, Access(store, required=False, key=b"of these tests")))
+    app.include_router(export_router(store, Access(store, required=False)))
     add_problem_handlers(app)
     return TestClient(app)
 
@@ -62,7 +62,7 @@ def test_filters(tmp_path: Path) -> None:
     clock = Clock()
     store = Store.open(f"sqlite:///{tmp_path}/store.db", now=clock)
     app = FastAPI()
-    app.include_router(export_router(store, Access(store, required=False, key=b"of these tests")))
+    app.include_router(export_router(store, Access(store, required=False)))
     add_problem_handlers(app)
     client = TestClient(app)
     first = received(store, job="left", line="north").id

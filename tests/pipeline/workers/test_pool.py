@@ -139,6 +139,45 @@ def test_workers_that_die_again_and_again_do_not_stop_the_pool() -> None:
         assert pool.restarts == 4
 
 
+def test_jobs_end_with_the_cause_while_no_worker_can_start(tmp_path: Path) -> None:
+    full = tmp_path / "full"
+    full.touch()
+    pool = WorkPool(1, queue=5, timeout_s=LONG_S, warm_up=partial(calls.fail_while, str(full)))
+    try:
+        for future in [pool.submit(os.getpid), pool.submit(os.getpid)]:
+            with pytest.raises(
+                WorkerLostError, match="no worker can start: OSError: No space left"
+            ) as caught:
+                future.result(LONG_S)
+            assert not caught.value.timed_out
+            assert not caught.value.crashed
+        assert "No space left on device" in pool.trouble
+        assert str(full) not in pool.trouble
+        assert not pool.ready()
+        full.unlink()
+        assert pool.wait_ready(LONG_S)
+        assert pool.trouble == ""
+        assert pool.submit(os.getpid).result(LONG_S)
+    finally:
+        pool.close(0.0)
+
+
+def test_a_worker_that_dies_before_it_is_ready_is_told_with_its_memory() -> None:
+    pool = WorkPool(1, queue=1, timeout_s=LONG_S, memory_mb=4096, warm_up=partial(os._exit, 3))
+    try:
+        with pytest.raises(WorkerLostError, match=r"exit code 3\); it may use 4096 MB of memory"):
+            pool.submit(os.getpid).result(LONG_S)
+    finally:
+        pool.close(0.0)
+
+
+def test_job_may_have_a_time_of_its_own() -> None:
+    with opened() as pool:
+        with pytest.raises(WorkerLostError, match=r"longer than 0\.5 s"):
+            pool.submit(time.sleep, LONG_S, timeout_s=0.5).result(LONG_S)
+        assert pool.submit(os.getpid).result(LONG_S)
+
+
 def test_job_that_takes_too_long_is_stopped() -> None:
     with opened(timeout_s=0.5) as pool:
         with pytest.raises(WorkerLostError, match=r"longer than 0\.5 s") as caught:

@@ -1,0 +1,61 @@
+"""Check a job before it is used: its settings, and all that they name. A worker process does it.
+
+Formats, fonts and glyph databases that come from outside are work without a limit; a worker has one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from glyphs.errors import FileError, MarksError, OwnFileError
+from pipeline.common.job_file import SUFFIX, JobFile, job_of
+from pipeline.common.settings import ReadSettings
+
+
+def check_job(path: Path, written: Mapping[str, Any], digest: str = "") -> JobFile:
+    """The job of a file, once everything that it names is found to be of use.
+
+    Args:
+        path: of the file; it need not be there.
+        written: its keys.
+        digest: SHA-256 of the file.
+
+    Raises:
+        OwnFileError: a file that it names is not.
+        FileError: its settings are not.
+    """
+    from glyphs.stamping.database import DatabaseError
+    from pipeline.reading.readers import files_of, open_reader
+
+    job = job_of(path, written, digest)
+    try:
+        open_reader(job.settings)
+    except MarksError as error:
+        own = isinstance(error, DatabaseError) or getattr(error, "path", None) in files_of(job.settings)
+        if isinstance(error, FileError):
+            raise (OwnFileError if own else FileError)(error.path, error.what, error.hint) from error
+        name = f"{job.name}{SUFFIX}"
+        raise (OwnFileError if own else FileError)(name, error.what, error.hint) from error
+    return job
+
+
+def check_line(line_format: str, text: str) -> tuple[str, ...]:
+    """What speaks against a text as one of a format, in words; nothing where it fits.
+
+    Raises:
+        FormatError: a format that cannot be.
+    """
+    from recognition.language.grammar import Grammar
+
+    return Grammar.parse(line_format).objections(text)
+
+
+def read_settings(written: Mapping[str, Any]) -> ReadSettings:
+    """Settings as a request has them.
+
+    Raises:
+        SettingsError: an unknown one, one that cannot be.
+    """
+    return ReadSettings.of(**written)
