@@ -16,22 +16,25 @@ class Photo:
     """A photograph, row 0 at the top.
 
     Attributes:
-        pixels: (rows, cols) or (rows, cols, 3) uint8, read-only; colours are red, green, blue.
+        pixels: (rows, cols) or (rows, cols, 3) uint8 or uint16, read-only; colours are red, green, blue, and the
+            largest number of the type is white.
         pitch_mm: size of a pixel on the part, if known.
         centre_mm: plate-frame (x, y) under the middle of the picture, if the stage knows it.
         shrunk: pixels of the photograph as taken that one of these is wide, where the pitch is not known.
         others: further photographs of the part from the same place, under other lights or at other exposures.
+        notes: remarks on the file that the reading should repeat: which of its pages was read.
 
     Raises:
         MapError: no picture of that kind, too small, too large, a pitch that is not positive, or others of another
             size.
     """
 
-    pixels: NDArray[np.uint8]
+    pixels: NDArray[np.uint8] | NDArray[np.uint16]
     pitch_mm: float | None = None
     centre_mm: tuple[float, float] | None = None
     shrunk: float = 1.0
     others: tuple[Photo, ...] = ()
+    notes: tuple[str, ...] = ()
 
     __repr__ = one_line
 
@@ -40,9 +43,9 @@ class Photo:
 
     def __post_init__(self) -> None:
         p = np.ascontiguousarray(self.pixels)
-        if p.dtype != np.uint8 or not (p.ndim == 2 or (p.ndim == 3 and p.shape[2] == 3)):
+        if p.dtype not in (np.uint8, np.uint16) or not (p.ndim == 2 or (p.ndim == 3 and p.shape[2] == 3)):
             raise MapError(
-                f"pixels are {p.dtype} of shape {p.shape}", hint="give 8 bit grey or red, green, blue"
+                f"pixels are {p.dtype} of shape {p.shape}", hint="give 8 or 16 bit grey or red, green, blue"
             )
         if min(p.shape[:2]) < 8:
             raise MapError(
@@ -71,9 +74,16 @@ class Photo:
         """(rows, cols)."""
         return (self.pixels.shape[0], self.pixels.shape[1])
 
+    @property
+    def eight_bit(self) -> NDArray[np.uint8]:
+        """The pixels as uint8, for screens and for libraries that take nothing else."""
+        if self.pixels.dtype == np.uint8:
+            return self.pixels.view(np.uint8)
+        return np.asarray(self.pixels >> np.uint16(8), dtype=np.uint8)
+
     def grey(self) -> NDArray[np.float32]:
         """Brightness, (rows, cols) float32 0 to 1 (colours weighted as the eye does, ITU-R BT.601)."""
-        values = self.pixels.astype(np.float32) / np.float32(255.0)
+        values = self.pixels.astype(np.float32) / np.float32(np.iinfo(self.pixels.dtype).max)
         if values.ndim == 2:
             return values
         return np.asarray(values @ np.array([0.299, 0.587, 0.114], dtype=np.float32))

@@ -24,6 +24,7 @@ from pipeline.files.touch_file import (
     HEIGHT_IMAGE_SUFFIXES,
     PHOTO_SUFFIXES,
     SCAN_SUFFIXES,
+    UNREAD_PICTURE_SUFFIXES,
 )
 
 _KINDS = {
@@ -166,10 +167,12 @@ class FoundFiles:
             there: it exists, as far as is known.
         """
         seen = [(key, kind, f) for f in files for key, kind in (self._key_and_kind(f),) if key is not None]
+        if named:
+            seen = [(key, kind or _kind_of_named(f), f) for key, kind, f in seen]
         if self._photos or named or not any(kind in ("height_map", "scan") for _, kind, _ in seen):
             self._meant.update(key for key, kind, _ in seen if kind == "photo")
         for key, kind, file in seen:
-            if named and (not kind or (kind == "photo" and not there)):
+            if named and kind == "photo" and not there:
                 kind = "height_map"
             if not kind:
                 self.passed_over.add(file)
@@ -237,6 +240,12 @@ def key_and_kind(file: str, *, height_images: bool = False) -> tuple[tuple[str, 
         return (folder, stem), "height_map"
     kind = _KINDS.get(suffix.lower(), "")
     return (folder, set_of(file) or stem), kind
+
+
+def _kind_of_named(file: str) -> str:
+    """The attribute of a part whose reader refuses a file that is named, but of no kind that is read."""
+    suffix = os.path.splitext(split_name(file)[1])[1].lower()
+    return "photo" if suffix in UNREAD_PICTURE_SUFFIXES else "height_map"
 
 
 def _with(part: ListedPart, kind: str, file: str) -> ListedPart:

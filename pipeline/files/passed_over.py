@@ -7,11 +7,13 @@ from collections import Counter
 
 from glyphs.plain_text import visible
 from pipeline.files.listed import split_name
-from pipeline.files.touch_file import PHOTO_SUFFIXES, TABLE_SUFFIXES
+from pipeline.files.photo_kinds import READ_NAMES
+from pipeline.files.touch_file import PHOTO_SUFFIXES, TABLE_SUFFIXES, UNREAD_PICTURE_SUFFIXES
 
 _MOST_NAMES = 20
 _HINTS = (
     (PHOTO_SUFFIXES, "lone photographs are read with --mode auto, heights in pictures with --height-image"),
+    (UNREAD_PICTURE_SUFFIXES, f"photographs must be {READ_NAMES}"),
     (TABLE_SUFFIXES, "tables of heights are read where they are named"),
 )
 

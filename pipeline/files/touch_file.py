@@ -36,7 +36,14 @@ FORMATS_SUFFIXES = (
 """Formats of the extra `formats` whose suffix means a height map and nothing else; any other suffix is tried, too,
 when the file is named on its own."""
 SCAN_SUFFIXES = (".h5", ".hdf5")
-PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+PHOTO_SUFFIXES = (
+    *(".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".jif", ".bmp", ".dib", ".tif", ".tiff", ".webp", ".gif"),
+)
+UNREAD_PICTURE_SUFFIXES = (
+    *(".heic", ".heif", ".avif", ".jxl", ".jp2", ".j2k", ".psd"),
+    *(".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".raf", ".rw2"),
+)
+"""Pictures that are not read: passed over in folders, refused with the kinds that are read where named."""
 HEIGHT_IMAGE_SUFFIXES = (".png", ".tif", ".tiff")
 MAX_SCAN_BYTES = 4_000_000_000
 
@@ -52,7 +59,7 @@ def is_scan(path: Path) -> bool:
 
 
 def is_photo(path: Path) -> bool:
-    """Whether the suffix is that of a photograph."""
+    """Whether the suffix is that of a photograph that is read."""
     return path.suffix.lower() in PHOTO_SUFFIXES
 
 

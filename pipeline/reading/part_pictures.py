@@ -62,7 +62,7 @@ def photo_picture(photo: Photo, folder: Path) -> MadeFile:
     """The photograph, upright, in its own frame."""
     from recognition.views.photo_frame import photo_origin_mm, photo_pitch_mm
 
-    pixels = photo.pixels[..., ::-1] if photo.pixels.ndim == 3 else photo.pixels
+    pixels = photo.eight_bit[..., ::-1] if photo.pixels.ndim == 3 else photo.eight_bit
     return _written(
         folder / "photo.jpg",
         EvidenceKind.PHOTO_PICTURE,

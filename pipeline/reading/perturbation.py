@@ -116,7 +116,7 @@ class Retake:
 
     def photo(self, photo: Photo) -> Photo:
         """The photograph taken again."""
-        pixels, centre, how = photo.pixels, photo.centre_mm, self.how
+        pixels, centre, how = photo.eight_bit, photo.centre_mm, self.how
         if how.scale:
             from glyphs.opencv import cv2
 

@@ -76,7 +76,7 @@ class Client:
         """Have a part read from its photograph, its scan, or both.
 
         Args:
-            photo: PNG, JPEG, BMP or TIFF; or several of the part, under other lights, which are read as one.
+            photo: PNG, JPEG, BMP, TIFF, WebP or GIF; or several of the part, under other lights, which are read as one.
             scan: recording (.h5) or height map (.npz, .x3p, .sdf, .sur ...); as bytes it is taken for a recording.
             name: what the line calls the part.
             expected: text that it should read.

@@ -187,7 +187,7 @@ def photo_panel(axes: Axes, *, photo: Photo, reading: Reading | None) -> None:
     pitch = photo_pitch_mm(photo)
     axes.set_title("photograph" + ("" if photo.pitch_mm else ", pixels"), fontsize=9, loc="left")
     steps = [max(1, -(-n // _MOST_PIXELS_A_SIDE)) for n in photo.shape]
-    pixels = photo.pixels[:: steps[0], :: steps[1]]
+    pixels = photo.eight_bit[:: steps[0], :: steps[1]]
     extent = _extent(photo.shape, pitch, photo_origin_mm(photo))
     # without limits grey pictures would be stretched from black to white
     axes.imshow(pixels, cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")

@@ -102,7 +102,7 @@ class VisionReader:
             source="vision",
             asked=self.settings.asked,
         )
-        notes = (*made.notes, *(LEFT_OUT.format(number) for number in left_out))
+        notes = (*made.notes, *_file_notes(photo), *(LEFT_OUT.format(number) for number in left_out))
         made = replace(
             made,
             unit="mm" if scaled else "px",
@@ -154,6 +154,11 @@ class _Pictures:
         log = np.where(np.isfinite(best[1][0].log_belief), log, -np.inf)
         log -= np.maximum(np.logaddexp.reduce(log, axis=1), 0.0)[:, None]
         return {"templates": replace(best[1][0], log_belief=np.minimum(log, 0.0))}
+
+
+def _file_notes(photo: Photo) -> tuple[str, ...]:
+    """Remarks on the files of a photograph and its others, each once."""
+    return tuple(dict.fromkeys(note for one in (photo, *photo.others) for note in one.notes))
 
 
 def _first(one: tuple[float, list[Lattice]]) -> float:

@@ -41,7 +41,7 @@ def shrunk(photo: Photo, pixels: int) -> Photo:
     if scale >= 1.0:
         return photo
     size = (max(8, round(cols * scale)), max(8, round(rows * scale)))
-    made = np.asarray(cv2.resize(photo.pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    made = np.asarray(cv2.resize(photo.pixels, size, interpolation=cv2.INTER_AREA), dtype=photo.pixels.dtype)
     # the rims stay where they are: the first pixel's middle does not, and with it the frame's origin
     pitch = photo_pitch_mm(photo) * cols / size[0]
     size_of_pixels = {"shrunk": pitch} if photo.pitch_mm is None else {"pitch_mm": pitch}

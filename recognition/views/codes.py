@@ -77,7 +77,7 @@ def _looks(photo: Photo) -> Iterator[tuple[NDArray[Any], bool]]:
     """
     from glyphs.opencv import cv2
 
-    pixels = photo.pixels
+    pixels = photo.eight_bit
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY) if pixels.ndim == 3 else np.array(pixels)
     yield grey, True
     scale = (DOTS_AT / grey.size) ** 0.5
@@ -129,7 +129,13 @@ def without_codes(photo: Photo, codes: Sequence[Code]) -> Photo:
         cv2.fillConvexPoly(mask, np.rint((wider - origin_mm) / pitch_mm).astype(np.int32), 255)
 
     def filled(one: Photo) -> Photo:
-        made = cv2.inpaint(np.array(one.pixels), mask, _FILL_RADIUS, cv2.INPAINT_TELEA)
-        return replace(one, pixels=np.asarray(made, dtype=np.uint8), others=tuple(map(filled, one.others)))
+        pixels = np.atleast_3d(one.pixels)
+        # of 16 bit OpenCV fills one channel at a time
+        layers = [
+            cv2.inpaint(np.array(pixels[..., k]), mask, _FILL_RADIUS, cv2.INPAINT_TELEA)
+            for k in range(pixels.shape[2])
+        ]
+        made = np.stack(layers, axis=-1).reshape(one.pixels.shape).astype(one.pixels.dtype)
+        return replace(one, pixels=made, others=tuple(map(filled, one.others)))
 
     return filled(photo)

@@ -68,7 +68,7 @@ class ExamPart:
     def photo(self) -> tuple[NDArray[np.uint8], float | None]:
         """The whole photograph (rows, cols, 3) or (rows, cols), and the size of a pixel on the part, mm."""
         photo = self._senses.photo
-        return photo.pixels, photo.pitch_mm
+        return photo.eight_bit, photo.pitch_mm
 
     @property
     def relief(self) -> tuple[NDArray[np.float32], float]:

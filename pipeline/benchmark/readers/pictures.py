@@ -44,7 +44,7 @@ RapidOCR on a felt relief these read best."""
 def photo_picture(senses: PartReadings) -> NDArray[np.uint8]:
     """The photograph, cropped to the line, (rows, cols, 3)."""
     photo = senses.photo
-    pixels = photo.pixels if photo.pixels.ndim == 3 else np.repeat(photo.pixels[..., None], 3, axis=2)
+    pixels = photo.eight_bit if photo.pixels.ndim == 3 else np.repeat(photo.eight_bit[..., None], 3, axis=2)
     box = _line(senses)
     if box is None or photo.pitch_mm is None:
         return pixels

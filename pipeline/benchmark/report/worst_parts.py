@@ -126,7 +126,7 @@ def _figure(senses: PartReadings) -> Figure:
 
 
 def _photo_panel(axes: Axes, senses: PartReadings) -> None:
-    pixels = senses.photo.pixels
+    pixels = senses.photo.eight_bit
     axes.imshow(pixels, cmap="gray" if pixels.ndim == 2 else None, vmin=0, vmax=255)
     axes.set_title("photograph", fontsize=9, loc="left")
 

@@ -70,7 +70,8 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         photo: Annotated[
             list[UploadFile] | None,
             File(
-                description="PNG, JPEG, BMP or TIFF; several of one part under other lights are read as one"
+                description="PNG, JPEG, BMP, TIFF, WebP or GIF; several of one part under other lights are "
+                "read as one"
             ),
         ] = None,
         scan: Annotated[

@@ -31,11 +31,12 @@ import structlog
 from glyphs.errors import FileError, fault_of
 from glyphs.plain_text import visible
 from pipeline.common.records import PartRecord
+from pipeline.files.photo_kinds import HEAD_BYTES
 from pipeline.service.line.watched_files import FileState, FolderLooks, Handled, PartFiles, WatchJournal
 from pipeline.service.part_service import NewPart, PartService, Touch
 from pipeline.service.recent_files import NO_TEXT, is_text
 from pipeline.service.web.problem import Problem
-from pipeline.service.web.uploads import HEAD_BYTES, Upload, check_count, sent_name, suffix_of
+from pipeline.service.web.uploads import Upload, check_count, sent_name, suffix_of
 from pipeline.store.store import IdempotencyKey, StoreError, UnfitError
 
 if TYPE_CHECKING:

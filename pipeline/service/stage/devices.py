@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Protocol, TypeGuard
 from glyphs.errors import FileError, MarksError
 from pipeline.common.reading_records import ScanPlanRecord
 from pipeline.files.parts import set_of
+from pipeline.files.touch_file import PHOTO_SUFFIXES
 from whisker_array.scan.stage_error import StageError
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from whisker_array.scan.session import SessionStage, StageSession
 
 _MAP_SUFFIXES = (".npz", ".x3p", ".sdf")
-_PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 _LONGEST_NAME = 200
 _LEAST_HEIGHTS = 1.0
 """Of the plate, what a region must cover either way, character heights."""
@@ -123,7 +123,7 @@ class FolderCamera:
             StageError: none, or a name that cannot be one.
         """
         try:
-            return _file_of(self.folder, part_name, _PHOTO_SUFFIXES, "photograph")
+            return _file_of(self.folder, part_name, PHOTO_SUFFIXES, "photograph")
         except StageError:
             root = self.folder.resolve()
             several = [

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.common.records import EvidenceKind
+from pipeline.files.photo_kinds import HEAD_BYTES, READ, kind_of, refusal
 from pipeline.files.touch_file import is_height_map, is_scan
 from pipeline.service.web.problem import Problem
 
@@ -21,16 +22,7 @@ MOST_PHOTOS = 12
 SMALL_BODY = 64_000
 """Most bytes of a request that brings no files."""
 _CHUNK = 1 << 20
-HEAD_BYTES = 16
-"""By which a picture is known."""
 _SCAN_MAGIC = b"\x89HDF\r\n\x1a\n"
-_PHOTO_TYPES = {
-    b"\x89PNG\r\n\x1a\n": (".png", "image/png"),
-    b"\xff\xd8": (".jpg", "image/jpeg"),
-    b"BM": (".bmp", "image/bmp"),
-    b"II*\0": (".tif", "image/tiff"),
-    b"MM\0*": (".tif", "image/tiff"),
-}
 _UNPRINTABLE = re.compile(r"[^\x20-\x7e\u00a0-\ud7ff\ue000-\ufffd]")
 
 
@@ -56,7 +48,7 @@ class Upload:
         """For the browser."""
         if kind is EvidenceKind.SCAN:
             return "application/x-hdf5"
-        types = dict(_PHOTO_TYPES.values())
+        types = {one.suffix: one.media_type for one in READ}
         return types.get(self.path.suffix, "application/octet-stream")
 
 
@@ -120,12 +112,10 @@ def suffix_of(role: str, name: str, head: bytes) -> str:
         Problem: 415, a file of no kind that is read.
     """
     if role == "photo":
-        for magic, (suffix, _) in _PHOTO_TYPES.items():
-            if head.startswith(magic):
-                return suffix
-        raise Problem(
-            415, f"the photo {name!r} is not a picture that can be read; send PNG, JPEG, BMP or TIFF"
-        )
+        kind = kind_of(head)
+        if kind is None:
+            raise Problem(415, f"the photo {name!r} {'; '.join(refusal(head))}")
+        return kind.suffix
     named = Path(name)
     if is_scan(named) or is_height_map(named):
         return named.suffix.lower()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 from pathlib import Path
@@ -76,11 +77,105 @@ def test_other_formats_are_read(suffix: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", [".png", ".tif"])
 @pytest.mark.parametrize("bits", [10, 12, 16])
-def test_deep_pictures_become_eight_bit(suffix: str, bits: int, tmp_path: Path) -> None:
+def test_deep_pictures_fill_sixteen_bits(suffix: str, bits: int, tmp_path: Path) -> None:
     deep = (np.linspace(0, 2**bits - 1, 16 * 16).reshape(16, 16)).astype(np.uint16)
     path = tmp_path / f"part{suffix}"
     path.write_bytes(_encoded(suffix, deep))
-    np.testing.assert_array_equal(read_photo(path).pixels[..., 0], deep >> (bits - 8))
+    photo = read_photo(path)
+    np.testing.assert_allclose(photo.pixels[..., 0], deep * (65535.0 / deep.max()), atol=0.5)
+    np.testing.assert_array_equal(photo.eight_bit, photo.pixels >> 8)
+
+
+@pytest.mark.parametrize("glint", [1, 9])
+def test_a_glint_does_not_darken_a_deep_picture(glint: int, tmp_path: Path) -> None:
+    deep = np.full((64, 64, 3), 900, np.uint16)
+    deep[20:40, 10:50] = 700
+    deep[:glint, :4] = 65535
+    Path(tmp_path / "part.png").write_bytes(_encoded(".png", deep))
+    grey = read_photo(tmp_path / "part.png").grey()
+    assert grey[30, 30] < 0.1 < 0.2 < grey[50, 50] < 0.9
+    assert grey[0, 0] == 1.0
+
+
+def test_of_deep_colours_none_is_exchanged(tmp_path: Path) -> None:
+    deep = np.zeros((16, 16, 3), np.uint16)
+    deep[:8, :, 2] = 60000  # red, as OpenCV orders it
+    deep[8:, :, 0] = 30000
+    (tmp_path / "part.png").write_bytes(_encoded(".png", deep))
+    np.testing.assert_array_equal(read_photo(tmp_path / "part.png").pixels[0, 0], (65535, 0, 0))
+
+
+@pytest.mark.parametrize("dark", [True, False])
+@pytest.mark.parametrize("deep", [False, True])
+def test_what_is_transparent_is_laid_on_a_ground(dark: bool, deep: bool, tmp_path: Path) -> None:
+    dtype, full = (np.uint16, 65535) if deep else (np.uint8, 255)
+    picture = np.full((40, 60, 4), 0 if dark else full, dtype)
+    picture[..., 3] = 0
+    picture[10:30, 20:40, 3] = full  # the mark stands in the opacity alone
+    path = tmp_path / "part.png"
+    path.write_bytes(_encoded(".png", picture))
+    photo = read_photo(path)
+    land, mark = photo.grey()[0, 0], photo.grey()[20, 30]
+    assert (land, mark) == ((1.0, 0.0) if dark else (0.0, 1.0))
+    assert photo.notes == (
+        f"the picture is transparent in places; it was laid on {'white' if dark else 'black'}",
+    )
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_the_first_page_that_is_not_blank_is_read(deep: bool, tmp_path: Path) -> None:
+    path = tmp_path / "part.tif"
+    shown = SMOOTH[..., 0].astype(np.uint16) * 257 if deep else SMOOTH[..., 0]
+    pages = [Image.fromarray(np.full_like(shown, 128)), Image.fromarray(shown), Image.fromarray(shown[:20])]
+    pages[0].save(path, save_all=True, append_images=pages[1:])
+    photo = read_photo(path)
+    assert photo.shape == SMOOTH.shape[:2]
+    assert photo.notes == ("page 2 of the file's 3 was read; those before it are blank",)
+    assert np.corrcoef(photo.grey().ravel(), SMOOTH[..., 0].ravel())[0, 1] > 0.999
+
+
+def test_smaller_copies_are_no_pages(tmp_path: Path) -> None:
+    path = tmp_path / "part.tif"
+    tag = Image.core and {254: 1}
+    pages = [Image.fromarray(SMOOTH), Image.fromarray(SMOOTH[::2, ::2].copy())]
+    pages[1].encoderinfo = {"tiffinfo": tag}
+    pages[0].save(path, save_all=True, append_images=pages[1:])
+    assert read_photo(path).notes == ()
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".webp"])
+def test_of_an_animation_the_first_frame_is_read(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"part{suffix}"
+    frames = [Image.fromarray(SMOOTH), Image.fromarray(SMOOTH[::-1].copy())]
+    frames[0].save(path, save_all=True, append_images=frames[1:])
+    photo = read_photo(path)
+    assert photo.notes == ("the first of the file's 2 frames was read",)
+    assert np.abs(photo.pixels.astype(int) - SMOOTH).max() <= 60  # few colours
+
+
+def test_a_picture_of_another_kind_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "part.jpg"
+    path.write_bytes(struct.pack(">I", 24) + b"ftypheic" + bytes(400))
+    with pytest.raises(FileError, match=r"is a HEIC file.*PNG, JPEG, BMP, TIFF, WebP or GIF"):
+        read_photo(path)
+
+
+def _with_scans(picture: Image.Image, scans: int) -> bytes:
+    """A progressive JPEG whose last pass is repeated."""
+    stream = io.BytesIO()
+    picture.save(stream, "JPEG", progressive=True, quality=10)
+    data = stream.getvalue()
+    last = data[data.rindex(b"\xff\xda") : -2]
+    return data[:-2] + last * scans + b"\xff\xd9"
+
+
+def test_a_jpeg_of_endless_passes_is_refused_from_its_markers(tmp_path: Path) -> None:
+    path = tmp_path / "part.jpg"
+    path.write_bytes(_with_scans(Image.new("L", (2000, 2000), 128), 400))
+    with pytest.raises(FileError, match=r"JPEG of 4\d\d passes"):
+        read_header(path)
+    path.write_bytes(_with_scans(Image.new("L", (64, 64), 128), 40))  # little work
+    assert read_photo(path).shape == (64, 64)
 
 
 def test_transparency_and_palettes(tmp_path: Path) -> None:
@@ -185,7 +280,7 @@ def test_what_is_no_photograph_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="shows no characters"):
         read_photo(path)
     path.write_bytes(_encoded(".tiff", np.zeros((16, 16), np.float32)))
-    with pytest.raises(FileError, match="damaged or unusual TIFF"):
+    with pytest.raises(FileError, match="TIFF of numbers of 32 bit"):
         read_photo(path)
     with pytest.raises(FileError, match=r"end it in \.png"):
         write_photo(tmp_path / "part.webp", Photo(COLOUR))

@@ -204,7 +204,7 @@ def test_what_is_no_picture_is_told_of_once_and_left(bench: Bench) -> None:
     assert len([one for one in logs if one["event"] == "watched file left"]) == 4
     assert "max_upload_mb" in left["large.png"]
     assert left["link.png"] == "link.png is no regular file"
-    assert "PNG, JPEG, BMP or TIFF" in left["notes.txt"]
+    assert "PNG, JPEG, BMP, TIFF, WebP or GIF" in left["notes.txt"]
     assert bench.parts.names == ["good"]
     assert len(list(bench.folder.iterdir())) == 7
 
