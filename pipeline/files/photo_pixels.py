@@ -5,9 +5,12 @@ decoded (rows, cols, 3 or 4) --upright--> --laid_on_ground--> (rows, cols, 3) --
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
+Decoded = NDArray[np.unsignedinteger[Any]]
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 _SAMPLED = 1_000_000
@@ -21,13 +24,13 @@ _BLANK = 2.0 / 255.0
 """Range of the middle 99.8 % of a blank page, of the full scale."""
 
 
-def upright(pixels: NDArray[np.generic], orientation: int) -> NDArray[np.generic]:
+def upright(pixels: Decoded, orientation: int) -> Decoded:
     """A picture turned as its EXIF orientation (1 to 8) says; other numbers turn nothing."""
     turned = np.rot90(pixels, {3: 2, 4: 2, 5: 3, 6: 3, 7: 1, 8: 1}.get(orientation, 0))
     return turned[:, ::-1] if orientation in (2, 4, 5, 7) else turned
 
 
-def laid_on_ground(pixels: NDArray[np.generic]) -> tuple[NDArray[np.generic], str]:
+def laid_on_ground(pixels: Decoded) -> tuple[Decoded, str]:
     """(rows, cols, 3) pixels made opaque, and the ground ("white", "black") that shows through; "" if none does.
 
     Evenly opaque or transparent pictures keep their colours. Where what is opaque is dark the ground is white, else
@@ -48,7 +51,7 @@ def laid_on_ground(pixels: NDArray[np.generic]) -> tuple[NDArray[np.generic], st
     return made, "black" if bright else "white"
 
 
-def stretched(pixels: NDArray[np.generic]) -> Pixels:
+def stretched(pixels: Decoded) -> Pixels:
     """Pixels of 16 bit stretched over their full scale; of 8 bit as they are.
 
     The scale ends a little beyond the percentiles, and nowhere beyond the numbers there are.
@@ -66,13 +69,13 @@ def stretched(pixels: NDArray[np.generic]) -> Pixels:
     return np.asarray(np.clip(np.rint(made), 0.0, 65535.0), dtype=np.uint16)
 
 
-def is_blank(pixels: NDArray[np.generic]) -> bool:
+def is_blank(pixels: Decoded) -> bool:
     """Whether a page shows nothing."""
     made, _ = laid_on_ground(pixels)
     low, high = np.percentile(_some(made), (0.1, 99.9))
     return bool(high - low < _BLANK * np.iinfo(made.dtype).max)
 
 
-def _some(pixels: NDArray[np.generic]) -> NDArray[np.float32]:
+def _some(pixels: Decoded) -> NDArray[np.float32]:
     flat = pixels.reshape(-1)
     return np.asarray(flat[:: max(1, flat.size // _SAMPLED)], dtype=np.float32)

@@ -14,14 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glyphs.camera.photo import Photo
 from glyphs.errors import FileError, damage_reported, require_file
 from glyphs.surface.maps import MAX_PIXELS
 from pipeline.common.atomic import replacing
 from pipeline.files.photo_kinds import HEAD_BYTES, READ, refusal
-from pipeline.files.photo_pixels import is_blank, laid_on_ground, stretched, upright
+from pipeline.files.photo_pixels import Decoded, is_blank, laid_on_ground, stretched, upright
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
@@ -206,7 +205,7 @@ def _page_note(kind: str | None, page: int, pages: int) -> str:
     return f"page {page + 1} of the file's {pages} was read" + ("; those before it are blank" if page else "")
 
 
-def _decoded(path: Path, image: ImageFile, page: int) -> NDArray[np.generic]:
+def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
     """(rows, cols, 3 or 4) pixels of the page, upright, the fourth channel opacity."""
     if _is_deep(path, image):
         made = _decoded_deep(path, image, page)
@@ -250,7 +249,7 @@ def _is_deep(path: Path, image: ImageFile) -> bool:
     return False
 
 
-def _decoded_deep(path: Path, image: ImageFile, page: int) -> NDArray[np.generic]:
+def _decoded_deep(path: Path, image: ImageFile, page: int) -> Decoded:
     from glyphs.opencv import cv2
 
     level = cv2.utils.logging.getLogLevel()

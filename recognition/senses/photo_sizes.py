@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-
-import numpy as np
+from typing import Any
 
 from glyphs.camera.photo import Photo
 from recognition.decision.reading import Reading
@@ -41,7 +40,7 @@ def shrunk(photo: Photo, pixels: int) -> Photo:
     if scale >= 1.0:
         return photo
     size = (max(8, round(cols * scale)), max(8, round(rows * scale)))
-    made = np.asarray(cv2.resize(photo.pixels, size, interpolation=cv2.INTER_AREA), dtype=photo.pixels.dtype)
+    made: Any = cv2.resize(photo.pixels, size, interpolation=cv2.INTER_AREA)
     # the rims stay where they are: the first pixel's middle does not, and with it the frame's origin
     pitch = photo_pitch_mm(photo) * cols / size[0]
     size_of_pixels = {"shrunk": pitch} if photo.pitch_mm is None else {"pitch_mm": pitch}

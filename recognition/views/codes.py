@@ -135,7 +135,7 @@ def without_codes(photo: Photo, codes: Sequence[Code]) -> Photo:
             cv2.inpaint(np.array(pixels[..., k]), mask, _FILL_RADIUS, cv2.INPAINT_TELEA)
             for k in range(pixels.shape[2])
         ]
-        made = np.stack(layers, axis=-1).reshape(one.pixels.shape).astype(one.pixels.dtype)
+        made: Any = np.stack(layers, axis=-1).reshape(one.pixels.shape).astype(one.pixels.dtype)
         return replace(one, pixels=made, others=tuple(map(filled, one.others)))
 
     return filled(photo)
