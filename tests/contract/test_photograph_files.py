@@ -39,12 +39,14 @@ def lot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_kind_is_read_and_what_was_done_is_noted(lot: Path, command: Command, tmp_path: Path) -> None:
+    _heic(lot / "phone.HEIC")
     ended = command("read", lot, "--format", FORMAT, "--jobs", "1", "--out", tmp_path / "out.csv")
     with (tmp_path / "out.csv").open(encoding="utf-8-sig") as stream:
         texts = {row["part"]: row["text"] for row in csv.DictReader(stream)}
     assert texts == dict.fromkeys(("clear", "deep", "gif", "jfif", "pages", "webp"), TEXT)
     assert "page 2 of the file's 2 was read" in ended.out
     assert "laid on white" in ended.out
+    assert "passed over 1 file (1 .heic): phone.HEIC; photographs must be PNG" in ended.out + ended.err
 
 
 def _heic(path: Path) -> Path:
