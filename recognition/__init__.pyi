@@ -17,6 +17,7 @@ from .language.check_digits import CheckDigit
 from .language.confusions import CharacterState, PlaceState
 from .language.grammar import Grammar
 from .language.lattice import Lattice
+from .language.orientation import Orientation
 from .reader import Reader
 from .senses.camera import VisionReader
 from .senses.settings import ReaderSettings
@@ -42,6 +43,7 @@ __all__ = [
     "Lattice",
     "MarkDepth",
     "MarkGrade",
+    "Orientation",
     "PlaceState",
     "Reader",
     "ReaderSettings",

@@ -55,6 +55,11 @@ class Soil:
             object.__setattr__(self, name, values)
 
     @property
+    def mirrored(self) -> Soil:
+        """The soil with its rows in the other order."""
+        return Soil(self.thickness_mm[::-1], self.hardness_mpa[::-1], self.friction[::-1])
+
+    @property
     def shape(self) -> tuple[int, int]:
         """(rows, cols)."""
         return (self.thickness_mm.shape[0], self.thickness_mm.shape[1])

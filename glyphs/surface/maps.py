@@ -118,6 +118,11 @@ class HeightMap:
         return (self.z_mm.shape[0], self.z_mm.shape[1])
 
     @property
+    def mirrored(self) -> HeightMap:
+        """The map with its rows in the other order."""
+        return HeightMap(self.z_mm[::-1], self.pitch_mm)
+
+    @property
     def size_mm(self) -> tuple[float, float]:
         """Extent (width along x, height along y), mm, from first to last sample."""
         rows, cols = self.shape

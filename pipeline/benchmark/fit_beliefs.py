@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 def known_lines(folders: Sequence[Path], *, parts: int, seed: int) -> Iterator[tuple[str, KnownLine]]:
     """Kind of view and line of every part that can be drawn and read."""
-    from recognition import Grammar, Reader
+    from recognition import Grammar, Orientation, Reader
     from recognition.learning.training_fonts import find_fonts
     from recognition.learning.training_parts import draw_part
 
@@ -49,7 +49,7 @@ def known_lines(folders: Sequence[Path], *, parts: int, seed: int) -> Iterator[t
             made = draw_part(fonts, rng)
             text = "".join(made.part.stamped.text.split())
             allowed = tuple(next((c for c in _CLASSES if char in c), char) for char in text)
-            reader = Reader(fonts=(made.font,), format=Grammar(sets=allowed))
+            reader = Reader(fonts=(made.font,), format=Grammar(sets=allowed), orientation=Orientation.UPRIGHT)
             readings = [("felt", reader.touch.read_scan(made.scan))]
             if made.photo is not None:
                 readings.append(("photo", reader.vision.read_photo(made.photo)))

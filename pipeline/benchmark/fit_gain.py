@@ -35,6 +35,7 @@ def tried_on(design_name: str, *, seed: int, budget_s: float, most: int | None =
     from pipeline.reading.simulated_scan import open_session
     from recognition.active.active_reader import ActiveReader, ActiveSettings
     from recognition.active.policy import Drawn
+    from recognition.language.orientation import Orientation
     from recognition.reader import Reader
 
     design = design_named(design_name)
@@ -52,7 +53,7 @@ def tried_on(design_name: str, *, seed: int, budget_s: float, most: int | None =
         if made.height_mm is None:
             continue
         mask = item.condition.format
-        reader = readers.setdefault(mask, Reader(format=mask)).touch
+        reader = readers.setdefault(mask, Reader(format=mask, orientation=Orientation.UPRIGHT)).touch
         policy = Drawn(seed * 1000 + item.number)
         active = ActiveReader(reader, ActiveSettings(budget_s=budget_s, policy=policy))
         try:

@@ -54,7 +54,7 @@ def tried(parts: int, seed: int, severity: float, ways: Ways) -> Iterator[Trial]
     """
     from glyphs.errors import MarksError
     from pipeline.benchmark.exam.designed_parts import DesignedParts
-    from recognition import Reader
+    from recognition import Orientation, Reader
 
     made = DesignedParts(trial_parts(parts, seed, severities=(severity,)))
     readers: dict[str, Reader] = {}
@@ -62,7 +62,9 @@ def tried(parts: int, seed: int, severity: float, ways: Ways) -> Iterator[Trial]
         part = made.make(item)
         if part.height_mm is None:
             continue
-        reader = readers.setdefault(item.condition.format, Reader(format=item.condition.format))
+        reader = readers.setdefault(
+            item.condition.format, Reader(format=item.condition.format, orientation=Orientation.UPRIGHT)
+        )
         for way, scan in ways(part, seed + number):
             try:
                 reading = reader.touch.read_scan(scan)

@@ -58,7 +58,7 @@ def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
     from glyphs.surface.maps import TraceDirection
     from pipeline.benchmark.exam.designed_parts import DesignedParts
     from pipeline.reading.simulated_scan import feel
-    from recognition import Reader
+    from recognition import Orientation, Reader
     from recognition.decision.reading import Decision
     from whisker_array.whisker.array import default_plan
 
@@ -68,7 +68,9 @@ def counted(parts: int, seed: int) -> Iterator[PlanCounts]:
         part = made.make(item)
         if part.line_mm is None or part.height_mm is None:
             continue
-        reader = readers.setdefault(item.condition.format, Reader(format=item.condition.format))
+        reader = readers.setdefault(
+            item.condition.format, Reader(format=item.condition.format, orientation=Orientation.UPRIGHT)
+        )
         beside = BESIDE_HEIGHTS * part.height_mm
         width, height = part.height_map.size_mm
         x0, y0, x1, y1 = part.line_mm

@@ -13,6 +13,7 @@ from pipeline.reading.simulated_scan import open_session
 from recognition.active.active_reader import scan_of
 from recognition.active.active_reading import ActiveReading
 from recognition.active.replay import read_kept
+from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.views.levelling import level
 from whisker_array.estimation.edges import edge_map
@@ -48,7 +49,7 @@ def run_active_demo(animation: Path) -> ActiveDemo:
     """
     spec = SynthSpec(FORMAT, seed=_SEED, height_mm=HEIGHT_MM, soiling=Soiling(severity=SEVERITY))
     part = make_part(spec, _NUMBER)
-    reader = Reader(format=FORMAT, fonts=(spec.font,), height_mm=HEIGHT_MM)
+    reader = Reader(format=FORMAT, fonts=(spec.font,), height_mm=HEIGHT_MM, orientation=Orientation.UPRIGHT)
     session = open_session(part.height_map, height_mm=HEIGHT_MM, soil=part.soil, sensor_seed=_SEED)
     try:
         found = read_kept(reader.touch, session, budget_s=BUDGET_S)

@@ -18,6 +18,7 @@ from pipeline.files.npz import write_npz
 from pipeline.plots.pictures import SheetPart, overview_figure, save_figure
 from pipeline.reading.simulated_scan import feel
 from recognition.decision.picture import reading_figure
+from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from recognition.views.levelling import level
 from whisker_array.scan.recording import load_scan, save_calibration, save_scan
@@ -76,7 +77,7 @@ def run_demo(folder: Path, *, on_part: Callable[[SheetPart], None] | None = None
     Raises:
         FileError: the folder or a recording cannot be written.
     """
-    reader = Reader(format="********")
+    reader = Reader(format="********", orientation=Orientation.UPRIGHT)
     done = []
     for number, demo in enumerate(DEMO_PARTS):
         part = _stamped(demo, number)

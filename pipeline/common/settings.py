@@ -259,6 +259,10 @@ class MapSettings(Settings):
     images) or state it wrongly."""
     height_image: bool = False
     """Read .png and .tif as heights, one number a pixel, and not as photographs; see --unit and --pitch-mm."""
+    rows: Literal["top-first", "bottom-first"] | None = None
+    """Which row of a height file is first, or which end of the part the smallest y lies at, whatever the file states.
+    Default: what the file states; where it states nothing, the usual order of its format, and a serial that can be
+    read otherwise mirrored goes to review."""
 
 
 class ReadSettings(MapSettings):
@@ -294,6 +298,10 @@ class ReadSettings(MapSettings):
     line: Annotated[
         tuple[str, ...], BeforeValidator(_few), BeforeValidator(_by_name), AfterValidator(_lines)
     ] = ()
+    orientation: Literal["upright", "any"] = "any"
+    """Which way up parts lie: upright, or any, upside down too. With any, a serial that can be read otherwise upside
+    down, such as 900608, goes to review. Parts before a fixed camera or in a fixture are upright."""
+    line: Annotated[tuple[str, ...], BeforeValidator(_by_name), AfterValidator(_lines)] = ()
     """Another line that stands on the part, as NAME=FORMAT, such as lot=AAA99, or with its region,
     lot@0,0.5,1,1=AAA99; may be repeated. A part without it goes to review. In the file also a table, [line] with lot =
     "AAA99", or [line.lot] with format and region; in the environment also JSON, {"lot": "AAA99"}."""

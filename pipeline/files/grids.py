@@ -33,15 +33,14 @@ _SUBSAMPLE = 200_000
 
 
 def height_map(
-    path: Path, raw: RawMap, settings: MapSettings, *, bottom_first: bool | None = None
+    path: Path, raw: RawMap, settings: MapSettings
 ) -> HeightMap:
     """The height map that a file holds.
 
     Args:
         path: the file, for messages.
         raw: its heights.
-        settings: unit and pitch that are given.
-        bottom_first: which row is first, in place of what the file or its format says.
+        settings: unit, pitch and order of rows that are given.
 
     Raises:
         FileError: sizes, pitches, units or heights that cannot be used.
@@ -61,7 +60,7 @@ def height_map(
     if abs(offset) > MOST_OFFSET_MM:
         z -= offset
     z[np.abs(z) > MAX_HEIGHT_MM] = np.nan
-    if raw.bottom_first if bottom_first is None else bottom_first:
+    if raw.is_bottom_first(settings):
         z = z[::-1]
     for pitch in (x_pitch * xy_mm, y_pitch * xy_mm):
         if not (np.isfinite(pitch) and 0.0 < pitch <= MAX_PITCH_MM):

@@ -39,4 +39,4 @@ def read_height_image(path: Path) -> RawMap:
             raise FileError(
                 path, "has 8 bits, too few for heights", "export it with 16 bits, or as float TIFF"
             )
-        return RawMap(z, header.pitch_mm, header.pitch_mm, xy_mm=1.0)
+        return RawMap(z, header.pitch_mm, header.pitch_mm, xy_mm=1.0, rows_stated=True)

@@ -181,6 +181,8 @@ def _raw_map(path: Path, surface: Any) -> RawMap:
 
     if not surface.unit or surface.physical_sizes is None:
         raise FileError(path, "does not state its unit or its size", "save it as .npz with z_mm and pitch_mm")
+    # X3P and SDF are met with either row first
+    either = path.suffix.lower() in (".x3p", ".sdf")
     to_mm = float(get_unit_conversion_factor(surface.unit, "mm"))
     heights = np.ma.filled(np.ma.asarray(surface.heights(), dtype=np.float64), np.nan)
     columns, rows = surface.nb_grid_pts
@@ -191,5 +193,6 @@ def _raw_map(path: Path, surface: Any) -> RawMap:
         float(height / rows),
         z_mm=to_mm,
         xy_mm=to_mm,
-        bottom_first=path.suffix.lower() in (".x3p", ".sdf"),
+        bottom_first=either,
+        rows_stated=not either,
     )

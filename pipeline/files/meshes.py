@@ -1,6 +1,6 @@
 """Heights out of meshes (STL, PLY, OBJ, by trimesh) and of points.
 
-x runs to the right, y up and z out of the surface: the first row of the map has the greatest y. Points on a grid keep
+x runs to the right, y up unless the settings say that the rows are top first, and z out of the surface. Points on a grid keep
 their heights; others are joined by triangles, and what lies highest at a place counts, so that the underside
 of a closed body is not read. The files state no unit.
 """
@@ -76,7 +76,7 @@ def map_of_points(path: Path, points: NDArray[np.floating], faces: Faces | None 
     if faces is None:
         faces = np.empty((0, 3), dtype=np.int64)
     z, x_pitch, y_pitch = _on_grid(at[known]) or _triangulated(path, at, faces, known)
-    return RawMap(z, x_pitch, y_pitch)
+    return RawMap(z[::-1], x_pitch, y_pitch, bottom_first=True)
 
 
 def _on_grid(points: Points) -> tuple[Points, float, float] | None:

@@ -1,7 +1,8 @@
 """Height maps as `.npz`: `z_mm` (rows, cols) in mm, NaN for dropouts, row 0 at the top, and one `pitch_mm`.
 
 Beside them may lie what is on the part: `friction`, `soft_mm` (thickness of dirt that yields, under `z_mm` as its
-top) and `hardness_mpa`, each a map on the same grid or one number.
+top) and `hardness_mpa`, each a map on the same grid or one number; and `rows`, which says that the first row is the
+top one ("top-first") or the lowest one ("bottom-first"). A file without it may have been written either way.
 
 The header of a member is looked at before the member is unpacked: what is too large or of the wrong type is
 refused without taking the memory.
@@ -22,6 +23,7 @@ from glyphs.errors import FileError, damage_reported, require_file
 from glyphs.soiling.soil import Soil
 from glyphs.surface.maps import MAX_PIXELS, HeightMap
 from pipeline.common.atomic import replacing
+from pipeline.common.settings import MapSettings
 from pipeline.files.grids import MAX_HEIGHT_MM, check_size
 from pipeline.files.raw_map import RawMap
 from whisker_array.whisker.defaults import NOMINAL_FRICTION
@@ -29,6 +31,7 @@ from whisker_array.whisker.defaults import NOMINAL_FRICTION
 MAX_FILE_BYTES = 1_000_000_000
 _HEADER_BYTES = 10_000
 _NEEDED = ("z_mm", "pitch_mm")
+_ROWS = ("top-first", "bottom-first")
 DEFAULT_HARDNESS_MPA = 10.0
 """Of caked grime, where a file gives a thickness and no hardness."""
 
@@ -93,7 +96,28 @@ def read_npz(path: Path) -> RawMap:
         if distance.size != 1:
             raise FileError(path, f"pitch_mm has shape {distance.shape}", "give one number, mm")
         pitch = float(_load(archive, "pitch_mm").reshape(()))
-        return RawMap(_load(archive, "z_mm"), pitch, pitch)
+        rows = _rows(path, archive)
+        return RawMap(
+            _load(archive, "z_mm"),
+            pitch,
+            pitch,
+            bottom_first=rows == "bottom-first",
+            rows_stated=rows is not None,
+        )
+
+
+def _rows(path: Path, archive: zipfile.ZipFile) -> str | None:
+    """Which row is first, as the file states it."""
+    if "rows.npy" not in archive.namelist():
+        return None
+    with archive.open("rows.npy") as stream:
+        member = _header(path, "rows", stream, kinds="U")
+        if member.size == 1 and member.dtype.itemsize <= _HEADER_BYTES:
+            stream.seek(0)
+            stated = str(np.lib.format.read_array(stream, allow_pickle=False).item())
+            if stated in _ROWS:
+                return stated
+    raise FileError(path, "states no order of its rows", f"save rows as {' or '.join(_ROWS)}, or leave it out")
 
 
 def read_npy(path: Path) -> RawMap:
@@ -117,10 +141,14 @@ def read_npy(path: Path) -> RawMap:
         return RawMap(np.lib.format.read_array(stream, allow_pickle=False))
 
 
-def read_soil(path: Path) -> Soil | None:
+def read_soil(path: Path, settings: MapSettings | None = None) -> Soil | None:
     """What lies on the part of an `.npz` file, on the grid of its `z_mm`; None if the file tells nothing of it.
 
     A member that is missing beside another is filled in: no soft dirt, hardness of caked grime, nominal friction.
+
+    Args:
+        path: the file.
+        settings: order of rows that is given.
 
     Raises:
         FileError: a member of another shape, not finite or out of range; or a file that cannot be read.
@@ -148,7 +176,9 @@ def read_soil(path: Path) -> Soil | None:
             np.broadcast_to(values.get(name, np.float32(member.missing)), shape)
             for name, member in _SOIL.items()
         )
-        return Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
+        found = Soil(thickness_mm=soft, hardness_mpa=hardness, friction=friction)
+        rows = (settings.rows if settings is not None else None) or _rows(path, archive)
+        return found.mirrored if rows == "bottom-first" else found
 
 
 def _load_soil(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[np.float32]:
@@ -177,14 +207,15 @@ def _look(path: Path, archive: zipfile.ZipFile, name: str) -> _Member:
     return member
 
 
-def _header(path: Path, name: str, stream: IO[bytes]) -> _Member:
+def _header(path: Path, name: str, stream: IO[bytes], *, kinds: str = "fiu") -> _Member:
     version = np.lib.format.read_magic(stream)
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in readers:
         raise FileError(path, f"{name} is stored in npy version {version}", "save it with numpy.savez")
     shape, _, dtype = readers[version](stream, max_header_size=_HEADER_BYTES)
-    if dtype.hasobject or dtype.kind not in "fiu":
-        raise FileError(path, f"{name} is of type {dtype}", "it must hold real numbers")
+    if dtype.hasobject or dtype.kind not in kinds:
+        hint = "it must hold real numbers" if kinds == "fiu" else "it must hold a text"
+        raise FileError(path, f"{name} is of type {dtype}", hint)
     return _Member(shape, dtype)
 
 
@@ -207,6 +238,7 @@ def write_npz(path: Path, height_map: HeightMap, *, more: Mapping[str, object] |
     Raises:
         FileError: it cannot be written.
     """
-    arrays = {"z_mm": height_map.z_mm, "pitch_mm": np.float64(height_map.pitch_mm), **(more or {})}
+    pitch = np.float64(height_map.pitch_mm)
+    arrays = {"z_mm": height_map.z_mm, "pitch_mm": pitch, "rows": np.str_("top-first"), **(more or {})}
     with replacing(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.common.settings import MapSettings
+
 
 @dataclass(frozen=True)
 class RawMap:
@@ -19,7 +21,7 @@ class RawMap:
         z_mm: millimetres in one unit of `z`, as the file or its format states; None where neither does.
         xy_mm: millimetres in one unit of the pitches, likewise.
         bottom_first: the first row of `z` is the lowest one of the part, as a reader sees it.
-        rows_stated: the file itself states which row is first, beyond what its format says.
+        rows_stated: the file states which row is first, or every writer of its format has the same one first.
     """
 
     z: NDArray[np.number]
@@ -29,3 +31,7 @@ class RawMap:
     xy_mm: float | None = None
     bottom_first: bool = False
     rows_stated: bool = False
+
+    def is_bottom_first(self, settings: MapSettings) -> bool:
+        """Whether the first row is the lowest one, by the settings where they say so."""
+        return self.bottom_first if settings.rows is None else settings.rows == "bottom-first"

@@ -1,7 +1,8 @@
 """Heights in text: columns x y z, or a matrix of heights with what its heading says of it.
 
 Known headings: ESRI grids (ncols, cellsize, NODATA_value), Gwyddion (Width, Height, Value units), Wyko ASCII, SPIP and
-plain `key = value unit` lines. The first row of a matrix is the top one.
+plain `key = value unit` lines. The first row of a matrix is the top one,
+unless a column of y says otherwise; grids of ESRI, Gwyddion and Wyko are always written so.
 """
 
 from __future__ import annotations
@@ -109,8 +110,8 @@ def _matrix(path: Path, table: NumberTable) -> RawMap:
     z_mm = _MM[unit["unit"].lower()] if unit else None
     axes = _without_axes(z)
     if axes is not None:
-        z, x_pitch, y_pitch = axes
-        return RawMap(z, x_pitch, y_pitch, z_mm)
+        z, x_step, y_step = axes
+        return RawMap(z, abs(x_step), abs(y_step), z_mm, bottom_first=y_step > 0.0)
     sizes = [_in_head(head, _SIZE_KEYS[axis]) for axis in "xy"]
     if sizes[0] and sizes[1]:
         rows, cols = z.shape
@@ -120,10 +121,11 @@ def _matrix(path: Path, table: NumberTable) -> RawMap:
             sizes[1][0] / rows * (sizes[1][1] or 1) / (sizes[0][1] or 1),
             z_mm,
             sizes[0][1],
+            rows_stated=True,
         )
     x = _in_head(head, _PITCH_KEYS["x"])
     y = _in_head(head, _PITCH_KEYS["y"]) or x
-    return RawMap(z, x and x[0], y and y[0], z_mm, x and x[1])
+    return RawMap(z, x and x[0], y and y[0], z_mm, x and x[1], rows_stated="ncols" in head.lower())
 
 
 def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
@@ -149,12 +151,12 @@ def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
     nm = 1.0 if flags and flags[1] == "1" else stated.get("Wavelength", 1.0) / stated.get("Mult", 1.0)
     pitch = stated.get("Pixel_size")
     return RawMap(
-        z.T, pitch, pitch and pitch * stated.get("Aspect", 1.0), z_mm=1e-6 * nm, xy_mm=1.0, bottom_first=True
+        z.T, pitch, pitch and pitch * stated.get("Aspect", 1.0), z_mm=1e-6 * nm, xy_mm=1.0, bottom_first=True, rows_stated=True
     )
 
 
 def _without_axes(z: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, float] | None:
-    """Heights and pitches of a matrix with x in its first row and y in its first column; None of any other."""
+    """Heights and steps of a matrix with x in its first row and y in its first column; None of any other."""
     pitches = []
     for axis in (z[0, 1:], z[1:, 0]):
         steps = np.diff(axis)
@@ -162,5 +164,5 @@ def _without_axes(z: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, f
             return None
         if np.abs(steps / steps.mean() - 1.0).max() > 0.02:
             return None
-        pitches.append(abs(float(steps.mean())))
+        pitches.append(float(steps.mean()))
     return z[1:, 1:], pitches[0], pitches[1]

@@ -19,8 +19,8 @@ __all__ = [
     "is_photo",
     "is_scan",
     "read_height_map",
+    "read_map_and_rows",
     "read_scan",
-    "row_order_matters",
 ]
 
 MESH_SUFFIXES = (".stl", ".ply", ".obj", ".pcd")
@@ -63,28 +63,34 @@ def is_photo(path: Path) -> bool:
     return path.suffix.lower() in PHOTO_SUFFIXES
 
 
-def row_order_matters(path: Path) -> bool:
-    """Whether files of this format are met with either row first."""
-    return path.suffix.lower() in (".x3p", ".sdf")
-
-
-def read_height_map(
-    path: str | Path, settings: MapSettings | None = None, *, bottom_first: bool | None = None
-) -> HeightMap:
+def read_height_map(path: str | Path, settings: MapSettings | None = None) -> HeightMap:
     """The height map in a file, mm, row 0 at the top.
 
     Args:
         path: the file; its suffix says which format it is.
-        settings: unit, pitch and kind that are given; the file's own unless given.
-        bottom_first: which row of the file is first, in place of what it or its format says.
+        settings: unit, pitch, kind and order of rows that are given; the file's own unless given.
 
     Raises:
         FileError: whatever keeps it from being read, and what to do about it.
     """
+    return read_map_and_rows(path, settings)[0]
+
+
+def read_map_and_rows(path: str | Path, settings: MapSettings | None = None) -> tuple[HeightMap, bool]:
+    """The height map in a file, and whether the order of its rows is known: stated by the file or given.
+
+    Args:
+        path: as of `read_height_map`.
+        settings: likewise.
+
+    Raises:
+        FileError: likewise.
+    """
     from pipeline.files.grids import height_map
 
     path, settings = Path(path), settings or MapSettings()
-    return height_map(path, read_raw(path, settings), settings, bottom_first=bottom_first)
+    raw = read_raw(path, settings)
+    return height_map(path, raw, settings), raw.rows_stated or settings.rows is not None
 
 
 def read_raw(path: Path, settings: MapSettings) -> RawMap:

@@ -27,7 +27,7 @@ from glyphs.errors import FileError, MarksError
 from pipeline.common.settings import MapSettings
 from pipeline.files.limits import Limits, check_map, check_photo, check_scan
 from pipeline.files.parts import Part
-from pipeline.files.touch_file import read_height_map, read_scan, row_order_matters
+from pipeline.files.touch_file import read_map_and_rows, read_scan
 
 if TYPE_CHECKING:
     from glyphs.camera.photo import Photo
@@ -42,6 +42,9 @@ if TYPE_CHECKING:
     from recognition.senses.touch import Feel
 
     Where = Callable[[HeightMap], Region | None]
+
+
+MIRRORED_NOTE = "read with the rows of the map in the other order (the file does not state it; set rows)"
 
 
 class Mode(StrEnum):
@@ -217,17 +220,16 @@ class PartReader:
                 check_map(path, most=self.limits.max_map_samples)
             from pipeline.files.npz import read_soil
 
-            surface, turned = read_height_map(path, self.maps), other_rows(path, self.maps)
-            soil, feel = read_soil(path) if path.suffix.lower() == ".npz" else None, None
+            surface, rows_known = read_map_and_rows(path, self.maps)
+            soil, feel = read_soil(path, self.maps) if path.suffix.lower() == ".npz" else None, None
             if again is not None:
-                surface, taken, grow = again.surface(surface), turned, again.surface
-                turned = None if taken is None else lambda: grow(taken())
+                surface = again.surface(surface)
                 feel = again.feel(fidelity=self.reader.settings.fidelity, soil=soil, part_id=part.name)
             return read_surface(
                 self.reader,
                 surface,
                 soil=soil,
-                turned=turned,
+                rows_known=rows_known,
                 part_id=part.name,
                 feel=feel,
                 budget_s=self.budget_s,
@@ -263,7 +265,7 @@ def read_surface(
     surface: HeightMap,
     *,
     soil: Soil | None = None,
-    turned: Callable[[], HeightMap] | None = None,
+    rows_known: bool = True,
     part_id: str = "",
     feel: Feel | None = None,
     budget_s: float | None = None,
@@ -275,8 +277,8 @@ def read_surface(
         reader: of both senses.
         surface: top of the part and of what lies on it.
         soil: what lies on it, if known.
-        turned: the same with the other row first, of a format that is met with either; tried where the standards'
-            order is not accepted.
+        rows_known: whether the order of its rows is known; else a serial that reads otherwise mirrored goes to review,
+            and a part that is not surely read is read mirrored as well.
         part_id: what the part is called.
         feel: scans it in place of the default plan.
         budget_s: feel it pass by pass instead, for so many stage seconds at most.
@@ -293,17 +295,19 @@ def read_surface(
         )
 
     found = read(surface, soil, region_mm)
-    if turned is None or not found.text or found.decision == "accept":
+    if rows_known:
         return found
-    other = read(turned(), None)
-    return max(found, other, key=lambda reading: reading.confidence)
+    from recognition.decision.accept import serial_is_sure
 
-
-def other_rows(path: Path, maps: MapSettings | None = None) -> Callable[[], HeightMap] | None:
-    """What loads a height map with the other row first, of a format that is met with either."""
-    if not row_order_matters(path):
-        return None
-    return lambda: read_height_map(path, maps, bottom_first=False)
+    found = reader.touch.weighed(found, rows_known=False)
+    # what scans the part again has the dirt of the map as it was given
+    if serial_is_sure(found) or not found.text or (feel is not None and soil is not None):
+        return found
+    other = read(surface.mirrored, None if soil is None else soil.mirrored)
+    if other.confidence <= found.confidence:
+        return found
+    other = reader.touch.weighed(other, rows_known=False)
+    return replace(other, notes=(*other.notes, MIRRORED_NOTE))
 
 
 def load_photo(part: Part, limits: Limits | None = None) -> Photo:

@@ -15,6 +15,7 @@ from recognition.belief.part_lines import LineFormat
 from recognition.decision.depth_rules import DepthRule, depth_rule, least_depth
 from recognition.experts import generic
 from recognition.language.grammar import Grammar
+from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from whisker_array.simulation.traces import Fidelity
 
@@ -45,6 +46,7 @@ def open_reader(settings: ReadSettings) -> Reader:
         region=settings.region,
         lines=lines_of(settings),
         certified=acceptance_of(settings),
+        orientation=Orientation(settings.orientation),
         **thresholds,
     )
 

@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 
 from recognition.belief.line_belief import LineBelief, believed, pooled
-from recognition.belief.line_search import LineSearch, promise_of, says_much
+from recognition.belief.line_search import PLAIN, UPSIDE_DOWN_DEG, LineSearch, promise_of, says_much
 from recognition.belief.part_lines import (
     NO_LINES,
     Judge,
@@ -31,6 +31,7 @@ from recognition.belief.weights import EXPERTS, weights_of
 from recognition.experts import generic, recogniser
 from recognition.experts.steps import Steps
 from recognition.language.grammar import Grammar
+from recognition.language.orientation import Orientation
 from recognition.lines.find import overlap
 from recognition.lines.moves import moved
 from recognition.views.text_line import TextLine
@@ -45,6 +46,8 @@ MOST_PRINT = 2
 """Looks of the generic one."""
 AGREED, AGREED_EVIDENCE = 0.99, -1.0
 """Belief in every place, and log probability of all that the format allows, from which a look each is enough."""
+PLAIN_EVIDENCE = -0.5
+"""Log probability of all that the format allows, of our own recogniser, from which a line is not heard upside down."""
 ASKED_EVIDENCE = -4.0
 """Log probability of all that a format allows, from which a line is the one that was asked for, and no other."""
 ROOM = 0.45
@@ -65,6 +68,7 @@ class LineReader:
         experts: Sequence[str] = (),
         region: Region | None = None,
         lines: Mapping[str, LineFormat] = NO_LINES,
+        orientation: Orientation = Orientation.ANY,
     ) -> None:
         """Prepare.
 
@@ -75,9 +79,10 @@ class LineReader:
             experts: whose belief counts, of those there are; all unless given.
             region: where the middle of the serial's line lies; anywhere unless given.
             lines: others that stand on the part, by name.
+            orientation: which way up parts lie.
         """
         self.lines, self.region, self.grammar, self.chars = lines, region, grammar, chars
-        self.search = LineSearch(grammar, chars, height_mm=height_mm, region=region)
+        self.search = LineSearch(grammar, chars, height_mm=height_mm, region=region, orientation=orientation)
         self.experts = frozenset(experts or EXPERTS)
         self.print_too = "print" in self.experts and generic.is_installed()
 
@@ -116,6 +121,7 @@ class LineReader:
         if not meant:
             return PartLines(None)
         best = self.search.settled(view, meant) if place is None else meant[0]
+        best = self._right_way_up(view, best)
         main = self._believed(
             view,
             best,
@@ -156,6 +162,14 @@ class LineReader:
         best = max(fits, key=promise_of)
         best = self._believed(view, best, asked.grammar) or best
         return best if best.belief.evidence > ASKED_EVIDENCE else None
+
+    def _right_way_up(self, view: View, best: ReadLine) -> ReadLine:
+        """The line from the end from which all experts together hear more; as it is where it is beyond doubt."""
+        plain = says_much([best], PLAIN) and best.belief.evidence > PLAIN_EVIDENCE
+        if plain and abs(best.line.turned_deg) < UPSIDE_DOWN_DEG:
+            return best
+        both = (best, *self.search.looks(view, [best.line.reversed]))
+        return max((self.heard(view, one) for one in both), key=promise_of) if len(both) > 1 else best
 
     def heard(self, view: View, best: ReadLine) -> ReadLine:
         """A line that was looked at, by a look of each expert: quick, for parts that are still being felt."""

@@ -1,7 +1,7 @@
 """Where lines may be, and which of them says most: our own recogniser looks at each once.
 
 view --find_lines--> lines --a look each--> most promising first --moved, grown--> the best as it lies
-                       ^--none says much: fainter, smaller, upside down, slanted--/
+                       ^--none says much: upside down, fainter, slanted, smaller--/
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from recognition.belief.part_lines import ReadLine, Region, stands_in
 from recognition.belief.weights import weights_of
 from recognition.experts import recogniser
 from recognition.language.grammar import Grammar
+from recognition.language.orientation import Orientation
 from recognition.lines.find import FoundLine, find_lines, overlap
 from recognition.lines.moves import MOVES, anywhere, grown, longer, moved, whole_view
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
@@ -39,11 +40,13 @@ SLANTS_DEG = (30.0, -30.0, 60.0, -60.0)
 """At which lines are looked for that run neither level nor down."""
 SLANTED_SIDES = 2.5
 """Ratio of a view's sides from which a slanted line would have no room."""
+UPSIDE_DOWN_DEG = 105.0
+"""From level, from which a line is upside down: one that runs straight up or down, a little askew, is not."""
 TURNED_COST = 1.5
 """Nats that a line must say more than another, to be read upside down, or down the plate."""
 PLAIN, SURE, SOME = 0.9, 0.7, 0.4
-"""Of what a place may say at most, from which a line is not looked at otherwise, no fainter ones are looked for, and
-no turned ones."""
+"""Of what a place may say at most, from which a line is not looked at otherwise, nor upside down; no fainter ones are
+looked for; and no turned or small ones."""
 END_HEIGHTS = 0.55
 """A character so near a strip's end may have a neighbour beyond."""
 GROWTHS, MOST_GROWTHS = (1.0, 2.2), 3
@@ -64,6 +67,7 @@ class LineSearch:
         *,
         height_mm: float | None = None,
         region: Region | None = None,
+        orientation: Orientation = Orientation.ANY,
     ) -> None:
         """Prepare.
 
@@ -72,8 +76,10 @@ class LineSearch:
             chars: all that is looked for.
             height_mm: of the characters, if known.
             region: where the middle of the serial's line lies; anywhere unless given.
+            orientation: which way up parts lie.
         """
         self.grammar, self.chars, self.height_mm, self.region = grammar, chars, height_mm, region
+        self.orientation = orientation
         self.rare = SIGNS if grammar is None else ""
 
     def heights_mm(self, view: View) -> list[float]:
@@ -105,8 +111,8 @@ class LineSearch:
         crops = whole_view(view) if self.height_mm is None else []
         seen = _ranked([*seen, *self.looks(view, [*others, *crops])])
         tries = (
+            (self._upside_down, PLAIN),
             (self._faint, SURE),
-            (self._upside_down, SOME),
             (self._running_down, SOME),
             (self._slanted, SOME),
             (self._small, SOME),
@@ -151,13 +157,19 @@ class LineSearch:
         """One look of our own recogniser at each line, most promising first."""
         least_mm, most_mm = LEAST_PIXELS * view.pitch_mm, MOST_SIDES * min(view.size_mm)
         lines = [
-            line for line in lines if line.columns() <= MOST_COLUMNS and least_mm <= line.height_mm <= most_mm
+            line
+            for line in lines
+            if line.columns() <= MOST_COLUMNS and least_mm <= line.height_mm <= most_mm and self.may_run(line)
         ]
         if not lines:
             return []
         steps = recogniser.steps_of([view.strip(line) for line in lines], chars=self.chars, rare=self.rare)
         beliefs = [believed({"own": [one]}, self.grammar, weights=weights_of(view.kind)) for one in steps]
         return _ranked([ReadLine(line, b) for line, b in zip(lines, beliefs, strict=True) if b is not None])
+
+    def may_run(self, line: TextLine) -> bool:
+        """Whether a line may run in its direction, by how parts lie; one that runs up or down always may."""
+        return self.orientation is Orientation.ANY or abs(line.turned_deg) < UPSIDE_DOWN_DEG
 
     def settled(self, view: View, seen: Sequence[ReadLine]) -> ReadLine:
         """The best line, moved and grown where that lets it say more."""

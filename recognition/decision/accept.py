@@ -27,6 +27,7 @@ ACCEPTED_WHERE_NOT = {
     ReadingFlag.LINE_MISSING: "every other line that was asked for was found",
     ReadingFlag.SENSES_DISAGREE: "touch and camera agree",
     ReadingFlag.CODE_DISAGREES: "a Data Matrix or QR code beside it, if one speaks of a serial, holds this one",
+    ReadingFlag.ORIENTATION_UNKNOWN: "upside down or mirrored, as far as that may be, the marks read no other serial",
     ReadingFlag.NOT_CERTIFIED: "the certificate, if there is one, vouches for it",
     MEASURE_FLAGS: "the mark keeps every rule that was asked for",
 }
@@ -50,5 +51,6 @@ def decided_anew(reading: Reading) -> Reading:
 
 
 def serial_is_sure(reading: Reading) -> bool:
-    """Whether it would be accepted whatever the rules for its mark say: another scan reads nothing better."""
-    return decision_of(reading.flags & ~MEASURE_FLAGS, reading.characters) is Decision.ACCEPT
+    """Whether another scan reads nothing better: it is accepted but for rules for its mark and its orientation."""
+    settled = reading.flags & ~(MEASURE_FLAGS | ReadingFlag.ORIENTATION_UNKNOWN)
+    return decision_of(settled, reading.characters) is Decision.ACCEPT

@@ -2,6 +2,7 @@
 
 serial read, codes decoded --one holds it, or none speaks of serials--> as it is
                            \\--those that do hold another-------------> review
+A code that holds the serial as it was read shows which way up the part lies, too.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ def checked_by_codes(reading: Reading, codes: Sequence[Code]) -> Reading:
     """
     made = replace(reading.without(ReadingFlag.CODE_DISAGREES), codes=tuple(codes))
     said = [holds(code.text, made.text) for code in made.codes]
+    if True in said:
+        made = made.without(ReadingFlag.ORIENTATION_UNKNOWN)
     if made.text and True not in said:
         made = made.found(
             *(

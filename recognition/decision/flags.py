@@ -41,6 +41,7 @@ class ReadingFlag(Flag):
     CODE_DISAGREES = auto()
     WHISKER_FAULTY = auto()
     BENCH_FAULTY = auto()
+    ORIENTATION_UNKNOWN = auto()
 
     def messages(self) -> tuple[str, ...]:
         """The flags in words."""
@@ -75,6 +76,7 @@ _MESSAGES = {
     ReadingFlag.CODE_DISAGREES: "a code on the part holds another serial (look at the part)",
     ReadingFlag.WHISKER_FAULTY: "a whisker is worn, loose or faulty (see to it)",
     ReadingFlag.BENCH_FAULTY: "something is wrong with the stage, the plate's seat or the wiring (see to it)",
+    ReadingFlag.ORIENTATION_UNKNOWN: "the serial can be read otherwise with the part turned (set the orientation)",
     ReadingFlag.SENSES_DISAGREE: "touch and camera read different serials (look at the part)",
 }
 MEASURE_FLAGS = (

@@ -28,9 +28,11 @@ from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Decision, OtherLine, Reading, ReadingTrace
 from recognition.decision.reading_of_line import characters_of, doubts_of_lines, hull
 from recognition.decision.stroke_doubts import strokes_asked
+from recognition.decision.which_way_up import also_readable, plain_text, ways_possible
 from recognition.language.constrained_decoding import Choice, choose
 from recognition.language.grammar import Grammar
 from recognition.language.lattice import Lattice
+from recognition.language.orientation import Orientation, other_text
 
 ALONE_WRONG = 0.02
 """Share of places at which the camera may be wrong whatever it believes, with no touch to compare it with."""
@@ -48,6 +50,10 @@ class FusionSettings(Thresholds, Protocol):
     @property
     def asked(self) -> Collection[str]:
         """Names of other lines that should stand on the part."""
+
+    @property
+    def orientation(self) -> Orientation:
+        """Which way up parts lie."""
 
 
 def fuse(touch: Reading, vision: Reading, settings: FusionSettings) -> Reading:
@@ -124,7 +130,7 @@ def _reading(
     contradicted += contradicted_lines
     # what touch has found about characters, format and lines is found anew of both
     own = doubts_of_lines(tactile.others, settings.asked, settings)
-    kept = tactile.without(CHOICE_FLAGS | flags_of(own))
+    kept = tactile.without(CHOICE_FLAGS | flags_of(own) | ReadingFlag.ORIENTATION_UNKNOWN)
     characters = []
     boxed = replace(lattice, boxes=felt.boxes)
     for new, old in zip(characters_of(choice, boxed), tactile.characters, strict=True):
@@ -144,6 +150,7 @@ def _reading(
             *_beyond_format(tactile, vision),
             *doubts_of_lines(others, settings.asked, settings),
             *disagree,
+            *_orientation_doubts(tactile, vision, choice.text, settings),
         ),
     )
     known = None if settings.grammar is None else settings.grammar.spaces(choice.text)
@@ -162,6 +169,25 @@ def _reading(
         seconds=_seconds(tactile, vision),
         trace=made.trace,
     )
+
+
+def _orientation_doubts(
+    tactile: Reading, vision: Reading, text: str, settings: FusionSettings
+) -> tuple[Finding, ...]:
+    """Other ways in which the marks may be meant: of a text that both senses have read, those that neither rules out.
+
+    Where they have read different ones, what either doubts, and what the characters of the text say by themselves.
+    """
+    unknown = ReadingFlag.ORIENTATION_UNKNOWN
+    found = [finding for finding in tactile.findings if finding.flag & unknown]
+    if plain_text(tactile) == plain_text(vision) == text:
+        return tuple(found) if vision.flags & unknown else ()
+    found += [finding for finding in vision.findings if finding.flag & unknown]
+    for way in ways_possible(settings.orientation, turned_deg=tactile.rotation_deg):
+        other = other_text(text, way, settings.grammar)
+        if other is not None and other.exact:
+            found.append(also_readable(way, other.text))
+    return tuple(dict.fromkeys(found))
 
 
 def _beyond_format(tactile: Reading, vision: Reading) -> tuple[Finding, ...]:

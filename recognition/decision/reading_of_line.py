@@ -98,6 +98,7 @@ def reading_of_line(
             worth.confidence(_likely(one)),
             hull(one.open_boxes()),
             may_be_serial=one.belief.evidence_of(grammar) >= NOT_THE_SERIAL,
+            rotation_deg=one.line.turned_deg,
         )
         for one in part.others
     ]
@@ -226,7 +227,11 @@ def _other(name: str, one: ReadLine, grammar: Grammar, worth: Calibration) -> Ot
     choice = choose(one.belief.lattice, grammar)
     spaces = spaces_of(choice.text, grammar, one.belief.heard, one.belief.columns)
     return OtherLine(
-        name, spaced(choice.text, spaces), worth.confidence(choice.probability), hull(one.boxes())
+        name,
+        spaced(choice.text, spaces),
+        worth.confidence(choice.probability),
+        hull(one.boxes()),
+        rotation_deg=one.line.turned_deg,
     )
 
 

@@ -28,6 +28,7 @@ IMPORTANCE = (
     ReadingFlag.FORMAT_NOT_MET,
     ReadingFlag.SENSES_DISAGREE,
     ReadingFlag.CODE_DISAGREES,
+    ReadingFlag.ORIENTATION_UNKNOWN,
     ReadingFlag.LOW_CONFIDENCE | ReadingFlag.AMBIGUOUS,
     ReadingFlag.LINE_MISSING,
     ReadingFlag.STROKES_MISSING,

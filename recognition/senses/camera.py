@@ -23,6 +23,7 @@ from recognition.decision.flags import ReadingFlag
 from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Reading
 from recognition.decision.reading_of_line import reading_of_line
+from recognition.decision.which_way_up import ways_possible, weighed
 from recognition.experts.templates.photo_judge import SCALES, allowed_of, judged_photo, placed
 from recognition.experts.templates.photo_shapes import PhotoShapes, photo_shapes
 from recognition.language.lattice import Lattice
@@ -70,6 +71,7 @@ class VisionReader:
                 experts=self.settings.experts,
                 region=self.settings.region,
                 lines=self.settings.asked,
+                orientation=self.settings.orientation,
             )
             for scaled in (True, False)
         }
@@ -110,7 +112,10 @@ class VisionReader:
             photos=1 + len(photo.others) - len(left_out),
             notes=notes,
         ).traced(photo=photo)
-        return on_known_ground(made, self.settings)
+        made = on_known_ground(made, self.settings)
+        ways = ways_possible(self.settings.orientation, turned_deg=made.rotation_deg)
+        accept = self.settings.accept_confidence
+        return weighed(made, views[0], self._readers[scaled], ways, accept_confidence=accept)
 
     @cached_property
     def shapes(self) -> tuple[tuple[PhotoShapes, ...], ...]:

@@ -18,6 +18,7 @@ from recognition.belief.weights import EXPERTS
 from recognition.decision.certified import CertifiedAcceptance
 from recognition.decision.depth_rules import DepthRule
 from recognition.language.grammar import Grammar
+from recognition.language.orientation import Orientation
 from recognition.language.remainders import ALPHANUMERIC
 from whisker_array.simulation.traces import Fidelity
 
@@ -39,6 +40,7 @@ class ReaderOptions(TypedDict, total=False):
     region: Region | None
     lines: Mapping[str, str | LineFormat]
     certified: CertifiedAcceptance | None
+    orientation: Orientation
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,8 @@ class ReaderSettings:
             anywhere unless given.
         lines: other lines that stand on the part, by name: their formats, and where they stand.
         certified: what a certificate allows to accept; None where there is none.
+        orientation: which way up parts lie; where that is not known, a serial that reads otherwise upside down goes to
+            review.
 
     Raises:
         FormatError: a format that no serial meets.
@@ -76,6 +80,7 @@ class ReaderSettings:
     region: Region | None = None
     lines: Mapping[str, str | LineFormat] | tuple[tuple[str, str | LineFormat], ...] = ()
     certified: CertifiedAcceptance | None = None
+    orientation: Orientation = Orientation.ANY
 
     __repr__ = one_line
 
@@ -88,6 +93,7 @@ class ReaderSettings:
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it lies between 0 and 1")
         check_region(self.region)
+        object.__setattr__(self, "orientation", Orientation(self.orientation))
         # pairs, so that settings can be keys
         object.__setattr__(self, "lines", tuple(dict(self.lines).items()))
         experts = (self.experts,) if isinstance(self.experts, str) else tuple(self.experts)

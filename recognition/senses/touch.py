@@ -29,6 +29,7 @@ from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
 from recognition.decision.stroke_doubts import strokes_asked
 from recognition.decision.unseen_glyphs import doubted_guesses
+from recognition.decision.which_way_up import ways_possible, weighed
 from recognition.experts.templates.judge import JudgedLine, judged
 from recognition.experts.templates.placed_line import TouchedPart
 from recognition.experts.templates.predicted import MOST_BYTES, SET_BYTES, TemplateCache
@@ -75,6 +76,7 @@ class TactileReader:
             experts=self.settings.experts,
             region=self.settings.region,
             lines=self.settings.asked,
+            orientation=self.settings.orientation,
         )
         # all fonts that are named compete for every part
         self.cache = TemplateCache(most_bytes=max(MOST_BYTES, SET_BYTES * len(self.fonts)))
@@ -179,7 +181,26 @@ class TactileReader:
         reading = judged_by(reading, self.settings.depth_rules).traced(edge_map=edges, relief=relief)
         with timer.step("ground"):
             reading = on_known_ground(reading, self.settings)
+        with timer.step("orientation"):
+            reading = self.weighed(reading)
         return replace(reading, seconds=MappingProxyType(dict(timer.seconds)))
+
+    def weighed(self, reading: Reading, *, rows_known: bool = True) -> Reading:
+        """The reading, in review where its marks may be meant another way (`recognition.decision.which_way_up`).
+
+        Args:
+            reading: with its edge map and line in the trace.
+            rows_known: whether the order of the map's rows is known.
+        """
+        edges = reading.trace.edge_map
+        if edges is None:
+            return reading
+        fresh = reading.without(ReadingFlag.ORIENTATION_UNKNOWN)
+        ways = ways_possible(
+            self.settings.orientation, rows_known=rows_known, turned_deg=reading.rotation_deg
+        )
+        view, accept = felt_view(edges, reading.trace.relief), self.settings.accept_confidence
+        return weighed(fresh, view, self.lines, ways, accept_confidence=accept)
 
     def _answer(self, part: PartLines, flags: ReadingFlag) -> Reading:
         return reading_of_line(

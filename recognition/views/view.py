@@ -14,7 +14,7 @@ What a view has not, and what it does not know, is 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -89,6 +89,16 @@ class View:
         """Width and height."""
         rows, columns = self.layers.shape[1:]
         return (columns - 1) * self.pitch_mm, (rows - 1) * self.pitch_mm
+
+    @property
+    def mirrored(self) -> View:
+        """The view with its rows in the other order, in the same frame."""
+        layers = np.array(self.layers[:, ::-1])
+        forward, back = (
+            EDGES + DIRECTIONS.index(d) for d in (TraceDirection.FORWARD_Y, TraceDirection.BACK_Y)
+        )
+        layers[[forward, back]] = layers[[back, forward]]
+        return replace(self, layers=layers)
 
     def strip(
         self, line: TextLine, *, rows: float = ROWS, margin: float = MARGIN, zoom: float = 1.0

@@ -65,8 +65,7 @@ class FolderParts:
         """Load its height map; the photograph when it is asked for."""
         from pipeline.files.npz import read_soil
         from pipeline.files.photos import read_photo
-        from pipeline.files.touch_file import read_height_map
-        from pipeline.reading.part_reader import other_rows
+        from pipeline.files.touch_file import read_map_and_rows
 
         files = item.files
         if files is None or files.problem is not None:
@@ -74,14 +73,15 @@ class FolderParts:
         if files.height_map is None:
             raise FileError(files.scan or item.part, "has no height map", "add one")
         photo = files.photo
+        surface, rows_known = read_map_and_rows(files.height_map)
         return Specimen(
             part=item.part,
             truth=item.truth,
-            height_map=read_height_map(files.height_map),
+            height_map=surface,
             soil=read_soil(files.height_map) if files.height_map.suffix.lower() == ".npz" else None,
             take_photo=None if photo is None else lambda: read_photo(photo),
             line_mm=None,
-            turned=other_rows(files.height_map),
+            rows_known=rows_known,
         )
 
     def font_of(self, condition: Condition) -> str:

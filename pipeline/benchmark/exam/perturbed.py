@@ -22,7 +22,7 @@ def perturbed(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> S
         fidelity: how touch is simulated.
     """
     again = Retake(how, zlib.crc32(f"{specimen.part} {how.name}".encode()))
-    grown, take, turned = again.grown, specimen.take_photo, specimen.turned
+    grown, take = again.grown, specimen.take_photo
     take_lights = specimen.take_lights
 
     def larger(box: Box | None) -> Box | None:
@@ -31,7 +31,6 @@ def perturbed(specimen: Specimen, how: Perturbation, *, fidelity: Fidelity) -> S
     return replace(
         specimen,
         height_map=again.surface(specimen.height_map),
-        turned=None if turned is None else lambda: again.surface(turned()),
         take_photo=None if take is None else lambda: again.photo(take()),
         take_lights=None if take_lights is None else lambda: again.photo(take_lights()),
         line_mm=larger(specimen.line_mm),

@@ -57,7 +57,7 @@ class Specimen:
         boxes_mm: around each character of the truth; empty where they are not known.
         height_mm: of the characters, for which a stage is set; None where it is not known.
         beside_mm: around another line, which is not asked for; None without one.
-        turned: the map with the other row first, as `pipeline.reading.part_reader.read_surface` takes it.
+        rows_known: whether the order of the map's rows is known.
         feel: scans it; by the default plan unless given.
         take_lights: photographs it as `take_photo`, with others under other lights; None without.
     """
@@ -71,7 +71,7 @@ class Specimen:
     boxes_mm: tuple[Box, ...] = ()
     height_mm: float | None = None
     beside_mm: Box | None = None
-    turned: Callable[[], HeightMap] | None = None
+    rows_known: bool = True
     feel: Feel | None = None
     take_lights: Callable[[], Photo] | None = None
 

@@ -30,6 +30,7 @@ from pipeline.benchmark.readers.pictures import PICTURES, draw_edges, draw_heigh
 from pipeline.files.layers import write_layer
 from pipeline.files.photos import write_photo
 from pipeline.files.synth import write_surface
+from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 
 if TYPE_CHECKING:
@@ -76,7 +77,9 @@ def export_part(order: ExportOrder, item: Item) -> ExportedPart:
     specimen = order.parts.make(item)
     height_mm = order.parts.spec(item.condition).height_mm
     with tempfile.TemporaryDirectory() as scratch:
-        writer = _Writer(Path(scratch), specimen, PartReadings(specimen, Reader()))
+        writer = _Writer(
+            Path(scratch), specimen, PartReadings(specimen, Reader(orientation=Orientation.UPRIGHT))
+        )
         writer.write(felt=order.felt)
         paths = sorted(p for p in Path(scratch).rglob("*") if p.is_file())
         files = {p.relative_to(scratch).as_posix(): p.read_bytes() for p in paths}

@@ -68,7 +68,7 @@ class PartReadings:
                 self._reader,
                 part.height_map,
                 soil=part.soil,
-                turned=part.turned,
+                rows_known=part.rows_known,
                 part_id=part.part,
                 feel=part.feel,
             ),

@@ -21,6 +21,7 @@ from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.moves import MOST, Way
 from recognition.active.policy import WORTH_S, Drawn, Greedy, Ladder, Policy
 from recognition.decision.reading import Decision
+from recognition.language.orientation import Orientation
 from recognition.reader import Reader
 from whisker_array.whisker.array import LINES_PER_HEIGHT, default_plan
 
@@ -147,7 +148,7 @@ def _height_mm(made: Specimen) -> float:
 @lru_cache(maxsize=8)
 def _reader(mask: str, font: str) -> Reader:
     """Kept from part to part, the last few: templates take a second to be made."""
-    return Reader(format=mask or None, fonts=(font,) if font else ())
+    return Reader(format=mask or None, fonts=(font,) if font else (), orientation=Orientation.UPRIGHT)
 
 
 def _tried(

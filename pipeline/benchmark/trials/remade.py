@@ -12,6 +12,7 @@ from pipeline.benchmark.exam.specimens import Item
 from pipeline.benchmark.trials.run import Benchmark
 from pipeline.common.settings import SettingsError
 from pipeline.files.synth import MAX_PARTS
+from recognition.language.orientation import Orientation
 from recognition.senses.settings import ReaderSettings
 from whisker_array.simulation.traces import Fidelity
 
@@ -44,6 +45,9 @@ def remade(description: Mapping[str, Any], parts: Iterable[str]) -> tuple[Benchm
         raise MarksError("its fonts are others than those installed here")
     reading = description["reading"]
     settings = ReaderSettings(
-        fonts=tuple(reading["fonts"]), format=reading["format"], fidelity=Fidelity(reading["fidelity"])
+        fonts=tuple(reading["fonts"]),
+        format=reading["format"],
+        fidelity=Fidelity(reading["fidelity"]),
+        orientation=Orientation(reading["orientation"]),
     )
     return Benchmark(source, tuple(description["modes"]), settings), {name: items[name] for name in wanted}

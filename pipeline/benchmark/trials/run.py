@@ -69,6 +69,7 @@ class Benchmark:
                 "fonts": [str(font) for font in reading.fonts],
                 "format": reading.format,
                 "fidelity": reading.fidelity.value,
+                "orientation": reading.orientation.value,
                 **({} if reading.certified is None else {"certified": asdict(reading.certified)}),
             },
             "calibrations": {source: asdict(calibration_of(source)) for source in SOURCES},

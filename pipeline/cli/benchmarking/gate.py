@@ -48,10 +48,13 @@ def gate(
         from pipeline.benchmark.exam.editions import design_named
         from pipeline.benchmark.trials.run import Benchmark, run_benchmark
         from pipeline.workers.options import ExecutorOptions
+        from recognition.language.orientation import Orientation
         from recognition.senses.settings import ReaderSettings
 
         modes = MODES + CAMERA_MODES if camera else MODES
-        benchmark = Benchmark(DesignedParts(design_named(EDITION)), modes, ReaderSettings())
+        benchmark = Benchmark(
+            DesignedParts(design_named(EDITION)), modes, ReaderSettings(orientation=Orientation.UPRIGHT)
+        )
         start = time.perf_counter()
         with (
             tempfile.TemporaryDirectory() as scratch,

@@ -68,7 +68,7 @@ def lot(
         with executors.opened(len(items)) as executor:
             for _ in ordered_map(executor, partial(_write, source, folder), items):
                 pass
-        given, settings = Given(format=True), ReadSettings(format=(format,))
+        given, settings = Given(format=True), ReadSettings(format=(format,), orientation="upright")
         read = []
         for name, learns in (("once", False), ("teaching itself", True)):
             table = out / f"{name.replace(' ', '-')}.csv"

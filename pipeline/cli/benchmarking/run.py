@@ -175,13 +175,16 @@ def benchmark(
         from pipeline.cli.benchmarking.result import print_result
         from pipeline.reading.certificate import checked
         from pipeline.reading.perturbation import PERTURBATIONS
+        from recognition.language.orientation import Orientation
         from recognition.senses.settings import ReaderSettings
         from whisker_array.simulation.traces import Fidelity
 
         check_report()
         source: Parts
         vouching = checked(certificate) if certificate is not None else None
-        reading = ReaderSettings(fidelity=Fidelity(fidelity))
+        # parts of a design lie upright; how those of somebody else lie is not known
+        lie = Orientation.UPRIGHT if inputs is None else Orientation.ANY
+        reading = ReaderSettings(fidelity=Fidelity(fidelity), orientation=lie)
         if vouching is not None:
             reading = replace(reading, **vouching.thresholds())
         if inputs is not None and truth is not None:

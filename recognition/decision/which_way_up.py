@@ -1,0 +1,140 @@
+"""A reading weighed against the other ways in which its marks may be meant: upside down, or mirrored.
+
+    reading, ways possible --other text? (language.orientation)--> none: as it is
+                           \\--exact images------------------------> review: "also readable upside down: 809006"
+                           \\--likely images --a look that way-----> review, where it says about as much
+
+What is known removes ways: how parts lie (the settings), the order of a map's rows (its file), another line on the part
+that reads one way only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+
+from recognition.belief.line_reader import LineReader
+from recognition.belief.line_search import UPSIDE_DOWN_DEG
+from recognition.belief.part_lines import ReadLine
+from recognition.decision.accept import decided_anew
+from recognition.decision.flags import Finding, ReadingFlag
+from recognition.decision.reading import OtherLine, Reading
+from recognition.language.constrained_decoding import choose
+from recognition.language.grammar import Grammar
+from recognition.language.orientation import Orientation, Way, other_text, readable
+from recognition.views.text_line import TextLine
+from recognition.views.view import View
+
+LEAST_LEAD_NATS = 4.0
+"""Log probability by which a text must lead the one of another way. Of plates shown the wrong way and read surely, the
+true text is at most 1.5 behind (python tests/benchmarks/orientation.py plates)."""
+_SET = {
+    Way.UPSIDE_DOWN: "set orientation = upright if parts lie so",
+    Way.ROWS_REVERSED: "set rows if their order is known",
+    Way.LEFT_RIGHT: "set rows if their order is known",
+}
+
+
+def ways_possible(
+    orientation: Orientation, *, rows_known: bool = True, turned_deg: float = 0.0
+) -> tuple[Way, ...]:
+    """The other ways in which the marks of a part may be meant.
+
+    Args:
+        orientation: which way up parts lie.
+        rows_known: whether the order of the map's rows is known; of a photograph it is.
+        turned_deg: of the line that was read; one that runs up or down may be read from either end.
+    """
+    either_end = orientation is Orientation.ANY or abs(turned_deg) > 180.0 - UPSIDE_DOWN_DEG
+    ways = (
+        (Way.UPSIDE_DOWN, either_end),
+        (Way.ROWS_REVERSED, not rows_known),
+        (Way.LEFT_RIGHT, not rows_known and either_end),
+    )
+    return tuple(way for way, possible in ways if possible)
+
+
+def weighed(
+    reading: Reading,
+    view: View,
+    lines: LineReader,
+    ways: Sequence[Way],
+    *,
+    accept_confidence: float,
+) -> Reading:
+    """The reading, in review where another way gives another text that may be meant as well.
+
+    Args:
+        reading: with its line in the trace.
+        view: that was read.
+        lines: what reads lines of such views.
+        ways: in which the marks may be meant instead.
+        accept_confidence: from which another line on the part is taken for read.
+    """
+    text, line = plain_text(reading), reading.trace.line
+    if not text or line is None:
+        return reading
+    found = []
+    for way in ways:
+        other = other_text(text, way, lines.grammar)
+        if other is None or any(
+            _speaks_against(way, one, reading, lines, accept_confidence) for one in reading.others
+        ):
+            continue
+        words = other.text if other.exact else _text_as_likely(text, line, view, lines, way)
+        if words:
+            found.append(also_readable(way, words))
+    return decided_anew(reading.found(*found)) if found else reading
+
+
+def also_readable(way: Way, text: str) -> Finding:
+    """The doubt that the marks may be meant another way."""
+    return Finding(ReadingFlag.ORIENTATION_UNKNOWN, f"also readable {way}: {text} ({_SET[way]})")
+
+
+def plain_text(reading: Reading) -> str:
+    """The serial without blanks."""
+    return "".join(reading.text.split())
+
+
+def _speaks_against(
+    way: Way, other: OtherLine, reading: Reading, lines: LineReader, accept_confidence: float
+) -> bool:
+    """Whether another line of the part, read in the same direction, reads nothing the other way."""
+    apart = math.radians(other.rotation_deg - reading.rotation_deg)
+    sure = other.confidence >= accept_confidence and math.cos(apart) > 0.0
+    asked = lines.lines.get(other.name)
+    text = "".join(other.text.split())
+    return sure and not readable(text, way, None if asked is None else asked.grammar)
+
+
+def _text_as_likely(text: str, line: TextLine, view: View, lines: LineReader, way: Way) -> str:
+    """The text that a look the other way reads about as surely; empty where it reads none."""
+    here = _looked(lines, view, line)
+    there = _looked(lines, view.mirrored if way.mirrors else view, _shown(line, view, way))
+    if here is None or there is None:
+        return ""
+    other = choose(there.belief.lattice, lines.grammar).text
+    if not other or other == text:
+        return ""
+    lead = _log_probability(here, text) - _log_probability(there, other)
+    return other if lead < LEAST_LEAD_NATS else ""
+
+
+def _looked(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:
+    seen = lines.search.looks(view, [line])
+    return lines.heard(view, seen[0]) if seen else None
+
+
+def _log_probability(one: ReadLine, text: Collection[str]) -> float:
+    """Of a text, by what was heard along a line."""
+    return one.belief.evidence_of(Grammar(sets=tuple(text)))
+
+
+def _shown(line: TextLine, view: View, way: Way) -> TextLine:
+    """Where the line lies in the view that shows it the other way."""
+    points = line.centre_mm
+    if way.mirrors:
+        top, height = view.origin_mm[1], view.size_mm[1]
+        points = points * (1.0, -1.0) + (0.0, 2.0 * top + height)
+    return TextLine(points[::-1] if way.reverses else points, line.height_mm)

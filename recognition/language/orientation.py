@@ -1,0 +1,169 @@
+"""Texts that a marking shows when its part lies upside down, or when its map is mirrored.
+
+    text --images of each character, in the new order--> texts --format--> another text, or none
+
+    way                    order      exact images (the same shape in most dies)
+    upside down            reversed   0-0 8-8 6-9 H I N O S X Z
+    rows reversed          kept       0-0 3-3 8-8 B C D E H I K O X
+    mirrored left-right    reversed   0-0 8-8 A H I M O T U V W X Y
+
+Beside exact images a character has likely ones: what our recogniser takes it for. A "7" that is turned is read as L.
+Most texts hold a character without an image that the format allows, and can be read one way only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+
+import numpy as np
+
+from recognition.language.constrained_decoding import choose
+from recognition.language.grammar import Grammar
+from recognition.language.lattice import Lattice
+
+
+class Orientation(StrEnum):
+    """Which way up parts lie."""
+
+    UPRIGHT = "upright"
+    ANY = "any"
+
+
+class Way(StrEnum):
+    """Another way in which the same marks may be meant."""
+
+    UPSIDE_DOWN = "upside down"
+    ROWS_REVERSED = "with its rows in the other order"
+    LEFT_RIGHT = "mirrored left to right"
+
+    @property
+    def reverses(self) -> bool:
+        """Whether the last character comes first."""
+        return self is not Way.ROWS_REVERSED
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether the map is mirrored: the order of its rows is another one."""
+        return self is not Way.UPSIDE_DOWN
+
+
+@dataclass(frozen=True)
+class OtherText:
+    """Another text of the same marks.
+
+    Attributes:
+        text: allowed by the format.
+        exact: whether the characters have the same shapes, so that nothing on the part tells the two texts apart.
+    """
+
+    text: str
+    exact: bool
+
+
+_EXACT = {
+    Way.UPSIDE_DOWN: "00 0O OO 69 88 HH II NN SS XX ZZ bq dp ll nu oo ss xx zz -- ++ // :: == ..",
+    Way.ROWS_REVERSED: "00 0O OO 33 88 BB CC DD EE HH II KK XX bp dq cc ll oo xx -- ++ :: ==",
+    Way.LEFT_RIGHT: "00 0O OO 88 AA HH II MM TT UU VV WW XX YY bd pq ii ll oo vv ww xx -- ++ :: == ..",
+}
+# characters that our recogniser reads, with a mean belief of 3 % at least, where the first of each word stands turned
+# or mirrored; measured by: python tests/benchmarks/orientation.py characters
+_LIKELY = {
+    Way.UPSIDE_DOWN: (
+        "00O 11ILTV 2278Z 3289ES 47TV 59GS 69 724LZ 88 96 AV B8AEG C03JO D0ACDGIOQ E3IT F34DHIJ G09DO "
+        "HH I1IL JCFPRT KIX L7IT MW NN O0O PD Q0O RDJ SS T1IL UAMN VA WM XX YAX ZZ"
+    ),
+    Way.ROWS_REVERSED: (
+        "00O 114IJT 25S 323 4VY 52P 60289EGPQ 714AJNSX 88 908AO AV BB CCG DD EE FEL GCEGO HH I1IL "
+        "J129IT KK LFT MNW N1IMVW O0O PB Q0O R6BK S2 T1IL UAMN VA WM XX YAX ZEFISTX"
+    ),
+    Way.LEFT_RIGHT: (
+        "00O 11FILNRT 2S 38CE 44A 58ACDJ 608O 7FRTVY 88 90289EPQ AA B8AE C03DJO D0ACDGIOQ E3EIJT "
+        "F79IT G09DO HH I1IL JLU KIXY L14IJ MM NMVWX O0O P9Q Q0OQ R79AHIST S28E TT UU VV WW XX YY "
+        "ZEFISTX"
+    ),
+}
+
+
+def images_of(char: str, way: Way, *, exact: bool) -> str:
+    """Characters that a character may be read as the other way, sorted.
+
+    Args:
+        char: as it is meant.
+        way: in which it is shown.
+        exact: only those of the same shape; the likely ones, too, unless set.
+    """
+    found = _exact_images(way).get(char, frozenset())
+    return "".join(sorted(found if exact else found | _likely_images(way).get(char, frozenset())))
+
+
+def other_text(text: str, way: Way, grammar: Grammar | None) -> OtherText | None:
+    """The text that the same marks have the other way, where the format allows one that differs.
+
+    Args:
+        text: without blanks.
+        way: in which the marks may be meant instead.
+        grammar: the format; None allows every text.
+    """
+    for exact in (True, False):
+        images = [images_of(char, way, exact=exact) for char in (text[::-1] if way.reverses else text)]
+        if not text or not all(images):
+            continue
+        if exact and all(char in found for char, found in zip(text, images, strict=True)):
+            return None  # the marks read the same either way
+        found = _allowed(images, way, grammar)
+        other = next((one for one in found if one != text), None)
+        if other is not None:
+            return OtherText(other, exact)
+    return None
+
+
+def readable(text: str, way: Way, grammar: Grammar | None) -> bool:
+    """Whether the marks of a text can be read another way at all, as itself or as another text.
+
+    Args:
+        text: without blanks.
+        way: in which the marks may be meant.
+        grammar: the format; None allows every text.
+    """
+    images = [images_of(char, way, exact=False) for char in (text[::-1] if way.reverses else text)]
+    return bool(text) and all(images) and bool(_allowed(images, way, grammar))
+
+
+def _allowed(images: Sequence[str], way: Way, grammar: Grammar | None) -> tuple[str, ...]:
+    """The two likeliest texts of these characters that the format allows."""
+    chars = _all_images(way)
+    log = np.full((len(images), len(chars)), -np.inf)
+    for place, found in enumerate(images):
+        log[place, [chars.index(char) for char in found]] = -math.log(len(found) + 1.0)
+    choice = choose(Lattice(chars, log), grammar, k=2)
+    return tuple(text for text in (choice.text, *(rival.text for rival in choice.rivals)) if text)
+
+
+@cache
+def _exact_images(way: Way) -> Mapping[str, frozenset[str]]:
+    found: dict[str, set[str]] = {}
+    for a, b in (tuple(pair) for pair in _EXACT[way].split()):
+        found.setdefault(a, set()).add(b)
+        found.setdefault(b, set()).add(a)
+    return {char: frozenset(images) for char, images in found.items()}
+
+
+@cache
+def _likely_images(way: Way) -> Mapping[str, frozenset[str]]:
+    # a text that was read may be the image, or what the image is of
+    found: dict[str, set[str]] = {}
+    for word in _LIKELY[way].split():
+        char = word[0]
+        for image in word[1:]:
+            found.setdefault(char, set()).add(image)
+            found.setdefault(image, set()).add(char)
+    return {char: frozenset(images) for char, images in found.items()}
+
+
+@cache
+def _all_images(way: Way) -> tuple[str, ...]:
+    return tuple(sorted({*_exact_images(way), *_likely_images(way)}))
