@@ -78,7 +78,7 @@ def run_service_demo(
     say("starting the service (the first start on a machine takes longer: it compiles) ...")
     served = []
     folders = ("--stage", str(parts), "--camera", str(parts))
-    reading = ("--format", FORMAT, "--font", "gothic", "--height-mm", "5")
+    reading = ("--format", FORMAT, "--font", "gothic", "--height-mm", "5", "--orientation", "upright")
     with service_process(folder / "service", *folders, *reading) as service, Client(service.url) as client:
         say(f"it answers at {service.url}")
         for (name, truth), severity in zip(truths.items(), SEVERITIES, strict=True):

@@ -131,7 +131,7 @@ class OtherLine:
         confidence: probability that all of it is right, 0 to 1.
         box: where it stands; None where that is not known.
         may_be_serial: whether the serial's format allows what it reads.
-        rotation_deg: of the line, from +x towards +y.
+        line: where it lies in the view that was read; None where that is not known.
     """
 
     name: str
@@ -139,7 +139,7 @@ class OtherLine:
     confidence: float
     box: Box | None = None
     may_be_serial: bool = True
-    rotation_deg: float = 0.0
+    line: TextLine | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,7 +98,7 @@ def reading_of_line(
             worth.confidence(_likely(one)),
             hull(one.open_boxes()),
             may_be_serial=one.belief.evidence_of(grammar) >= NOT_THE_SERIAL,
-            rotation_deg=one.line.turned_deg,
+            line=one.line,
         )
         for one in part.others
     ]
@@ -231,7 +231,7 @@ def _other(name: str, one: ReadLine, grammar: Grammar, worth: Calibration) -> Ot
         spaced(choice.text, spaces),
         worth.confidence(choice.probability),
         hull(one.boxes()),
-        rotation_deg=one.line.turned_deg,
+        line=one.line,
     )
 
 

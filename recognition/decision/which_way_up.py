@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 from recognition.belief.line_reader import LineReader
 from recognition.belief.line_search import UPSIDE_DOWN_DEG
@@ -77,12 +78,14 @@ def weighed(
     found = []
     for way in ways:
         other = other_text(text, way, lines.grammar)
-        if other is None or any(
-            _speaks_against(way, one, reading, lines, accept_confidence) for one in reading.others
-        ):
+        if other is None:
             continue
         words = other.text if other.exact else _text_as_likely(text, line, view, lines, way)
-        if words:
+        if words and not any(
+            _speaks_against(way, one, line, view, lines)
+            for one in reading.others
+            if one.confidence >= accept_confidence
+        ):
             found.append(also_readable(way, words))
     return decided_anew(reading.found(*found)) if found else reading
 
@@ -97,28 +100,43 @@ def plain_text(reading: Reading) -> str:
     return "".join(reading.text.split())
 
 
-def _speaks_against(
-    way: Way, other: OtherLine, reading: Reading, lines: LineReader, accept_confidence: float
-) -> bool:
-    """Whether another line of the part, read in the same direction, reads nothing the other way."""
-    apart = math.radians(other.rotation_deg - reading.rotation_deg)
-    sure = other.confidence >= accept_confidence and math.cos(apart) > 0.0
+def _speaks_against(way: Way, other: OtherLine, serial: TextLine, view: View, lines: LineReader) -> bool:
+    """Whether another line of the part, that runs in the direction of the serial's, reads nothing the other way."""
+    if other.line is None or math.cos(math.radians(other.line.turned_deg - serial.turned_deg)) <= 0.0:
+        return False
     asked = lines.lines.get(other.name)
-    text = "".join(other.text.split())
-    return sure and not readable(text, way, None if asked is None else asked.grammar)
+    grammar, text = (None if asked is None else asked.grammar), "".join(other.text.split())
+    if readable(text, way, grammar, exact=True):
+        return False
+    if not readable(text, way, grammar):
+        return True
+    seen = _seen_other_way(text, other.line, view, LineReader(grammar, lines.chars), way)
+    return seen is not None and seen.lead_nats >= LEAST_LEAD_NATS
+
+
+@dataclass(frozen=True)
+class _SeenOtherWay:
+    """The text that a look the other way reads, and by how much the one that was read leads it."""
+
+    text: str
+    lead_nats: float
 
 
 def _text_as_likely(text: str, line: TextLine, view: View, lines: LineReader, way: Way) -> str:
-    """The text that a look the other way reads about as surely; empty where it reads none."""
+    """The text that a look the other way reads about as surely; empty where it reads none, or the same."""
+    seen = _seen_other_way(text, line, view, lines, way)
+    return "" if seen is None or seen.text == text or seen.lead_nats >= LEAST_LEAD_NATS else seen.text
+
+
+def _seen_other_way(
+    text: str, line: TextLine, view: View, lines: LineReader, way: Way
+) -> _SeenOtherWay | None:
     here = _looked(lines, view, line)
     there = _looked(lines, view.mirrored if way.mirrors else view, _shown(line, view, way))
-    if here is None or there is None:
-        return ""
-    other = choose(there.belief.lattice, lines.grammar).text
-    if not other or other == text:
-        return ""
-    lead = _log_probability(here, text) - _log_probability(there, other)
-    return other if lead < LEAST_LEAD_NATS else ""
+    other = "" if there is None else choose(there.belief.lattice, lines.grammar).text
+    if here is None or there is None or not other:
+        return None
+    return _SeenOtherWay(other, _log_probability(here, text) - _log_probability(there, other))
 
 
 def _looked(lines: LineReader, view: View, line: TextLine) -> ReadLine | None:

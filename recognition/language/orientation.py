@@ -121,15 +121,16 @@ def other_text(text: str, way: Way, grammar: Grammar | None) -> OtherText | None
     return None
 
 
-def readable(text: str, way: Way, grammar: Grammar | None) -> bool:
+def readable(text: str, way: Way, grammar: Grammar | None, *, exact: bool = False) -> bool:
     """Whether the marks of a text can be read another way at all, as itself or as another text.
 
     Args:
         text: without blanks.
         way: in which the marks may be meant.
         grammar: the format; None allows every text.
+        exact: by images of the same shape only.
     """
-    images = [images_of(char, way, exact=False) for char in (text[::-1] if way.reverses else text)]
+    images = [images_of(char, way, exact=exact) for char in (text[::-1] if way.reverses else text)]
     return bool(text) and all(images) and bool(_allowed(images, way, grammar))
 
 

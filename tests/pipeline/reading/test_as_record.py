@@ -63,8 +63,12 @@ class FakeReader:
         if value == 14:
             raise MapError("no such thing")
         if value == 15:
-            return reading("15", confidence=0.2, decision=Decision.REVIEW)
+            unsure = reading("15", confidence=0.2, decision=Decision.REVIEW)
+            return replace(unsure, flags=ReadingFlag.LOW_CONFIDENCE)
         return reading(str(value))
+
+    def weighed(self, found: Reading, **_: object) -> Reading:
+        return found
 
     def read_scan(self, scan: object) -> Any:
         raise AssertionError("no scan in these tests")
