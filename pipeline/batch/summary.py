@@ -17,6 +17,7 @@ _MOST_KINDS = 500
 _SLOWEST = 5
 _NUMBER = re.compile(r"\d+([.,]\d+)*")
 _BETWEEN = re.compile(r"; (?![^()]*\))")  # messages, one of which may have a semicolon in brackets
+_OTHER_TEXT = re.compile(r"(?<=\w): \S+(?= \(set )")  # what a part reads as well, mirrored or upside down
 _PLACES = re.compile(r"(?<=low confidence): .*|: [^“]*\bplaces? \d.*")  # which characters, where, by how much
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|“[^”]*”")
 
@@ -116,7 +117,7 @@ class Summary:
 
 def _kind(message: str) -> str:
     """A message without what differs from part to part."""
-    message = _PLACES.sub("", message)
+    message = _OTHER_TEXT.sub("", _PLACES.sub("", message))
     return _NUMBER.sub("#", _QUOTED.sub("'...'", message))[:160].strip()
 
 

@@ -103,7 +103,7 @@ def scan(
         check_writable(out)
         piece = height_map.suffix.lower() == ".toml"
         surface = read_surface(height_map) if piece else read_height_map(height_map, maps)
-        soil = read_soil(height_map) if height_map.suffix.lower() == ".npz" else None
+        soil = read_soil(height_map, maps) if height_map.suffix.lower() == ".npz" else None
         if friction is not None and not 0.0 <= friction <= 1.0:
             raise CommandError(f"--friction is {friction}", hint="it lies between 0 and 1", status=USAGE)
         built = read_whisker_file(whisker) if whisker is not None else None

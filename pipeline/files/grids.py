@@ -32,9 +32,7 @@ _MOST_MISSING, _MOST_OTHERS = 0.9, 0.2
 _SUBSAMPLE = 200_000
 
 
-def height_map(
-    path: Path, raw: RawMap, settings: MapSettings
-) -> HeightMap:
+def height_map(path: Path, raw: RawMap, settings: MapSettings) -> HeightMap:
     """The height map that a file holds.
 
     Args:

@@ -1,7 +1,7 @@
 """Heights out of meshes (STL, PLY, OBJ, by trimesh) and of points.
 
-x runs to the right, y up unless the settings say that the rows are top first, and z out of the surface. Points on a grid keep
-their heights; others are joined by triangles, and what lies highest at a place counts, so that the underside
+x runs to the right, y up unless the settings say that the rows are top first, and z out of the surface. Points on a
+grid keep their heights; others are joined by triangles, and what lies highest at a place counts, so that the underside
 of a closed body is not read. The files state no unit.
 """
 

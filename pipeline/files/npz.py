@@ -117,7 +117,9 @@ def _rows(path: Path, archive: zipfile.ZipFile) -> str | None:
             stated = str(np.lib.format.read_array(stream, allow_pickle=False).item())
             if stated in _ROWS:
                 return stated
-    raise FileError(path, "states no order of its rows", f"save rows as {' or '.join(_ROWS)}, or leave it out")
+    raise FileError(
+        path, "states no order of its rows", f"save rows as {' or '.join(_ROWS)}, or leave it out"
+    )
 
 
 def read_npy(path: Path) -> RawMap:

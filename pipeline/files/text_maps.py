@@ -151,7 +151,13 @@ def _wyko(head: str, z: NDArray[np.float64]) -> RawMap:
     nm = 1.0 if flags and flags[1] == "1" else stated.get("Wavelength", 1.0) / stated.get("Mult", 1.0)
     pitch = stated.get("Pixel_size")
     return RawMap(
-        z.T, pitch, pitch and pitch * stated.get("Aspect", 1.0), z_mm=1e-6 * nm, xy_mm=1.0, bottom_first=True, rows_stated=True
+        z.T,
+        pitch,
+        pitch and pitch * stated.get("Aspect", 1.0),
+        z_mm=1e-6 * nm,
+        xy_mm=1.0,
+        bottom_first=True,
+        rows_stated=True,
     )
 
 

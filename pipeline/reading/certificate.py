@@ -30,8 +30,9 @@ from recognition.decision.likeness import KindOfParts
 
 FORMAT_VERSION = 1
 _MOST_BYTES = 20_000_000
-_OF_NO_ACCOUNT = {"certificate", "mode", *MapSettings.model_fields}
-"""Settings that may differ: the senses stand in the certificate, and units are the file's."""
+_OF_NO_ACCOUNT = {"certificate", "mode", *(name for name in MapSettings.model_fields if name != "rows")}
+"""Settings that may differ: the senses stand in the certificate, and units are the file's. The order of rows, as the
+orientation, decides what may be accepted."""
 _FILES = ("database", "lexicon")
 _AGAIN = "make a new one with: tactile-marks certify"
 

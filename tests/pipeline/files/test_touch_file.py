@@ -73,7 +73,7 @@ def test_x3p_is_turned_upright_and_scaled(tmp_path: Path) -> None:
     loaded = read_height_map(tmp_path / "a.x3p")
     np.testing.assert_allclose(loaded.z_mm, z, atol=1e-6)
     assert loaded.pitch_mm == pytest.approx(0.05)
-    turned = read_height_map(tmp_path / "a.x3p", bottom_first=False)
+    turned = read_height_map(tmp_path / "a.x3p", MapSettings(rows="top-first"))
     np.testing.assert_array_equal(turned.z_mm, loaded.z_mm[::-1])
 
 
@@ -84,7 +84,7 @@ def test_sdf_is_turned_upright_and_scaled(tmp_path: Path, kind: sdfio.FileFormat
     loaded = read_height_map(tmp_path / "a.sdf")
     np.testing.assert_allclose(loaded.z_mm, z, atol=1e-6)
     assert loaded.pitch_mm == pytest.approx(0.05)
-    turned = read_height_map(tmp_path / "a.sdf", bottom_first=False)
+    turned = read_height_map(tmp_path / "a.sdf", MapSettings(rows="top-first"))
     np.testing.assert_array_equal(turned.z_mm, loaded.z_mm[::-1])
 
 
