@@ -56,7 +56,7 @@ def test_the_truth_stands_in_its_table_alone(tmp_path: Path) -> None:
         "truth.csv",
     ]
     with np.load(tmp_path / "out" / "part-000.npz") as content:
-        assert sorted(content.files) == ["pitch_mm", "z_mm"]
+        assert sorted(content.files) == ["pitch_mm", "rows", "z_mm"]
     with (tmp_path / "out" / "truth.csv").open(newline="") as stream:
         assert next(csv.reader(stream)) == ["part", "text"]
 
@@ -144,7 +144,7 @@ def test_a_soiled_part_is_written_whole(tmp_path: Path) -> None:
         read_height_map(tmp_path / "out" / "part-001.npz").z_mm, soiled.height_map.z_mm
     )
     with np.load(tmp_path / "out" / "part-001.npz") as content:
-        assert sorted(content.files) == ["friction", "hardness_mpa", "pitch_mm", "soft_mm", "z_mm"]
+        assert sorted(content.files) == ["friction", "hardness_mpa", "pitch_mm", "rows", "soft_mm", "z_mm"]
         # half precision: eleven bits
         for name, kept in (
             ("friction", soiled.soil.friction),
