@@ -88,9 +88,17 @@ def test_what_a_reading_tells(plain: tuple[StampedPart, Reading]) -> None:
     assert not reading.raised
     assert reading.flags is ReadingFlag.NONE
     assert reading.rotation_deg == pytest.approx(0.0, abs=1.5)
-    assert {"mount", "scan", "edge map", "relief", "read", "measure", "strokes", "ground"} == set(
-        reading.seconds
-    )
+    assert {
+        "mount",
+        "scan",
+        "edge map",
+        "relief",
+        "read",
+        "measure",
+        "strokes",
+        "ground",
+        "orientation",
+    } == set(reading.seconds)
     assert all(t >= 0.0 for t in reading.seconds.values())
     assert set(found.trace.by_expert) >= {"own", "templates"}
     assert found.trace.experts == "+".join(found.trace.by_expert)
