@@ -295,13 +295,12 @@ class ReadSettings(MapSettings):
     region: Annotated[Region | None, BeforeValidator(_region)] = None
     """Where on the part the middle of the serial lies: left, top, right and bottom as shares, 0 to 1, of the
     photograph, or of what was scanned. Anywhere unless given."""
-    line: Annotated[
-        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_by_name), AfterValidator(_lines)
-    ] = ()
     orientation: Literal["upright", "any"] = "any"
     """Which way up parts lie: upright, or any, upside down too. With any, a serial that can be read otherwise upside
     down, such as 900608, goes to review. Parts before a fixed camera or in a fixture are upright."""
-    line: Annotated[tuple[str, ...], BeforeValidator(_by_name), AfterValidator(_lines)] = ()
+    line: Annotated[
+        tuple[str, ...], BeforeValidator(_few), BeforeValidator(_by_name), AfterValidator(_lines)
+    ] = ()
     """Another line that stands on the part, as NAME=FORMAT, such as lot=AAA99, or with its region,
     lot@0,0.5,1,1=AAA99; may be repeated. A part without it goes to review. In the file also a table, [line] with lot =
     "AAA99", or [line.lot] with format and region; in the environment also JSON, {"lot": "AAA99"}."""
