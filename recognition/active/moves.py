@@ -120,17 +120,33 @@ def between(k: int) -> float:
     return share
 
 
+def _needed(
+    across: tuple[float, float], field: tuple[float, float], *, rim_mm: float
+) -> tuple[float, float]:
+    """The stretch across the travel that lines must cover: the region less the land at its rims.
+
+    A region about a line that is cut at one rim of the field has no land to spare there.
+    """
+    cut = [abs(a - b) < 1e-6 for a, b in zip(across, field, strict=True)]
+    low = across[0] + (0.0 if cut == [True, False] else rim_mm)
+    high = across[1] - (0.0 if cut == [False, True] else rim_mm)
+    return (low, high) if high > low else (0.5 * (low + high),) * 2
+
+
 def _laid(fitting: Fitting, region_mm: Region, way: Way, share: float) -> list[Pass]:
     """Travels that cover a region with lines a whisker's pitch apart; all regions of a field share their lines."""
     array, height = fitting.array, fitting.height_mm
     along_x = way.direction.along_x
     (x0, y0, x1, y1), field = region_mm, fitting.field_mm
     along, across = ((x0, x1), (y0, y1)) if along_x else ((y0, y1), (x0, x1))
-    origin, pitch = field[1] if along_x else field[0], array.pitch_mm
-    need_mm = across[1] - across[0] - 2.0 * RIM_HEIGHTS * height
-    blocks = max(1, math.ceil(need_mm / (pitch * array.n_whiskers)))
-    # the comb's middle over the region's, in whole pitches from the field's rim
-    first = round((0.5 * (across[0] + across[1]) - origin) / pitch - 0.5 * blocks * array.n_whiskers)
+    within = (field[1], field[3]) if along_x else (field[0], field[2])
+    origin, pitch = within[0], array.pitch_mm
+    low, high = _needed(across, within, rim_mm=RIM_HEIGHTS * height)
+    blocks = max(1, math.ceil((high - low) / (pitch * array.n_whiskers) - 1e-9))
+    # the middle of this travel's own lines as near to the middle of what is needed as whole pitches allow: together
+    # the travels of a step then lay every line of the blocks' width, evenly to both sides
+    lines = blocks * array.n_whiskers
+    first = round((0.5 * (low + high) - origin) / pitch - share - 0.5 * (lines - 1))
     step_mm = height / LINES_PER_HEIGHT / SAMPLES_PER_LINE_PITCH
     begin = (field[0] if along_x else field[1]) + step_mm * round(
         (along[0] - (field[0] if along_x else field[1])) / step_mm

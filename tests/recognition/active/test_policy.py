@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from recognition.active.active_reader import around
 from recognition.active.active_reading import StopReason
 from recognition.active.fit_gain import Tried, fit_gain, loss_nats
 from recognition.active.gain import Gain, WayGain, fitted_gain, sureness
 from recognition.active.moves import FIRST, JOINED, MOST, Step, Way, between, next_step
 from recognition.active.policy import Drawn, Greedy, Ladder, Progress
+from recognition.views.text_line import TextLine
 from whisker_array.scan.session import Fitting
 from whisker_array.whisker.array import WhiskerArray
 from whisker_array.whisker.touch import default_touch
@@ -69,10 +71,25 @@ def test_regions_of_a_field_share_their_lines_and_samples() -> None:
     assert narrow is not None
     assert narrow.stage_s < wide.stage_s
     lines = {round(v, 6) for p in wide.passes for v in p.line_mm}
-    shared = {round(v, 6) for p in narrow.passes for v in p.line_mm}
+    shared = {round(v, 6) for p in narrow.passes for v in p.line_mm if 9.1 <= v <= 14.9}
     assert shared <= lines
     step = narrow.passes[0].sample_pitch_mm
     assert narrow.passes[0].along_mm[0] / step == pytest.approx(round(narrow.passes[0].along_mm[0] / step))
+
+
+@given(
+    begins=st.floats(0.0, 20.0), length=st.floats(6.0, 38.0), way=st.sampled_from([Way.CROSS, Way.CROSS_BACK])
+)
+def test_the_lines_of_a_step_cover_a_line_to_both_its_ends(begins: float, length: float, way: Way) -> None:
+    text = TextLine.straight(begins, 12.0, length_mm=length, height_mm=5.0)
+    step = next_step(FITTING, around(text, FIELD), way, 0)
+    assert step is not None
+    laid = sorted(v for p in step.passes for v in p.line_mm if 0.0 <= v <= 60.0)
+    # a line of the first step is an eighth of a height from the next
+    assert laid[0] <= max(begins, 0.0) + 0.625
+    assert laid[-1] >= min(begins + length, 60.0) - 0.625
+    within = [v for v in laid if begins - 0.7 <= v <= begins + length + 0.7]
+    assert max(b - a for a, b in pairwise(within)) <= 0.625 + 1e-9
 
 
 def test_a_ladder_goes_up_rung_by_rung_and_ends() -> None:
