@@ -10,7 +10,6 @@ before giving up; the watch goes on where it has the line.
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -18,8 +17,9 @@ from dataclasses import dataclass, field, replace
 from glyphs.surface.display import one_line
 from glyphs.surface.maps import EdgeMap, MapError
 from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
-from recognition.active.moves import Region, Step
+from recognition.active.moves import FIRST, Region, Step, Way
 from recognition.active.policy import Greedy, Policy, Progress
+from recognition.active.telling import Untold, doubted_untold, untold
 from recognition.active.trust import Trust
 from recognition.active.watch import LineWatch, Look
 from recognition.decision.accept import decided_anew
@@ -29,7 +29,7 @@ from recognition.senses.touch import TactileReader, bench_findings
 from recognition.views.text_line import TextLine
 from recognition.views.view import felt_view, relief_of
 from whisker_array.estimation.edges import edge_map
-from whisker_array.estimation.faults import find_faults
+from whisker_array.estimation.faults import Fault, find_faults
 from whisker_array.estimation.left_out import without_faulty
 from whisker_array.scan.felt_sweep import Sweep
 from whisker_array.scan.scan import Scan
@@ -136,13 +136,13 @@ class _Part:
         self.trust = Trust(self.active.reader.settings.accept_confidence)
         self.edges: EdgeMap | None = None
         self.scan: Scan | None = None
+        self.faults: tuple[Fault, ...] = ()
+        self.missing: tuple[Untold, ...] = ()
 
     def read(self) -> ActiveReading:
         settings = self.active.settings
         while True:
-            chosen = settings.policy.choose(
-                self.progress, self.region, left_s=settings.budget_s - self.progress.stage_s
-            )
+            chosen = self._next(left_s=settings.budget_s - self.progress.stage_s)
             if isinstance(chosen, StopReason):
                 # nobody gives up without having read what was felt
                 if chosen is not StopReason.NO_GAIN or not self.looks_since or not settings.until_sure:
@@ -170,15 +170,18 @@ class _Part:
         if self.reading is None or self.looks_since:
             self._look()
             self.reading = self._full()
-        self.reading = self._judged_bench(self.reading)
+        self.reading = self.reading.found(*bench_findings(self.faults))
         if not sure_at_look:
             if (
                 settings.until_sure
                 and chosen is not StopReason.STAGE_FAILED
                 and self.trust.takes(self.reading)
+                and not self._untold(self.reading)
             ):
                 chosen = StopReason.SURE
             self.reading = self.trust.decided(self.reading)
+            if self.scan is not None and self.reading.decision is Decision.ACCEPT:
+                self.reading = doubted_untold(self.reading, self.scan)
         if not self.reading.characters and chosen is StopReason.NO_GAIN:
             chosen = StopReason.NOTHING_FOUND
         if chosen is StopReason.STAGE_FAILED:
@@ -196,6 +199,20 @@ class _Part:
             scan=self.scan,
         )
 
+    def _next(self, *, left_s: float) -> Step | StopReason:
+        """The next step: what tells a text that is sure otherwise from its rivals, or else what the policy chooses."""
+        # lines that a dead whisker leaves out are missing after any number of steps
+        ways = [way for way in Way if self.progress.lines.get(way, 0) < FIRST]
+        wanted = [way for way in ways if any(way in one.ways for one in self.missing)]
+        steps = [step for way in wanted if (step := self.progress.step(way, self.region)) is not None]
+        if not steps:
+            return self.active.settings.policy.choose(self.progress, self.region, left_s=left_s)
+        cheapest = min(steps, key=lambda step: step.stage_s)
+        return cheapest if cheapest.stage_s <= left_s else StopReason.BUDGET
+
+    def _untold(self, reading: Reading) -> tuple[Untold, ...]:
+        return () if self.scan is None else untold(reading, self.scan)
+
     def _feel(self, step: Step) -> bool:
         """Whether every pass of a step could be felt; those that were are kept."""
         spent = self.progress.stage_s
@@ -212,7 +229,9 @@ class _Part:
     def _look(self) -> Look | None:
         if not self.felt:
             return None
-        self.scan = scan_of(self.fitting, self.felt)
+        raw = scan_of(self.fitting, self.felt)
+        self.faults = find_faults(raw)
+        self.scan = without_faulty(raw, self.faults)
         try:
             self.edges = edge_map(self.scan, within_mm=self.region)
         except MapError:
@@ -229,6 +248,8 @@ class _Part:
             return False
         if self.looks_since >= LOOKS_APART:
             return True
+        if self.missing:
+            return True
         accept = self.active.reader.settings.accept_confidence
         if look is None or look.confidence < accept:
             return False
@@ -240,8 +261,10 @@ class _Part:
         self.looks_since = 0
         self.watch.follow(reading.trace.line, confidence=reading.confidence)
         self.progress = self.progress.believing(reading.confidence)
-        if self.trust.takes(reading):
-            return StopReason.SURE
+        sure = self.trust.takes(reading)
+        self.missing = self._untold(reading) if sure else ()
+        if sure:
+            return None if self.missing else StopReason.SURE
         doubts = reading.flags & ~TOUCHABLE
         return StopReason.NO_GAIN if doubts and not reading.flags & TOUCHABLE else None
 
@@ -253,19 +276,6 @@ class _Part:
             self.edges, self.scan.touch, relief=relief, about=self.line if self.line is not None else None
         )
         return decided_anew(reading).traced(scan=self.scan)
-
-    def _judged_bench(self, reading: Reading) -> Reading:
-        """The reading with what the passes say of whiskers and bench; read anew without what cannot be used."""
-        if self.scan is None:
-            return reading
-        faults = find_faults(self.scan)
-        usable = without_faulty(self.scan, faults)
-        if usable is not self.scan:
-            self.scan = usable
-            with contextlib.suppress(MapError):
-                self.edges = edge_map(usable, within_mm=self.region)
-                reading = self._full()
-        return reading.found(*bench_findings(faults))
 
     def _note(self, before: int, look: Look | None, thought_s: float) -> None:
         """Write down what is believed after a step, with its last pass."""

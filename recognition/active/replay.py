@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from recognition.active.active_reader import ActiveReader, ActiveSettings
 from recognition.active.active_reading import ActiveReading, PassFelt, StopReason
+from recognition.active.telling import doubted_untold
 from recognition.senses.touch import TactileReader
 from whisker_array.scan.pass_log import LoggedPass, PassLog
 from whisker_array.scan.recorded_session import KeptSession, RecordedSession
@@ -69,7 +70,7 @@ def replayed(reader: TactileReader, scan: Scan) -> ActiveReading:
         passes.append(PassFelt(one.order, spent, why=one.why, text=one.text, confidence=one.confidence))
     known = log.stopped in set(StopReason)
     return ActiveReading(
-        reader.read_scan(scan),
+        doubted_untold(reader.read_scan(scan), scan),
         tuple(passes),
         StopReason(log.stopped) if known else StopReason.ALL_FELT,
         problem=log.problem,

@@ -60,7 +60,7 @@ def strokes_asked(reading: Reading, *, vouched: Collection[int] = ()) -> Reading
     felt = reading.strokes_felt
     if reading.decision is Decision.REJECT and felt is not None and felt < TEXT_FELT and not vouched:
         return no_text(reading)
-    found = (*_missing(reading, vouched), *_undecided(reading, vouched))
+    found = (*_cut(reading, vouched), *_missing(reading, vouched), *_undecided(reading, vouched))
     return decided_anew(reading.found(*found))
 
 
@@ -76,6 +76,28 @@ def no_text(reading: Reading) -> Reading:
         box=None,
         spaces_after=frozenset(),
     )
+
+
+def _cut(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
+    """Characters that lie over the edge of what was felt."""
+    places = [k for k, place in enumerate(reading.trace.strokes) if not place.whole and k not in vouched]
+    if places:
+        where = places_text(reading, places)
+        yield Finding(
+            ReadingFlag.STROKES_MISSING, f"not felt to the edge: {where} (scan a longer or wider stretch)"
+        )
+
+
+def only_whole(reading: Reading) -> Reading:
+    """The reading without grade and depth of characters that were not felt from edge to edge."""
+    places = reading.trace.strokes
+    if all(place.whole for place in places):
+        return reading
+    characters = (
+        c if place.whole else replace(c, grade=None, depth=None)
+        for c, place in zip(reading.characters, places, strict=True)
+    )
+    return replace(reading, characters=tuple(characters))
 
 
 def _missing(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
@@ -115,7 +137,11 @@ def _another_font(reading: Reading) -> bool:
 def _undecided(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
     for k, (c, place) in enumerate(zip(reading.characters, reading.trace.strokes, strict=False)):
         rivals = [r for r in place.rivals if _stands(r, seen=k in vouched)]
-        if rivals:
+        if place.untold and k not in vouched:
+            likeliest = max(place.rivals, key=lambda r: r.belief, default=None)
+            pair = c.char if likeliest is None else f"{c.char} or {likeliest.char}"
+            yield Finding(ReadingFlag.STROKES_UNDECIDED, f"{pair} at place {k + 1}: {place.untold} (feel more lines)")
+        elif rivals:
             rival = min(rivals, key=lambda r: r.excluded_nats)
             yield Finding(
                 ReadingFlag.STROKES_UNDECIDED,

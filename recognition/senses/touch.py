@@ -27,7 +27,7 @@ from recognition.decision.grading import explained, graded
 from recognition.decision.known_ground import on_known_ground
 from recognition.decision.reading import Decision, Reading, ReadingTrace
 from recognition.decision.reading_of_line import reading_of_line
-from recognition.decision.stroke_doubts import strokes_asked
+from recognition.decision.stroke_doubts import only_whole, strokes_asked
 from recognition.decision.unseen_glyphs import doubted_guesses
 from recognition.decision.which_way_up import ways_possible, weighed
 from recognition.experts.templates.judge import JudgedLine, judged
@@ -238,7 +238,7 @@ def _stroked(reading: Reading, main: ReadLine, line: FeltLine) -> Reading:
     strokes = line.strokes([c.char for c in reading.characters], main.belief.lattice)
     resized = line.line is not main.line and reading.height_mm == main.line.height_mm
     sized = replace(reading, height_mm=line.line.height_mm) if resized else reading
-    return sized.traced(felt_line=line, strokes=strokes)
+    return only_whole(sized.traced(felt_line=line, strokes=strokes))
 
 
 class _Shapes:

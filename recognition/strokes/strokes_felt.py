@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from glyphs.fonts.glyph import Font
 from recognition.language.confusions import SWAP_SETS
 from recognition.language.lattice import Lattice
-from recognition.lines.places import places_mm
+from recognition.lines.places import boxes_of, places_mm
 from recognition.strokes.depth_sampling import DepthField
 from recognition.strokes.laid_strokes import STEP_HEIGHTS, LaidCharacter, PlacesFelt
 from recognition.views.text_line import HEIGHT_ROWS, MARGIN, TextLine
@@ -47,6 +47,9 @@ FILLED, FILLED_OF_MISSING = 0.03, 0.8
 MOST_FILLED = 0.7
 MOST_ABSENT = 6.0
 """Nats that all missing pieces of a character together may say against it: absence never speaks fully."""
+EDGE_HEIGHTS = 0.15
+"""Of a place's box on each side, which may be land: boxes at a line's ends are 0.84 of a height wide, characters 0.5 to
+0.7."""
 Floats = NDArray[np.float64]
 
 
@@ -85,12 +88,16 @@ class PlaceStrokes:
         score: how well its strokes lie in what is deepest there, at most 1.
         font: that one's name.
         rivals: that the format allows and that are live, or declared to be taken for it.
+        whole: whether the surface was felt from edge to edge of the character.
+        untold: why the lines felt do not tell the character from its rivals; empty where they do.
     """
 
     felt: float | None
     score: float = 0.0
     font: str = ""
     rivals: tuple[RivalStrokes, ...] = ()
+    whole: bool = True
+    untold: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +134,7 @@ class FeltLine:
         made = []
         for k, (char, one) in enumerate(zip(text, best, strict=True)):
             if one is None:
-                made.append(PlaceStrokes(None))
+                made.append(PlaceStrokes(None, whole=self.whole[k]))
                 continue
             font, laid = one
             rivals = tuple(
@@ -135,7 +142,7 @@ class FeltLine:
                 for rival, belief in _rivals(char, lattice.chars, np.exp(lattice.log_belief[k]))
                 if rival in font.glyphs
             )
-            made.append(PlaceStrokes(laid.share_felt(), laid.score, font.name, rivals))
+            made.append(PlaceStrokes(laid.share_felt(), laid.score, font.name, rivals, self.whole[k]))
         return tuple(made)
 
     def by_font(self, text: Sequence[str]) -> dict[str, float]:
@@ -175,6 +182,26 @@ class FeltLine:
         along = self.line.height_mm * ((self.columns + 0.5) / HEIGHT_ROWS - MARGIN)
         columns = (along / height_mm + MARGIN) * HEIGHT_ROWS - 0.5
         return replace(self, line=TextLine(self.line.centre_mm, height_mm), columns=columns)
+
+    @cached_property
+    def whole(self) -> tuple[bool, ...]:
+        """Whether the surface is known from edge to edge of each place's character, in x and in y.
+
+        What is covered or missing within is another question: this one is where the lines of the scan ended.
+        """
+        known, pitch = np.isfinite(self.relief.height_mm), self.relief.pitch_mm
+        spans = [np.flatnonzero(known.any(axis=axis)) for axis in (0, 1)]
+        if not spans[0].size:
+            return (False,) * self.columns.size
+        ends = [(o + pitch * s[0], o + pitch * s[-1]) for o, s in zip(self.relief.origin_mm, spans, strict=True)]
+        spare = EDGE_HEIGHTS * self.line.height_mm
+        return tuple(
+            ends[0][0] <= box.x0_mm + spare
+            and box.x1_mm - spare <= ends[0][1]
+            and ends[1][0] <= box.y0_mm + spare
+            and box.y1_mm - spare <= ends[1][1]
+            for box in boxes_of(self.line, self.columns)
+        )
 
     @cached_property
     def places(self) -> PlacesFelt:

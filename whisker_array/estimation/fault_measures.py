@@ -119,11 +119,16 @@ def wander(felt: list[Felt]) -> Floats:
     return found
 
 
-def edges_kept(felt: list[Felt]) -> Floats:
+def edges_kept(felt: list[Felt], *, line_pitch_mm: float) -> Floats:
     """(whiskers,) depth and steps of marks over what the others feel of them where they meet; NaN if unknown.
 
     Lines on either side of where two whiskers meet run over the same marks; a worn tip does not reach their floors, and
     rounds their edges. All borders are reconciled by least squares, as gains are.
+
+    Args:
+        felt: all that was felt.
+        line_pitch_mm: of the grid: lines more than two of it apart, as in a part felt by a few passes, run over
+            different marks and say nothing of the tips.
     """
     n = felt[0].share.shape[1]
     rows, target = [np.full(n, 1.0 / n)], [0.0]
@@ -131,8 +136,8 @@ def edges_kept(felt: list[Felt]) -> Floats:
         lines, whisker, place = _lines(f)
         marks = lines / np.nanmedian(lines, axis=1, keepdims=True) - 1.0
         gaps = np.diff(place)
-        # over the gap that a whisker leaves which is out of use, neighbours do not meet
-        for i in np.flatnonzero((whisker[1:] != whisker[:-1]) & (gaps < 2.0 * np.median(gaps))):
+        # nor do neighbours meet over the gap that a whisker leaves which is out of use
+        for i in np.flatnonzero((whisker[1:] != whisker[:-1]) & (gaps < 2.0 * line_pitch_mm)):
             before, after = slice(i + 1 - _BESIDE, i + 1), slice(i + 1, i + 1 + _BESIDE)
             if i + 1 < _BESIDE or np.ptp(whisker[before]) or np.ptp(whisker[after]):
                 continue
@@ -200,7 +205,9 @@ def plate_form(felt: list[Felt], preload_mm: float) -> Form:
         lines, _, _ = _lines(f)
         if lines.shape[0] < 8 or lines.shape[1] < 16:
             continue
-        middle = np.nanmedian(lines, axis=0)
+        known = np.isfinite(lines).any(axis=0)
+        middle = np.full(known.size, np.nan)
+        middle[known] = np.nanmedian(lines[:, known], axis=0)
         u = np.linspace(-1.0, 1.0, middle.size)
         keep = np.isfinite(middle)
         for _ in range(4):

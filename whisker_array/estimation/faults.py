@@ -143,7 +143,7 @@ def find_faults(scan: Scan) -> tuple[Fault, ...]:
         gain /= np.nanmedian(gain) if np.isfinite(gain).any() else 1.0
         bent = _values(gain, np.abs(gain - 1.0) > BENT_GAIN)
         firm[list(bent)] = False
-        blunt = _blunt(measures.edges_kept(_of_whiskers(sound, firm)))
+        blunt = _blunt(measures.edges_kept(_of_whiskers(sound, firm), line_pitch_mm=scan.line_pitch_mm))
         found += [
             (FaultKind.LOOSE, loose, "its level on land jumps by {:.1f} % from pass to pass"),
             (FaultKind.BENT, bent, "gives {:.0f} % of what the others give where they meet"),
