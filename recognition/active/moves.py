@@ -120,9 +120,7 @@ def between(k: int) -> float:
     return share
 
 
-def _needed(
-    across: tuple[float, float], field: tuple[float, float], *, rim_mm: float
-) -> tuple[float, float]:
+def _needed(across: tuple[float, float], field: tuple[float, float], *, rim_mm: float) -> tuple[float, float]:
     """The stretch across the travel that lines must cover: the region less the land at its rims.
 
     A region about a line that is cut at one rim of the field has no land to spare there.

@@ -140,7 +140,9 @@ def _undecided(reading: Reading, vouched: Collection[int]) -> Iterator[Finding]:
         if place.untold and k not in vouched:
             likeliest = max(place.rivals, key=lambda r: r.belief, default=None)
             pair = c.char if likeliest is None else f"{c.char} or {likeliest.char}"
-            yield Finding(ReadingFlag.STROKES_UNDECIDED, f"{pair} at place {k + 1}: {place.untold} (feel more lines)")
+            yield Finding(
+                ReadingFlag.STROKES_UNDECIDED, f"{pair} at place {k + 1}: {place.untold} (feel more lines)"
+            )
         elif rivals:
             rival = min(rivals, key=lambda r: r.excluded_nats)
             yield Finding(

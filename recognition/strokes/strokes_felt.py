@@ -193,7 +193,9 @@ class FeltLine:
         spans = [np.flatnonzero(known.any(axis=axis)) for axis in (0, 1)]
         if not spans[0].size:
             return (False,) * self.columns.size
-        ends = [(o + pitch * s[0], o + pitch * s[-1]) for o, s in zip(self.relief.origin_mm, spans, strict=True)]
+        ends = [
+            (o + pitch * s[0], o + pitch * s[-1]) for o, s in zip(self.relief.origin_mm, spans, strict=True)
+        ]
         spare = EDGE_HEIGHTS * self.line.height_mm
         return tuple(
             ends[0][0] <= box.x0_mm + spare

@@ -31,9 +31,7 @@ def texts(rng: np.random.Generator) -> Iterator[str]:
     every = ("ABCDEFGHIJKLMNOPQRSTUVWXYZ", "0123456789")
     while True:
         for letters, digits in ((LETTERS, DIGITS), every):
-            yield "".join(
-                rng.choice(list(letters if kind == "A" else digits)) for kind in FORMAT
-            )
+            yield "".join(rng.choice(list(letters if kind == "A" else digits)) for kind in FORMAT)
 
 
 def share(count: int, n: int) -> str:
@@ -71,14 +69,18 @@ def main() -> None:
                 rows.append((severity, font, text, one, stage_s, whole))
                 if asked.list:
                     worn = "worn " if any("worn tip" in m for m in one.messages()) else ""
-                    extra = "" if whole is None else f" | {whole.text} {whole.decision} {whole.confidence:.3f}"
+                    extra = (
+                        "" if whole is None else f" | {whole.text} {whole.decision} {whole.confidence:.3f}"
+                    )
                     mark = "WRONG" if one.decision == "accept" and one.text != text else ""
                     print(
                         f"{font:8} {severity} {seed} {text} {one.text:8} {one.decision:7} {one.confidence:.3f} "
                         f"{stage_s:5.1f}s {worn}{mark}{extra}",
                         flush=True,
                     )  # fmt: skip
-    print(f"{'dirt':>5} {'parts':>5}  {'accepted':<24} {'accepted wrong':<22} stage s mean, median  worn tip named")
+    print(
+        f"{'dirt':>5} {'parts':>5}  {'accepted':<24} {'accepted wrong':<22} stage s mean, median  worn tip named"
+    )
     for level in (*SEVERITIES, None):
         own = [row for row in rows if level is None or row[0] == level]
         accepted = [row for row in own if row[3].decision == "accept"]

@@ -1,0 +1,52 @@
+"""What must have been felt before a part is accepted: lines of both axes, and every character to its edges."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from glyphs import HeightMap, stamp
+from pipeline import PartReader, discover
+from recognition import Reader
+from tests.contract.front_doors import Command, save_height_map
+
+
+def test_no_text_is_accepted_before_lines_tell_it_from_its_rivals(command: Command, tmp_path: Path) -> None:
+    # part-004 bears OD628534: with dirt at the O, lines of one axis say Q and are sure of it
+    made = command(
+        "synth", tmp_path / "parts", "--seed", "11", "--dirt", "0.3", "--parts", "5", "--format", "AA999999",
+        "--no-photo",
+    )  # fmt: skip
+    assert made.status == 0
+    (part,) = discover([tmp_path / "parts" / "part-004.npz"])
+    reading = PartReader(Reader(format="AA999999"), budget_s=15.0).read(part)
+    assert (reading.decision, reading.text) != ("accept", "QD628534")
+    assert reading.decision == "review" or reading.text == "OD628534"
+
+
+def test_an_accepted_part_was_felt_along_both_axes(command: Command, tmp_path: Path) -> None:
+    part = save_height_map(tmp_path / "part.npz", "O8", height_mm=5.0)
+    done = command(
+        "scan", part, "--out", tmp_path / "felt.h5", "--height-mm", "5", "--active", "--format", "A9", "--no-noise"
+    )  # fmt: skip
+    assert "O8, accepted" in done.out
+    lines = done.out.splitlines()
+    assert any("  0°" in line or "  180°" in line for line in lines)
+    assert any("  90°" in line or "  270°" in line for line in lines)
+
+
+@pytest.mark.parametrize("cut_heights", [0.1, 0.2])
+def test_a_character_that_the_scan_cuts_is_neither_graded_nor_accepted(cut_heights: float) -> None:
+    part = stamp("K8", font="gothic", height_mm=4.0, seed=3)
+    surface, reader = part.height_map, Reader(format="A9", fonts=["gothic"], height_mm=4.0)
+    right_mm = part.stamped.boxes_mm[-1][2]
+    kept = int((right_mm - cut_heights * 4.0) / surface.pitch_mm)
+    whole = reader.read(surface)
+    cut = reader.read(HeightMap(surface.z_mm[:, :kept], surface.pitch_mm))
+    assert (whole.text, whole.decision) == ("K8", "accept")
+    assert whole.characters[-1].grade is not None
+    assert cut.decision != "accept"
+    assert cut.characters[-1].grade is None
+    assert cut.characters[-1].depth is None
+    assert any("not felt to the edge: 8 at place 2" in message for message in cut.messages())
