@@ -25,7 +25,9 @@ _MOST_HEAD_LINES = 300
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[-+]?(?:\d+,?\d*|,\d+)(?:[eE][-+]?\d+)?")
 # what stands for a missing value: two words, one word, the NaN of Microsoft's C, signs
-_PHRASE = re.compile(r"(?i)\b(?:no|not|out[ _-]of)[ _-]?(?:data|value|measured|range)\b|\bn/a\b")
+_PHRASE = re.compile(
+    r"(?i)\b(?:no|not|out[ _-]of)[ _-]?(?:data|value|measured|range)\b|\bn/a\b|(?<=[\s;,])#[a-z][\w/!?]*"
+)
 _C_NAN = re.compile(r"[-+]?\d\.#[A-Za-z]+\d*")
 _WORD = re.compile(r"(?<![\w.])[-+]?[^\W\d_]\w*(?![\w.])")
 _SIGNS = re.compile(r"(?:(?<=[\s;,])|^)(?:-+|\*+|\?+|_+)(?=[\s;,]|$)", re.MULTILINE)
@@ -100,8 +102,6 @@ def read_number_table(path: Path) -> NumberTable:
     data = path.read_bytes()
     text = _decoded(data)
     del data
-    if '","' in text[:_SNIFF_BYTES]:
-        text = text.replace('","', ";").replace('"', "")
     sample = text[:_SNIFF_BYTES].splitlines()
     found = _layout(sample[:_SNIFF_LINES])
     if found is None:
@@ -119,13 +119,13 @@ _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 def _decoded(data: bytes) -> str:
-    if data[:2] in _UTF16:
-        return data.decode("utf-16", "replace")
+    """The text, with one kind of line ends and without quotes."""
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-16" if data[:2] in _UTF16 else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text.replace('","', ";").replace('"', "") if '"' in text[:_SNIFF_BYTES] else text
 
 
 def _layout(lines: Sequence[str]) -> Layout | None:

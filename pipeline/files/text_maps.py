@@ -47,6 +47,9 @@ _Z_UNIT = re.compile(
 _OTHER_UNIT = re.compile(
     r"(?im)^[\W_]*(?:value units?|einheiten|unit[ée]s|z[ _-]?units?|unit data)[ \t:=,;]*(\S+)"
 )
+_XY_UNIT = re.compile(rf"(?im)^[\W_]*(?:x[ _-]?units?|units? x)[\s:=,;]*{_UNIT}")
+_SHAPE = re.compile(r"(?is)(?:ncols|nx|x-pixels)\W+(\d+).*?(?:nrows|ny|y-pixels)\W+(\d+)")
+_SURFER = re.compile(r"DSAA\s+(\d+)\s+(\d+)" + r"\s+(\S+)" * 4)
 _NO_DATA = re.compile(r"(?i)nodata_?value\s*[:=]?\s*(\S+)")
 _WYKO = "wyko ascii data file format"
 _AXIS = re.compile(
@@ -100,6 +103,9 @@ def _matrix(path: Path, table: NumberTable) -> RawMap:
         raise FileError(path, f"has {z.shape[1]} columns", "export columns x y z, or a matrix of heights")
     if _WYKO in head.lower():
         return _wyko(head, z)
+    surfer = _SURFER.match(head)
+    if (shape := surfer or _SHAPE.search(head)) and int(shape[1]) * int(shape[2]) == z.size:
+        z = z.reshape(int(shape[2]), int(shape[1]))  # rows may be broken into lines
     if no_data := _NO_DATA.search(head):
         z = np.where(z == float(no_data[1].replace(",", ".")), np.nan, z)
     unit = _Z_UNIT.search(head)
@@ -108,31 +114,41 @@ def _matrix(path: Path, table: NumberTable) -> RawMap:
             path, f"holds no heights: its values have the unit {other[1]!r}", "export the heights"
         )
     z_mm = _MM[unit["unit"].lower()] if unit else None
-    axes = _without_axes(z)
-    if axes is not None:
-        z, x_step, y_step = axes
-        return RawMap(z, abs(x_step), abs(y_step), z_mm, bottom_first=y_step > 0.0)
-    sizes = [_in_head(head, _SIZE_KEYS[axis]) for axis in "xy"]
-    if sizes[0] and sizes[1]:
+    if surfer:
+        x, to_x, y, to_y = (float(end) for end in surfer.groups()[2:])
         rows, cols = z.shape
         return RawMap(
-            z,
-            sizes[0][0] / cols,
-            sizes[1][0] / rows * (sizes[1][1] or 1) / (sizes[0][1] or 1),
-            z_mm,
-            sizes[0][1],
-            rows_stated=True,
+            z, (to_x - x) / (cols - 1), (to_y - y) / (rows - 1), bottom_first=True, rows_stated=True
         )
-    x = _in_head(head, _PITCH_KEYS["x"])
-    y = _in_head(head, _PITCH_KEYS["y"]) or x
-    return RawMap(z, x and x[0], y and y[0], z_mm, x and x[1], rows_stated="ncols" in head.lower())
+    if axes := _without_axes(z):
+        z, x_step, y_step = axes
+        return RawMap(z, abs(x_step), abs(y_step), z_mm, bottom_first=y_step > 0.0)
+    x_pitch, y_pitch, xy_mm = _stated_pitches(head, *z.shape)
+    # an ESRI grid and an export of Gwyddion have their top row first by definition
+    stated = "ncols" in head.lower() or _in_head(head, _SIZE_KEYS["x"]) is not None
+    return RawMap(z, x_pitch, y_pitch, z_mm, xy_mm, rows_stated=stated)
+
+
+def _stated_pitches(head: str, rows: int, cols: int) -> tuple[float | None, float | None, float | None]:
+    """Distances of columns and rows that a heading states, and millimetres in one of them, if it says the unit."""
+    width, height = (_in_head(head, _SIZE_KEYS[axis]) for axis in "xy")
+    if width and height:
+        x, y = (width[0] / cols, width[1]), (height[0] / rows, height[1])
+    else:
+        stated = _in_head(head, _PITCH_KEYS["x"])
+        if stated is None:
+            return None, None, None
+        x, y = stated, _in_head(head, _PITCH_KEYS["y"]) or stated
+    unit = _XY_UNIT.search(head)
+    xy_mm = x[1] or (_MM[unit["unit"].lower()] if unit else None)
+    return x[0], y[0] * (y[1] / x[1] if x[1] and y[1] else 1.0), xy_mm
 
 
 def _in_head(head: str, keys: str) -> tuple[float, float | None] | None:
     """A length that a heading states, and millimetres in one of it, if it says the unit."""
     before = _UNIT.replace("unit", "before")
     found = re.search(
-        rf"(?im)^[\W_]*(?:{keys})\s*(?:[\[(]\s*{before}\s*[\])])?{_VALUE}\s*[\[(]?(?:{_UNIT})?", head
+        rf"(?im)^[\W_]*(?:{keys})\s*(?:[\[(]\s*{before}\s*[\])])?{_VALUE}[ \t;,\[(]*(?:{_UNIT})?", head
     )
     if found is None:
         return None

@@ -79,7 +79,8 @@ def factors_to_mm(path: Path, raw: RawMap, pitch: float, settings: MapSettings) 
     if settings.unit is not None:
         mm = Unit(settings.unit).mm
         tries = [(mm, mm), (mm, xy_mm), (z_mm, mm)] if settings.pitch_mm is None else [(mm, 1.0)]
-        return next((factors for factors in tries if not shape.absurdity(*factors)), tries[0])
+        fitting = [factors for factors in tries if not shape.absurdity(*factors)]
+        return min(fitting, key=lambda factors: shape.unusual(factors[0]), default=tries[0])
     absurd = shape.absurdity(z_mm, xy_mm)
     if not absurd:
         return z_mm, xy_mm
@@ -90,8 +91,7 @@ def factors_to_mm(path: Path, raw: RawMap, pitch: float, settings: MapSettings) 
         factors = {"numbers": (unit.mm, unit.mm), "heights": (unit.mm, xy_mm), "distances": (z_mm, unit.mm)}
         for what, (z, xy) in factors.items():
             if (what == "heights" or settings.pitch_mm is None) and not shape.absurdity(z, xy):
-                unusual = abs(np.log10(max(shape.relief * z, 1e-9) / USUAL_RELIEF_MM))
-                asked.append((unit is Unit.INCH, float(unusual), what, unit))
+                asked.append((unit is Unit.INCH, shape.unusual(z), what, unit))
     if asked:
         *_, what, unit = min(asked, key=lambda one: one[:2])
         raise FileError(path, absurd, f"are the {what} {unit.plural}? then give --unit {unit}")
@@ -143,6 +143,10 @@ class _Shape:
         """Least height range of a map that is not flat, mm."""
         return LEAST_RELIEF_SHARE * min(self.rows, self.cols) * pitch_mm if self.stated else LEAST_RELIEF_MM
 
+    def unusual(self, z_mm: float) -> float:
+        """How far the height range is from that of a stamped plate, in powers of ten."""
+        return abs(float(np.log10(max(self.relief * z_mm, 1e-9) / USUAL_RELIEF_MM)))
+
     def absurdity(self, z_mm: float, xy_mm: float) -> str:
         """Why no plate with marks has these measures in these units; empty if one may."""
         pitch, relief = self.pitch * xy_mm, self.relief * z_mm
@@ -162,4 +166,6 @@ class _Shape:
 
 
 def _length(mm: float) -> str:
-    return f"{mm:.3g} mm" if mm < 1e4 else f"{mm / 1e3:,.0f} m"
+    if mm >= 1e3:
+        return f"{mm / 1e3:.3g} m" if mm < 1e6 else f"{mm / 1e3:,.0f} m"
+    return f"{mm:.3g} mm" if mm >= 0.1 or mm == 0.0 else f"{mm * 1e3:.3g} um"

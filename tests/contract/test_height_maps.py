@@ -80,6 +80,12 @@ GERMAN = "# Kanal: Topographie\n# Breite: 4,8 mm\n# Höhe: 3,2 mm\n# Einheiten: 
 MORE_COLUMNS = "id,x,y,z,intensity\n" + "".join(
     f"{n},{line},{n % 7}\n" for n, line in enumerate(columns(delimiter=",").splitlines())
 )
+BROKEN = "\n".join(" ".join(f"{v:.5f}" for v in Z.ravel()[n : n + 10]) for n in range(0, Z.size, 10))
+SPIP = (
+    "# File Format = ASCII\n# x-pixels = 60\n# y-pixels = 40\n# x-length = 4800000\n# y-length = 3200000\n"
+    "# x-unit = nm\n# y-unit = nm\n# z-unit = nm\n# Start of Data:\n"
+)
+KEYENCE = '"Measurement data"\n"XY calibration","80000.000","nm"\n"Height"\n' + matrix(delimiter=",")
 WYKO = (
     "Wyko ASCII Data File Format 0\t0\t1\nX Size\t60\nY Size\t40\nBlock Name\tType\tLength\tValue\n"
     f"Pixel_size\t7\t4\t{PITCH}\nWavelength\t7\t4\t500.0\nMult\t7\t4\t2\nRAW_DATA\t3\t9600\t\n"
@@ -100,6 +106,11 @@ TEXTS: dict[str, tuple[str, str]] = {
     "gwyddion": ("a.asc", matrix(Z * 1e-3, delimiter="\t", head=GWYDDION, fmt="%.8e")),
     "gwyddion in german": ("a.txt", matrix(Z * 1e3, delimiter="\t", head=GERMAN)),
     "two channels": ("a.txt", matrix(Z * 1e-3, head=GWYDDION, fmt="%.8e") + matrix(Z, head=GWYDDION)),
+    "esri in broken lines": ("a.asc", ESRI + BROKEN),
+    "surfer": ("a.grd", "DSAA\n60 40\n0 4.72\n0 3.12\n-0.3 0.1\n" + matrix(Z[::-1])),
+    "spip": ("a.asc", matrix(Z * 1e6, head=SPIP)),
+    "keyence": ("a.csv", KEYENCE),
+    "quoted": ("a.csv", '"x","y","z"\n"' + columns(delimiter='","').replace("\n", '"\n"')[:-1]),
     "wyko": ("a.asc", matrix(Z[::-1].T * 1e6 / 250.0, delimiter="\t", head=WYKO)),
     "axes": ("a.csv", matrix(AXES, delimiter=",")),
     "axes with a gap in the corner": ("a.csv", matrix(AXES, delimiter=";").replace("0.00000", "", 1)),
@@ -124,7 +135,7 @@ def test_encodings_of_tables(encoding: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "mark",
-    [*("-99.99", "-9999", "99999", "1e38", "No Data", "NoData", "nan", "NaN", "Bad", "n/a", "---", "***"), "-1.#IND"],
+    [*("-99.99", "-9999", "99999", "1e38", "No Data", "NoData", "nan", "NaN", "Bad", "n/a", "#N/A"), "---", "-1.#IND"],
 )  # fmt: skip
 def test_missing_points_become_dropouts(mark: str, tmp_path: Path) -> None:
     (tmp_path / "a.xyz").write_text(with_gaps(mark))
@@ -328,6 +339,7 @@ def make_sur(z: float, xy: float) -> Callable[[Path], Path]:
 @pytest.mark.parametrize(("make", "unit"), [
     (make_npz(1e3, 1e3), "um"), (make_npz(1e3, 1.0), "um"), (make_npz(1.0, 1e3), "um"), (make_npz(1e-3, 1e-3), "m"),
     (make_x3p(1.0, 1.0), "mm"), (make_x3p(1e3, 1e3), "um"), (make_x3p(1e3, 1e-3), "um"), (make_x3p(1.0, 1e-3), "mm"),
+    (make_x3p(1e-3, 1.0), "mm"),
     (make_text(1e3, 1.0), "um"), (make_text(1e3, 1e3), "um"),
     (make_sur(1e3, 1.0), "um"), (make_sur(1e3, 1e3), "um"),
 ])  # fmt: skip
