@@ -214,7 +214,7 @@ def _decoded(path: Path, image: ImageFile, page: int) -> Decoded:
             raise FileError(
                 path,
                 f"is a {image.format} of numbers of 32 bit, not a photograph",
-                "save it with 8 or 16 bit",
+                "read heights with --height-image and --pitch-mm, or from .npz with z_mm and pitch_mm",
             )
         try:
             if image.format == "PNG":

@@ -57,6 +57,8 @@ def test_a_float_tiff_is_read_as_heights(height_map: Path, tmp_path: Path, comma
     flags = ("--format", "A9", "--font", "gothic", "--height-mm", "4", "--jobs", "1")
     ended = command("read", tmp_path, *flags, "--height-image", "--pitch-mm", f"{plate.pitch_mm}")
     assert (ended.status, "K7" in ended.out) == (0, True)
+    ended = command("read", tmp_path, *flags)
+    assert "not a photograph; read heights with --height-image" in ended.out
 
 
 def test_a_csv_of_heights_is_a_part_and_no_list_of_parts(
