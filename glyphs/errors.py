@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -58,6 +59,24 @@ class MissingExtraError(MarksError):
         super().__init__(
             f"{what} needs {library}", hint=f"install it with: pip install 'tactile-marks[{extra}]'"
         )
+
+
+def is_of_the_machine(error: BaseException) -> bool:
+    """Whether the disk, the system or the memory is at the bottom of an error, whatever file it was met at."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _OF_THE_MACHINE):
+            return True
+        cause = cause.__cause__
+    return False
+
+
+_OF_THE_MACHINE = frozenset(
+    getattr(errno, name)
+    for name in ("EIO", "ENOSPC", "EDQUOT", "EROFS", "EMFILE", "ENFILE", "ENOMEM", "ESTALE", "ETIMEDOUT")
+    if hasattr(errno, name)
+)
+"""Errors of the disk and of the system's limits, not of one file."""
 
 
 def fault_of(error: Exception, *, longest: int = 300) -> str:

@@ -13,8 +13,16 @@ from cyclopts import App, CycloptsError, Parameter, ValidationError
 from cyclopts.argument import ArgumentCollection
 
 from glyphs.compiling import compiling_shown
-from glyphs.errors import fault_of
-from pipeline.cli.exit_status import BROKEN_PIPE, FAULT, INTERRUPTED, USAGE, CommandError, failures_reported
+from glyphs.errors import fault_of, is_of_the_machine
+from pipeline.cli.exit_status import (
+    BROKEN_PIPE,
+    FAILED,
+    FAULT,
+    INTERRUPTED,
+    USAGE,
+    CommandError,
+    failures_reported,
+)
 from pipeline.workers.interrupts import interrupts_noted
 
 PROGRAM = "tactile-marks"
@@ -203,6 +211,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
     except Exception as error:
+        if is_of_the_machine(error):  # a full disk, say, wherever it was met
+            return _complain(f"{error}; see to the disk and start it again", FAILED)
         traceback.print_exc()
         return _complain(f"{fault_of(error)}; please report it with the lines above", FAULT)
     except KeyboardInterrupt:

@@ -137,7 +137,7 @@ class LineJournal(Generic[Kept]):
             self.kind: dict(self.description),
             "key": key_of(self.description),
         }
-        return json.dumps(heading, ensure_ascii=False) + "\n"
+        return json.dumps(heading) + "\n"
 
     @classmethod
     def _description(cls, path: Path, line: str) -> tuple[dict[str, Any], object]:

@@ -16,7 +16,6 @@ it, and the same order may be read later. Neither message holds a path of the se
 from __future__ import annotations
 
 import contextlib
-import errno
 import logging
 import math
 import time
@@ -26,7 +25,7 @@ from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from glyphs.errors import FaultError, FileError, MarksError, OwnFileError, fault_of
+from glyphs.errors import FaultError, FileError, MarksError, OwnFileError, fault_of, is_of_the_machine
 from pipeline.common.reading_records import ReadingRecord, ScanPlanRecord
 from pipeline.common.records import EvidenceKind, PartState
 from pipeline.common.settings import ReadSettings
@@ -44,12 +43,6 @@ if TYPE_CHECKING:
 
 Order = TypeVar("Order")
 _log = logging.getLogger(__name__)
-_OF_THE_MACHINE = frozenset(
-    getattr(errno, name)
-    for name in ("EIO", "ENOSPC", "EDQUOT", "EROFS", "EMFILE", "ENFILE", "ENOMEM", "ESTALE", "ETIMEDOUT")
-    if hasattr(errno, name)
-)
-"""Errors of the disk and the system, whatever file they were met at."""
 
 
 @dataclass(frozen=True)
@@ -307,7 +300,7 @@ def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]
     except FileError as error:
         known = names.get(error.path, error.path.name)
         own = error.path.is_absolute() and error.path not in names
-        kind = OwnFileError if own or _is_of_the_machine(error) else FileError
+        kind = OwnFileError if own or is_of_the_machine(error) else FileError
         raise kind(known, _unplaced(error.what, order, names), error.hint) from error
     except MarksError as error:
         raise FileError(name, _unplaced(error.what, order, names), error.hint) from error
@@ -319,16 +312,6 @@ def _sender_names(order: PartOrder, names: Mapping[Path, str]) -> Iterator[None]
     except Exception as error:
         _log.exception("fault of the program while reading %s", name)
         raise FaultError(name, _unplaced(fault_of(error), order, names), "please report it") from error
-
-
-def _is_of_the_machine(error: BaseException) -> bool:
-    """Whether the disk, the system or the memory is at the bottom of an error."""
-    cause: BaseException | None = error
-    while cause is not None:
-        if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno in _OF_THE_MACHINE):
-            return True
-        cause = cause.__cause__
-    return False
 
 
 def _in_sender_words(reading: Reading, order: PartOrder) -> Reading:

@@ -79,3 +79,5 @@ class AlertWatch:
                 if not away:
                     log.exception("alerts cannot be looked for; trying again")
                 away = True
+            except Exception:  # a fault in one alert may not end all
+                log.exception("look for alerts failed")

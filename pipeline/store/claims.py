@@ -38,7 +38,7 @@ def claim_part(tx: Transaction, part_id: str, person: Person) -> ClaimRecord:
     }
     insert = postgresql.insert if tx.postgresql else sqlite.insert
     asked = insert(claims).values(**values)
-    free = (claims.c.until <= tx.now) | (claims.c.holder == asked.excluded.holder)
+    free = sa.not_(_holds(tx)) | (claims.c.holder == asked.excluded.holder)
     # one statement: two who ask at once cannot both find it free
     taken = asked.on_conflict_do_update(
         index_elements=[claims.c.part_id],
@@ -58,7 +58,7 @@ def release_part(tx: Transaction, part_id: str, person: Person) -> None:
 
 def claimed(tx: Transaction) -> Mapping[str, ClaimRecord]:
     """The claims that hold now, by part."""
-    held = sa.select(claims).where(claims.c.until > tx.now).order_by(claims.c.part_id).limit(MAX_ROWS)
+    held = sa.select(claims).where(_holds(tx)).order_by(claims.c.part_id).limit(MAX_ROWS)
     return {row.part_id: ClaimRecord(row.part_id, row.holder, row.who, row.until) for row in tx.execute(held)}
 
 
@@ -66,9 +66,12 @@ def held_by_another(
     tx: Transaction, part_id: sa.ColumnElement[str], person: Person
 ) -> sa.ColumnElement[bool]:
     """Whether somebody else is at a part."""
-    return sa.exists().where(
-        claims.c.part_id == part_id, claims.c.until > tx.now, claims.c.holder != person.holder
-    )
+    return sa.exists().where(claims.c.part_id == part_id, _holds(tx), claims.c.holder != person.holder)
+
+
+def _holds(tx: Transaction) -> sa.ColumnElement[bool]:
+    """Whether a claim holds now; one beyond any claim's time was made by a clock that was set back since."""
+    return sa.and_(claims.c.until > tx.now, claims.c.until <= tx.now + timedelta(seconds=2.0 * CLAIM_S))
 
 
 def end_claim(tx: Transaction, part_id: str, person: Person) -> None:
@@ -77,7 +80,7 @@ def end_claim(tx: Transaction, part_id: str, person: Person) -> None:
     Raises:
         ClaimedError: another person is at it.
     """
-    asked = sa.select(claims).where(claims.c.part_id == part_id, claims.c.until > tx.now)
+    asked = sa.select(claims).where(claims.c.part_id == part_id, _holds(tx))
     held = tx.execute(asked).one_or_none()
     if held is not None and person.holder and held.holder != person.holder:
         raise ClaimedError(

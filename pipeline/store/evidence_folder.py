@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from glyphs.errors import FileError
+from glyphs.plain_text import visible
 from pipeline.common.atomic import sync_folder, sync_names
 from pipeline.common.file_lock import exclusively
 from pipeline.common.private import private_folder
@@ -299,7 +300,7 @@ def _settle(path: Path) -> tuple[str, int]:
 def _kept_before(entry: os.DirEntry[str], latest_s: float) -> bool:
     try:
         return entry.stat(follow_symlinks=False).st_mtime <= latest_s
-    except FileNotFoundError:
+    except OSError:
         return False
 
 
@@ -318,6 +319,9 @@ def _remove_if_older(path: Path, latest_s: float) -> int:
         shutil.rmtree(path, ignore_errors=True)
         return len(inside)
     except FileNotFoundError:
+        return 0
+    except OSError as error:  # one that cannot be removed may not keep the others
+        _log.warning("not removed: %s (%s)", visible(path.name), error.strerror or error)
         return 0
 
 

@@ -156,9 +156,18 @@ def test_one_job_that_cannot_be_parsed_leaves_the_others(
         path.unlink()
 
 
-def test_a_hangup_drains(place: Path) -> None:
-    with run_service(place / "hangup", "--jobs", "1", "--drain-s", "0.2", ready=False) as running:
+def test_a_clock_far_ahead_deletes_nothing_and_a_hangup_drains(place: Path) -> None:
+    evidence = place / "late" / "evidence"
+    (evidence / "incoming").mkdir(parents=True)
+    left, swept = evidence / "incoming" / "left", evidence / "swept"
+    for path in (left, swept):
+        path.touch()
+        os.utime(path, (1e9, 1e9))  # as if ten years and more had passed since the last sweep
+    with run_service(place / "late", "--jobs", "1", "--drain-s", "0.2", ready=False) as running:
         wait_until(lambda: status_of(f"{running.url}/healthz") == 200, running.process)
+        wait_until(lambda: "not swept" in running.log, running.process)
+        assert left.exists()
+        assert f"touch {swept}" in running.log
         running.process.send_signal(signal.SIGHUP)
         running.process.wait(60.0)
         assert "Finished server process" in running.log

@@ -38,7 +38,7 @@ def write_certificate_page(certificate: Certificate, path: Path, *, command: str
         command=command,
     )
     with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
 
 
 def _spread(kind: KindOfParts) -> list[tuple[str, list[str]]]:

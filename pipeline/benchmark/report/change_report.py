@@ -83,7 +83,7 @@ def write_comparison(
         problem=problem,
     )
     with replacing(written.page) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
     return written
 
 

@@ -97,15 +97,15 @@ def write_report(
     )
     _write_table(trials, written.table)
     with replacing(written.figures) as temporary:
-        figures = json.dumps(_figures(benchmark, trials, found, judged), indent=1, ensure_ascii=False)
+        figures = json.dumps(_figures(benchmark, trials, found, judged), indent=1)
         temporary.write_text(figures + "\n", encoding="utf-8")
     with replacing(written.document) as temporary:
-        temporary.write_text(text_tables(found, command=command), encoding="utf-8")
+        temporary.write_text(text_tables(found, command=command), encoding="utf-8", errors="backslashreplace")
     page = report_page(
         benchmark, trials, found, judged, worst, command=command, certificate=certificate, drift=drift
     )
     with replacing(written.page) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
     return written
 
 

@@ -87,7 +87,7 @@ def write_study(study: Study, folder: Path, *, notes: Sequence[str] = (), comman
         command=command,
     )
     with replacing(folder / PAGE) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+        temporary.write_text(page, encoding="utf-8", errors="backslashreplace")
     return Written(tuple(folder / name for name in (PAGE, *tables)))
 
 

@@ -177,6 +177,22 @@ def test_what_a_crash_has_left_is_swept(folder: EvidenceFolder, store: Store) ->
     assert list(folder.incoming.iterdir()) == []
 
 
+def test_a_file_that_cannot_be_removed_keeps_no_other(
+    folder: EvidenceFolder, store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = sorted(folder.keep(_upload(folder, content))[0] for content in (b"one", b"two", b"three"))
+    unlink = Path.unlink
+
+    def refused(path: Path, missing_ok: bool = False) -> None:
+        if path.name == kept[0]:
+            raise PermissionError(13, "Permission denied")
+        unlink(path, missing_ok=missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", refused)
+    folder.sweep(store, older_than_s=-60)
+    assert [folder.path(sha256).exists() for sha256 in kept] == [True, False, False]
+
+
 def test_the_sweep_asks_of_some_files_at_a_time(
     folder: EvidenceFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:

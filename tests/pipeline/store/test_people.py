@@ -57,6 +57,15 @@ def test_a_claimed_part_is_one_persons_until_its_time_is_up(store: Store, clock:
     assert store.claim_part(first.id, GRACE).who == "Grace"
 
 
+def test_a_claim_of_a_clock_that_was_set_back_since_holds_nobody_up(store: Store, clock: Clock) -> None:
+    part = received(store, PartState.REVIEW)
+    store.claim_part(part.id, ADA)
+    clock.go_on(days=-1.0)
+    assert store.claimed() == {}
+    assert store.claim_part(part.id, GRACE).who == "Grace"
+    assert said(store, part.id, GRACE, "KX1", readers=1) is PartState.REVIEWED
+
+
 def test_a_claim_ends_with_the_review_or_when_it_is_let_go(store: Store) -> None:
     first, second = (received(store, PartState.REVIEW) for _ in range(2))
     for part in (first, second):
