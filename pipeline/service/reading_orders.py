@@ -21,6 +21,7 @@ from pipeline.common.records import EvidenceKind, EvidenceRecord
 from pipeline.common.serial_format import outside_format
 from pipeline.reading.part_orders import Done, PartOrder, check_settings, read_on_stage, read_order
 from pipeline.reading.readers import files_of
+from pipeline.reading.warm_up import warm_up
 from pipeline.service.web.problem import OwnProblem, Problem, no_room
 from pipeline.service.web.uploads import Upload
 from pipeline.workers.pool import BusyError, WorkerLostError
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 log = structlog.get_logger("tactile-marks")
+MOST_LOST = 2
+"""Workers lost in a row, from which on the service doubts itself and not the parts, until it has read a clean one."""
 
 
 class ReadingOrders:
@@ -69,11 +72,14 @@ class ReadingOrders:
         self._evidence, self._pool, self._databases = evidence, pool, databases
         self._settings, self._limits, self._metrics = settings, limits, metrics
         self._troubles: dict[tuple[str, str], str] = {}
+        self._lost: list[str] = []
 
     def trouble(self, job_name: str) -> str:
         """What keeps the parts of a job from being read now, without paths; empty where nothing is known to."""
         if known := self._troubles.get((job_name, "")):
             return known
+        if len(self._lost) >= MOST_LOST:
+            return f"the last {len(self._lost)} workers were lost, the latest so: {self._lost[-1]}"
         try:
             missing = [path.name for path in files_of(self._settings(job_name)) if not path.is_file()]
         except Problem as problem:
@@ -86,7 +92,11 @@ class ReadingOrders:
         return {job or database: why for (job, database), why in self._troubles.items() if job or database}
 
     async def recheck(self) -> None:
-        """Look again at what was of no use."""
+        """Look again at what was of no use; where workers were lost, read a clean part of the program's own."""
+        if len(self._lost) >= MOST_LOST:
+            with contextlib.suppress(Problem, WorkerLostError):
+                await self._in_one_worker(warm_up, self._settings(""), self._limits)
+                log.info("a clean part is read again: the parts that have lost the workers are to blame")
         for job_name, database in tuple(self._troubles):
             with contextlib.suppress(Problem, WorkerLostError):
                 async with self._noted(job_name, database):
@@ -246,17 +256,22 @@ class ReadingOrders:
 
     async def _in_one_worker(self, function: Callable[..., T], *arguments: Any) -> T:
         try:
-            return await asyncio.wrap_future(self._pool.submit(function, *arguments))
+            done = await asyncio.wrap_future(self._pool.submit(function, *arguments))
+            self._lost.clear()
+            return done
         except BusyError as error:
             self._metrics.refused.inc()
             raise busy_problem(error) from error
         except OwnFileError as problem:
+            self._lost.clear()
             raise OwnProblem(str(problem)) from problem
         except FileError as problem:
+            self._lost.clear()
             status = 500 if isinstance(problem, FaultError) else 422
             raise Problem(status, str(problem)) from problem
         except WorkerLostError as error:
             self._metrics.lost_workers.inc()
+            self._lost = [*self._lost[-99:], str(error)]
             log.warning("worker lost", why=str(error))
             raise
 

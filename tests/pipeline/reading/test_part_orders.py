@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 import pickle
 from dataclasses import replace
@@ -8,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from glyphs.errors import FaultError, FileError
+from glyphs.errors import FaultError, FileError, OwnFileError, damage_reported
 from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import EvidenceKind
 from pipeline.common.settings import ReadSettings
@@ -218,10 +219,32 @@ def test_job_without_anything_to_read_is_a_mistake(tmp_path: Path) -> None:
 def test_database_that_cannot_be_used_is_told_by_its_name(parts: Parts, folder: Path, tmp_path: Path) -> None:
     path = tmp_path / "dies.npz"
     path.write_bytes(b"no database")
-    with pytest.raises(FileError) as caught:
+    with pytest.raises(OwnFileError) as caught:
         read_order(PartOrder(folder, photos=(parts.photo,), database=path), SETTINGS, LIMITS)
-    assert str(caught.value).startswith("dies: ")
+    assert str(caught.value).startswith("dies.npz: ")
     assert str(tmp_path) not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("raised", "own"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), True),
+        (OSError(errno.EIO, "Input/output error"), True),
+        (MemoryError(), True),
+        (ValueError("cut short"), False),
+    ],
+)
+def test_a_disk_or_memory_that_fails_at_a_file_is_not_the_files_fault(
+    parts: Parts, folder: Path, monkeypatch: pytest.MonkeyPatch, raised: Exception, own: bool
+) -> None:
+    def failing(*_: object, **__: object) -> None:
+        with damage_reported(parts.photo, kind="picture"):
+            raise raised
+
+    monkeypatch.setattr("pipeline.reading.part_reader.PartReader.unverified", failing)
+    with pytest.raises(FileError) as caught:
+        read_order(PartOrder(folder, photos=(parts.photo,)), SETTINGS, LIMITS)
+    assert isinstance(caught.value, OwnFileError) == own
 
 
 def test_readers_are_kept_until_their_database_changes(tmp_path: Path) -> None:

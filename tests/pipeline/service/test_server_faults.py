@@ -26,6 +26,7 @@ from pipeline.service.web.problem import Problem
 from pipeline.service.web.web_server import DrainingServer
 from pipeline.store.store import AlreadyDoneError, IdempotencyKey
 from pipeline.workers.slot import WorkerLostError
+from tests.support.line_fakes import until_now
 from tests.support.service_fixtures import FORMAT, inline_service, triggered
 from tests.support.store_samples import PLAN
 from whisker_array.scan.stage_error import StageError
@@ -133,6 +134,30 @@ def test_a_lost_worker_is_no_verdict_on_the_part(
     if status == 503:
         assert is_server_fault(answer)
     assert client.get("/metrics").text.count(f"tactile_marks_workers_lost_total {len(losses)}.0") == 1
+
+
+def test_workers_that_are_lost_in_a_row_make_the_service_unready_until_it_reads_a_clean_part(
+    served: tuple[Service, TestClient], plate: bytes
+) -> None:
+    service, client = served
+    broken = threading.Event()
+    broken.set()
+
+    def work(function: Any, *arguments: Any) -> Any:
+        if broken.is_set():
+            raise WorkerLostError("the worker took longer than 60 s", timed_out=True)
+        return function(*arguments)
+
+    pool: Any = service.pool
+    submit = pool.submit
+    pool.submit = lambda function, *arguments: submit(work, function, *arguments)
+    assert is_server_fault(sent(client, plate))
+    assert client.get("/readyz").status_code == 200  # one may be the part's own
+    assert is_server_fault(sent(client, plate))
+    ready = client.get("/readyz")
+    assert (ready.status_code, "took longer than 60 s" in ready.json()["detail"]) == (503, True)
+    broken.clear()
+    until_now(lambda: client.get("/readyz").status_code == 200)
 
 
 def test_a_camera_that_hangs_is_told_and_keeps_nobody_else(
