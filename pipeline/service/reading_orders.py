@@ -256,7 +256,7 @@ class ReadingOrders:
 
     async def _in_one_worker(self, function: Callable[..., T], *arguments: Any) -> T:
         try:
-            done = await asyncio.wrap_future(self._pool.submit(function, *arguments))
+            done: T = await asyncio.wrap_future(self._pool.submit(function, *arguments))
             self._lost.clear()
             return done
         except BusyError as error:
