@@ -253,6 +253,19 @@ class Delivery:
 
 
 @dataclass(frozen=True)
+class WaitingResults:
+    """Results in the outbox for one target.
+
+    Attributes:
+        n: their number.
+        since: when the oldest was put there.
+    """
+
+    n: int
+    since: datetime
+
+
+@dataclass(frozen=True)
 class History:
     """All that happened to a part, oldest first; nothing of it is ever changed."""
 

@@ -179,6 +179,11 @@ class Service:
             sent=lambda: self.parts.on_result(),
         )
         self.metrics.gauge("alerts", "Alerts that are raised.", lambda: float(len(self.store.alerts())))
+        self.metrics.gauge(
+            "targets_troubled",
+            "Targets of results that cannot be reached or refuse results.",
+            lambda: float(sum(not one.works for one in self.ports.connections(self.store))),
+        )
         self.metrics.gauge("outbox", "Results not yet published.", self.store.undelivered)
 
     def _call_worker(self, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -299,10 +304,12 @@ def create_app(service: Service) -> FastAPI:
         telemetry={"tracing": False, "metrics": False, "logs": False},
         redirect_slashes=False,
     )
-    app.include_router(parts_router(service.parts, service.access))
+    app.include_router(parts_router(service.parts, service.access, root_path=settings.root_path))
     app.include_router(golden_router(service.golden, service.evidence, service.access))
     app.include_router(export_router(service.store, service.access), max_body_size=SMALL_BODY)
-    app.include_router(lookup_router(service.parts, service.access), max_body_size=SMALL_BODY)
+    app.include_router(
+        lookup_router(service.parts, service.access, root_path=settings.root_path), max_body_size=SMALL_BODY
+    )
     app.include_router(jobs_router(service.jobs, service.access), max_body_size=SMALL_BODY)
     frame = Frame.make(
         service.store,
@@ -318,13 +325,14 @@ def create_app(service: Service) -> FastAPI:
         frame,
         drift=lambda: service.jobs.drift,
         golden=service.golden.scans,
+        connections=lambda: service.ports.connections(service.store),
         jobs=service.jobs,
         interface=lambda: app.openapi(),
     )
     app.include_router(pages, max_body_size=SMALL_BODY)
     _add_service_routes(app, service)
     add_problem_handlers(app)
-    app.openapi = lambda: described(app, asked=service.access.required)  # type: ignore[method-assign]
+    app.openapi = lambda: described(app, asked=service.access.required, root_path=settings.root_path)  # type: ignore[method-assign]
     # the last one lies outermost
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=_names(settings), www_redirect=False)
     if settings.trusted_proxies:
@@ -340,7 +348,7 @@ def create_app(service: Service) -> FastAPI:
         ),
         most_bytes=settings.max_upload_mb * 1_000_000,
     )
-    app.add_middleware(RequestLayer, metrics=service.metrics)
+    app.add_middleware(RequestLayer, metrics=service.metrics, root_path=settings.root_path)
     return app
 
 
@@ -372,9 +380,13 @@ def _add_service_routes(app: FastAPI, service: Service) -> None:
             raise Problem(503, why, headers={"Retry-After": "1"})
         mode = {"mode": "shadow"} if service.settings.shadow else {}
         troubles = service.parts.orders.troubles
+        targets = [
+            one for one in service.ports.connections(service.store) if one.key in service.ports.senders
+        ]
         return {
-            "status": "ready",
+            "status": "ready" if all(one.works for one in targets) else "degraded",
             **mode,
+            **{one.key: one.summary for one in targets},
             **({"drift": service.jobs.drift or "none"} if service.jobs.watched else {}),
             **({"bench": service.parts.bench.message() or "none"} if service.parts.bench.parts else {}),
             **({"of_no_use": without_folders("; ".join(troubles.values()))} if troubles else {}),

@@ -5,18 +5,21 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator
+from datetime import UTC, datetime
 from functools import partial
 from typing import TYPE_CHECKING
 
 import structlog
 
 from pipeline.common.version import program_version
+from pipeline.service.connections import Connection, connections_to
 from pipeline.service.line.dispatch import Dispatcher, Sender
 from pipeline.service.line.watch_folder import WatchedFolder, watch_journal
 
 if TYPE_CHECKING:
     from pipeline.service.part_service import PartService
     from pipeline.service.settings import ServiceSettings
+    from pipeline.store.store import Store
 
 log = structlog.get_logger("tactile-marks")
 
@@ -34,6 +37,8 @@ class Ports:
         """
         self._settings = settings
         self.senders: dict[str, Sender] = {}
+        self._dispatcher: Dispatcher | None = None
+        self._open: dict[str, Connection] = {}
         if settings.webhook:
             from pipeline.service.line.webhook import WebhookSender
 
@@ -41,7 +46,9 @@ class Ports:
         if settings.mqtt:
             from pipeline.service.line.mqtt import MqttSender
 
-            self.senders["mqtt"] = MqttSender(settings.mqtt, prefix=settings.mqtt_prefix)
+            self.senders["mqtt"] = MqttSender(
+                settings.mqtt, prefix=settings.mqtt_prefix, version=settings.mqtt_version
+            )
         if settings.tcp_format:
             from pipeline.service.line.result_string import ResultString
 
@@ -51,6 +58,19 @@ class Ports:
 
             require_asyncua()
         self._watch_journal = watch_journal(settings)
+
+    def connections(self, store: Store) -> tuple[Connection, ...]:
+        """The connections to others as they are now.
+
+        Raises:
+            StoreError: the store does not answer.
+        """
+        states = self._dispatcher.states if self._dispatcher is not None else {}
+        return (*connections_to(states, store.waiting_results() if states else {}), *self._open.values())
+
+    def _note_open(self, key: str, name: str, host: str, port: int) -> None:
+        log.info(name, host=host, port=port)
+        self._open[key] = Connection(key, name, f"listens at {host}:{port}", True, datetime.now(UTC))
 
     @contextlib.asynccontextmanager
     async def opened(self, parts: PartService) -> AsyncIterator[None]:
@@ -62,7 +82,7 @@ class Ports:
         settings, grace_s = self._settings, self._settings.shutdown_grace_s
         async with contextlib.AsyncExitStack() as stack:
             if self.senders:
-                dispatcher = Dispatcher(parts.store, self.senders)
+                self._dispatcher = dispatcher = Dispatcher(parts.store, self.senders)
                 dispatcher.start()
                 loop = asyncio.get_running_loop()
                 # results come from threads as well
@@ -81,7 +101,7 @@ class Ports:
                 )
                 await tcp.start()
                 stack.push_async_callback(tcp.stop, grace_s=grace_s)
-                log.info("TCP trigger port", host=tcp.host, port=tcp.port)
+                self._note_open("tcp", "TCP trigger port", tcp.host, tcp.port)
             if settings.opcua_port is not None:
                 from pipeline.service.line.opcua import OpcUaPort
 
@@ -97,7 +117,7 @@ class Ports:
                 await opcua.start()
                 stack.push_async_callback(opcua.stop, grace_s=grace_s)
                 parts.on_part = opcua.show
-                log.info("OPC UA server", host=opcua.host, port=opcua.port)
+                self._note_open("opcua", "OPC UA server", opcua.host, opcua.port)
             if settings.watch is not None and self._watch_journal is not None:
                 watched = WatchedFolder(
                     settings.watch,

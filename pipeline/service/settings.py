@@ -9,6 +9,7 @@ flags                   serve --port 8417
 from __future__ import annotations
 
 import ipaddress
+import re
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -25,6 +26,12 @@ Port = Annotated[int, Field(ge=0, le=65535)]
 def _networks(value: tuple[str, ...]) -> tuple[str, ...]:
     for network in value:
         ipaddress.ip_network(network)
+    return value
+
+
+def _prefix(value: str) -> str:
+    if value and re.fullmatch(r"(/[A-Za-z0-9._~-]+)+", value) is None:
+        raise ValueError("it is not a path in front of addresses; write it as /marks, without a / at its end")
     return value
 
 
@@ -73,6 +80,9 @@ class ServiceSettings(Settings):
     trusted_proxies: Annotated[Names, AfterValidator(_networks)] = ()
     """Address or network of a proxy that may pass requests on, such as 127.0.0.1; may be repeated. Where its callers
     come from, and whether by TLS, is then taken from what it says (X-Forwarded-For, X-Forwarded-Proto)."""
+    root_path: Annotated[str, AfterValidator(_prefix)] = ""
+    """Path that a proxy puts in front of the service's addresses, such as /marks: for the links in answers. Pages need
+    none; the proxy may pass the path on or take it off."""
     connections: int = Field(default=200, ge=1, le=1000)
     """Connections that one address may have at a time; a trusted proxy any number."""
     jobs: int = Field(default_factory=cores, ge=1, le=256)
@@ -163,6 +173,8 @@ class ServiceSettings(Settings):
     """Broker to publish results to (extra mqtt), mqtt://host:1883 or mqtts://user:password@host:8883."""
     mqtt_prefix: str = "tactile-marks"
     """First level of the topics."""
+    mqtt_version: Literal["5", "3.1.1"] = "5"
+    """Version of MQTT. With 3.1.1 a broker cannot say that it refuses a result, and one that it refuses is lost."""
     webhook: Annotated[str, AfterValidator(_web_address)] = ""
     """Web address to post results to; signed where webhook_secret is set."""
     alert_reject_rate: float = Field(default=0.0, ge=0.0, lt=1.0)

@@ -17,7 +17,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from pipeline.common.record_json import to_json
-from pipeline.common.records import Delivery, PartRecord
+from pipeline.common.records import Delivery, PartRecord, WaitingResults
 from pipeline.store.database import Transaction
 from pipeline.store.errors import cleaned, fit, fit_limit
 from pipeline.store.tables import outbox
@@ -140,9 +140,13 @@ def postpone(tx: Transaction, delivery_id: int, owner: str, *, error: str, wait_
     )
 
 
-def targets_waiting(tx: Transaction) -> frozenset[str]:
-    """Where results wait to be sent to."""
-    return frozenset(tx.execute(sa.select(outbox.c.target).distinct()).scalars())
+def waiting_results(tx: Transaction) -> Mapping[str, WaitingResults]:
+    """Results that wait to be sent, by target."""
+    asked = sa.select(
+        outbox.c.target, sa.func.count().label("n"), sa.func.min(outbox.c.created_at).label("since")
+    )
+    rows = tx.execute(asked.group_by(outbox.c.target))
+    return {row.target: WaitingResults(row.n, row.since) for row in rows}
 
 
 def undelivered(tx: Transaction) -> int:

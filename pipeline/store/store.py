@@ -169,7 +169,7 @@ class Store:
     delivered = _writes(outbox.delivered)
     postpone = _writes(outbox.postpone)
     undelivered = _reads(outbox.undelivered)
-    targets_waiting = _reads(outbox.targets_waiting)
+    waiting_results = _reads(outbox.waiting_results)
 
     # files
     evidence_before = _reads(evidence_index.evidence_before)

@@ -7,13 +7,14 @@ import contextlib
 import socket
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from pipeline.common.reading_records import CandidateRecord, CharacterRecord, ReadingRecord
 from pipeline.common.record_json import to_json
-from pipeline.common.records import Delivery, PartRecord, PartState
+from pipeline.common.records import Delivery, PartRecord, PartState, WaitingResults
 
 NOW = datetime(2026, 11, 21, 19, 0, tzinfo=UTC)
 LONG_S = 60.0
@@ -87,9 +88,10 @@ class MemoryOutbox:
     def release(self, owner: str, delivery_ids: Collection[int]) -> None:
         """Of one dispatcher alone: it is given what it had."""
 
-    def targets_waiting(self) -> frozenset[str]:
+    def waiting_results(self) -> dict[str, WaitingResults]:
         with self._lock:
-            return frozenset(delivery.target for delivery, _ in self._waiting.values())
+            counts = Counter(delivery.target for delivery, _ in self._waiting.values())
+        return {target: WaitingResults(n, NOW) for target, n in counts.items()}
 
     def delivered(self, delivery_id: int) -> None:
         with self._lock:

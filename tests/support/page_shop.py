@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import httpx
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
@@ -117,3 +118,8 @@ class Shop:
             data["blind"] = "1"
         self.answer = client.post(f"{at}/{part_id}", data=data)
         return self.answer.status_code
+
+
+def goes_to(answer: httpx.Response) -> str:
+    """Where an answer sends the browser, as an address of the service."""
+    return answer.url.join(answer.headers["location"]).raw_path.decode()

@@ -203,9 +203,9 @@ def checked_id(part_id: str) -> str:
     return part_id
 
 
-def answer(part: PartRecord) -> PartAnswer:
-    """The part with its links."""
-    here = f"/v1/parts/{part.id}"
+def answer(part: PartRecord, root_path: str = "") -> PartAnswer:
+    """The part with its links, behind the prefix of a proxy where there is one."""
+    here = f"{root_path}/v1/parts/{part.id}"
     links = {"self": here, "history": f"{here}/history"}
     links.update({name: f"{here}/pictures/{name}" for name in (*PICTURES, "boxes")})
     return PartAnswer(**{**part.__dict__, "links": links})

@@ -14,6 +14,7 @@ from pipeline.common.records import Scope
 from pipeline.service.api.answers import may, problems
 from pipeline.service.golden import GoldenPart
 from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.uploads import receive
 from pipeline.store.evidence_folder import EvidenceFolder
 
@@ -37,7 +38,7 @@ class GoldenAnswer(BaseModel):
 
 def golden_router(golden: GoldenPart, evidence: EvidenceFolder, access: Access) -> APIRouter:
     """The routes of /v1/golden."""
-    router = APIRouter(prefix="/v1", tags=["golden part"])
+    router = APIRouter(prefix="/v1", tags=["golden part"], route_class=FormRoute)
     Reads, Writes = may(access, Scope.READ), may(access, Scope.WRITE)
 
     @router.post(

@@ -50,8 +50,8 @@ class FiguresAnswer(Statistics):
     audits: AuditFigures
 
 
-def lookup_router(service: PartService, access: Access) -> APIRouter:
-    """The routes that look up /v1/parts."""
+def lookup_router(service: PartService, access: Access, *, root_path: str = "") -> APIRouter:
+    """The routes that look up /v1/parts; `root_path`: prefix of a proxy, for their links."""
     router = APIRouter(prefix="/v1", tags=["parts"])
     Reads = may(access, Scope.READ)
 
@@ -70,7 +70,7 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
         caller: Caller = Reads,
     ) -> Any:
         parts = service.store.parts(**sought.values(), before=before, limit=limit)
-        return [answer(part) for part in parts]
+        return [answer(part, root_path) for part in parts]
 
     @router.get(
         "/parts/{part_id}",
@@ -82,7 +82,7 @@ def lookup_router(service: PartService, access: Access) -> APIRouter:
         },
     )
     def one_part(part_id: PartId, caller: Caller = Reads) -> Any:
-        return answer(service.store.part(checked_id(part_id)))
+        return answer(service.store.part(checked_id(part_id)), root_path)
 
     @router.get(
         "/parts/{part_id}/history",

@@ -28,15 +28,16 @@ from pipeline.service.api.answers import (
 from pipeline.service.api.examples import PART_EXAMPLE, TOUCH_EXAMPLE
 from pipeline.service.part_service import NewPart, PartService, Touch
 from pipeline.service.web.access import Access, Caller
+from pipeline.service.web.forms import FormRoute
 from pipeline.service.web.idempotency import Received
 from pipeline.service.web.problem import Problem
 from pipeline.service.web.uploads import SMALL_BODY, Upload, check_count, receive
 from pipeline.store.store import IdempotencyKey
 
 
-def parts_router(service: PartService, access: Access) -> APIRouter:
-    """The routes that add to /v1/parts."""
-    router = APIRouter(prefix="/v1", tags=["parts"])
+def parts_router(service: PartService, access: Access, *, root_path: str = "") -> APIRouter:
+    """The routes that add to /v1/parts; `root_path`: prefix of a proxy, for their links."""
+    router = APIRouter(prefix="/v1", tags=["parts"], route_class=FormRoute)
 
     Writes, Reviews = may(access, Scope.WRITE), may(access, Scope.REVIEW)
 
@@ -107,7 +108,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
             done = await service.receive(new, photos=photos, scan=scanned, idempotency=key)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
-        return _answered(done, response)
+        return _answered(done, response, root_path)
 
     @router.post(
         "/parts/{part_id}/scan",
@@ -136,7 +137,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
             done = await service.add_scan(part_id, scanned, idempotency=key)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
-        return _answered(done, response)
+        return _answered(done, response, root_path)
 
     @router.post(
         "/parts/{part_id}/touch",
@@ -149,7 +150,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
         },
     )
     async def touch_part(part_id: PartId, caller: Caller = Writes) -> Any:
-        return answer(await service.touch(checked_id(part_id)))
+        return answer(await service.touch(checked_id(part_id)), root_path)
 
     @router.post(
         "/parts/{part_id}/review",
@@ -181,7 +182,7 @@ def parts_router(service: PartService, access: Access) -> APIRouter:
             note=body.note,
             before=body.before,
         )
-        return answer(part)
+        return answer(part, root_path)
 
     return router
 
@@ -212,8 +213,8 @@ def _idempotency(
     return IdempotencyKey(f"{caller.name}:{key}", digest.hexdigest())
 
 
-def _answered(done: Received, response: Response) -> PartAnswer:
+def _answered(done: Received, response: Response, root_path: str) -> PartAnswer:
     if done.replayed:
         response.status_code = 200
         response.headers["Idempotent-Replayed"] = "true"
-    return answer(done.part)
+    return answer(done.part, root_path)

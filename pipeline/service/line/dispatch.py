@@ -22,15 +22,19 @@ import json
 import logging
 import secrets
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from glyphs.errors import MarksError
-from pipeline.common.records import Delivery
+from pipeline.common.records import Delivery, WaitingResults
 
+_MOST_REFUSED = 100
+"""Refused results that are kept in mind for each target; all of them wait in the outbox."""
 _log = logging.getLogger(__name__)
 
 
@@ -59,8 +63,12 @@ class DeliveryError(MarksError):
 class Sender(Protocol):
     """Brings deliveries to one target."""
 
-    def start(self) -> None:
-        """Begin, in the running loop."""
+    def start(self, report: Callable[[str], object]) -> None:
+        """Begin, in the running loop.
+
+        Args:
+            report: to be called with why the target cannot be reached, or with an empty string when it can.
+        """
 
     async def send(self, delivery: Delivery) -> None:
         """Return once the target has the delivery.
@@ -90,8 +98,23 @@ class Outbox(Protocol):
     def postpone(self, delivery_id: int, owner: str, *, error: str, wait_s: float) -> None:
         """Count an attempt in vain; the delivery is not due before that wait is over."""
 
-    def targets_waiting(self) -> Collection[str]:
-        """Where deliveries wait to be sent to."""
+    def waiting_results(self) -> Mapping[str, WaitingResults]:
+        """Deliveries that wait to be sent, by target."""
+
+
+@dataclass(frozen=True)
+class TargetState:
+    """Whether a target can be reached, and what it refuses.
+
+    Attributes:
+        since: when it became so.
+        error: why it cannot be reached; empty while it can, as far as is known.
+        refused: why it does not take results, by their numbers.
+    """
+
+    since: datetime
+    error: str = ""
+    refused: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -134,7 +157,7 @@ class Dispatcher:
 
     Attributes:
         sent, failed: deliveries and attempts in vain by target, since the start.
-        errors: the last failure of each target that is not working now.
+        states: of the targets.
     """
 
     def __init__(
@@ -147,7 +170,7 @@ class Dispatcher:
     ) -> None:
         self.sent: Counter[str] = Counter()
         self.failed: Counter[str] = Counter()
-        self.errors: dict[str, str] = {}
+        self.states = {target: TargetState(datetime.now(UTC)) for target in senders}
         self._outbox, self._senders = outbox, dict(senders)
         self._rng = rng if rng is not None else np.random.default_rng()
         self._pace = pace or Pace()
@@ -161,8 +184,8 @@ class Dispatcher:
 
     def start(self) -> None:
         """Begin, in a task of the running loop."""
-        for sender in self._senders.values():
-            sender.start()
+        for target, sender in self._senders.items():
+            sender.start(partial(self._report, target))
         self._task = asyncio.create_task(self._run(), name="dispatcher")
 
     def wake(self) -> None:
@@ -220,7 +243,7 @@ class Dispatcher:
             self._busy[target] = asyncio.create_task(self._serve(target, deliveries, until_s))
 
     async def _say_what_nobody_sends(self) -> None:
-        for target in sorted(set(await asyncio.to_thread(self._outbox.targets_waiting)) - set(self._senders)):
+        for target in sorted(set(await asyncio.to_thread(self._outbox.waiting_results)) - set(self._senders)):
             _log.warning("results wait to be sent to %s, which is not set up here", target)
 
     def _rests(self, target: str) -> bool:
@@ -267,8 +290,8 @@ class Dispatcher:
             _log.exception("the %s sender failed on a delivery of part %s", target, delivery.part_id)
             await self._failed(delivery, DeliveryError(f"{type(error).__name__}: {error}"))
             return
-        if self.errors.pop(target, None) is not None:
-            _log.info("%s works again", target)
+        self._report(target, "")
+        self._note_refusal(delivery, "")
         self._resting.pop(target, None)
         self.sent[target] += 1
         await asyncio.to_thread(self._outbox.delivered, delivery.id)
@@ -277,9 +300,11 @@ class Dispatcher:
     async def _failed(self, delivery: Delivery, error: DeliveryError) -> None:
         target, pace = delivery.target, self._pace
         self.failed[target] += 1
-        if target not in self.errors:  # once, not with every attempt
-            _log.warning("%s: part %s has not arrived: %s", target, delivery.part_id, error)
-        self.errors[target] = str(error)
+        self._report(target, str(error) if error.away else "")
+        if not error.away:
+            if not delivery.attempts:  # once, not with every attempt
+                _log.warning("%s does not take the result of part %s: %s", target, delivery.part_id, error)
+            self._note_refusal(delivery, str(error))
         if error.away:
             self._rest(target, error)
             wait_s = self._resting[target][0] - asyncio.get_running_loop().time()
@@ -287,6 +312,24 @@ class Dispatcher:
             wait_s = pace.longest_wait_s if error.lasting else pace.wait_s(delivery.attempts + 1)
             wait_s = min(max(self._jittered(wait_s), error.retry_after_s), pace.longest_wait_s)
         await self._postpone(delivery, str(error), wait_s)
+
+    def _report(self, target: str, error: str) -> None:
+        """Note whether a target can be reached, and log it where that has changed."""
+        before = self.states[target]
+        if error and not before.error:
+            _log.warning("%s cannot be reached, its results wait: %s", target, error)
+        elif before.error and not error:
+            _log.info("%s can be reached again", target)
+        since = before.since if bool(error) == bool(before.error) else datetime.now(UTC)
+        self.states[target] = replace(before, since=since, error=error)
+
+    def _note_refusal(self, delivery: Delivery, error: str) -> None:
+        state = self.states[delivery.target]
+        refused = {number: why for number, why in state.refused.items() if number != delivery.id}
+        if error and len(refused) < _MOST_REFUSED:
+            refused[delivery.id] = error
+        if refused != state.refused:
+            self.states[delivery.target] = replace(state, refused=refused)
 
     def _rest(self, target: str, error: DeliveryError) -> None:
         if self._rests(target):

@@ -1,13 +1,16 @@
-"""Results published over MQTT 3.1.1, and taken for delivered once the broker has acknowledged them (QoS 1).
+"""Results published over MQTT, and taken for delivered once the broker has accepted them (QoS 1).
 
 {prefix}/parts/{part id}/result     the part as JSON, with the delivery's number; not retained
 {prefix}/alerts/{name}              an alert as JSON, raised or cleared; retained
 {prefix}/status                     online or offline; retained, and the last will of the connection
 
-* A delivery has arrived when the broker has acknowledged it; one that it has not is for the outbox to send again.
+* With MQTT 5 a delivery has arrived when the broker has accepted it; one that it refuses (no right to the topic, too
+  large) stays in the outbox. With MQTT 3.1.1 a broker cannot refuse: it acknowledges what it drops.
 * Every connection has a client object of its own, thrown away with all it holds once the connection is lost or an
   acknowledgement is missing: an old result that the client sent again by itself could overtake a newer one.
 * There is one connection at a time, made anew when it is next needed, and every few seconds once `start` was called.
+* Services with one prefix share the status: it is online while one of them runs. Who hears "offline" there says
+  "online" again; for that a service must be allowed to read {prefix}/status.
 """
 
 from __future__ import annotations
@@ -17,21 +20,18 @@ import contextlib
 import logging
 import secrets
 import ssl
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
 from glyphs.errors import MissingExtraError
 from pipeline.common.records import Delivery
 from pipeline.common.settings import SettingsError
 from pipeline.service.line.dispatch import DeliveryError, body_of
+from pipeline.service.line.mqtt_connection import LEAVE_S, Broker, MqttConnection, MqttVersion
 
-if TYPE_CHECKING:
-    import aiomqtt
-
-ONLINE, OFFLINE = "online", "offline"
-_QOS = 1
-_LOOK_S, _LEAVE_S = 2.0, 2.0
+ONLINE, OFFLINE = b"online", b"offline"
+_LOOK_S = 2.0
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
 _NO_TOPIC = frozenset("+#\0")
 _log = logging.getLogger(__name__)
@@ -50,6 +50,7 @@ class MqttSender:
         url: str,
         *,
         prefix: str = "tactile-marks",
+        version: MqttVersion = "5",
         ca_file: Path | None = None,
         certificate: Path | None = None,
         private_key: Path | None = None,
@@ -61,6 +62,7 @@ class MqttSender:
         Args:
             url: mqtt://host:1883 or mqtts://user:password@host:8883 (TLS; the broker's certificate is checked).
             prefix: of the topics.
+            version: of the protocol; with 3.1.1 a refused result is lost, for the broker cannot say so.
             ca_file: certificates of authorities to trust, instead of the system's.
             certificate: of this client, PEM, where the broker asks for one.
             private_key: of the certificate.
@@ -68,13 +70,13 @@ class MqttSender:
             keepalive_s: between signs of life; a silent broker is noticed after one and a half of it.
 
         Raises:
-            MissingExtraError: aiomqtt is not installed.
+            MissingExtraError: paho-mqtt is not installed.
             SettingsError: no such address, topic or certificate.
         """
         try:
-            import aiomqtt  # noqa: F401 - asked for at the start, not with the first result
+            import paho.mqtt.client  # noqa: F401 - asked for at the start, not with the first result
         except ImportError as error:
-            raise MissingExtraError("MQTT", "aiomqtt", "mqtt") from error
+            raise MissingExtraError("MQTT", "paho-mqtt", "mqtt") from error
         parts = urlsplit(url)
         if parts.scheme not in _PORTS or not parts.hostname:
             raise SettingsError("a broker's address is mqtt://host:1883 or mqtts://host:8883")
@@ -87,32 +89,52 @@ class MqttSender:
             raise SettingsError(
                 f"the MQTT prefix {prefix!r} is not a beginning of a topic", hint="use a word such as line-4"
             )
-        self._host, self._port = parts.hostname, parts.port or _PORTS[parts.scheme]
-        self._user = unquote(parts.username) if parts.username else None
-        self._password = unquote(parts.password) if parts.password else None
-        self._tls = _tls(ca_file, certificate, private_key) if parts.scheme == "mqtts" else None
-        self._prefix, self._timeout_s, self._keepalive_s = prefix, timeout_s, keepalive_s
-        self._client_id = f"tactile-marks-{secrets.token_hex(6)}"
+        self._broker = Broker(
+            parts.hostname,
+            parts.port or _PORTS[parts.scheme],
+            f"tactile-marks-{secrets.token_hex(6)}",
+            version=version,
+            user=unquote(parts.username) if parts.username else None,
+            password=unquote(parts.password) if parts.password else None,
+            tls=_tls(ca_file, certificate, private_key) if parts.scheme == "mqtts" else None,
+            timeout_s=timeout_s,
+            keepalive_s=keepalive_s,
+        )
+        self._prefix, self._status = prefix, f"{prefix}/status"
         self._connecting = asyncio.Lock()
-        self._connection: _Connection | None = None
+        self._connection: MqttConnection | None = None
         self._closed = False
         self._keeping: asyncio.Task[None] | None = None
+        self._saying: set[asyncio.Task[None]] = set()
 
-    def start(self) -> None:
+    def start(self, report: Callable[[str], object]) -> None:
         """Connect and stay so, that the status says online though there is nothing to publish."""
-        self._keeping = asyncio.create_task(self._keep_connected(), name="mqtt")
+        if self._broker.version != "5":
+            _log.warning(
+                "MQTT %s: the broker cannot say that it refuses a result, and one that it refuses is lost",
+                self._broker.version,
+            )
+        self._keeping = asyncio.create_task(self._keep_connected(report), name="mqtt")
 
-    async def _keep_connected(self) -> None:
+    async def _keep_connected(self, report: Callable[[str], object]) -> None:
         while not self._closed:
-            with contextlib.suppress(DeliveryError):  # the next delivery says so
-                await self._connected()
+            try:
+                connection = await self._connected()
+            except DeliveryError as error:
+                report(str(error))
+            else:
+                report("")
+                await asyncio.wait({connection.lost}, timeout=_LOOK_S)
+                if not connection.lost.done():
+                    continue
+                report(f"the broker has gone: {connection.lost.result()}")
             await asyncio.sleep(_LOOK_S)
 
     async def send(self, delivery: Delivery) -> None:
-        """Publish a delivery and wait until the broker has acknowledged it.
+        """Publish a delivery and wait until the broker has accepted it.
 
         Raises:
-            DeliveryError: no broker, or no acknowledgement.
+            DeliveryError: no broker, no acknowledgement, or the broker refuses it.
         """
         if not _NO_TOPIC.isdisjoint(delivery.part_id) or "/" in delivery.part_id:
             raise DeliveryError(f"the part {delivery.part_id!r} makes no topic", lasting=True)
@@ -121,7 +143,9 @@ class MqttSender:
             alert = delivery.payload.get("alert")
             about = f"parts/{delivery.part_id}/result" if alert is None else f"alerts/{topic_level(alert)}"
             await connection.publish(f"{self._prefix}/{about}", body_of(delivery), retain=alert is not None)
-        except DeliveryError:
+        except DeliveryError as error:
+            if not error.away:
+                raise
             async with self._connecting:
                 if self._connection is connection:
                     self._connection = None
@@ -139,14 +163,14 @@ class MqttSender:
             if connection is not None:
                 await self._say_goodbye(connection)
 
-    async def _say_goodbye(self, connection: _Connection) -> None:
+    async def _say_goodbye(self, connection: MqttConnection) -> None:
         # a connection that ends in order does not send its will
         with contextlib.suppress(DeliveryError, TimeoutError):
-            async with asyncio.timeout(_LEAVE_S):
-                await connection.publish(f"{self._prefix}/status", OFFLINE.encode(), retain=True)
+            async with asyncio.timeout(LEAVE_S):
+                await connection.publish(self._status, OFFLINE, retain=True)
         await connection.end()
 
-    async def _connected(self) -> _Connection:
+    async def _connected(self) -> MqttConnection:
         async with self._connecting:
             if self._closed:
                 raise DeliveryError("closed", away=True)
@@ -155,94 +179,41 @@ class MqttSender:
             if self._connection is not None:
                 await self._connection.end()
                 self._connection = None
-            connection = _Connection(await self._opened())
+            connection = MqttConnection(self._broker, will=(self._status, OFFLINE), heard=self._hear)
+            await connection.open()
             try:
-                await connection.publish(f"{self._prefix}/status", ONLINE.encode(), retain=True)
+                await self._say_online(connection)
             except BaseException:
                 await self._say_goodbye(connection)  # others may have seen it online
                 raise
+            connection.listen(self._status)
             self._connection = connection
             return connection
 
-    async def _opened(self) -> aiomqtt.Client:
-        import aiomqtt
-
-        client = aiomqtt.Client(
-            self._host,
-            self._port,
-            username=self._user,
-            password=self._password,
-            logger=_log,
-            identifier=self._client_id,
-            clean_session=True,
-            will=aiomqtt.Will(f"{self._prefix}/status", OFFLINE, _QOS, retain=True),
-            timeout=self._timeout_s,
-            keepalive=self._keepalive_s,
-            tls_context=self._tls,
-        )
-        try:
-            return await client.__aenter__()
-        except aiomqtt.MqttCodeError as error:
-            raise DeliveryError(f"the broker refuses the connection: {error}", away=True) from error
-        except (aiomqtt.MqttError, ValueError) as error:
-            await _leave(client)
-            where = f"{self._host}:{self._port}"
-            raise DeliveryError(f"the broker {where} cannot be reached: {error}", away=True) from error
-
-
-class _Connection:
-    """One connection, for as long as it lasts.
-
-    Attributes:
-        lost: done once the broker is gone; aiomqtt says so only to those who wait for messages.
-    """
-
-    def __init__(self, client: aiomqtt.Client) -> None:
-        self._client = client
-        self.lost = asyncio.create_task(_until_lost(client))
-
-    async def publish(self, topic: str, payload: bytes, *, retain: bool = False) -> None:
-        """Publish and wait for the acknowledgement.
+    async def _say_online(self, connection: MqttConnection) -> None:
+        """Set the status; a broker that refuses this alone may take results all the same.
 
         Raises:
-            DeliveryError: the broker is gone, or has acknowledged nothing in time.
+            DeliveryError: the broker is gone.
         """
-        import aiomqtt
-
-        publishing = asyncio.create_task(self._client.publish(topic, payload, _QOS, retain))
         try:
-            await asyncio.wait({publishing, self.lost}, return_when=asyncio.FIRST_COMPLETED)
-            if not publishing.done():
-                raise DeliveryError("the broker has gone", away=True)
-            await publishing
-        except aiomqtt.MqttError as error:
-            raise DeliveryError(f"the broker has not acknowledged it: {error}", away=True) from error
-        except ValueError as error:
-            raise DeliveryError(f"cannot be published: {error}", lasting=True) from error
-        finally:
-            publishing.cancel()
+            await connection.publish(self._status, ONLINE, retain=True)
+        except DeliveryError as error:
+            if error.away:
+                raise
+            _log.warning("the MQTT status is not set: %s", error)
 
-    async def end(self) -> None:
-        """Disconnect."""
-        await _leave(self._client)
-        await self.lost
+    def _hear(self, status: bytes) -> None:
+        """Correct the status that another service with this prefix has left."""
+        connection = self._connection
+        if status == OFFLINE and connection is not None and not self._closed:
+            saying = asyncio.create_task(self._correct(connection))
+            self._saying.add(saying)
+            saying.add_done_callback(self._saying.discard)
 
-
-async def _until_lost(client: aiomqtt.Client) -> None:
-    import aiomqtt
-
-    with contextlib.suppress(aiomqtt.MqttError):
-        async for _ in client.messages:
-            pass
-
-
-async def _leave(client: aiomqtt.Client) -> None:
-    """Close the socket; also that of a client that never got connected, which aiomqtt would leave open."""
-    import aiomqtt
-
-    with contextlib.suppress(aiomqtt.MqttError, TimeoutError):
-        async with asyncio.timeout(_LEAVE_S):
-            await client.__aexit__(None, None, None)
+    async def _correct(self, connection: MqttConnection) -> None:
+        with contextlib.suppress(DeliveryError):  # the connection is lost, and made anew
+            await self._say_online(connection)
 
 
 def _tls(ca_file: Path | None, certificate: Path | None, private_key: Path | None) -> ssl.SSLContext:

@@ -8,9 +8,9 @@ an HTTP request, or TLS            -->  closed
 
 The answer is made by `pipeline.service.line.result_string`.
 
-Lines are UTF-8 and end with CR LF, CR or LF. Answers come in the order of the lines. The port asks for no name and
-encrypts nothing: whoever reaches it can trigger. So it listens on the loopback address unless set otherwise, and
-beyond that `clients` names the addresses that may call.
+Lines are UTF-8 and end with CR LF, CR or LF; NULs before and after a line are taken off. Answers come in the order of
+the lines. The port asks for no name and encrypts nothing: whoever reaches it can trigger. So it listens on the loopback
+address unless set otherwise, and beyond that `clients` names the addresses that may call.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ LINE_END = b"\r\n"
 _LET_GO_S = 0.5
 _log = logging.getLogger(__name__)
 _END = re.compile(rb"\r\n|\r|\n")
+_PADDING = b"\0"
+"""Fills up the strings of fixed length that some controllers send."""
 
 
 @dataclass(frozen=True)
@@ -258,6 +260,7 @@ class _Lines:
             if self._after_return and self._held:
                 self._held = self._held.removeprefix(b"\n")
                 self._after_return = False
+            self._held = self._held.lstrip(_PADDING)
             end = _END.search(self._held)
             if end is None and len(self._held) <= self._limits.line_bytes:
                 until = begun + self._limits.line_s if self._held else idle_since + self._limits.idle_s
@@ -278,6 +281,7 @@ class _Lines:
                 raise _LineError(f"a line has at most {self._limits.line_bytes} bytes")
             line, self._held = self._held[: end.start()], self._held[end.end() :]
             self._after_return = end.group() == b"\r" and not self._held
+            line = line.rstrip(_PADDING)
             if line.strip():
                 return line
 

@@ -133,7 +133,7 @@ class WebhookSender:
             follow_redirects=False, timeout=timeout_s, verify=trusted, trust_env=False
         )
 
-    def start(self) -> None:
+    def start(self, report: Callable[[str], object]) -> None:
         """Nothing to begin: a connection is made when there is something to post."""
 
     async def send(self, delivery: Delivery) -> None:

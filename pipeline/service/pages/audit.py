@@ -31,7 +31,7 @@ def add_audit_pages(router: APIRouter, frame: Frame) -> None:
     def next_part(request: Request, after: str = "") -> Response:
         caller = frame.access.caller(request, Scope.REVIEW)
         found = frame.store.next_audit(person_at(request, caller), after or None)
-        return see("/review" if found is None else f"/audit/{found.id}")
+        return see(request, "/review" if found is None else f"/audit/{found.id}")
 
     @router.get("/audit/{part_id}")
     def audit(request: Request, part_id: str, done: str = "") -> Response:
@@ -72,7 +72,7 @@ def add_audit_pages(router: APIRouter, frame: Frame) -> None:
         except ConflictError as error:
             raise PageError(409, str(error)) from error
         found = frame.store.next_audit(person, part_id)
-        answer = see(f"/audit/{found.id}?done={part_id}" if found else f"/review?audited={part_id}")
+        answer = see(request, f"/audit/{found.id}?done={part_id}" if found else f"/review?audited={part_id}")
         frame.set_cookie(request, answer, WHO_COOKIE, quote(said.who), max_age_s=A_YEAR_S)
         return answer
 

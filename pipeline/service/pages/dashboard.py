@@ -13,6 +13,7 @@ from starlette.responses import Response
 from pipeline.common.golden_record import GoldenMeasure, GoldenRecord
 from pipeline.common.records import PartState, Statistics
 from pipeline.common.shares import share
+from pipeline.service.connections import Connection
 from pipeline.service.pages.charts import charts_of
 from pipeline.service.pages.frame import Frame, PageError
 from pipeline.store.alerts import DRIFT
@@ -31,7 +32,11 @@ _AUDITED = timedelta(days=90)
 
 
 def add_dashboard(
-    router: APIRouter, frame: Frame, drift: Callable[[], str], golden: Callable[[], tuple[GoldenRecord, ...]]
+    router: APIRouter,
+    frame: Frame,
+    drift: Callable[[], str],
+    golden: Callable[[], tuple[GoldenRecord, ...]],
+    connections: Callable[[], tuple[Connection, ...]],
 ) -> None:
     """The route of the dashboard.
 
@@ -40,6 +45,7 @@ def add_dashboard(
         frame: of all pages.
         drift: says how the latest parts differ from the certified ones; empty where they do not.
         golden: scans of the golden part, the newest first.
+        connections: to others: targets of results, ports.
     """
 
     @router.get("/dashboard")
@@ -67,6 +73,7 @@ def add_dashboard(
             states=_states(numbers),
             charts=charts_of(numbers.trend, each=each),
             golden=_golden(golden()),
+            connections=connections(),
             audits=frame.store.audit_figures(now - _AUDITED),
         )
 

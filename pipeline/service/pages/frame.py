@@ -25,6 +25,7 @@ from pipeline.common.records import PartRecord, PartState, Scope
 from pipeline.service.pages.assets import Assets
 from pipeline.service.pages.places import LOW_MARGIN, part_cells
 from pipeline.service.web.access import Access, Caller, DeniedError
+from pipeline.service.web.addresses import relative, to_root
 from pipeline.store.errors import NotFoundError, StoreError, UnfitError
 
 if TYPE_CHECKING:
@@ -113,11 +114,13 @@ class Frame:
             lstrip_blocks=True,
             undefined=jinja2.StrictUndefined,
         )
-        environment.globals["static"] = assets.address
+        environment.globals["static"] = jinja2.pass_context(
+            lambda context, name: _here(context, assets.address(name))
+        )
         environment.globals["state_names"] = STATE_NAMES
         environment.globals["shadow"] = shadow
         environment.globals["part_cells"] = lambda part: part_cells(part, low_margin=low_margin)
-        environment.filters.update(iso=_iso, utc=_utc, view=_view)
+        environment.filters.update(iso=_iso, utc=_utc, view=_view, here=_here)
         return cls(
             store,
             evidence,
@@ -148,6 +151,7 @@ class Frame:
             signed_in=self.access.asked(request) and caller is not None,
             waiting=None if caller is None else self.waiting(),
             path=request.url.path,
+            up=to_root(request.scope),
             form_value=form_value,
             **values,
         )
@@ -238,12 +242,19 @@ def _to_login(request: Request) -> Response:
     path = request.url.path
     if request.method == "GET" and request.url.query:
         path += f"?{request.url.query}"
-    return see(f"/login?to={quote(path, safe='')}")
+    return see(request, f"/login?to={quote(path, safe='')}")
 
 
-def see(address: str) -> Response:
+def see(request: Request, address: str) -> Response:
     """Answer a form by the page to look at next."""
-    return RedirectResponse(address, status_code=303, headers={"Cache-Control": "no-store"})
+    headers = {"Cache-Control": "no-store"}
+    return RedirectResponse(relative(request.scope, address), status_code=303, headers=headers)
+
+
+@jinja2.pass_context
+def _here(context: jinja2.runtime.Context, address: str) -> str:
+    """An address of the service, such as /parts, as the page made now has to write it."""
+    return f"{context['up']}{address.removeprefix('/')}"
 
 
 def _iso(at: datetime) -> str:

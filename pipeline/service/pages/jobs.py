@@ -150,7 +150,7 @@ def add_job_pages(router: APIRouter, frame: Frame, jobs: JobFolder) -> None:
             pictures = _pictures(frame, found)
             picture = next((one for one in pictures if one.which == by), pictures[0])
             return _teach_page(frame, request, jobs, found, picture, shown, problem)
-        return see(f"/jobs?{urlencode({'done': shown.name, 'part': part})}")
+        return see(request, f"/jobs?{urlencode({'done': shown.name, 'part': part})}")
 
 
 def _teach_page(

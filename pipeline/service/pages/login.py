@@ -18,7 +18,7 @@ def add_login(router: APIRouter, frame: Frame) -> None:
     @router.get("/login")
     def login(request: Request, to: str = "/review") -> Response:
         if not frame.access.asked(request):
-            return see(own_address(to))
+            return see(request, own_address(to))
         return frame.page(request, "login.html.j2", to=own_address(to), fault="")
 
     @router.post("/login")
@@ -33,7 +33,7 @@ def add_login(router: APIRouter, frame: Frame) -> None:
         if value is None:
             fault = "This token is not known, has expired or was revoked. Type it again or ask for another."
             return frame.page(request, "login.html.j2", status=403, to=own_address(to), fault=fault)
-        answer = see(own_address(to))
+        answer = see(request, own_address(to))
         frame.set_cookie(request, answer, frame.access.COOKIE, value, max_age_s=SIGNED_IN_S)
         return answer
 
@@ -41,7 +41,7 @@ def add_login(router: APIRouter, frame: Frame) -> None:
     def log_out(request: Request, form_value: Annotated[str, Form()] = "") -> Response:
         frame.check_form(request, form_value)
         frame.access.log_out(request)
-        answer = see("/login")
+        answer = see(request, "/login")
         answer.delete_cookie(frame.access.COOKIE, path="/")
         return answer
 

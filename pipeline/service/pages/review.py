@@ -35,8 +35,8 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
     """The routes of queue and review."""
 
     @router.get("/")
-    def home() -> Response:
-        return see("/review")
+    def home(request: Request) -> Response:
+        return see(request, "/review")
 
     @router.get("/review")
     def queue(request: Request, done: str = "", audited: str = "") -> Response:
@@ -63,8 +63,8 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         person = person_at(request, frame.reader(request))
         found = frame.store.next_in_queue(after or None, person=person)
         if found is None:
-            return see("/review")
-        return see(f"/review/{found.id}" + ("?alone=1" if found.id == after else ""))
+            return see(request, "/review")
+        return see(request, f"/review/{found.id}" + ("?alone=1" if found.id == after else ""))
 
     @router.get("/review/{part_id}")
     def review(request: Request, part_id: str, done: str = "", alone: str = "") -> Response:
@@ -118,7 +118,7 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
             now = frame.store.part(part_id)
             return _review_page(frame, request, now, person, said=said, fault=_quicker(now), status=409)
         found = frame.store.next_in_queue(part_id, person=person)
-        answer = see(f"/review/{found.id}?done={part_id}" if found else f"/review?done={part_id}")
+        answer = see(request, f"/review/{found.id}?done={part_id}" if found else f"/review?done={part_id}")
         frame.set_cookie(request, answer, WHO_COOKIE, quote(said.who), max_age_s=A_YEAR_S)
         return answer
 

@@ -14,6 +14,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from pipeline.common.golden_record import GoldenRecord
+from pipeline.service.connections import Connection
 from pipeline.service.pages.audit import add_audit_pages
 from pipeline.service.pages.dashboard import add_dashboard
 from pipeline.service.pages.frame import Frame, page_route
@@ -34,6 +35,7 @@ def pages_router(
     *,
     drift: Callable[[], str] = str,
     golden: Callable[[], tuple[GoldenRecord, ...]] = tuple,
+    connections: Callable[[], tuple[Connection, ...]] = tuple,
     jobs: JobFolder | None = None,
     interface: Callable[[], dict[str, Any]] | None = None,
 ) -> APIRouter:
@@ -43,6 +45,7 @@ def pages_router(
         frame: what they are made with.
         drift: says how the latest parts differ from the certified ones; empty where they do not.
         golden: scans of the golden part, the newest first.
+        connections: to others: targets of results, ports.
         jobs: that parts may be read by; without it there are no pages of them.
         interface: description of the programs' interface (OpenAPI); without it there is no page of it.
     """
@@ -52,7 +55,7 @@ def pages_router(
     add_audit_pages(router, frame)
     add_claims(router, frame)
     add_part_pages(router, frame)
-    add_dashboard(router, frame, drift, golden)
+    add_dashboard(router, frame, drift, golden, connections)
     add_shadow_page(router, frame)
     if jobs is not None:
         add_job_pages(router, frame, jobs)

@@ -21,6 +21,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import RedirectResponse, Response
 
 from pipeline.service.web.access import Access, DeniedError, denied_problem
+from pipeline.service.web.addresses import relative
 from pipeline.service.web.middleware import problem_answer
 from pipeline.service.web.own_user import is_own_user
 from pipeline.service.web.problem import Problem
@@ -95,7 +96,7 @@ class DoorLayer:
             self._check_room(scope, headers)
         except DeniedError as error:
             if not scope["path"].startswith("/v1/"):
-                return RedirectResponse(_SIGNING_IN, status_code=303, headers=_CLOSE)
+                return RedirectResponse(relative(scope, _SIGNING_IN), status_code=303, headers=_CLOSE)
             problem = denied_problem(error, headers=_CLOSE)
         except Problem as refused:
             problem = refused

@@ -13,6 +13,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
+from pipeline.service.web.addresses import without_prefix
 from pipeline.service.web.problem import MEDIA_TYPE, Problem, stopping
 
 if TYPE_CHECKING:
@@ -46,10 +47,13 @@ def problem_answer(problem: Problem, scope: Scope) -> Response:
 
 
 class RequestLayer:
-    """Gives each request an id, a log line and its place in the metrics; drops uploads that have stalled."""
+    """Gives each request an id, a log line and its place in the metrics; drops uploads that have stalled.
 
-    def __init__(self, app: ASGIApp, *, metrics: Metrics) -> None:
-        self._app, self._metrics = app, metrics
+    HEAD is answered as GET, without the body; a proxy's prefix (`root_path`) is taken off the path.
+    """
+
+    def __init__(self, app: ASGIApp, *, metrics: Metrics, root_path: str = "") -> None:
+        self._app, self._metrics, self._root_path = app, metrics, root_path
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -58,6 +62,10 @@ class RequestLayer:
         given = Headers(scope=scope).get(REQUEST_ID, "")
         request_id = given if _SANE_ID.fullmatch(given) else secrets.token_hex(8)
         scope.setdefault("state", {})["request_id"] = request_id
+        method = scope["method"]
+        scope = without_prefix(scope, self._root_path)
+        if method == "HEAD":
+            scope = {**scope, "method": "GET"}
         start, status, begun = time.perf_counter(), 500, False
 
         async def sent(message: Message) -> None:
@@ -68,6 +76,8 @@ class RequestLayer:
                 headers[REQUEST_ID] = request_id
                 headers.setdefault("x-content-type-options", "nosniff")
                 headers.setdefault("cache-control", "no-store")
+            elif method == "HEAD":
+                message = {**message, "body": b""}
             await send(message)
 
         with structlog.contextvars.bound_contextvars(request=request_id):
@@ -88,13 +98,13 @@ class RequestLayer:
                 fault = Problem(500, f"the service failed; its log says why under {request_id}")
                 await problem_answer(fault, scope)(scope, receive, sent)
             finally:
-                self._record(scope, status, time.perf_counter() - start)
+                self._record(scope, method, status, time.perf_counter() - start)
         return None
 
-    def _record(self, scope: Scope, status: int, seconds: float) -> None:
+    def _record(self, scope: Scope, method: str, status: int, seconds: float) -> None:
         route = _route(scope)
         # a caller may make methods up, and each would be counted for ever
-        method = scope["method"] if scope["method"] in _METHODS else "other"
+        method = method if method in _METHODS else "other"
         self._metrics.requests.labels(method, route, str(status)).inc()
         self._metrics.request_seconds.labels(route).observe(seconds)
         if not route.startswith(_QUIET_ROUTES):

@@ -12,8 +12,14 @@ from pipeline.service.web.access import COOKIE
 from pipeline.service.web.problem import ProblemBody
 
 
-def described(app: FastAPI, *, asked: bool) -> dict[str, Any]:
-    """The OpenAPI document of an application; `asked`: whether it asks for tokens."""
+def described(app: FastAPI, *, asked: bool, root_path: str = "") -> dict[str, Any]:
+    """The OpenAPI document of an application.
+
+    Args:
+        app: the application.
+        asked: whether it asks for tokens.
+        root_path: prefix of a proxy in front of it; empty: there is none.
+    """
     if app.openapi_schema:
         return app.openapi_schema
     made = get_openapi(
@@ -22,6 +28,7 @@ def described(app: FastAPI, *, asked: bool) -> dict[str, Any]:
         summary=app.summary,
         license_info=app.license_info,
         routes=app.routes,
+        servers=[{"url": root_path}] if root_path else None,
         description="Times are in UTC, lengths in mm. Every failure is application/problem+json (RFC 9457).",
     )
     components = made.setdefault("components", {})

@@ -113,7 +113,7 @@ def test_it_says_that_it_is_in_shadow_mode(served: tuple[Service, TestClient]) -
     _, client = served
     page = client.get("/shadow").text
     assert "Nothing is decided or published" in page
-    assert '<a href="/shadow"' in client.get("/review").text
+    assert '<a href="./shadow"' in client.get("/review").text
 
 
 def test_live_it_decides_and_leaves_what_was_compared(bench: Bench, tmp_path: Path) -> None:
@@ -137,6 +137,6 @@ def test_live_it_decides_and_leaves_what_was_compared(bench: Bench, tmp_path: Pa
         assert service.store.undelivered() == 1
         page = client.get("/shadow").text
         assert "The service decides now" in page
-        assert '<a href="/shadow"' not in client.get("/review").text
+        assert '<a href="./shadow"' not in client.get("/review").text
         ready = client.get("/readyz").json()
         assert "mode" not in ready

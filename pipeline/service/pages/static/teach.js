@@ -50,7 +50,7 @@
     if (own) return;
     const asked = text.value;
     try {
-      const answer = await fetch(`/jobs/format?text=${encodeURIComponent(asked)}`);
+      const answer = await fetch(`${document.getElementById("teach").dataset.format}?text=${encodeURIComponent(asked)}`);
       if (answer.ok && !own && text.value === asked) format.value = await answer.text();
     } catch {
       if (!own) format.value = ""; // the service proposes one when the job is saved

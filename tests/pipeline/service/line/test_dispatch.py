@@ -29,7 +29,7 @@ class Recorder:
         self.started = self.closed = False
         self._trouble = trouble
 
-    def start(self) -> None:
+    def start(self, report: Callable[[str], object]) -> None:
         self.started = True
 
     async def send(self, delivery: Delivery) -> None:
@@ -114,7 +114,7 @@ async def test_what_fails_at_random_arrives_all_the_same_and_in_order(away: bool
     for index in range(6):
         assert sender.of(f"PART{index}") == sorted(sender.of(f"PART{index}"))
     assert dispatcher.failed["webhook"] == sum(sender.attempts.values()) - 36 > 0
-    assert not dispatcher.errors
+    assert not any(one.error or one.refused for one in dispatcher.states.values())
 
 
 async def test_a_target_that_is_away_is_asked_seldom_and_holds_up_no_other() -> None:
@@ -129,7 +129,7 @@ async def test_a_target_that_is_away_is_asked_seldom_and_holds_up_no_other() -> 
     dispatcher = dispatcher_of(outbox, pace, mqtt=gone, webhook=well)
     dispatcher.start()
     await until(lambda: len(well.arrived) == 300, why="for the target that works")
-    assert "away" in dispatcher.errors["mqtt"]
+    assert "away" in dispatcher.states["mqtt"].error
     assert sum(gone.attempts.values()) < 100  # of 300 that are due: one tried after every rest
     back.set()
     await until(lambda: outbox.undelivered() == 0)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import logging
 import signal
 import subprocess
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,33 +24,6 @@ from tests.support.self_signed import certificates
 pytestmark = pytest.mark.anyio
 
 FAST = Pace(look_s=0.02, first_wait_s=0.02, longest_wait_s=0.2, longest_rest_s=0.2)
-
-
-@pytest.fixture
-async def late_registration_passes() -> AsyncIterator[None]:
-    """A broker killed between paho's wish to write and the loop's turn leaves aiomqtt a closed socket to register.
-
-    The connection is known to be lost by then, and its message is sent again: only the loop hears of it.
-    """
-    loop = asyncio.get_running_loop()
-    before = loop.get_exception_handler()
-
-    def handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        error = context.get("exception")
-        if (
-            isinstance(error, OSError)
-            and error.errno == errno.EBADF
-            and "add_writer" in str(context.get("handle"))
-        ):
-            return
-        if before is None:
-            loop.default_exception_handler(context)
-        else:
-            before(loop, context)
-
-    loop.set_exception_handler(handle)
-    yield
-    loop.set_exception_handler(before)
 
 
 @pytest.fixture
@@ -137,7 +108,7 @@ async def test_the_last_will_tells_of_a_service_that_died(
     sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
     await sender.send(one_delivery())
     assert sender._connection is not None
-    raw = sender._connection._client._client.socket()
+    raw = sender._connection._client.socket()
     assert raw is not None
     raw.shutdown(2)  # as a machine that loses its power: no goodbye
     await until(lambda: listener.statuses() == ["online", "offline"], why="for the will")
@@ -146,17 +117,16 @@ async def test_the_last_will_tells_of_a_service_that_died(
     await sender.close()
 
 
-@pytest.mark.usefixtures("late_registration_passes")
 async def test_the_status_is_online_though_there_is_nothing_to_publish(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "pipeline.service.line.mqtt._LEAVE_S", LONG_S
+        "pipeline.service.line.mqtt_connection.LEAVE_S", LONG_S
     )  # a busy machine's goodbye takes longer
     broker = make_broker()
     listener = listen(broker.port)
     sender = MqttSender(f"mqtt://127.0.0.1:{broker.port}")
-    sender.start()
+    sender.start(lambda _: None)
     await until(lambda: listener.statuses()[-1:] == ["online"])
     broker.kill()
     listener.messages.clear()
@@ -166,7 +136,6 @@ async def test_the_status_is_online_though_there_is_nothing_to_publish(
     await until(lambda: listener.statuses()[-1:] == ["offline"], why="for the goodbye")
 
 
-@pytest.mark.usefixtures("late_registration_passes")
 async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:
@@ -180,8 +149,8 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
         def __init__(self, sender: MqttSender) -> None:
             self._sender = sender
 
-        def start(self) -> None:
-            self._sender.start()
+        def start(self, report: Callable[[str], object]) -> None:
+            self._sender.start(report)
 
         async def send(self, delivery: Delivery) -> None:
             if not listener.subscribed.is_set():
@@ -227,7 +196,6 @@ async def test_a_broker_killed_again_and_again_loses_nothing_and_keeps_the_order
     assert outbox.failures
 
 
-@pytest.mark.usefixtures("late_registration_passes")
 async def test_a_broker_that_hangs_is_given_up_and_nothing_old_comes_later(
     make_broker: Callable[..., Broker], listen: Callable[..., Listener]
 ) -> None:

@@ -38,7 +38,7 @@ from pipeline.service.pages.login import own_address
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import aligned, cells_of, expected_cells, places_of
 from pipeline.store.errors import StoreError
-from tests.support.page_shop import FORM, HEIGHT, WIDTH, Shop, character, reading
+from tests.support.page_shop import FORM, HEIGHT, WIDTH, Shop, character, goes_to, reading
 
 
 @pytest.fixture
@@ -214,10 +214,10 @@ def test_before_touch_the_photograph_is_shown_and_what_touch_is_asked_for(shop: 
 def test_confirm_correct_and_unreadable_are_written_down_with_who_and_before(shop: Shop) -> None:
     ids = [shop.add("KX407251", name=f"P-{k}") for k in range(3)]
     assert shop.say(ids[0], "KX407251") == 303
-    assert shop.answer.headers["location"] == f"/review/{ids[1]}?done={ids[0]}"
+    assert goes_to(shop.answer) == f"/review/{ids[1]}?done={ids[0]}"
     assert shop.say(ids[1], " KX407257 ", note="worn  die", before="KX407251") == 303
     assert shop.say(ids[2], "whatever", action="unreadable") == 303
-    assert shop.answer.headers["location"] == f"/review?done={ids[2]}"
+    assert goes_to(shop.answer) == f"/review?done={ids[2]}"
     said = [shop.store.reviews(i)[-1] for i in ids]
     assert [r.action for r in said] == list(ReviewAction)
     assert [(r.before, r.after) for r in said] == [
@@ -226,8 +226,8 @@ def test_confirm_correct_and_unreadable_are_written_down_with_who_and_before(sho
     assert {r.who for r in said} == {"Ada"}
     assert said[1].note == "worn die"
     assert shop.store.undelivered() == 3
-    assert "Nothing waits for you" in shop.client.get(shop.answer.headers["location"]).text
-    assert "marked unreadable" in shop.client.get(shop.answer.headers["location"]).text
+    assert "Nothing waits for you" in shop.client.get(goes_to(shop.answer)).text
+    assert "marked unreadable" in shop.client.get(goes_to(shop.answer)).text
 
 
 def test_another_person_being_quicker_is_told_and_nothing_is_lost(shop: Shop) -> None:
@@ -282,13 +282,13 @@ def test_the_name_is_remembered(shop: Shop) -> None:
 
 
 def test_next_goes_round_and_says_when_there_is_no_other(shop: Shop) -> None:
-    assert shop.client.get("/review/next").headers["location"] == "/review"
+    assert goes_to(shop.client.get("/review/next")) == "/review"
     first = shop.add()
-    alone = shop.client.get(f"/review/next?after={first}").headers["location"]
+    alone = goes_to(shop.client.get(f"/review/next?after={first}"))
     assert "No other part is waiting" in shop.client.get(alone).text
     second = shop.add()
-    assert shop.client.get(f"/review/next?after={first}").headers["location"] == f"/review/{second}"
-    assert shop.client.get(f"/review/next?after={second}").headers["location"] == f"/review/{first}"
+    assert goes_to(shop.client.get(f"/review/next?after={first}")) == f"/review/{second}"
+    assert goes_to(shop.client.get(f"/review/next?after={second}")) == f"/review/{first}"
     assert shop.client.get("/review/next?after=nonsense").status_code == 422
 
 
@@ -358,11 +358,11 @@ def test_agreement_with_the_lines_own_reader(shop: Shop) -> None:
     (day,) = re.findall(r'<tr data-day="([\d-]+)">(.*?)</tr>', page)
     assert day[0] == datetime.now(UTC).date().isoformat()
     assert re.findall(r'class="n">([^<]*)', day[1]) == ["5", "4", "2", "1", "1", "2", "1", "50.0"]
-    assert re.findall(r'<a class="row" href="/parts/([^"]+)"', page) == [ids[2]]
+    assert re.findall(r'<a class="row" href="./parts/([^"]+)"', page) == [ids[2]]
     assert '<mark class="mismatch" title="mismatch">O</mark>' in page
     assert "&lt;" in page
     nothing = shop.client.get("/shadow?show=nothing&span=week").text
-    assert re.findall(r'<a class="row" href="/parts/([^"]+)"', nothing) == [ids[3]]
+    assert re.findall(r'<a class="row" href="./parts/([^"]+)"', nothing) == [ids[3]]
     assert "another serial; would be" in shop.client.get(f"/parts/{ids[2]}").text
     # what a person says afterwards says who was right
     assert shop.say(ids[2], "KX4O<251") == 303
@@ -411,7 +411,7 @@ def test_unknown_addresses_are_refused_in_words(shop: Shop) -> None:
         f"/parts?text={'A' * 300}",
     ):
         assert shop.client.get(address).status_code == 422
-    assert shop.client.get("/").headers["location"] == "/review"
+    assert goes_to(shop.client.get("/")) == "/review"
 
 
 def test_a_store_that_does_not_answer_is_told(shop: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -433,7 +433,7 @@ def test_parts_are_searched_and_paged(shop: Shop) -> None:
     shop.add("QQ%_1", name="odd")
     first = shop.client.get("/parts").text
     assert first.count('class="row"') == 50
-    older = re.search(r'href="(/parts\?before=[^"]+)"', first)
+    older = re.search(r'href="(./parts\?before=[^"]+)"', first)
     assert older is not None
     assert shop.client.get(older[1]).text.count('class="row"') == 4
     assert shop.client.get("/parts?text=kx0007").text.count('class="row"') == 1
@@ -517,15 +517,15 @@ def test_with_tokens_a_person_signs_in_and_only_reviewers_review(tmp_path: Path)
     shop = Shop(tmp_path, required=True)
     part_id = shop.add()
     turned = shop.client.get(f"/review/{part_id}?done=x")
-    assert turned.headers["location"] == f"/login?to=%2Freview%2F{part_id}%3Fdone%3Dx"
-    page = shop.client.get(turned.headers["location"])
+    assert goes_to(turned) == f"/login?to=%2Freview%2F{part_id}%3Fdone%3Dx"
+    page = shop.client.get(goes_to(turned))
     form = FORM.search(page.text)
     assert form is not None
     data = {"form_value": form[1], "to": f"/review/{part_id}", "secret": "tm_wrong"}
     assert shop.client.post("/login", data=data).status_code == 403
     looker = shop.store.add_token("looker", [Scope.READ])
     answer = shop.client.post("/login", data={**data, "secret": looker})
-    assert answer.headers["location"] == f"/review/{part_id}"
+    assert goes_to(answer) == f"/review/{part_id}"
     assert "httponly" in answer.headers["set-cookie"].lower()
     assert "lets you look, not review" in shop.client.get(f"/review/{part_id}").text
     denied = shop.client.post(f"/review/{part_id}", data={"text": "A", "who": "E", "form_value": form[1]})

@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 
 from pipeline.common.people_records import Person
 from pipeline.common.records import EvidenceKind, PartState, Scope
-from tests.support.page_shop import FORM, Shop, reading
+from tests.support.page_shop import FORM, Shop, goes_to, reading
 
 SERIAL = "KX407251"
 
@@ -64,16 +64,16 @@ def test_a_part_that_is_open_elsewhere_is_told_and_the_next_one_given(shop: Shop
     assert "is at this part" not in page
     assert "Ada is at it" in other.get("/review").text
     assert "Ada is at this part now" in other.get(f"/review/{first}").text
-    assert other.get("/review/next").headers["location"] == f"/review/{second}"
-    assert shop.client.get("/review/next").headers["location"] == f"/review/{first}"
+    assert goes_to(other.get("/review/next")) == f"/review/{second}"
+    assert goes_to(shop.client.get("/review/next")) == f"/review/{first}"
     assert shop.say(first, "KX407257", who="Eve", client=other) == 409
     assert "Nothing of yours was saved" in shop.answer.text
     assert 'value="KX407257"' in shop.answer.text  # what was typed
     other.get(f"/review/{second}")
     assert shop.say(first, SERIAL) == 303
-    assert shop.answer.headers["location"] == f"/review?done={first}"  # the other one is Eve's
+    assert goes_to(shop.answer) == f"/review?done={first}"  # the other one is Eve's
     hold(other, second, other.get(f"/review/{second}").text, release="1")
-    assert shop.client.get("/review/next").headers["location"] == f"/review/{second}"
+    assert goes_to(shop.client.get("/review/next")) == f"/review/{second}"
 
 
 def test_a_claim_asks_for_the_form_and_for_the_right_to_review(shop: Shop) -> None:
@@ -97,11 +97,10 @@ def test_the_second_reader_sees_nothing_of_what_was_read(strict: Shop) -> None:
     assert SERIAL in strict.client.get(f"/review/{part_id}").text
     assert strict.say(part_id, "KX407257") == 303
     assert (
-        "is reviewed when another person has read the same"
-        in strict.client.get(strict.answer.headers["location"]).text
+        "is reviewed when another person has read the same" in strict.client.get(goes_to(strict.answer)).text
     )
     assert strict.store.part(part_id).state is PartState.REVIEW
-    assert strict.client.get("/review/next").headers["location"] == "/review"  # Ada has read it
+    assert goes_to(strict.client.get("/review/next")) == "/review"  # Ada has read it
     for client in (second, third):
         client.get("/review")
     queue = second.get("/review").text
@@ -128,14 +127,14 @@ def test_an_audit_shows_nothing_of_what_was_accepted_and_says_what_came_of_it(sh
     ]
     shop.client.get("/review")
     assert "<b>3</b> accepted parts wait for an audit" in shop.client.get("/review").text
-    assert shop.client.get("/audit").headers["location"] == f"/audit/{ids[0]}"
+    assert goes_to(shop.client.get("/audit")) == f"/audit/{ids[0]}"
     shown_to_nobody_else(shop.client.get(f"/audit/{ids[0]}").text)
     assert shop.say(ids[0], SERIAL, at="/audit") == 303
-    assert shop.answer.headers["location"] == f"/audit/{ids[1]}?done={ids[0]}"
-    assert f"{SERIAL} is what was accepted" in shop.client.get(shop.answer.headers["location"]).text
+    assert goes_to(shop.answer) == f"/audit/{ids[1]}?done={ids[0]}"
+    assert f"{SERIAL} is what was accepted" in shop.client.get(goes_to(shop.answer)).text
     assert shop.say(ids[1], "KX407257", at="/audit") == 303
     assert shop.say(ids[2], "", at="/audit", action="unreadable") == 303
-    assert "not counted" in shop.client.get(shop.answer.headers["location"]).text
+    assert "not counted" in shop.client.get(goes_to(shop.answer)).text
     assert [shop.store.part(i).state for i in ids] == [
         PartState.ACCEPTED, PartState.REVIEW, PartState.ACCEPTED,
     ]  # fmt: skip
@@ -150,7 +149,7 @@ def test_somebody_at_an_audit_is_left_alone(shop: Shop) -> None:
     part_id = shop.add(state=PartState.ACCEPTED, audit=True)
     shop.store.claim_part(part_id, Person("Eve", seat="elsewhere"))
     shop.client.get("/review")
-    assert shop.client.get("/audit/next").headers["location"] == "/review"
+    assert goes_to(shop.client.get("/audit/next")) == "/review"
     assert "Eve is at this part" in shop.client.get(f"/audit/{part_id}").text
     assert shop.say(part_id, SERIAL, at="/audit") == 409
     assert shop.store.audit_queue() != ()
