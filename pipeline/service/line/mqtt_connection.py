@@ -21,6 +21,8 @@ QOS = 1
 LEAVE_S = 2.0
 """Seconds for an orderly end of a connection."""
 _UNSUPPORTED_VERSION, _NOT_AUTHORISED, _TOO_LARGE = 0x84, 0x87, 0x95
+_ENDS_OVER_A_MESSAGE = frozenset({0x82, _TOO_LARGE})
+"""Protocol error (mosquitto's answer to a large message, which the library does not know), packet too large."""
 _TOGETHER = 20
 """Messages on the way at most; a broker may ask for fewer."""
 _HEAD_BYTES = 16
@@ -94,7 +96,7 @@ class MqttConnection:
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self._accepted: asyncio.Future[Any] = self._loop.create_future()
         self._pending: dict[int, tuple[asyncio.Future[Any], int]] = {}
-        self._too_large = -1  # number of the message for which the broker has ended the connection
+        self._blamed = -1  # number of the message for which the broker has ended the connection
         self._most_bytes = 0
         self._room = asyncio.Semaphore(_TOGETHER)
 
@@ -163,8 +165,11 @@ class MqttConnection:
             code = acknowledged.result()
             if code.is_failure:
                 raise DeliveryError(f"the broker refuses it: {code}", hint=self._hint(code, topic))
-        elif sent.mid == self._too_large:
-            raise DeliveryError(f"the broker refuses it: {n_bytes} bytes are too many")
+        elif sent.mid == self._blamed:
+            raise DeliveryError(
+                f"the broker refuses it: {self.lost.result()}; it has {n_bytes} bytes",
+                hint="raise the broker's limit for messages",
+            )
         elif self.lost.done():
             raise DeliveryError(f"the broker has gone: {self.lost.result()}", away=True)
         else:
@@ -214,7 +219,7 @@ class MqttConnection:
     def _end_with(self, code: Any) -> None:
         if self.lost.done():
             return
-        if code.value == _TOO_LARGE and self._pending:
+        if code.value in _ENDS_OVER_A_MESSAGE and self._pending:
             # it does not say which one
-            self._too_large = max(self._pending, key=lambda number: self._pending[number][1])
+            self._blamed = max(self._pending, key=lambda number: self._pending[number][1])
         self.lost.set_result(str(code))

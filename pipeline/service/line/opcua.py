@@ -31,6 +31,7 @@ from glyphs.plain_text import is_hidden
 from pipeline.common.records import PartRecord, PartState
 from pipeline.common.settings import SettingsError
 from pipeline.service.line.opcua_device import Users, bad, build_device, settings_fit
+from pipeline.service.line.opcua_guard import GuardLimits, guarded_server
 from pipeline.service.line.opcua_library import require_asyncua, ua_types
 from pipeline.service.line.opcua_model import build_model
 from pipeline.service.line.opcua_result import (
@@ -46,7 +47,6 @@ __all__ = ["OpcUaPort", "require_asyncua"]
 
 IDLE, SCANNING, BUSY = 0, 2, 3
 _LEAVE_S = 0.1
-_MOST_MESSAGE = 1 << 20
 _log = logging.getLogger(__name__)
 
 
@@ -83,7 +83,7 @@ class OpcUaPort:
             users: passwords by name; without any everybody may call.
             certificate: of the server, PEM or DER.
             private_key: of the certificate.
-            connections: at once.
+            connections: that have signed in, at once.
             answer_s: for one scan; after it the status says so, and the part is read to its end all the same.
 
         Raises:
@@ -118,15 +118,9 @@ class OpcUaPort:
         Raises:
             OSError: the address cannot be had, a certificate cannot be read.
         """
-        asyncua, ua = require_asyncua(), ua_types()
-        for quiet in ("asyncua", "asyncua.server.address_space", "asyncua.common"):
-            logging.getLogger(quiet).setLevel(logging.ERROR)  # it logs every message and session
-        server = asyncua.Server(user_manager=Users(self._users))
+        ua = ua_types()
+        server = guarded_server(Users(self._users), GuardLimits(sessions=self._connections))
         server.iserver.allow_remote_admin = False
-        server.iserver.max_connections = self._connections
-        server.iserver.max_subscriptions = 4 * self._connections
-        server.limits.max_message_size = _MOST_MESSAGE
-        server.limits.max_chunk_count = max(1, _MOST_MESSAGE // server.limits.max_recv_buffer)
         await server.init()
         server.set_server_name(self._name)
         await server.set_application_uri("urn:tactile-marks:server")

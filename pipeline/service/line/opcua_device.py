@@ -78,10 +78,15 @@ async def build_device(
 
 
 class Users:
-    """Who may call: those named, with their passwords; all of them may read, subscribe and call, none may write."""
+    """Who may call: those named, with their passwords; all of them may read, subscribe and call, none may write.
+
+    Attributes:
+        denied: the name that was refused last.
+    """
 
     def __init__(self, passwords: Mapping[str, str]) -> None:
         self._passwords = dict(passwords)
+        self.denied = ""
 
     def get_user(
         self, _server: Any, username: str | None = None, password: str | None = None, certificate: Any = None
@@ -93,6 +98,7 @@ class Users:
             wanted = self._passwords.get(username or "", "")
             same = hmac.compare_digest(wanted.encode(), (password or "").encode("utf-8", "replace"))
             if not wanted or not same:
+                self.denied = username or ""
                 return None
         return User(role=UserRole.User, name=username)
 

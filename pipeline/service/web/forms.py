@@ -5,6 +5,7 @@ The library that takes forms apart leaves such a name out, and then takes the fi
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Coroutine
 from contextlib import aclosing
 from email.message import Message
@@ -18,17 +19,16 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 _FIELD = "Content-Disposition"
+_PLAIN_NAME = re.compile(rb";\s*filename\s*=", re.IGNORECASE)
 _NOT_QUOTED = {ord(char): "_" for char in '"\\\r\n'}
 
 
 def with_plain_name(disposition: bytes) -> bytes:
     """The header Content-Disposition, with the name of `filename*` as `filename` where it has none."""
-    if b"filename*" not in disposition.lower():
+    if b"filename*" not in disposition.lower() or _PLAIN_NAME.search(disposition):
         return disposition
     header = Message()
     header[_FIELD] = disposition.decode("latin-1")
-    if any(key == "filename" and isinstance(value, str) for key, value in header.get_params([], _FIELD)):
-        return disposition
     name = (header.get_filename() or "").translate(_NOT_QUOTED)
     return disposition + b'; filename="' + name.encode("utf-8", "replace") + b'"'
 
