@@ -124,7 +124,7 @@ class EventRecord:
 
     Attributes:
         at: when.
-        kind: received, read, touch_needed, touch_failed, not_felt, compared, reviewed, enrolled,
+        kind: received, read, touch_needed, touch_failed, not_felt, compared, reviewed, review_undone, enrolled,
             serial_alarm, serial_again, evidence_expired.
         data: more, by kind.
     """

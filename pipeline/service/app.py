@@ -316,6 +316,7 @@ def create_app(service: Service) -> FastAPI:
         service.evidence,
         service.access,
         review=service.parts.review,
+        undo=service.parts.undo_review,
         shadow=settings.shadow,
         second_reader=settings.second_reader,
         outside_format=service.parts.orders.outside_format,

@@ -231,6 +231,29 @@ class JobFolder:
         log.info("job", job=name, sha256=job.sha256)
         return new
 
+    def delete(self, name: str) -> None:
+        """Take a job away.
+
+        Raises:
+            Problem: 404, there is none; 409, the watched folder is read by it; 503, its file cannot be removed.
+        """
+        path = self._recent.files().get(name)
+        if path is None:
+            raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
+        if name == self._needed:
+            raise Problem(
+                409, f"the watched folder is read by the job {name}; set watch_job to another first"
+            )
+        with self.lock:
+            try:
+                path.unlink(missing_ok=True)
+            except OSError as error:
+                raise no_room(error) from error
+            self._recent.forget(name)
+            with self._known_lock:
+                self._known.pop(name, None)
+        log.info("job deleted", job=name)
+
     def _job(self, name: str) -> JobFile:
         known = self._look(name) if re.fullmatch(NAME, name) else None
         there = self._recent.files()

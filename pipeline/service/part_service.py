@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import structlog
 
 from pipeline.common.part_id import new_part_id
+from pipeline.common.people_records import Person
 from pipeline.common.records import (
     EvidenceKind,
     EvidenceRecord,
@@ -274,6 +275,17 @@ class PartService:
         self.on_result()
         if part.state is PartState.REVIEWED and part.review is not None:
             self.metrics.reviews.labels(part.review.action.value).inc()
+        return part
+
+    def undo_review(self, part_id: str, person: Person) -> PartRecord:
+        """Take a person's own review back, and send on how the part stands.
+
+        Raises:
+            StoreError: as `Store.undo_review`.
+        """
+        targets = () if self._in_shadow(self.store.part(part_id)) else self._targets
+        part = self.store.undo_review(part_id, person=person, targets=targets)
+        self.on_result()
         return part
 
     async def _felt(self, part: PartRecord) -> PartRecord:

@@ -39,6 +39,10 @@ class RecentFiles:
         self._seen_s |= dict.fromkeys(found, time.monotonic())
         return found
 
+    def forget(self, name: str) -> None:
+        """Forget a file that was taken away on purpose."""
+        self._seen_s.pop(name, None)
+
     def is_away(self, name: str, *, for_ever: bool = False) -> bool:
         """Whether a file that is not there now was there within `MOST_AWAY_S`, or ever."""
         seen_s = self._seen_s.get(name)

@@ -51,6 +51,17 @@ def claim_part(tx: Transaction, part_id: str, person: Person) -> ClaimRecord:
     return ClaimRecord(row.part_id, row.holder, row.who, row.until)
 
 
+def take_over_part(tx: Transaction, part_id: str, person: Person) -> ClaimRecord:
+    """Take a part from whoever is at it, for a person who has seen that nobody is.
+
+    Returns:
+        The person's claim.
+    """
+    check_id(part_id)
+    tx.execute(sa.delete(claims).where(claims.c.part_id == part_id))
+    return claim_part(tx, part_id, person)
+
+
 def release_part(tx: Transaction, part_id: str, person: Person) -> None:
     """Let go of a part; nothing happens where it is not the person's."""
     tx.execute(sa.delete(claims).where(claims.c.part_id == part_id, claims.c.holder == person.holder))

@@ -108,6 +108,49 @@ def add_review(
     return made
 
 
+def undo_review(tx: Transaction, part_id: str, *, person: Person, targets: Sequence[str] = ()) -> PartRecord:
+    """Take a person's own review back: the part waits for review again, with the text that it had before.
+
+    The review stays in the part's history.
+
+    Args:
+        tx: the transaction.
+        part_id: of which part.
+        person: who has reviewed it.
+        targets: where the part is published.
+
+    Raises:
+        ConflictError: the part is not reviewed, or by somebody else.
+    """
+    lock_part(tx, part_id)
+    part = part_by_id(tx, part_id)
+    said = part.review
+    if part.state is not PartState.REVIEWED or said is None:
+        raise ConflictError(f"part {part_id} is not reviewed", hint="there is nothing to undo")
+    if not person.said(said):
+        raise ConflictError(
+            f"part {part_id} was reviewed by {said.who}",
+            hint="who reviewed it can undo it; or review it anew",
+        )
+    tx.execute(
+        sa.update(parts)
+        .where(parts.c.id == part_id)
+        .values(
+            state=PartState.REVIEW,
+            text=said.before,
+            text_folded=said.before.casefold(),
+            changed_at=tx.now,
+            was_right=None,
+            characters=None,
+            characters_right=None,
+        )
+    )
+    add_events(tx, part_id, [("review_undone", {"who": person.name, "text": said.before})])
+    made = part_by_id(tx, part_id)
+    put_in_outbox(tx, made, targets)
+    return made
+
+
 def opinions(tx: Transaction, part_id: str) -> tuple[ReviewRecord, ...]:
     """What people have said of a part since it was last reviewed, each person's last word, the first one first."""
     last: dict[tuple[str, str], ReviewRecord] = {}

@@ -118,6 +118,7 @@ class Store:
     add_readings = _writes(_parts.add_readings)
     note_event = _writes(_parts.note_event)
     review = _writes(_reviews.add_review)
+    undo_review = _writes(_reviews.undo_review)
     part = _reads(rows.part_by_id)
     readings = _reads(rows.readings_of)
     evidence = _reads(rows.evidence_of)
@@ -141,6 +142,7 @@ class Store:
 
     # people: what they are at, second readings, audits of accepted parts
     claim_part = _writes(_claims.claim_part)
+    take_over_part = _writes(_claims.take_over_part)
     release_part = _writes(_claims.release_part)
     claimed = _reads(_claims.claimed)
     opinions = _reads(_reviews.opinions)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path as FilePath
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Response
@@ -12,11 +11,12 @@ from pipeline.common.job_file import NAME
 from pipeline.common.records import Scope
 from pipeline.common.settings import ReadSettings
 from pipeline.service.api.answers import may, problems
+from pipeline.service.job_edit import written_job
 from pipeline.service.job_folder import JobAnswer, JobFolder
 from pipeline.service.web.access import Access, Caller
 from pipeline.service.web.problem import Problem
 
-_FILES_BY_HAND = "is a file of the service's machine; name it in the job file itself"
+JobName = Annotated[str, Path(pattern=f"^{NAME}$", examples=["housing-left"])]
 
 
 def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
@@ -33,6 +33,27 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
     def list_jobs(caller: Caller = Reads) -> Any:
         return jobs.listed()
 
+    @router.get(
+        "/jobs/{name}",
+        response_model=JobAnswer,
+        summary="One job",
+        responses=problems(401, 403, 404),
+    )
+    def one_job(name: JobName, caller: Caller = Reads) -> Any:
+        found = next((job for job in jobs.listed() if job.name == name), None)
+        if found is None:
+            raise Problem(404, f"there is no job {name[:100]!r}; /v1/jobs lists them")
+        return found
+
+    @router.delete(
+        "/jobs/{name}",
+        status_code=204,
+        summary="Delete a job; parts that were read by it stay as they are",
+        responses=problems(401, 403, 404, 409, 503),
+    )
+    def delete_job(name: JobName, caller: Caller = Reviews) -> None:
+        jobs.delete(name)
+
     @router.put(
         "/jobs/{name}",
         response_model=JobAnswer,
@@ -47,19 +68,11 @@ def jobs_router(jobs: JobFolder, access: Access) -> APIRouter:
     )
     def write_job(
         response: Response,
-        name: Annotated[str, Path(pattern=f"^{NAME}$", examples=["housing-left"])],
+        name: JobName,
         body: Annotated[ReadSettings, SkipValidation],  # a worker does it
         caller: Caller = Reviews,
     ) -> Any:
-        settings = jobs.settings_of(body)
-        written = settings.model_dump(mode="json", exclude_unset=True)
-        if settings.database is not None:
-            written["database"] = str(jobs.databases.path(str(settings.database)))
-        named = [key for key in ("lexicon", "certificate") if written.get(key) is not None]
-        named += [font for font in settings.font if FilePath(font).name != font or "." in font]
-        if named:
-            raise Problem(422, f"{named[0]} {_FILES_BY_HAND}")
-        written = {key: value for key, value in written.items() if value is not None}
+        written = written_job(jobs, body)
         if not jobs.save(name, written):
             response.status_code = 200
         return next(job for job in jobs.listed() if job.name == name)

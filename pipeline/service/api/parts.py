@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, File, Form, Request, Response, UploadFile
+from fastapi import APIRouter, File, Form, Query, Request, Response, UploadFile
 
+from pipeline.common.people_records import Person
 from pipeline.common.records import ReviewAction, Scope
 from pipeline.service.api.answers import (
     Database,
@@ -183,6 +184,20 @@ def parts_router(service: PartService, access: Access, *, root_path: str = "") -
             before=body.before,
         )
         return answer(part, root_path)
+
+    @router.delete(
+        "/parts/{part_id}/review",
+        response_model=PartAnswer,
+        summary="Undo one's own review: the part waits for review again",
+        responses=problems(401, 403, 404, 409, 422),
+    )
+    def undo_review(
+        part_id: PartId,
+        who: Annotated[str, Query(max_length=100, description="the person, where no token is used")] = "",
+        caller: Caller = Reviews,
+    ) -> Any:
+        person = Person(caller.token or who, token=caller.token)
+        return answer(service.undo_review(checked_id(part_id), person), root_path)
 
     return router
 

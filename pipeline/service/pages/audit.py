@@ -43,7 +43,7 @@ def add_audit_pages(router: APIRouter, frame: Frame) -> None:
             request,
             part,
             person,
-            fault=taken_by_another(frame, part_id, person),
+            taken=taken_by_another(frame, part_id, person),
             remark=audited_words(frame, done),
         )
 
@@ -107,6 +107,7 @@ def _page(
     *,
     said: Said | None = None,
     fault: str = "",
+    taken: str = "",
     remark: str = "",
     status: int = 200,
 ) -> Response:
@@ -122,6 +123,7 @@ def _page(
         typed="" if said is None else said.text,
         note="" if said is None else said.note,
         fault=fault,
+        taken=taken,
         remark=remark,
         status=status,
     )

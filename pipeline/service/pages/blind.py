@@ -30,6 +30,7 @@ def blind_page(
     typed: str = "",
     note: str = "",
     fault: str = "",
+    taken: str = "",
     outside: str = "",
     remark: str = "",
     status: int = 200,
@@ -48,6 +49,7 @@ def blind_page(
         typed: text typed before.
         note: typed before.
         fault: why what was typed could not be taken.
+        taken: who else is at the part, in words.
         outside: a text outside the format that is saved if it comes again.
         remark: anything else to say.
         status: of the answer.
@@ -75,6 +77,7 @@ def blind_page(
         note=note,
         most=most,
         fault=fault,
+        taken=taken,
         outside=outside,
         remark=remark,
     )

@@ -21,6 +21,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from glyphs.errors import MarksError
+from pipeline.common.people_records import Person
 from pipeline.common.records import PartRecord, PartState, Scope
 from pipeline.service.pages.assets import Assets
 from pipeline.service.pages.places import LOW_MARGIN, part_cells
@@ -78,6 +79,7 @@ class Frame:
         environment: templates.
         low_margin: lead of the first over the second candidate below which a place is unsure.
         review: keeps what a person says; arguments as `Store.review`.
+        undo: takes a person's own review back, by the part's id and the person.
         second_reader: whether two people must say the same of a part, the second without seeing what was read.
         outside_format: what speaks against a text as a serial of a job's format; empty where nothing does.
     """
@@ -89,6 +91,7 @@ class Frame:
     environment: jinja2.Environment
     low_margin: float
     review: Callable[..., PartRecord]
+    undo: Callable[[str, Person], PartRecord]
     second_reader: bool = False
     outside_format: Callable[[str, str], str] = lambda text, job: ""
 
@@ -101,6 +104,7 @@ class Frame:
         *,
         low_margin: float = LOW_MARGIN,
         review: Callable[..., PartRecord] | None = None,
+        undo: Callable[[str, Person], PartRecord] | None = None,
         shadow: bool = False,
         second_reader: bool = False,
         outside_format: Callable[[str, str], str] = lambda text, job: "",
@@ -129,6 +133,7 @@ class Frame:
             environment,
             low_margin,
             review or store.review,
+            undo or (lambda part_id, person: store.undo_review(part_id, person=person)),
             second_reader,
             outside_format,
         )

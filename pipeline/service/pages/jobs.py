@@ -19,6 +19,7 @@ from pipeline.common.reading_records import ReadingRecord
 from pipeline.common.records import PartRecord, Scope
 from pipeline.common.serial_format import format_like
 from pipeline.common.settings import NamedLine, ReadSettings, Region
+from pipeline.service.job_edit import save_edited, text_to_edit
 from pipeline.service.job_folder import JobAnswer, JobFolder
 from pipeline.service.pages.frame import Frame, PageError, see
 from pipeline.service.pages.pictures import PictureView, picture_pair
@@ -97,12 +98,50 @@ def add_job_pages(router: APIRouter, frame: Frame, jobs: JobFolder) -> None:
     """The routes of the list, and of a job to be taught."""
 
     @router.get("/jobs")
-    def listed(request: Request, done: str = "", part: str = "") -> Response:
+    def listed(request: Request, done: str = "", part: str = "", gone: str = "") -> Response:
         caller = frame.reader(request)
         shown = [_listed(job) for job in jobs.listed()]
         known = done if any(job.name == done for job in shown) else ""
         more = urlencode({"part": part, "name": done}) if is_part_id(part) else ""
-        return frame.page(request, "jobs.html.j2", caller=caller, jobs=shown, done=known, more=more)
+        return frame.page(
+            request,
+            "jobs.html.j2",
+            caller=caller,
+            jobs=shown,
+            done=known,
+            more=more,
+            gone=gone if gone and not any(job.name == gone for job in shown) else "",
+            may_edit=Scope.REVIEW in caller.scopes,
+        )
+
+    @router.get("/jobs/edit/{name}")
+    def edit(request: Request, name: str) -> Response:
+        frame.access.caller(request, Scope.REVIEW)
+        return _edit_page(frame, request, jobs, name)
+
+    @router.post("/jobs/edit/{name}")
+    def save_edit(
+        request: Request,
+        name: str,
+        action: Annotated[str, Form()] = "save",
+        text: Annotated[str, Form()] = "",
+        before: Annotated[str, Form()] = "",
+        sure: Annotated[str, Form()] = "",
+        form_value: Annotated[str, Form()] = "",
+    ) -> Response:
+        frame.access.caller(request, Scope.REVIEW)
+        frame.check_form(request, form_value)
+        text, before = (value.replace("\r\n", "\n") for value in (text, before))
+        try:
+            if action == "delete":
+                if not sure:
+                    raise Problem(422, "tick the box beside Delete first")
+                jobs.delete(name)
+                return see(request, f"/jobs?{urlencode({'gone': name})}")
+            save_edited(jobs, name, text, before=before)
+        except Problem as problem:
+            return _edit_page(frame, request, jobs, name, text=text, before=before, problem=problem)
+        return see(request, f"/jobs?{urlencode({'done': name})}")
 
     @router.get("/jobs/format")
     def format_of(request: Request, text: str = "") -> Response:
@@ -178,6 +217,37 @@ def _teach_page(
         most=MOST_TEXT,
         fault="" if problem is None else problem.detail,
         may_replace=problem is not None and problem.status == 409,
+    )
+
+
+def _edit_page(
+    frame: Frame,
+    request: Request,
+    jobs: JobFolder,
+    name: str,
+    *,
+    text: str | None = None,
+    before: str | None = None,
+    problem: Problem | None = None,
+) -> Response:
+    """The text of a job, to be saved or deleted.
+
+    Raises:
+        PageError: there is no such job.
+    """
+    job = next((one for one in jobs.listed() if one.name == name), None)
+    if job is None:
+        raise PageError(404, "There is no such job; somebody may have deleted it.")
+    stands = text_to_edit(jobs, name)
+    return frame.page(
+        request,
+        "job.html.j2",
+        status=200 if problem is None else problem.status,
+        caller=frame.access.caller(request, Scope.REVIEW),
+        job=job,
+        text=stands if text is None else text,
+        before=stands if before is None else before,
+        fault="" if problem is None else problem.detail,
     )
 
 

@@ -12,7 +12,7 @@ from starlette.responses import PlainTextResponse, Response
 
 from pipeline.common.people_records import ClaimRecord, Person
 from pipeline.common.records import Scope
-from pipeline.service.pages.frame import FORM_COOKIE, WHO_COOKIE, Frame
+from pipeline.service.pages.frame import FORM_COOKIE, WHO_COOKIE, Frame, see
 from pipeline.service.web.access import Caller
 
 MOST_WHO = 80
@@ -41,7 +41,19 @@ def _words(claim: ClaimRecord, person: Person) -> str:
 
 
 def add_claims(router: APIRouter, frame: Frame) -> None:
-    """The route by which an open page keeps its part, and lets it go."""
+    """The routes by which an open page keeps its part and lets it go, and by which another takes it over."""
+
+    @router.post("/review/{part_id}/takeover")
+    def take_over(
+        request: Request,
+        part_id: str,
+        to: Annotated[str, Form()] = "",
+        form_value: Annotated[str, Form()] = "",
+    ) -> Response:
+        caller = frame.access.caller(request, Scope.REVIEW)
+        frame.check_form(request, form_value)
+        frame.store.take_over_part(part_id, person_at(request, caller))
+        return see(request, f"/audit/{part_id}" if to == "audit" else f"/review/{part_id}")
 
     @router.post("/review/{part_id}/claim")
     def claim(

@@ -17,7 +17,7 @@ from pipeline.common.records import PartRecord, PartState, ReviewAction, Scope
 from pipeline.service.pages.audit import audited_words
 from pipeline.service.pages.blind import blind_page
 from pipeline.service.pages.felt import felt_view
-from pipeline.service.pages.frame import A_YEAR_S, MOST_COUNTED, WHO_COOKIE, Frame, see
+from pipeline.service.pages.frame import A_YEAR_S, MOST_COUNTED, WHO_COOKIE, Frame, PageError, see
 from pipeline.service.pages.people import person_at, taken_by_another
 from pipeline.service.pages.pictures import picture_pair
 from pipeline.service.pages.places import cells_of, expected_cells, places_of
@@ -67,8 +67,9 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         return see(request, f"/review/{found.id}" + ("?alone=1" if found.id == after else ""))
 
     @router.get("/review/{part_id}")
-    def review(request: Request, part_id: str, done: str = "", alone: str = "") -> Response:
+    def review(request: Request, part_id: str, done: str = "", alone: str = "", undone: str = "") -> Response:
         remark = "No other part is waiting." if alone else ""
+        remark = "Your review is undone: the part waits for review again." if undone else remark
         part, person = frame.store.part(part_id), person_at(request, frame.reader(request))
         return _review_page(frame, request, part, person, done=_done(frame, done), remark=remark)
 
@@ -121,6 +122,16 @@ def add_review_pages(router: APIRouter, frame: Frame) -> None:
         answer = see(request, f"/review/{found.id}?done={part_id}" if found else f"/review?done={part_id}")
         frame.set_cookie(request, answer, WHO_COOKIE, quote(said.who), max_age_s=A_YEAR_S)
         return answer
+
+    @router.post("/review/{part_id}/undo")
+    def undo(request: Request, part_id: str, form_value: Annotated[str, Form()] = "") -> Response:
+        caller = frame.access.caller(request, Scope.REVIEW)
+        frame.check_form(request, form_value)
+        try:
+            frame.undo(part_id, person_at(request, caller))
+        except ConflictError as error:
+            raise PageError(409, str(error)) from error
+        return see(request, f"/review/{part_id}?undone=1")
 
 
 def _action(action: str, text: str, before: str) -> ReviewAction:
@@ -177,7 +188,7 @@ def _review_page(
         return blind_page(
             frame, request, part, caller=caller, person=person, address=f"/review/{part.id}", why=_WHY_BLIND,
             most=MOST, typed="" if said is None else said.text, note="" if said is None else said.note,
-            fault=fault or taken, outside=outside, remark=remark, status=status,
+            fault=fault, taken=taken, outside=outside, remark=remark, status=status,
         )  # fmt: skip
     places = places_of(part.reading, low_margin=frame.low_margin)
     readings, evidence = frame.store.readings(part.id), frame.store.evidence(part.id)

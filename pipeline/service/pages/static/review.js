@@ -213,17 +213,18 @@
 
   // ---- the part is this person's while the page is open and in sight
   const taken = document.getElementById("taken");
+  const words = document.getElementById("taken-words");
   const value = form.elements.form_value.value;
   const tell = (more) => new URLSearchParams({ form_value: value, who: who.value, ...more });
   async function hold() {
     if (!form.dataset.claim || document.hidden) return;
     try {
       const answer = await fetch(form.dataset.claim, { method: "POST", body: tell({}) });
-      if (answer.ok && !answer.redirected) taken.textContent = await answer.text();
+      if (answer.ok && !answer.redirected) words.textContent = await answer.text();
     } catch {
       return; // the service is away for a moment
     }
-    taken.hidden = !taken.textContent;
+    taken.hidden = !words.textContent;
   }
   window.addEventListener("pageshow", hold);
   document.addEventListener("visibilitychange", hold);
