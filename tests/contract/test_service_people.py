@@ -22,8 +22,8 @@ JOB = {"format": "A9", "font": "gothic", "height_mm": 4.0}
 def people(service: RunningService) -> Iterator[tuple[httpx.Client, httpx.Client]]:
     """Two browsers, with cookies of their own."""
     with (
-        httpx.Client(base_url=service.url, timeout=60.0, follow_redirects=True) as ada,
-        httpx.Client(base_url=service.url, timeout=60.0, follow_redirects=True) as bob,
+        httpx.Client(base_url=service.url, timeout=120.0, follow_redirects=True) as ada,
+        httpx.Client(base_url=service.url, timeout=120.0, follow_redirects=True) as bob,
     ):
         yield ada, bob
 
@@ -34,7 +34,7 @@ def part(service: RunningService) -> dict[str, Any]:
     noise = np.random.default_rng(5).integers(120, 130, (120, 240), dtype=np.uint8)
     photo = io.BytesIO()
     Image.fromarray(noise).save(photo, "PNG")
-    answer = httpx.post(f"{service.url}/v1/parts", files={"photo": ("a.png", photo.getvalue())}, timeout=60.0)
+    answer = httpx.post(f"{service.url}/v1/parts", files={"photo": ("a.png", photo.getvalue())}, timeout=120.0)
     made: dict[str, Any] = answer.json()
     assert made["state"] == "review"
     return made
@@ -102,7 +102,7 @@ def test_a_review_can_be_undone_by_the_one_who_made_it(
 
 
 def test_a_job_is_edited_and_deleted_over_http(service: RunningService) -> None:
-    with httpx.Client(base_url=service.url, timeout=60.0) as client:
+    with httpx.Client(base_url=service.url, timeout=120.0) as client:
         assert client.put("/v1/jobs/flange", json=JOB).status_code == 201
         assert client.get("/v1/jobs/flange").json()["settings"]["height_mm"] == 4.0
         assert client.put("/v1/jobs/flange", json={**JOB, "height_mm": 5.0}).status_code == 200
