@@ -34,7 +34,9 @@ def part(service: RunningService) -> dict[str, Any]:
     noise = np.random.default_rng(5).integers(120, 130, (120, 240), dtype=np.uint8)
     photo = io.BytesIO()
     Image.fromarray(noise).save(photo, "PNG")
-    answer = httpx.post(f"{service.url}/v1/parts", files={"photo": ("a.png", photo.getvalue())}, timeout=120.0)
+    answer = httpx.post(
+        f"{service.url}/v1/parts", files={"photo": ("a.png", photo.getvalue())}, timeout=120.0
+    )
     made: dict[str, Any] = answer.json()
     assert made["state"] == "review"
     return made
