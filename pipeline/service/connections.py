@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from pipeline.common.records import WaitingResults
-from pipeline.service.line.dispatch import TargetState
 
 TARGETS = {"mqtt": "MQTT broker", "webhook": "Webhook"}
 
@@ -43,20 +42,23 @@ class Connection:
         return f"{self.state} since {self.since:%Y-%m-%dT%H:%M:%SZ}{waiting}"
 
 
-def target_connection(target: str, state: TargetState, waiting: WaitingResults | None) -> Connection:
-    """The connection to a target of results."""
-    if state.error:
-        words, why = "cannot be reached", state.error
-    elif state.refused:
-        n = len(state.refused)
-        words, why = f"refuses {n} {'result' if n == 1 else 'results'}", next(iter(state.refused.values()))
+def target_connection(
+    target: str, *, since: datetime, error: str, refused: Mapping[int, str], waiting: WaitingResults | None
+) -> Connection:
+    """The connection to a target of results.
+
+    Args:
+        target: mqtt or webhook.
+        since: when it became reachable, or ceased to be.
+        error: why it cannot be reached; empty while it can.
+        refused: why it does not take results, by their numbers.
+        waiting: results for it.
+    """
+    if error:
+        words, why = "cannot be reached", error
+    elif refused:
+        n = len(refused)
+        words, why = f"refuses {n} {'result' if n == 1 else 'results'}", next(iter(refused.values()))
     else:
         words, why = "works", ""
-    return Connection(target, TARGETS[target], words, not why, state.since, waiting, why)
-
-
-def connections_to(
-    states: Mapping[str, TargetState], waiting: Mapping[str, WaitingResults]
-) -> tuple[Connection, ...]:
-    """The connections to all targets."""
-    return tuple(target_connection(target, state, waiting.get(target)) for target, state in states.items())
+    return Connection(target, TARGETS[target], words, not why, since, waiting, why)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import structlog
 
 from pipeline.common.version import program_version
-from pipeline.service.connections import Connection, connections_to
+from pipeline.service.connections import Connection, target_connection
 from pipeline.service.line.dispatch import Dispatcher, Sender
 from pipeline.service.line.watch_folder import WatchedFolder, watch_journal
 
@@ -66,7 +66,18 @@ class Ports:
             StoreError: the store does not answer.
         """
         states = self._dispatcher.states if self._dispatcher is not None else {}
-        return (*connections_to(states, store.waiting_results() if states else {}), *self._open.values())
+        waiting = store.waiting_results() if states else {}
+        targets = (
+            target_connection(
+                target,
+                since=state.since,
+                error=state.error,
+                refused=state.refused,
+                waiting=waiting.get(target),
+            )
+            for target, state in states.items()
+        )
+        return (*targets, *self._open.values())
 
     def _note_open(self, key: str, name: str, host: str, port: int) -> None:
         log.info(name, host=host, port=port)
