@@ -1,0 +1,82 @@
+"""A service on this machine, without tokens: its own user's programs are let in, a proxy of another user is not."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.contract.front_doors import run_process, run_service
+
+FORWARD = """
+import encodings.idna, os, socket, sys, threading
+os.setgid(65534)
+os.setuid(65534)
+def pump(source, sink):
+    while data := source.recv(65536):
+        sink.sendall(data)
+    sink.shutdown(socket.SHUT_WR)
+listener = socket.create_server(("127.0.0.1", 0))
+print(listener.getsockname()[1], flush=True)
+while True:
+    near, _ = listener.accept()
+    far = socket.create_connection(("127.0.0.1", int(sys.argv[1])))
+    for ends in ((near, far), (far, near)):
+        threading.Thread(target=pump, args=ends, daemon=True).start()
+"""
+"""As the user nobody: passes connections on and says nothing of it, as nginx does by a plain proxy_pass."""
+
+
+@contextlib.contextmanager
+def forwarded(url: str) -> Iterator[str]:
+    """The address of a forwarder that another user runs."""
+    port = url.rpartition(":")[2]
+    process = subprocess.Popen([sys.executable, "-I", "-c", FORWARD, port], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        yield f"http://127.0.0.1:{int(process.stdout.readline())}"
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux" or os.geteuid() != 0, reason="only root can start a program of another user"
+)
+def test_who_calls_as_another_user_needs_a_token_and_a_copied_cookie_ends_by_signing_out(
+    tmp_path: Path,
+) -> None:
+    store = f"sqlite:///{tmp_path / 'service' / 'store.db'}"
+    (tmp_path / "service").mkdir()
+    added = run_process("tokens", "add", "anna", "--scope", "read", "--scope", "review", "--store", store)
+    assert added.status == 0, added.err
+    secret = added.out.strip()
+    with (
+        run_service(tmp_path / "service", "--jobs", "1", "--format", "A9", ready=False) as service,
+        forwarded(service.url) as outside,
+        httpx.Client(base_url=outside, headers={"Host": service.url.partition("//")[2]}) as browser,
+    ):
+        assert httpx.get(f"{service.url}/v1/parts").status_code == 200
+        assert browser.get("/healthz").status_code == 200
+        refused = browser.get("/v1/parts")
+        assert refused.status_code == 401
+        assert "a token is needed" in refused.json()["detail"]
+        assert browser.post("/v1/parts", files={"scan": ("a.npz", b"x")}).status_code == 401
+        assert browser.put("/v1/jobs/evil", json={"format": "AA"}).status_code == 401
+        assert browser.get("/review").headers["location"].startswith("/login")
+        assert browser.get("/v1/parts", headers={"Authorization": f"Bearer {secret}"}).status_code == 200
+
+        (value,) = re.findall(r'name="form_value" value="([^"]+)"', browser.get("/login").text)
+        assert browser.post("/login", data={"secret": secret, "form_value": value}).status_code == 303
+        copied = dict(browser.cookies)
+        assert browser.get("/v1/parts").status_code == 200
+        browser.post("/logout", data={"form_value": value})
+        assert httpx.get(f"{outside}/v1/parts", cookies=copied).status_code in (400, 401)
+        assert browser.get("/v1/parts", cookies=copied).status_code == 401
