@@ -251,7 +251,7 @@ class ReadingOrders:
                 return await self._in_one_worker(function, *arguments)
             except WorkerLostError as error:
                 lost += 1
-                if lost == tries or error.timed_out:
+                if lost == tries or error.timed_out or error.unstarted:
                     raise _lost_problem(error, lost) from error
 
     async def _in_one_worker(self, function: Callable[..., T], *arguments: Any) -> T:

@@ -158,9 +158,12 @@ class WorkPool:
     @property
     def trouble(self) -> str:
         """Why no worker is ready, where one has failed to start; empty otherwise."""
-        if any(slot.warm for slot in self._slots):
+        slot = max(self._slots, key=lambda slot: slot.failed)
+        if slot.failed == 0 or any(slot.warm for slot in self._slots):
             return ""
-        return next((f"no worker can start: {slot.trouble}" for slot in self._slots if slot.trouble), "")
+        if slot.failed < _STARTS_TRIED:
+            return f"no worker is ready; the last one did not start: {slot.trouble}"
+        return f"no worker can start: {slot.trouble}"
 
     def all_ready(self) -> bool:
         """Whether every worker is warm."""
@@ -201,7 +204,7 @@ class WorkPool:
     def _give_up_waiting(self) -> None:
         """Settle the jobs that wait for a worker while none can start."""
         while not any(slot.warm for slot in self._slots):
-            failed = max((slot.failed for slot in self._slots), default=0)
+            failed = max(slot.failed for slot in self._slots)
             with self._tasks.mutex:
                 waiting = self._tasks.queue
                 task = waiting[0] if waiting else None
@@ -210,7 +213,7 @@ class WorkPool:
                 if failed < _STARTS_TRIED and time.monotonic() - task.queued < task.timeout_s:
                     return
                 waiting.popleft()
-            self._settle(task, WorkerLostError(self.trouble or _NOT_READY))
+            self._settle(task, WorkerLostError(self.trouble or _NOT_READY, unstarted=True))
 
     def _settle(self, task: Task, outcome: Any) -> None:
         with self._lock:

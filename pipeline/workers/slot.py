@@ -37,11 +37,14 @@ class WorkerLostError(MarksError):
         reason: what became of the worker, in words.
         timed_out: whether it took longer than a job may; the same job will then hardly do better.
         crashed: whether the worker has ended by a fault of what it ran, and was not killed from outside.
+        unstarted: whether no worker has begun the job, for none can start; another try will hardly find one.
     """
 
-    def __init__(self, reason: str, timed_out: bool = False, crashed: bool = False) -> None:
+    def __init__(
+        self, reason: str, timed_out: bool = False, crashed: bool = False, unstarted: bool = False
+    ) -> None:
         super().__init__(reason)
-        self.reason, self.timed_out, self.crashed = reason, timed_out, crashed
+        self.reason, self.timed_out, self.crashed, self.unstarted = reason, timed_out, crashed, unstarted
 
 
 @dataclass
