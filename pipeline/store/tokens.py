@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterable
 from datetime import datetime
 from typing import Any
@@ -29,7 +30,7 @@ def add_token(
         Its secret, which is kept nowhere.
 
     Raises:
-        ConflictError: the name was given before.
+        ConflictError: the name, or one that looks like it, was given before; a revoked token keeps its name.
     """
     granted = sorted({Scope(scope) for scope in scopes})
     if not granted:
@@ -42,11 +43,13 @@ def add_token(
         raise UnfitError(
             "the token would have expired already or has no time zone", hint="give a time to come in UTC"
         )
-    known = sa.select(tokens.c.name).where(tokens.c.name == fit(name, "the token's name"))
-    if tx.execute(known).one_or_none() is not None:
-        raise ConflictError(
-            f"there is or was a token {name!r}, and reviews are signed with it", hint="choose another name"
-        )
+    wanted = _spelt(fit(name, "the token's name"))
+    for known in tx.execute(sa.select(tokens.c.name)).scalars():
+        if _spelt(known) == wanted:
+            raise ConflictError(
+                f"there is or was a token {known!r}, and reviews are signed with it",
+                hint="choose another name",
+            )
     secret = new_token()
     tx.execute(
         sa.insert(tokens).values(
@@ -58,6 +61,11 @@ def add_token(
         )
     )
     return secret
+
+
+def _spelt(name: str) -> str:
+    """A name as a person takes it in: "Anna " and "anna" are one."""
+    return " ".join(unicodedata.normalize("NFKC", name).casefold().split())
 
 
 def token(tx: Transaction, secret: str) -> TokenRecord | None:
